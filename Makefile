@@ -1,0 +1,34 @@
+# Everything runs in .venv, which is built once from requirements.lock and rebuilt when that file changes.
+PYTHON ?= python3
+ROBOT  ?= er50
+BIN    := .venv/bin
+
+.PHONY: commission test env lint bench lock
+
+commission: env
+	$(BIN)/armload commission $(ROBOT)
+
+test: env
+	$(BIN)/python -m pytest
+
+env: .venv/.ready
+
+.venv/.ready: requirements.lock pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	touch $@
+
+lint: env
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: env
+	$(BIN)/python -m benchmarks
+
+# Resolves the pinned versions anew; needs pip-tools in the environment that runs it.
+lock:
+	$(PYTHON) -m piptools compile --quiet --strip-extras --allow-unsafe --generate-hashes --no-emit-index-url \
+	  --no-emit-trusted-host --no-header --extra sim --extra urdf --extra dev --output-file requirements.lock pyproject.toml

@@ -1,0 +1,1 @@
+"""The robots armload ships, as TOML files beside this one."""

@@ -1,0 +1,1 @@
+"""The motion: setpoints, limits, cycle, recorder, feed-forward, command line."""

@@ -1,0 +1,59 @@
+"""What can go wrong with configuration, motion and commissioning.
+
+ControlError
+ +-- ConfigurationError   a file, its key, the value found and what was expected
+ +-- UnsafeBus            a bus that this version does not drive
+ +-- MotionError          the motion was stopped: cause, joint, value, bound; carries the last feedback
+ +-- CommissioningError   a step of the commissioning cannot be done as asked
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from armload_drivers.servos import JointFeedback
+
+
+class ControlError(Exception):
+    """Root of everything that `armload_controller` raises."""
+
+
+class ConfigurationError(ControlError):
+    """A configuration that cannot be used.
+
+    Attributes:
+        file: The file it stands in.
+        key: Dotted path of the key.
+        found: The value found.
+        expected: What would have been accepted.
+    """
+
+    def __init__(self, file: str, key: str, found: object, expected: str) -> None:
+        super().__init__(f"{file}: {key} = {found!r}: {expected}")
+        self.file = file
+        self.key = key
+        self.found = found
+        self.expected = expected
+
+
+class UnsafeBus(ControlError):
+    """A bus that this version does not drive."""
+
+
+class CommissioningError(ControlError):
+    """A step of the commissioning cannot be done as asked."""
+
+
+class MotionError(ControlError):
+    """The motion was stopped.
+
+    Attributes:
+        last_feedback: The last cycles before the stop, oldest first.
+    """
+
+    def __init__(self, message: str, last_feedback: Sequence[JointFeedback]) -> None:
+        super().__init__(message)
+        self.last_feedback = tuple(last_feedback)

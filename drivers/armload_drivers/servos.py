@@ -1,0 +1,111 @@
+"""The hardware abstraction: all joint servos of an arm as one cyclic thing.
+
+One `exchange` per cycle. The command given is latched by the drives at the next SYNC; the feedback
+returned was sampled at that same SYNC. Values are SI and belong to the JOINTS, coupling resolved, with
+one exception: `current_a` is the current of each MOTOR, because torque constants are the identification's
+business.
+
+The life of an arm: `connect` -> `enable` -> `exchange` ... -> `stop` -> `disable` -> `close`. `close` is allowed
+from every state and leaves the arm without torque, standing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class JointCommand:
+    """Setpoints of one cycle, for n joints.
+
+    Attributes:
+        position_rad: (n,) target positions.
+        velocity_rad_s: (n,) their derivative, for drives that take a velocity offset (60B1).
+        torque_offset_nm: (n,) joint torque that the servo loop is to add (60B2).
+    """
+
+    position_rad: FloatArray
+    velocity_rad_s: FloatArray
+    torque_offset_nm: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class JointFeedback:
+    """What the arm answered in one cycle, for n joints.
+
+    A joint that is `missing` repeats its last values.
+
+    Attributes:
+        cycle: Number of the SYNC since `connect`.
+        time_s: Time stamp of that SYNC on the servos' clock.
+        position_rad: (n,) measured joint positions.
+        velocity_rad_s: (n,) measured joint velocities, or None where the drives do not send them.
+        current_a: (n,) measured MOTOR currents, or None on arms that send torque.
+        torque_nm: (n,) measured JOINT torques, or None on arms that send current.
+        statusword: (n,) CiA 402 statusword (6041).
+        missing: (n,) True where this cycle's feedback did not arrive in time.
+        skipped_cycles: SYNC periods that passed unused before this one because the caller was late.
+    """
+
+    cycle: int
+    time_s: float
+    position_rad: FloatArray
+    velocity_rad_s: FloatArray | None
+    current_a: FloatArray | None
+    torque_nm: FloatArray | None
+    statusword: NDArray[np.uint16]
+    missing: NDArray[np.bool_]
+    skipped_cycles: int = 0
+
+
+@runtime_checkable
+class JointServos(Protocol):
+    """All joint servos of one arm.
+
+    Attributes:
+        n: Number of joints.
+        cycle_s: Duration of one cycle.
+        simulated: True where every drive carries the simulation's identity (no real arm can move).
+    """
+
+    n: int
+    cycle_s: float
+    simulated: bool
+
+    def connect(self) -> None:
+        """Boot, identify, configure and verify every drive; nothing is energised.
+
+        Raises:
+            DriverError: naming node, joint and step.
+        """
+
+    def enable(self) -> JointFeedback:
+        """Bring every drive to OPERATION ENABLED, holding the position it has now.
+
+        Returns:
+            Feedback of the first enabled cycle.
+        """
+
+    def exchange(self, command: JointCommand) -> JointFeedback:
+        """Send one cycle's setpoints and return the feedback sampled at the SYNC that latched them.
+
+        Raises:
+            StateError: not enabled.
+            ServoFault: a drive left OPERATION ENABLED by itself.
+            BusError: the bus failed.
+        """
+
+    def stop(self) -> None:
+        """Quick stop: decelerate every drive on its own ramp and hold, with torque on."""
+
+    def disable(self) -> None:
+        """Engage brakes and remove torque, once the arm stands still."""
+
+    def close(self) -> None:
+        """Leave the bus; stops and disables first where that is still to be done. Idempotent."""

@@ -1,0 +1,1 @@
+"""The mathematics: model, regressor, excitation, estimation, validation, report."""

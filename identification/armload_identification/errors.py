@@ -1,0 +1,35 @@
+"""What can go wrong with the mathematics and its data.
+
+IdentificationError
+ +-- ModelError         chain, payload or trajectory parameters that make no sense
+ +-- RecordingError     a recording that cannot be read or does not fit the arm
+ +-- EstimationError    data that do not determine what was asked
+ +-- PayloadFileError   a payload.toml that is incomplete, inconsistent or physically impossible
+ +-- ExcitationError    no trajectory within the limits
+"""
+
+from __future__ import annotations
+
+
+class IdentificationError(Exception):
+    """Root of everything that `armload_identification` raises."""
+
+
+class ModelError(IdentificationError):
+    """Chain, payload or trajectory parameters that make no sense."""
+
+
+class RecordingError(IdentificationError):
+    """A recording that cannot be read or does not fit the arm."""
+
+
+class EstimationError(IdentificationError):
+    """Data that do not determine what was asked of them."""
+
+
+class PayloadFileError(IdentificationError):
+    """A payload file that is incomplete, inconsistent or physically impossible."""
+
+
+class ExcitationError(IdentificationError):
+    """No trajectory was found within the limits."""
