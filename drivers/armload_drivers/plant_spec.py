@@ -1,0 +1,111 @@
+"""What a simulated arm is made of, as plain data; `plant` builds the simulation from it.
+
+AXIS and joint are told apart as in `arm`: an axis is one motor seen through its gear. Links, friction and
+position belong to joints; rotor, ripple, torque limit and noise belong to axes. Where motors are not
+coupled the two are the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from armload_drivers.servos import FloatArray
+
+
+class PlantVariant(Enum):
+    """Which transmission the simulated arm has."""
+
+    NORMATIVE = "normative"
+    """Stiff gears, friction mu |tau_link| that depends on the load."""
+    HARSH = "harsh"
+    """Elastic joints and gear efficiencies in place of mu; for reports only."""
+
+
+@dataclass(frozen=True, slots=True)
+class RigidBody:
+    """Inertial properties of one rigid body in the frame it is given in.
+
+    Attributes:
+        mass_kg: Mass.
+        center_of_mass_m: (3,) centre of mass.
+        inertia_kg_m2: (3, 3) inertia tensor about the centre of mass, along the axes of the frame; the
+            elements are the tensor's, I_xy = -integral(x y dm).
+    """
+
+    mass_kg: float
+    center_of_mass_m: FloatArray
+    inertia_kg_m2: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class PlantJoint:
+    """One joint with its link, its gear and its motor.
+
+    Attributes:
+        name: Name of the joint.
+        placement: (4, 4) pose of the joint's frame at position zero in the previous joint's frame.
+        axis: (3,) axis of rotation in the joint's frame, of length one.
+        link: The link, in the moving joint frame; without rotor and payload.
+        coulomb_nm: Coulomb friction.
+        viscous_nm_s_rad: Viscous friction.
+        stribeck_nm: What static friction exceeds Coulomb friction by.
+        stribeck_velocity_rad_s: Speed v_s in stribeck * exp(-(dq / v_s)^2).
+        load_friction: mu, friction per unit of the links' and payload's torque.
+        rotor_inertia_kg_m2: Rotor's inertia REFLECTED to the axis: gear ratio squared times the rotor's own.
+        gear_ratio: Motor turns per axis turn.
+        torque_ripple_nm: Amplitude of the torque ripple at the axis.
+        ripple_per_motor_turn: Ripple periods in one motor turn.
+        torque_noise_nm: Standard deviation of one raw torque sample at 100 Hz, at the axis.
+        max_torque_nm: Greatest torque of the drive, at the axis.
+        has_brake: A brake holds the axis while its drive is off.
+    """
+
+    name: str
+    placement: FloatArray
+    axis: FloatArray
+    link: RigidBody
+    coulomb_nm: float
+    viscous_nm_s_rad: float
+    stribeck_nm: float
+    stribeck_velocity_rad_s: float
+    load_friction: float
+    rotor_inertia_kg_m2: float
+    gear_ratio: float
+    torque_ripple_nm: float
+    ripple_per_motor_turn: float
+    torque_noise_nm: float
+    max_torque_nm: float
+    has_brake: bool
+
+
+@dataclass(frozen=True, slots=True)
+class PlantSpec:
+    """A whole simulated arm with what hangs on its flange.
+
+    Attributes:
+        joints: n joints from the base to the flange.
+        flange: (4, 4) pose of the flange in the last joint's frame.
+        gravity_m_s2: (3,) acceleration of gravity in the base frame, (0, 0, -9.81) for an upright arm.
+        coupling: (n, n) C with q_joint = C q_axis and tau_joint = C^-T tau_axis.
+        start_position_rad: (n,) joint positions at time zero; the arm stands still.
+        seed: Seed of the measurement noise.
+        payload: Body at the flange, in the FLANGE frame; None is the empty flange.
+        variant: Transmission; `PlantVariant`.
+        friction_scale: Factor on Coulomb, Stribeck, viscous and load-dependent friction.
+        torque_gain_error: (n,) e per axis; the motor gives (1 + e) times the torque the drive believes in and
+            reports. None is zero.
+        torque_gain_drift_per_s: (n,) growth of e per second; None is zero.
+    """
+
+    joints: tuple[PlantJoint, ...]
+    flange: FloatArray
+    gravity_m_s2: FloatArray
+    coupling: FloatArray
+    start_position_rad: FloatArray
+    seed: int
+    payload: RigidBody | None = None
+    variant: PlantVariant = PlantVariant.NORMATIVE
+    friction_scale: float = 1.0
+    torque_gain_error: FloatArray | None = None
+    torque_gain_drift_per_s: FloatArray | None = None
