@@ -1,0 +1,448 @@
+"""Torque of a rigid body on an arm, and its regressor: numba kernels and their array front.
+
+    tau_payload = J(q)^T w = Phi_L(q, dq, ddq) theta_L                     Chen 2016, eqs. (2), (5)
+
+theta = [m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz], inertia as TENSOR elements (Ixy = -int xy dm)
+about the ORIGIN of the body's frame: the flange for a payload, the joint frame for a link.
+
+Rules of this file. Kernels have explicit signatures and a cache, take packed arrays and no `@`, np.dot or
+np.linalg (those would load scipy.linalg); multiply and add may be fused. One forward pass in base coordinates gives every frame's motion;
+every row is then the joint's motion at the body, contracted with the body's momentum balance. Gravity is
+an upward acceleration of the base.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armload_identification.chain import Chain, FloatArray
+from armload_identification.errors import ModelError
+
+PARAMETERS = 10
+"""Length of theta."""
+
+FEEDFORWARD_ROWS = 6
+"""Rows of the work array of `payload_torque_into`: q, dq, ddq, the torque, and two of its own."""
+
+_FRAME = 21  # rotation 9, position 3, angular velocity 3, angular acceleration 3, linear acceleration 3
+
+
+@numba.njit(
+    "void(float64[::1], int64, float64[::1], float64[::1], float64[::1], float64[:, ::1])",
+    cache=True,
+    fastmath={"contract"},
+)
+def _forward(packed, n, q, dq, ddq, frames):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+    """Pose and motion of every (turned) joint frame in base coordinates, one row of `frames` per joint."""
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
+    px, py, pz = 0.0, 0.0, 0.0
+    wx, wy, wz, ex, ey, ez = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ax, ay, az = packed[0], packed[1], packed[2]
+    for i in range(n):
+        k = 3 + 12 * i
+        # the joint's origin in base coordinates, and the acceleration there
+        x, y, z = packed[k + 9], packed[k + 10], packed[k + 11]
+        dx = r00 * x + r01 * y + r02 * z
+        dy = r10 * x + r11 * y + r12 * z
+        dz = r20 * x + r21 * y + r22 * z
+        px += dx
+        py += dy
+        pz += dz
+        vx, vy, vz = wy * dz - wz * dy, wz * dx - wx * dz, wx * dy - wy * dx
+        ax += ey * dz - ez * dy + wy * vz - wz * vy
+        ay += ez * dx - ex * dz + wz * vx - wx * vz
+        az += ex * dy - ey * dx + wx * vy - wy * vx
+        # R <- R placement Rz(q)
+        c, s = math.cos(q[i]), math.sin(q[i])
+        a00 = packed[k] * c + packed[k + 1] * s
+        a10 = packed[k + 3] * c + packed[k + 4] * s
+        a20 = packed[k + 6] * c + packed[k + 7] * s
+        a01 = packed[k + 1] * c - packed[k] * s
+        a11 = packed[k + 4] * c - packed[k + 3] * s
+        a21 = packed[k + 7] * c - packed[k + 6] * s
+        a02, a12, a22 = packed[k + 2], packed[k + 5], packed[k + 8]
+        x, y, z = r00, r01, r02
+        r00 = x * a00 + y * a10 + z * a20
+        r01 = x * a01 + y * a11 + z * a21
+        r02 = x * a02 + y * a12 + z * a22
+        x, y, z = r10, r11, r12
+        r10 = x * a00 + y * a10 + z * a20
+        r11 = x * a01 + y * a11 + z * a21
+        r12 = x * a02 + y * a12 + z * a22
+        x, y, z = r20, r21, r22
+        r20 = x * a00 + y * a10 + z * a20
+        r21 = x * a01 + y * a11 + z * a21
+        r22 = x * a02 + y * a12 + z * a22
+        # the joint's own motion about its z axis
+        v, acc = dq[i], ddq[i]
+        ex += r02 * acc + (wy * r22 - wz * r12) * v
+        ey += r12 * acc + (wz * r02 - wx * r22) * v
+        ez += r22 * acc + (wx * r12 - wy * r02) * v
+        wx += r02 * v
+        wy += r12 * v
+        wz += r22 * v
+        f = frames[i]
+        f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8] = r00, r01, r02, r10, r11, r12, r20, r21, r22
+        f[9], f[10], f[11] = px, py, pz
+        f[12], f[13], f[14], f[15], f[16], f[17] = wx, wy, wz, ex, ey, ez
+        f[18], f[19], f[20] = ax, ay, az
+
+
+@numba.njit(
+    "void(float64[:, ::1], int64, float64[::1], int64, int64, float64[:, ::1], int64)",
+    cache=True,
+    fastmath={"contract"},
+)
+def _rows(frames, joints, packed, rotation_at, position_at, out, column):  # type: ignore[no-untyped-def]  # noqa: PLR0915, PLR0917
+    """Ten columns of the regressor of a body fixed to joint `joints`, into out[:joints, column:column + 10].
+
+    The body's frame lies in the turned joint frame at the rotation and the position that stand in `packed`
+    at the given places; position_at < 0 is none.
+    """
+    f = frames[joints - 1]
+    k = rotation_at
+    b00, b01, b02 = packed[k], packed[k + 1], packed[k + 2]
+    b10, b11, b12 = packed[k + 3], packed[k + 4], packed[k + 5]
+    b20, b21, b22 = packed[k + 6], packed[k + 7], packed[k + 8]
+    # rotation of the body frame
+    r00 = f[0] * b00 + f[1] * b10 + f[2] * b20
+    r01 = f[0] * b01 + f[1] * b11 + f[2] * b21
+    r02 = f[0] * b02 + f[1] * b12 + f[2] * b22
+    r10 = f[3] * b00 + f[4] * b10 + f[5] * b20
+    r11 = f[3] * b01 + f[4] * b11 + f[5] * b21
+    r12 = f[3] * b02 + f[4] * b12 + f[5] * b22
+    r20 = f[6] * b00 + f[7] * b10 + f[8] * b20
+    r21 = f[6] * b01 + f[7] * b11 + f[8] * b21
+    r22 = f[6] * b02 + f[7] * b12 + f[8] * b22
+    px, py, pz = f[9], f[10], f[11]
+    gx, gy, gz = f[12], f[13], f[14]
+    hx, hy, hz = f[15], f[16], f[17]
+    ux, uy, uz = f[18], f[19], f[20]
+    if position_at >= 0:
+        x, y, z = packed[position_at], packed[position_at + 1], packed[position_at + 2]
+        dx = f[0] * x + f[1] * y + f[2] * z
+        dy = f[3] * x + f[4] * y + f[5] * z
+        dz = f[6] * x + f[7] * y + f[8] * z
+        px += dx
+        py += dy
+        pz += dz
+        vx, vy, vz = gy * dz - gz * dy, gz * dx - gx * dz, gx * dy - gy * dx
+        ux += hy * dz - hz * dy + gy * vz - gz * vy
+        uy += hz * dx - hx * dz + gz * vx - gx * vz
+        uz += hx * dy - hy * dx + gx * vy - gy * vx
+    # motion in body coordinates
+    wx = r00 * gx + r10 * gy + r20 * gz
+    wy = r01 * gx + r11 * gy + r21 * gz
+    wz = r02 * gx + r12 * gy + r22 * gz
+    ex = r00 * hx + r10 * hy + r20 * hz
+    ey = r01 * hx + r11 * hy + r21 * hz
+    ez = r02 * hx + r12 * hy + r22 * hz
+    ax = r00 * ux + r10 * uy + r20 * uz
+    ay = r01 * ux + r11 * uy + r21 * uz
+    az = r02 * ux + r12 * uy + r22 * uz
+    wxx, wyy, wzz, wxy, wxz, wyz = wx * wx, wy * wy, wz * wz, wx * wy, wx * wz, wy * wz
+    # force of the first moment, f = A s with A = [dw]x + [w]x [w]x
+    s00, s01, s02 = -wyy - wzz, wxy - ez, wxz + ey
+    s10, s11, s12 = wxy + ez, -wxx - wzz, wyz - ex
+    s20, s21, s22 = wxz - ey, wyz + ex, -wxx - wyy
+    # moment of the inertia, n = I dw + w x (I w), per tensor element
+    for i in range(joints):
+        g = frames[i]
+        lx, ly, lz = px - g[9], py - g[10], pz - g[11]
+        x, y, z = g[2], g[5], g[8]
+        ix, iy, iz = y * lz - z * ly, z * lx - x * lz, x * ly - y * lx
+        # axis and its velocity at the body's origin, in body coordinates
+        zx = r00 * x + r10 * y + r20 * z
+        zy = r01 * x + r11 * y + r21 * z
+        zz = r02 * x + r12 * y + r22 * z
+        vx = r00 * ix + r10 * iy + r20 * iz
+        vy = r01 * ix + r11 * iy + r21 * iz
+        vz = r02 * ix + r12 * iy + r22 * iz
+        row = out[i]
+        row[column] = vx * ax + vy * ay + vz * az
+        row[column + 1] = vx * s00 + vy * s10 + vz * s20 + zz * ay - zy * az
+        row[column + 2] = vx * s01 + vy * s11 + vz * s21 + zx * az - zz * ax
+        row[column + 3] = vx * s02 + vy * s12 + vz * s22 + zy * ax - zx * ay
+        row[column + 4] = zx * ex + zy * wxz - zz * wxy
+        row[column + 5] = zy * ey + zz * wxy - zx * wyz
+        row[column + 6] = zz * ez + zx * wyz - zy * wxz
+        row[column + 7] = zx * (ey - wxz) + zy * (ex + wyz) + zz * (wxx - wyy)
+        row[column + 8] = zx * (ez + wxy) + zy * (wzz - wxx) + zz * (ex - wyz)
+        row[column + 9] = zx * (wyy - wzz) + zy * (ez - wxy) + zz * (ey + wxz)
+
+
+@numba.njit(
+    "void(float64[::1], int64, int64, float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1])",
+    cache=True,
+    fastmath={"contract"},
+    nogil=True,
+)
+def _regressor_batch(packed, n, joints, q, dq, ddq, out):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+    """Regressor of the flange (joints == 0) or of link `joints`, per sample into zeroed out (N, n, 10)."""
+    frames = np.empty((n, _FRAME))
+    for t in range(q.shape[0]):
+        if joints == 0:
+            _forward(packed, n, q[t], dq[t], ddq[t], frames)
+            _rows(frames, n, packed, 3 + 21 * n, 12 + 21 * n, out[t], 0)
+        else:
+            _forward(packed, joints, q[t], dq[t], ddq[t], frames)
+            _rows(frames, joints, packed, 3 + 12 * n + 9 * (joints - 1), -1, out[t], 0)
+
+
+@numba.njit(
+    "void(float64[::1], int64, float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1])",
+    cache=True,
+    fastmath={"contract"},
+    nogil=True,
+)
+def _body_batch(packed, n, q, dq, ddq, out):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+    """Regressors of all links side by side, per sample into zeroed out (N, n, 10 n)."""
+    frames = np.empty((n, _FRAME))
+    for t in range(q.shape[0]):
+        _forward(packed, n, q[t], dq[t], ddq[t], frames)
+        for i in range(n):
+            _rows(frames, i + 1, packed, 3 + 12 * n + 9 * i, -1, out[t], 10 * i)
+
+
+@numba.njit("void(float64[::1], float64[:, ::1])", cache=True, fastmath={"contract"}, nogil=True)
+def payload_torque_into(model, work):  # type: ignore[no-untyped-def]  # noqa: PLR0915
+    """Payload torque of one sample, without any allocation: the feed-forward's kernel.
+
+    Args:
+        model: What `feedforward_model` made of chain and payload.
+        work: (FEEDFORWARD_ROWS, n), C-contiguous. The caller writes q, dq, ddq in rad, rad/s, rad/s2 into
+            rows 0, 1, 2 and finds the torque in N m in row 3; the other rows are the kernel's own.
+    """
+    n = work.shape[1]
+    q, dq, ddq, torque, cosine, sine = work[0], work[1], work[2], work[3], work[4], work[5]
+    wx, wy, wz, ex, ey, ez = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ax, ay, az = model[0], model[1], model[2]
+    # outwards in each frame's own coordinates; the step n goes to the flange, which does not turn
+    for i in range(n + 1):
+        k = 3 + 12 * i if i < n else 3 + 21 * n
+        x, y, z = model[k + 9], model[k + 10], model[k + 11]
+        vx, vy, vz = wy * z - wz * y, wz * x - wx * z, wx * y - wy * x
+        bx = ax + ey * z - ez * y + wy * vz - wz * vy
+        by = ay + ez * x - ex * z + wz * vx - wx * vz
+        bz = az + ex * y - ey * x + wx * vy - wy * vx
+        r00, r01, r02 = model[k], model[k + 1], model[k + 2]
+        r10, r11, r12 = model[k + 3], model[k + 4], model[k + 5]
+        r20, r21, r22 = model[k + 6], model[k + 7], model[k + 8]
+        ax, ay, az = (
+            r00 * bx + r10 * by + r20 * bz,
+            r01 * bx + r11 * by + r21 * bz,
+            r02 * bx + r12 * by + r22 * bz,
+        )
+        wx, wy, wz = (
+            r00 * wx + r10 * wy + r20 * wz,
+            r01 * wx + r11 * wy + r21 * wz,
+            r02 * wx + r12 * wy + r22 * wz,
+        )
+        ex, ey, ez = (
+            r00 * ex + r10 * ey + r20 * ez,
+            r01 * ex + r11 * ey + r21 * ez,
+            r02 * ex + r12 * ey + r22 * ez,
+        )
+        if i < n:
+            c, s = math.cos(q[i]), math.sin(q[i])
+            cosine[i], sine[i] = c, s
+            ax, ay = c * ax + s * ay, c * ay - s * ax
+            wx, wy = c * wx + s * wy, c * wy - s * wx
+            ex, ey = c * ex + s * ey, c * ey - s * ex
+            ex += wy * dq[i]
+            ey -= wx * dq[i]
+            ez += ddq[i]
+            wz += dq[i]
+    # force and moment of the payload about the flange's origin
+    k = 15 + 21 * n
+    m, sx, sy, sz = model[k], model[k + 1], model[k + 2], model[k + 3]
+    ixx, iyy, izz, ixy, ixz, iyz = (
+        model[k + 4],
+        model[k + 5],
+        model[k + 6],
+        model[k + 7],
+        model[k + 8],
+        model[k + 9],
+    )
+    vx, vy, vz = wy * sz - wz * sy, wz * sx - wx * sz, wx * sy - wy * sx
+    fx = m * ax + ey * sz - ez * sy + wy * vz - wz * vy
+    fy = m * ay + ez * sx - ex * sz + wz * vx - wx * vz
+    fz = m * az + ex * sy - ey * sx + wx * vy - wy * vx
+    hx, hy, hz = (
+        ixx * wx + ixy * wy + ixz * wz,
+        ixy * wx + iyy * wy + iyz * wz,
+        ixz * wx + iyz * wy + izz * wz,
+    )
+    nx = ixx * ex + ixy * ey + ixz * ez + wy * hz - wz * hy + sy * az - sz * ay
+    ny = ixy * ex + iyy * ey + iyz * ez + wz * hx - wx * hz + sz * ax - sx * az
+    nz = ixz * ex + iyz * ey + izz * ez + wx * hy - wy * hx + sx * ay - sy * ax
+    # inwards: the wrench about each joint's origin, in that joint's coordinates
+    k = 3 + 21 * n
+    for i in range(n - 1, -1, -1):
+        bx = model[k] * fx + model[k + 1] * fy + model[k + 2] * fz
+        by = model[k + 3] * fx + model[k + 4] * fy + model[k + 5] * fz
+        bz = model[k + 6] * fx + model[k + 7] * fy + model[k + 8] * fz
+        x, y, z = model[k + 9], model[k + 10], model[k + 11]
+        vx = model[k] * nx + model[k + 1] * ny + model[k + 2] * nz + y * bz - z * by
+        vy = model[k + 3] * nx + model[k + 4] * ny + model[k + 5] * nz + z * bx - x * bz
+        nz = model[k + 6] * nx + model[k + 7] * ny + model[k + 8] * nz + x * by - y * bx
+        torque[i] = nz
+        c, s = cosine[i], sine[i]
+        fx, fy, fz = c * bx - s * by, s * bx + c * by, bz
+        nx, ny = c * vx - s * vy, s * vx + c * vy
+        k = 3 + 12 * i
+
+
+@numba.njit(
+    "void(float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, ::1])",
+    cache=True,
+    fastmath={"contract"},
+    nogil=True,
+)
+def _torque_batch(model, q, dq, ddq, out):  # type: ignore[no-untyped-def]
+    """Payload torque per sample into out (N, n)."""
+    work = np.empty((FEEDFORWARD_ROWS, q.shape[1]))
+    for t in range(q.shape[0]):
+        work[0], work[1], work[2] = q[t], dq[t], ddq[t]
+        payload_torque_into(model, work)
+        out[t] = work[3]
+
+
+def feedforward_model(chain: Chain, theta: ArrayLike) -> FloatArray:
+    """Chain and payload as the one array that `payload_torque_into` reads.
+
+    Args:
+        chain: The arm.
+        theta: (10,) payload parameters in the flange frame.
+
+    Returns:
+        Packed array; its last ten numbers are theta.
+
+    Raises:
+        ModelError: theta is not ten finite numbers.
+    """
+    parameters = np.asarray(theta, dtype=np.float64)
+    if parameters.shape != (PARAMETERS,) or not np.all(np.isfinite(parameters)):
+        raise ModelError(f"theta is {parameters.tolist()}; expected ten finite numbers")
+    return np.concatenate([chain.packed, parameters])
+
+
+def payload_torque(chain: Chain, theta: ArrayLike, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
+    """Joint torque that a payload asks for.
+
+        tau = J(q)^T w(q, dq, ddq, theta)
+
+    Args:
+        chain: The arm.
+        theta: (10,) payload parameters in the flange frame.
+        q: (N, n) or (n,) joint positions in rad.
+        dq: Velocities in rad/s, same shape.
+        ddq: Accelerations in rad/s2, same shape.
+
+    Returns:
+        Torques in N m, same shape.
+
+    Raises:
+        ModelError: a shape that does not fit.
+
+    References:
+        Chen 2016, eqs. (2), (5).
+    """
+    model = feedforward_model(chain, theta)
+    states, single = _states(chain, q, dq, ddq)
+    out = np.empty_like(states[0])
+    _torque_batch(model, *states, out)
+    return out[0] if single else out
+
+
+def payload_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
+    """Phi_L with tau_payload = Phi_L theta_L, for a body in the flange frame.
+
+    Args:
+        chain: The arm.
+        q: (N, n) or (n,) joint positions in rad.
+        dq: Velocities in rad/s, same shape.
+        ddq: Accelerations in rad/s2, same shape.
+
+    Returns:
+        (N, n, 10), or (n, 10) for a single sample, in N m per unit of theta.
+
+    Raises:
+        ModelError: a shape that does not fit.
+
+    References:
+        Chen 2016, eqs. (4), (5).
+    """
+    return _regressor(chain, 0, q, dq, ddq)
+
+
+def link_regressor(chain: Chain, link: int, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
+    """Regressor of one link's ten parameters in its own joint frame.
+
+    Args:
+        chain: The arm.
+        link: 1 to n; link i turns with joint i. Rows of joints beyond it are zero.
+        q: (N, n) or (n,) joint positions in rad.
+        dq: Velocities in rad/s, same shape.
+        ddq: Accelerations in rad/s2, same shape.
+
+    Returns:
+        (N, n, 10), or (n, 10) for a single sample.
+
+    Raises:
+        ModelError: a shape that does not fit, or no such link.
+    """
+    if not 1 <= link <= chain.n:
+        raise ModelError(f"link {link} asked of a chain of {chain.n}; expected 1 to {chain.n}")
+    return _regressor(chain, link, q, dq, ddq)
+
+
+def body_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
+    """Regressor of all links' parameters: tau_links = body_regressor [theta_1; ...; theta_n].
+
+    Args:
+        chain: The arm.
+        q: (N, n) or (n,) joint positions in rad.
+        dq: Velocities in rad/s, same shape.
+        ddq: Accelerations in rad/s2, same shape.
+
+    Returns:
+        (N, n, 10 n), or (n, 10 n) for a single sample; columns 10 (i - 1) to 10 i belong to link i,
+        in joint frame i.
+
+    Raises:
+        ModelError: a shape that does not fit.
+
+    References:
+        Chen 2016, eq. (1), the part without friction.
+    """
+    states, single = _states(chain, q, dq, ddq)
+    out = np.zeros((states[0].shape[0], chain.n, PARAMETERS * chain.n))
+    _body_batch(chain.packed, chain.n, *states, out)
+    return out[0] if single else out
+
+
+def _regressor(chain: Chain, joints: int, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
+    """Regressor of a link, or of the flange for joints == 0."""
+    states, single = _states(chain, q, dq, ddq)
+    shape = (states[0].shape[0], chain.n, PARAMETERS)
+    out = np.empty(shape) if joints in (0, chain.n) else np.zeros(shape)
+    _regressor_batch(chain.packed, chain.n, joints, *states, out)
+    return out[0] if single else out
+
+
+def _states(chain: Chain, *arrays: ArrayLike) -> tuple[list[FloatArray], bool]:
+    """q, dq, ddq as C-contiguous (N, n), and whether they came as a single sample."""
+    states = [np.ascontiguousarray(a, dtype=np.float64) for a in arrays]
+    shape = states[0].shape
+    for name, state in zip(("q", "dq", "ddq"), states, strict=True):
+        if state.ndim not in (1, 2) or state.shape[-1] != chain.n or state.shape != shape:
+            raise ModelError(
+                f"{name} has the shape {state.shape}, q has {shape}; expected "
+                f"one shape (N, {chain.n}) or ({chain.n},)"
+            )
+    return [s.reshape(-1, chain.n) for s in states], len(shape) == 1
