@@ -1,0 +1,91 @@
+"""The recorder: one MCAP file per run, as `armload_identification.recording` defines it.
+
+Append-only. Every `FLUSH_S` of recorded time the chunk in progress is closed and handed to the operating
+system, so that a crash or a kill -9 loses less than a quarter of a second.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from mcap.writer import Writer
+
+from armload_controller.errors import CommissioningError
+from armload_controller.setpoints import Segment
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.recording import MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
+
+FLUSH_S = 0.2
+"""Recorded time between two flushes; a quarter of a second is promised."""
+
+
+class Recorder:
+    """Writes one run; a context manager that leaves a whole, indexed file however the run ended.
+
+    Args:
+        path: File to write; it must not exist.
+        attachments: Text by name, written first.
+
+    Raises:
+        CommissioningError: the file exists or cannot be written.
+    """
+
+    def __init__(self, path: Path, attachments: Mapping[str, str]) -> None:
+        try:
+            self._file: io.BufferedWriter = path.open("xb")
+        except FileExistsError as error:
+            raise CommissioningError(f"{path} exists: recordings are never overwritten, choose another --output") from error
+        except OSError as error:
+            raise CommissioningError(f"{path}: {error.strerror}: choose an --output that can be written") from error
+        self._writer = Writer(self._file)
+        self._writer.start(profile="", library="armload")
+        for name, text in attachments.items():
+            self._writer.add_attachment(0, 0, name, _media_type(name), text.encode())
+        schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", json.dumps(MESSAGE_SCHEMA).encode())
+        self._channel = self._writer.register_channel(TOPIC, "json", schema)
+        self._flushed_s = -float("inf")
+        self.rows = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._writer.finish()
+        self._file.close()
+
+    def write(
+        self, feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None
+    ) -> None:
+        """Record one cycle; `phase_s` is None outside the whole periods."""
+        message: dict[str, object] = {
+            "cycle": feedback.cycle,
+            "time_s": feedback.time_s,
+            "phase_s": phase_s,
+            "segment": segment,
+            "command_position_rad": command.position_rad.tolist(),
+            "position_rad": feedback.position_rad.tolist(),
+        }
+        for key in ("velocity_rad_s", "current_a", "torque_nm"):
+            values = getattr(feedback, key)
+            if values is not None:
+                message[key] = values.tolist()
+        message["torque_offset_nm"] = command.torque_offset_nm.tolist()
+        message["statusword"] = feedback.statusword.tolist()
+        message["missing"] = feedback.missing.tolist()
+        stamp_ns = round(feedback.time_s * 1e9)
+        self._writer.add_message(self._channel, stamp_ns, json.dumps(message).encode(), stamp_ns, feedback.cycle)
+        self.rows += 1
+        if feedback.time_s - self._flushed_s >= FLUSH_S:
+            self._writer.flush()
+            self._flushed_s = feedback.time_s
+
+
+def _media_type(name: str) -> str:
+    return "application/json" if name.endswith(".json") else "application/toml"
