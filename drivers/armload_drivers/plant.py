@@ -151,11 +151,24 @@ class ArmPlant:
         """
         if not math.isfinite(position_rad):
             raise SimulationError(f"{self._spec.joints[axis].name}: the target {position_rad} is no position")
-        state = self._state
-        state[servo.RAMP_FROM, axis] = self._demand(axis)
-        state[servo.RAMP_TO, axis] = position_rad
-        state[servo.RAMP_BEGIN, axis] = self._step
-        state[servo.RAMP_STEPS, axis] = over_s / TIME_STEP_S
+        self._ramp(axis, position_rad, over_s)
+
+    def slow_down(self, axis: int, over_s: float) -> None:
+        """Bring an axis's setpoint from its present speed to a stop at an even deceleration: quick stop.
+
+        Args:
+            axis: Index of the axis.
+            over_s: Time to stop in.
+        """
+        begin, finish, first, steps, slowing = self._state[: servo.RAMP_SLOWING + 1, axis]
+        elapsed = self._step - first
+        speed = 0.0
+        # A ramp that ends at this very instant is still in motion: targets arrive at SYNC.
+        if steps > 0.0 and elapsed < steps + 0.5:
+            left = 1.0 - elapsed / steps
+            speed = (finish - begin) / (steps * TIME_STEP_S) * (2.0 * left if slowing else 1.0)
+        self._ramp(axis, self._demand(axis) + 0.5 * speed * over_s, over_s)
+        self._state[servo.RAMP_SLOWING, axis] = 1.0
 
     def set_torque_offset(self, axis: int, torque_nm: float) -> None:
         """Have a torque added inside an axis's servo loop (60B2), from the next step on.
@@ -183,11 +196,7 @@ class ArmPlant:
             on: Whether it is to be powered.
         """
         state = self._state
-        here = self.hold_position(axis)
-        state[servo.RAMP_FROM, axis] = here
-        state[servo.RAMP_TO, axis] = here
-        state[servo.RAMP_BEGIN, axis] = self._step
-        state[servo.RAMP_STEPS, axis] = 0.0
+        self._ramp(axis, self.hold_position(axis), 0.0)
         state[servo.POWERED, axis] = float(on)
         state[servo.BRAKED, axis] = float(not on and self._spec.joints[axis].has_brake)
         holding = float(self._spec.coupling[:, axis] @ self._link_torque[:: self._hinges])
@@ -230,8 +239,16 @@ class ArmPlant:
 
     def _demand(self, axis: int) -> float:
         """Setpoint of an axis at this instant."""
-        begin, finish, first, steps = self._state[: servo.RAMP_STEPS + 1, axis]
-        return float(servo.setpoint(begin, finish, first, steps, self._step))
+        return float(servo.setpoint(self._state, axis, self._step))
+
+    def _ramp(self, axis: int, position_rad: float, over_s: float) -> None:
+        """Let an axis's setpoint go linearly from where it is to a position."""
+        state = self._state
+        state[servo.RAMP_FROM, axis] = self._demand(axis)
+        state[servo.RAMP_TO, axis] = position_rad
+        state[servo.RAMP_BEGIN, axis] = self._step
+        state[servo.RAMP_STEPS, axis] = over_s / TIME_STEP_S
+        state[servo.RAMP_SLOWING, axis] = 0.0
 
     def _raise_diverged(self) -> None:
         """Name the joint that ran away."""

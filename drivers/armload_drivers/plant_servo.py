@@ -58,33 +58,36 @@ RAMP_FROM = 0
 RAMP_TO = 1
 RAMP_BEGIN = 2  # step number
 RAMP_STEPS = 3
-OFFSET = 4
-POWERED = 5  # 0 or 1
-BRAKED = 6  # 0 or 1
-INTEGRAL = 7
-TORQUE = 8  # of the axis, as the drive believes
-TRUE_TORQUE = 9  # of the axis
-STATES = 10
+RAMP_SLOWING = 4  # 0 or 1
+OFFSET = 5
+POWERED = 6  # 0 or 1
+BRAKED = 7  # 0 or 1
+INTEGRAL = 8
+TORQUE = 9  # of the axis, as the drive believes
+TRUE_TORQUE = 10  # of the axis
+STATES = 11
 
 
-@njit("f8(f8,f8,f8,f8,f8)", cache=True)
-def setpoint(begin: float, finish: float, first_step: float, steps: float, step: float) -> float:
-    """Linear interpolation between two setpoints, held afterwards.
+@njit("f8(f8[:,::1],i8,f8)", cache=True)
+def setpoint(state: FloatArray, axis: int, step: float) -> float:
+    """Setpoint of one axis: interpolation between two setpoints, held afterwards.
+
+    Linear, or with a speed that falls evenly from 2 (to - from) / duration to zero.
 
     Args:
-        begin: Setpoint at `first_step`.
-        finish: Setpoint `steps` later.
-        first_step: Number of the step that the ramp begins with.
-        steps: Duration in steps; 0 is a jump.
+        state: (STATES, n) of which the rows of the ramp are read.
+        axis: Index of the axis.
         step: Number of the step asked for.
 
     Returns:
-        The setpoint.
+        The setpoint in rad.
     """
-    elapsed = step - first_step
-    if elapsed >= steps:
-        return finish
-    return begin + (finish - begin) * elapsed / steps
+    elapsed = step - state[RAMP_BEGIN, axis]
+    if elapsed >= state[RAMP_STEPS, axis]:
+        return state[RAMP_TO, axis]
+    share = elapsed / state[RAMP_STEPS, axis]
+    share += state[RAMP_SLOWING, axis] * share * (1.0 - share)
+    return state[RAMP_FROM, axis] + (state[RAMP_TO, axis] - state[RAMP_FROM, axis]) * share
 
 
 @njit(
@@ -130,10 +133,7 @@ def servo_step(  # noqa: PLR0917 - a compiled kernel takes no keywords
             dq += to_axis[i, k] * velocity[hinges * k]
         torque = 0.0
         if state[POWERED, i] != 0.0:
-            target = setpoint(
-                state[RAMP_FROM, i], state[RAMP_TO, i], state[RAMP_BEGIN, i], state[RAMP_STEPS, i], step
-            )
-            error = POSITION_GAIN_1_S * (target - q) - dq
+            error = POSITION_GAIN_1_S * (setpoint(state, i, step) - q) - dq
             limit = parameter[MAX_TORQUE, i]
             wanted = parameter[VELOCITY_GAIN, i] * error + state[INTEGRAL, i] + state[OFFSET, i]
             torque = min(max(wanted, -limit), limit)
