@@ -56,6 +56,7 @@ class DriveSettings:
         position_max_rad: 607D:2.
         has_brake: Torque may be removed without the axis falling.
         identity: What 1018 has to say.
+        torque_offset: The drive takes a torque offset (60B2); two of eight products read do not.
     """
 
     joint: str
@@ -71,6 +72,7 @@ class DriveSettings:
     position_max_rad: float
     has_brake: bool
     identity: Identity
+    torque_offset: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,12 @@ DriverError
  |    +-- ServoFault       ... and says so itself (statusword FAULT, EMCY)
  |    +-- SdoRefused       ... and answered an SDO with an abort code
  +-- BusError              the bus itself: not there, off, queue full
+ |    +-- BusOverload      ... would have to carry more than its configured share
  +-- WrongDevice           a node is there but is not the configured one
  +-- StateError            our caller asked for something the present state does not allow
+ +-- CommandError          ... or for a setpoint that no drive can be sent
+ +-- StatuswordError       a statusword that matches no state; ServoError where the node is known
+ +-- TransitionError       a CiA 402 goal that is blocked or takes too long; likewise
  +-- SimulationError       the plant cannot be built or has diverged
 """
 
@@ -22,8 +26,41 @@ class StateError(DriverError):
     """The caller asked for something the present state does not allow."""
 
 
+class CommandError(DriverError):
+    """A setpoint is not finite or does not fit the object that would carry it."""
+
+
+class StatuswordError(DriverError):
+    """A statusword matches no state of CiA 402.
+
+    Attributes:
+        statusword: The word received.
+    """
+
+    def __init__(self, statusword: int) -> None:
+        super().__init__(f"statusword 0x{statusword:04X} matches no state of CiA 402")
+        self.statusword = statusword
+
+
+class TransitionError(DriverError):
+    """A drive cannot reach the state that was asked for, or not in time.
+
+    Attributes:
+        statusword: The last word received, None where there was none.
+    """
+
+    def __init__(self, what: str, statusword: int | None) -> None:
+        word = "no statusword received" if statusword is None else f"statusword 0x{statusword:04X}"
+        super().__init__(f"{what} ({word})")
+        self.statusword = statusword
+
+
 class BusError(DriverError):
     """The bus itself failed: interface missing, bus-off, queue full."""
+
+
+class BusOverload(BusError):
+    """The configured cycle would load the bus more than the configuration allows."""
 
 
 class SimulationError(DriverError):

@@ -1,0 +1,206 @@
+"""Counts and per mille of the drives to and from SI, for one arm. Only this file converts.
+
+    q_joint = C q_axis                    position_counts = sign_position counts_per_rad q_axis
+    tau_joint = C^-T tau_axis             per mille = sign_torque 1000 tau_axis / rated_torque
+    tau_axis = C^T tau_joint              i_motor = sign_torque rated_current per mille / 1000
+
+An AXIS is one motor seen through its gear. The signs are the polarity (607E) that the drive tells.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_drivers.arm import ArmSettings, DriveSettings
+from armload_drivers.errors import CommandError
+from armload_drivers.objects import POLARITY_POSITION, POLARITY_TORQUE, DataType
+from armload_drivers.servos import FloatArray, JointCommand
+
+_COUNTS_LIMIT = DataType.I32.bounds[1]
+_PERMILLE_LIMIT = DataType.I16.bounds[1]
+
+
+def interpolation_time(cycle_s: float) -> tuple[int, int]:
+    """Cycle time as 60C2 has it: value (1 to 255) and power of ten, in seconds.
+
+    Raises:
+        CommandError: no such pair equals the cycle time.
+    """
+    for exponent in range(0, -7, -1):
+        value = cycle_s / 10.0**exponent
+        if 1 <= round(value) <= DataType.U8.bounds[1] and math.isclose(value, round(value), rel_tol=1e-9):
+            return round(value), exponent
+    raise CommandError(
+        f"cycle {cycle_s} s cannot be told to a drive (60C2 holds 1 to 255 times a power of ten); "
+        "choose a cycle such as 1, 2, 4, 5, 8, 10 or 20 ms"
+    )
+
+
+def microseconds(time_s: float) -> int:
+    """Seconds as 1006 has them."""
+    return round(time_s * 1e6)
+
+
+def milliseconds(time_s: float) -> int:
+    """Seconds as 1016, 1017 and event timers have them; at least 1, since 0 switches them off."""
+    return max(1, round(time_s * 1e3))
+
+
+@dataclass(frozen=True, slots=True)
+class AxisUnits:
+    """Scale of one drive.
+
+    Attributes:
+        counts_per_rad: Position units per radian of the axis, with the sign of 607E bit 7.
+        torque_nm_per_permille: Axis torque that one per mille means, with the sign of 607E bit 5.
+        current_a_per_permille: Motor current that one per mille means, likewise; None with torque feedback.
+    """
+
+    counts_per_rad: float
+    torque_nm_per_permille: float
+    current_a_per_permille: float | None
+
+    @classmethod
+    def of(cls, drive: DriveSettings, polarity: int = 0) -> AxisUnits:
+        """Units of a configured drive whose 607E reads `polarity`."""
+        position_sign = -1.0 if polarity & POLARITY_POSITION else 1.0
+        torque_sign = -1.0 if polarity & POLARITY_TORQUE else 1.0
+        current = drive.rated_current_a
+        return cls(
+            counts_per_rad=position_sign * drive.counts_per_rad,
+            torque_nm_per_permille=torque_sign * drive.rated_torque_nm * 1e-3,
+            current_a_per_permille=None if current is None else torque_sign * current * 1e-3,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RawAxes:
+    """One value per axis in drive units.
+
+    Attributes:
+        position_counts: 607A, 60C1:1 or 6064.
+        permille: 60B2, 6077 or 6078.
+    """
+
+    position_counts: list[int]
+    permille: list[int]
+
+
+class ArmUnits:
+    """Conversion of whole cycles, coupling and signs resolved.
+
+    Args:
+        arm: The arm.
+        polarity: 607E of every drive; zeros where None.
+
+    Attributes:
+        axes: Units per axis.
+        feedback: What all drives send.
+
+    Raises:
+        CommandError: some drives send current and others torque.
+    """
+
+    def __init__(self, arm: ArmSettings, polarity: Sequence[int] | None = None) -> None:
+        bits = [0] * len(arm.drives) if polarity is None else list(polarity)
+        self.axes = tuple(AxisUnits.of(drive, sign) for drive, sign in zip(arm.drives, bits, strict=True))
+        self._joints = tuple(drive.joint for drive in arm.drives)
+        coupling = np.asarray(arm.coupling, dtype=np.float64)
+        inverse = np.linalg.inv(coupling)
+        self._counts = counts = np.array([axis.counts_per_rad for axis in self.axes])
+        self._torque = torque = np.array([axis.torque_nm_per_permille for axis in self.axes])
+        self._counts_from_joint = counts[:, None] * inverse
+        self._joint_from_counts = coupling / counts
+        self._permille_from_joint = coupling.T / torque[:, None]
+        self._joint_from_permille = inverse.T * torque
+        kinds = {drive.feedback for drive in arm.drives}
+        if len(kinds) != 1:
+            raise CommandError(
+                "all drives of an arm have to send the same kind of feedback, current or torque"
+            )
+        self.feedback = kinds.pop()
+        self._current = np.array(
+            [
+                np.nan if axis.current_a_per_permille is None else axis.current_a_per_permille
+                for axis in self.axes
+            ]
+        )
+        self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
+        self._inverse = inverse
+        self._arm = arm
+
+    def targets(self, command: JointCommand) -> RawAxes:
+        """Setpoints of one cycle in drive units.
+
+        Args:
+            command: Joint setpoints.
+
+        Returns:
+            Target positions and torque offsets, rounded to the nearest.
+
+        Raises:
+            CommandError: a value is not finite, does not fit its object, or asks a torque offset of a drive
+                that has none.
+        """
+        counts = np.rint(self._counts_from_joint @ command.position_rad)
+        permille = np.rint(self._permille_from_joint @ command.torque_offset_nm)
+        # Comparisons with NaN are false, so this catches what is not finite as well.
+        if not (np.abs(counts) <= _COUNTS_LIMIT).all():
+            raise self._refused("target position", "rad", command.position_rad, counts, _COUNTS_LIMIT)
+        if not (np.abs(permille) <= _PERMILLE_LIMIT).all():
+            raise self._refused("torque offset", "N m", command.torque_offset_nm, permille, _PERMILLE_LIMIT)
+        if not self._takes_offset.all() and permille[~self._takes_offset].any():
+            without = [j for j, takes in zip(self._joints, self._takes_offset, strict=True) if not takes]
+            raise CommandError(
+                f"the drives of {', '.join(without)} take no torque offset (60B2); run without feed-forward "
+                "or leave these joints out of it"
+            )
+        return RawAxes(counts.astype(np.int64).tolist(), permille.astype(np.int64).tolist())
+
+    def measured(self, axis_position_rad: FloatArray, axis_torque_nm: FloatArray) -> RawAxes:
+        """What drives report, quantised, and saturated as drives do it.
+
+        Torque and current are the same in per mille: a drive knows one ratio between them, and the settings
+        mean the same state by 1000 per mille of the one and of the other.
+
+        Args:
+            axis_position_rad: (n,) axis positions.
+            axis_torque_nm: (n,) axis torques.
+        """
+        counts = np.rint(self._counts * axis_position_rad).clip(-_COUNTS_LIMIT, _COUNTS_LIMIT)
+        permille = np.rint(axis_torque_nm / self._torque).clip(-_PERMILLE_LIMIT, _PERMILLE_LIMIT)
+        return RawAxes(counts.astype(np.int64).tolist(), permille.astype(np.int64).tolist())
+
+    def _refused(self, what: str, unit: str, values: FloatArray, raw: FloatArray, limit: int) -> CommandError:
+        """Error naming the first axis whose value does not fit."""
+        axis = int(np.flatnonzero(~(np.abs(raw) <= limit))[0])
+        return CommandError(
+            f"{self._joints[axis]}: {what} {values[axis]} {unit} is {raw[axis]} in drive units, outside "
+            f"+-{limit}. The setpoint is wrong or the scaling in the configuration is"
+        )
+
+    def joint_position_rad(self, counts: Sequence[int]) -> FloatArray:
+        """(n,) joint positions of the drives' 6064."""
+        return self._joint_from_counts @ np.array(counts, dtype=np.float64)
+
+    def joint_torque_nm(self, permille: Sequence[int]) -> FloatArray:
+        """(n,) joint torques of the drives' 6077."""
+        return self._joint_from_permille @ np.array(permille, dtype=np.float64)
+
+    def motor_current_a(self, permille: Sequence[int]) -> FloatArray:
+        """(n,) motor currents of the drives' 6078."""
+        return self._current * np.array(permille, dtype=np.float64)
+
+    def position_limits_counts(self, axis: int) -> tuple[int, int]:
+        """607D of one axis: the joints' limits, widened to the box that contains every coupled position."""
+        row = self._inverse[axis]
+        lower = np.array([drive.position_min_rad for drive in self._arm.drives])
+        upper = np.array([drive.position_max_rad for drive in self._arm.drives])
+        ends = np.stack([row * lower, row * upper])
+        span = np.array([ends.min(axis=0).sum(), ends.max(axis=0).sum()]) * self.axes[axis].counts_per_rad
+        limit = float(_COUNTS_LIMIT)
+        return math.floor(max(span.min(), -limit)), math.ceil(min(span.max(), limit))
