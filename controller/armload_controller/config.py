@@ -1,229 +1,35 @@
-"""Robots from TOML: what a file may hold, and what the other layers get made from it.
+"""Robots from TOML: reading, checking, and what the other layers get made from a file.
 
-Every key carries its unit, every limit must be given, an unknown key is an error. A problem is reported as
-file, key, value and what was expected. Three kinds of file are accepted by the same model: an arm on a bus
-(`[bus]` and a `drive` per joint), an arm known from logs (`[log]`), and either with a `[simulation]`.
+Three kinds of file are accepted by the same tables (`schema`): an arm on a bus (`[bus]` and a drive per joint),
+an arm known from logs (`[log]`), and either with a `[simulation]`. What a file says is checked beyond its
+form: counts, the bus load, and whether the joints can hold the payloads it names.
 """
 
 from __future__ import annotations
 
-import difflib
 import math
 import tomllib
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from armload_identification.signals import Transmission
+from pydantic import ValidationError
 
 from armload_controller.errors import ConfigurationError
+from armload_controller.limits import MotionLimits
+from armload_controller.schema import BusTable, PayloadTable, RobotFile, SimulationTable, explained
 from armload_drivers.arm import ArmSettings, DriveSettings, EffortFeedback, Identity, OperationMode
-from armload_drivers.bus_budget import forecast
-from armload_drivers.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody
+from armload_drivers.bus_budget import require_room
+from armload_drivers.errors import BusOverload
+from armload_drivers.plant_spec import PlantJoint, PlantSpec, PlantVariant
 from armload_drivers.servos import FloatArray
-from armload_identification.chain import Chain
-from armload_identification.excitation import ExcitationLimits
+from armload_identification.chain import Chain, pose_from_xyz_rpy
 from armload_identification.fourier import Excitation, read_excitation
 from armload_identification.payload import InertialParameters
 from armload_identification.recording import CsvColumns
 from armload_identification.regressor import payload_torque
-from armload_identification.signals import Transmission
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
-class _Inertia(_Table):
-    ixx: float
-    iyy: float
-    izz: float
-    ixy: float
-    ixz: float
-    iyz: float
-
-    def tensor(self) -> FloatArray:
-        return np.array(
-            [[self.ixx, self.ixy, self.ixz], [self.ixy, self.iyy, self.iyz], [self.ixz, self.iyz, self.izz]]
-        )
-
-
-class _Body(_Table):
-    mass_kg: Positive
-    center_of_mass_m: Vector3
-    inertia_kg_m2: _Inertia
-
-    def rigid_body(self) -> RigidBody:
-        return RigidBody(self.mass_kg, np.array(self.center_of_mass_m), self.inertia_kg_m2.tensor())
-
-
-class _Payload(_Body):
-    def inertial(self) -> InertialParameters:
-        return InertialParameters.from_center_of_mass(
-            self.mass_kg, np.array(self.center_of_mass_m), self.inertia_kg_m2.tensor()
-        )
-
-    @model_validator(mode="after")
-    def _possible(self) -> _Payload:
-        if not self.inertial().is_physical:
-            raise ValueError(
-                "no mass distribution has this inertia about its centre of mass: the principal moments must be "
-                "positive and each at most the sum of the other two"
-            )
-        return self
-
-
-class _Robot(_Table):
-    name: str
-    description: str
-    rated_payload_kg: Positive
-    gravity_m_s2: Vector3
-
-
-class _Pose(_Table):
-    xyz_m: Vector3
-    rpy_rad: Vector3
-
-
-class _DhRow(_Table):
-    alpha_rad: float
-    a_m: float
-    d_m: float
-    theta_rad: float
-
-
-class _Origin(_Pose):
-    axis: Vector3
-
-
-class _Kinematics(_Table):
-    convention: Literal["modified-dh", "standard-dh", "joint-origins"]
-    rows: list[_DhRow] | None = None
-    origins: list[_Origin] | None = None
-    flange: _Pose
-
-    @model_validator(mode="after")
-    def _one_description(self) -> _Kinematics:
-        wanted, other = ("origins", "rows") if self.convention == "joint-origins" else ("rows", "origins")
-        if getattr(self, wanted) is None or getattr(self, other) is not None:
-            raise ValueError(f'with convention = "{self.convention}" give {wanted} and not {other}')
-        return self
-
-    @property
-    def n(self) -> int:
-        return len(self.rows or self.origins or ())
-
-
-class _Transmission(_Table):
-    coupling: list[list[float]]
-
-
-class _Excitation(_Table):
-    identification: str
-    validation: str
-
-
-class _Bus(_Table):
-    interface: str
-    channel: str
-    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
-    cycle_hz: Annotated[float, Field(gt=0, le=1000)]
-    heartbeat_s: Positive
-    max_missing_cycles: Annotated[int, Field(ge=0)]
-
-
-class _Log(_Table):
-    time_column: Annotated[int, Field(ge=0)]
-    position_columns: list[int]
-    velocity_columns: list[int] | None = None
-    current_columns: list[int]
-
-
-class _Identity(_Table):
-    vendor_id: int
-    product_code: int
-    revision: int | None = None
-
-
-class _Drive(_Table):
-    node_id: Annotated[int, Field(ge=1, le=127)]
-    mode: Literal["csp", "ip"]
-    feedback: Literal["current", "torque"]
-    counts_per_axis_turn: Positive
-    rated_current_a: Positive | None = None
-    rated_torque_nm: Positive
-    max_torque_permille: Annotated[int, Field(ge=1, le=65535)]
-    following_error_rad: Positive
-    has_brake: bool
-    identity: _Identity | None = None
-
-    @model_validator(mode="after")
-    def _rated_current(self) -> _Drive:
-        if self.feedback == "current" and self.rated_current_a is None:
-            raise ValueError('feedback = "current" needs rated_current_a: 6078 is per mille of it')
-        return self
-
-
-class _Joint(_Table):
-    name: str
-    position_min_rad: float
-    position_max_rad: float
-    velocity_max_rad_s: Positive
-    acceleration_max_rad_s2: Positive
-    jerk_max_rad_s3: Positive
-    torque_max_nm: Positive
-    torque_noise_nm: Positive
-    gear_ratio: Positive | None = None
-    torque_constant_nm_a: Positive | None = None
-    drive: _Drive | None = None
-
-    @model_validator(mode="after")
-    def _ordered(self) -> _Joint:
-        if self.position_min_rad >= self.position_max_rad:
-            raise ValueError(
-                f"position_min_rad = {self.position_min_rad} is not below position_max_rad = "
-                f"{self.position_max_rad}: exchange them"
-            )
-        return self
-
-
-class _SimulatedJoint(_Table):
-    link: _Body
-    reflected_rotor_inertia_kg_m2: NonNegative
-    coulomb_nm: NonNegative
-    viscous_nm_s_rad: NonNegative
-    stribeck_nm: NonNegative
-    stribeck_velocity_rad_s: Positive
-    load_friction: Annotated[float, Field(ge=0, lt=1)]
-    torque_ripple_nm: NonNegative
-    ripple_per_motor_turn: Annotated[int, Field(ge=1)]
-
-
-class _Simulation(_Table):
-    seed: int
-    payload: str
-    start_position_rad: list[float]
-    variant: Literal["normative", "harsh"] = "normative"
-    payloads: dict[str, _Payload]
-    joints: list[_SimulatedJoint]
-
-
-class _File(_Table):
-    robot: _Robot
-    kinematics: _Kinematics
-    transmission: _Transmission | None = None
-    expected_payload: _Payload | None = None
-    excitation: _Excitation | None = None
-    bus: _Bus | None = None
-    log: _Log | None = None
-    joints: Annotated[list[_Joint], Field(min_length=1)]
-    simulation: _Simulation | None = None
 
 
 @dataclass(frozen=True)
@@ -239,10 +45,11 @@ class Robot:
     file: str
     text: str
     excitations: dict[str, Excitation]
-    _model: _File
+    _model: RobotFile
 
     @property
     def name(self) -> str:
+        """Name of the robot."""
         return self._model.robot.name
 
     @property
@@ -252,10 +59,11 @@ class Robot:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, from the base to the flange."""
         return tuple(joint.name for joint in self._model.joints)
 
     @property
-    def bus(self) -> _Bus:
+    def bus(self) -> BusTable:
         """The bus.
 
         Raises:
@@ -282,9 +90,9 @@ class Robot:
         given = {"interface": interface, "channel": channel, "bitrate": bitrate, "cycle_hz": cycle_hz}
         values = self.bus.model_dump() | {key: value for key, value in given.items() if value is not None}
         try:
-            bus = _Bus.model_validate(values)
+            bus = BusTable.model_validate(values)
         except ValidationError as error:
-            raise _explained("command line", error, prefix="bus") from error
+            raise explained("command line", error, prefix="bus") from error
         robot = replace(self, _model=self._model.model_copy(update={"bus": bus}))
         _check_bus_load(robot)
         return robot
@@ -292,7 +100,7 @@ class Robot:
     def chain(self) -> Chain:
         """Kinematics up to the flange, and gravity."""
         kinematics = self._model.kinematics
-        flange = _transform(kinematics.flange)
+        flange = pose_from_xyz_rpy(kinematics.flange.xyz_m, kinematics.flange.rpy_rad)
         gravity = np.array(self._model.robot.gravity_m_s2)
         if kinematics.origins is not None:
             return Chain.from_origins(
@@ -320,7 +128,10 @@ class Robot:
             for key in ("gear_ratio", "torque_constant_nm_a"):
                 if getattr(joint, key) is None:
                     raise ConfigurationError(
-                        self.file, f"joints[{i + 1}].{key}", None, "needed to turn this joint's current into torque"
+                        self.file,
+                        f"joints[{i + 1}].{key}",
+                        None,
+                        "needed to turn this joint's current into torque",
                     )
             gains.append(float(joint.gear_ratio or 0) * float(joint.torque_constant_nm_a or 0))
         return Transmission(np.array(gains), self.coupling())
@@ -331,20 +142,21 @@ class Robot:
             return np.eye(self.n)
         return np.array(self._model.transmission.coupling)
 
-    def limits(self) -> ExcitationLimits:
-        """Position, velocity and acceleration limits of the joints."""
+    def motion_limits(self) -> MotionLimits:
+        """What the joints may do; without a drive a joint has no window for its following error."""
         joints = self._model.joints
-        return ExcitationLimits(
-            np.array([j.position_min_rad for j in joints]),
-            np.array([j.position_max_rad for j in joints]),
-            np.array([j.velocity_max_rad_s for j in joints]),
-            np.array([j.acceleration_max_rad_s2 for j in joints]),
+        return MotionLimits(
+            joint_names=self.joint_names,
+            position_min_rad=np.array([j.position_min_rad for j in joints]),
+            position_max_rad=np.array([j.position_max_rad for j in joints]),
+            velocity_max_rad_s=np.array([j.velocity_max_rad_s for j in joints]),
+            acceleration_max_rad_s2=np.array([j.acceleration_max_rad_s2 for j in joints]),
+            jerk_max_rad_s3=np.array([j.jerk_max_rad_s3 for j in joints]),
+            following_error_rad=np.array([j.drive.following_error_rad if j.drive else np.inf for j in joints]),
         )
 
-    def jerk_max_rad_s3(self) -> FloatArray:
-        return np.array([j.jerk_max_rad_s3 for j in self._model.joints])
-
     def torque_max_nm(self) -> FloatArray:
+        """(n,) greatest torque of each joint."""
         return np.array([j.torque_max_nm for j in self._model.joints])
 
     def torque_noise_nm(self) -> FloatArray:
@@ -379,7 +191,9 @@ class Robot:
         for i, joint in enumerate(self._model.joints):
             drive = joint.drive
             if drive is None:
-                raise ConfigurationError(self.file, f"joints[{i + 1}].drive", None, "an arm on a bus needs one per joint")
+                raise ConfigurationError(
+                    self.file, f"joints[{i + 1}].drive", None, "an arm on a bus needs one per joint"
+                )
             identity = drive.identity
             drives.append(
                 DriveSettings(
@@ -469,12 +283,12 @@ class Robot:
             variant=PlantVariant(simulation.variant),
         )
 
-    def _simulation(self) -> _Simulation:
+    def _simulation(self) -> SimulationTable:
         if self._model.simulation is None:
             raise ConfigurationError(self.file, "simulation", None, "this robot has no simulated twin")
         return self._model.simulation
 
-    def _payload(self, name: str) -> _Payload:
+    def _payload(self, name: str) -> PayloadTable:
         payloads = self._simulation().payloads
         if name not in payloads:
             known = ", ".join(sorted(payloads))
@@ -508,9 +322,9 @@ def load_robot(name_or_path: str) -> Robot:
     except OSError as error:
         raise ConfigurationError(file, "(file)", error.strerror, "a readable file") from error
     try:
-        model = _File.model_validate(values)
+        model = RobotFile.model_validate(values)
     except ValidationError as error:
-        raise _explained(file, error) from error
+        raise explained(file, error) from error
     _check_counts(file, model)
     excitations: dict[str, Excitation] = {}
     if model.excitation is not None:
@@ -540,50 +354,7 @@ def _find(name_or_path: str) -> Path:
     return path
 
 
-def _explained(file: str, error: ValidationError, prefix: str = "") -> ConfigurationError:
-    """The first problem pydantic found, in this project's form."""
-    problems = error.errors()
-    first = problems[0]
-    key = _dotted((prefix, *first["loc"]) if prefix else first["loc"])
-    found: object = first["input"]
-    expected = first["msg"].removeprefix("Value error, ")
-    match first["type"]:
-        case "missing":
-            found, expected = None, "this key is required; nothing is assumed in its place"
-        case "extra_forbidden":
-            found, expected = first["input"], "unknown key" + _nearest(first["loc"])
-        case kind if isinstance(found, dict | list) and kind == "value_error":
-            found = "(table)"
-    if len(problems) > 1:
-        expected += f" (and {len(problems) - 1} more problems in this file)"
-    return ConfigurationError(file, key, found, expected)
-
-
-def _dotted(loc: tuple[int | str, ...]) -> str:
-    """Path of a key as a reader counts: the first joint is joints[1]."""
-    text = ""
-    for part in loc:
-        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return text
-
-
-def _nearest(loc: tuple[int | str, ...]) -> str:
-    """', did you mean x?' for an unknown key."""
-    table: type[BaseModel] | None = _File
-    for part in loc[:-1]:
-        if isinstance(part, str) and table is not None and part in table.model_fields:
-            table = _table_of(table.model_fields[part].annotation)
-    close = difflib.get_close_matches(str(loc[-1]), table.model_fields if table else (), n=1, cutoff=0.5)
-    return f": did you mean {close[0]}?" if close else ""
-
-
-def _table_of(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    return next((table for a in get_args(annotation) if (table := _table_of(a)) is not None), None)
-
-
-def _check_counts(file: str, model: _File) -> None:
+def _check_counts(file: str, model: RobotFile) -> None:
     n = len(model.joints)
     names = [joint.name for joint in model.joints]
     if len(set(names)) != n:
@@ -594,7 +365,7 @@ def _check_counts(file: str, model: _File) -> None:
         coupling = model.transmission.coupling
         if len(coupling) != n or any(len(row) != n for row in coupling):
             raise ConfigurationError(file, "transmission.coupling", coupling, f"{n} rows of {n} numbers")
-        if abs(np.linalg.det(np.array(coupling))) < 1e-6:  # noqa: PLR2004
+        if abs(np.linalg.det(np.array(coupling))) < 1e-6:
             raise ConfigurationError(file, "transmission.coupling", coupling, "an invertible matrix")
     if model.simulation is not None:
         for key in ("joints", "start_position_rad"):
@@ -620,12 +391,12 @@ def _check_excitations(robot: Robot) -> None:
 def _check_strength(robot: Robot) -> None:
     """Refuse payloads that the arm is not made for or that its joints cannot hold up."""
     model = robot._model  # noqa: SLF001
-    payloads: dict[str, _Payload] = {}
+    payloads: dict[str, PayloadTable] = {}
     if model.expected_payload is not None:
         payloads["expected_payload"] = model.expected_payload
     if model.simulation is not None:
         payloads |= {f"simulation.payloads.{name}": p for name, p in model.simulation.payloads.items()}
-    chain, limits = robot.chain(), robot.limits()
+    chain, limits = robot.chain(), robot.motion_limits()
     rng = np.random.default_rng(0)
     q = rng.uniform(limits.position_min_rad, limits.position_max_rad, (512, robot.n))
     still = np.zeros_like(q)
@@ -648,13 +419,7 @@ def _check_strength(robot: Robot) -> None:
 
 
 def _check_bus_load(robot: Robot) -> None:
-    arm = robot.arm_settings()
-    load = forecast(arm)
-    if load.share > arm.max_bus_load:
-        raise ConfigurationError(
-            robot.file,
-            "bus.cycle_hz",
-            robot.bus.cycle_hz,
-            f"at most {load.max_cycle_hz:.0f} on this bus of {arm.bitrate} bit/s: {robot.n} joints would need "
-            f"{load.share:.0%} of it in the worst case, {arm.max_bus_load:.0%} is allowed",
-        )
+    try:
+        require_room(robot.arm_settings())
+    except BusOverload as error:
+        raise ConfigurationError(robot.file, "bus.cycle_hz", robot.bus.cycle_hz, str(error)) from error

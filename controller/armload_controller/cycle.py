@@ -102,13 +102,11 @@ class Cycle:
                 progress(row + 1)
         except MotionError:
             raise
-        except BaseException as error:
+        except BaseException as error:  # noqa: BLE001 - whatever it is, the arm is brought to rest first
             self._bring_to_rest(cause_of(error), error)
         return tally.summary(len(plan))
 
-    def _one(
-        self, plan: MotionPlan, row: int, follower: RuckigFollower, recorder: Recorder, tally: _Tally
-    ) -> None:
+    def _one(self, plan: MotionPlan, row: int, follower: RuckigFollower, recorder: Recorder, tally: _Tally) -> None:
         """Send one setpoint, judge and record the answer."""
         position, velocity, acceleration = follower.follow(
             plan.position_rad[row], plan.velocity_rad_s[row], plan.acceleration_rad_s2[row]
@@ -134,7 +132,12 @@ class Cycle:
             )
 
     def _stop_along_path(
-        self, plan: MotionPlan, row: int, path: FourierTrajectory, follower: RuckigFollower, recorder: Recorder
+        self,
+        plan: MotionPlan,
+        row: int,
+        path: FourierTrajectory,
+        follower: RuckigFollower,
+        recorder: Recorder,
     ) -> None:
         """Come to rest on the path where the plan is on it; the quick stop does the rest."""
         if row > 0 and plan.segment[row - 1] is not Segment.APPROACH:

@@ -58,7 +58,10 @@ class LimitViolation(ControlError):
 
 
 def check_setpoints(
-    position_rad: FloatArray, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray, limits: MotionLimits
+    position_rad: FloatArray,
+    velocity_rad_s: FloatArray,
+    acceleration_rad_s2: FloatArray,
+    limits: MotionLimits,
 ) -> None:
     """Check one setpoint (n,) or a whole plan (N, n).
 

@@ -39,7 +39,9 @@ class Recorder:
         try:
             self._file: io.BufferedWriter = path.open("xb")
         except FileExistsError as error:
-            raise CommissioningError(f"{path} exists: recordings are never overwritten, choose another --output") from error
+            raise CommissioningError(
+                f"{path} exists: recordings are never overwritten, choose another --output"
+            ) from error
         except OSError as error:
             raise CommissioningError(f"{path}: {error.strerror}: choose an --output that can be written") from error
         self._writer = Writer(self._file)
@@ -60,9 +62,7 @@ class Recorder:
         self._writer.finish()
         self._file.close()
 
-    def write(
-        self, feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None
-    ) -> None:
+    def write(self, feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None) -> None:
         """Record one cycle; `phase_s` is None outside the whole periods."""
         message: dict[str, object] = {
             "cycle": feedback.cycle,

@@ -58,10 +58,12 @@ DECISIONS: dict[Cause, Decision] = {
     Cause.OPERATOR: Decision(StopCategory.ALONG_PATH, "start again when ready"),
     Cause.LIMIT: Decision(StopCategory.QUICK_STOP, "correct the excitation or the limits in the configuration"),
     Cause.DEVIATION: Decision(
-        StopCategory.QUICK_STOP, "the reference asks for more than the joints' limits allow: design a slower excitation"
+        StopCategory.QUICK_STOP,
+        "the reference asks for more than the joints' limits allow: design a slower excitation",
     ),
     Cause.FOLLOWING_ERROR: Decision(
-        StopCategory.QUICK_STOP, "look for a collision, an engaged brake, a wrong gear ratio or too small a window"
+        StopCategory.QUICK_STOP,
+        "look for a collision, an engaged brake, a wrong gear ratio or too small a window",
     ),
     Cause.MISSING_FEEDBACK: Decision(StopCategory.QUICK_STOP, "check the drive's supply, its cable and the bus load"),
     Cause.DRIVE_FAULT: Decision(StopCategory.QUICK_STOP, "clear the cause at the drive, then reset it by name"),

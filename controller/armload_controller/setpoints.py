@@ -89,9 +89,7 @@ class MotionPlan:
         return len(self.segment)
 
 
-def plan_run(
-    start_rad: FloatArray, excitation: Excitation, limits: MotionLimits, cycle_s: float
-) -> MotionPlan:
+def plan_run(start_rad: FloatArray, excitation: Excitation, limits: MotionLimits, cycle_s: float) -> MotionPlan:
     """Approach, ramp up, whole periods, ramp down.
 
     Args:
