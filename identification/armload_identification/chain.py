@@ -89,9 +89,7 @@ class Chain:
         """
         table = _array("rows", rows, (None, 4))
         placement = np.array([_rot_x(al) @ _shift(a, 0.0, d) @ _rot_z(off) for al, a, d, off in table])
-        return cls(
-            placement.reshape(-1, 4, 4), _z_axes(len(table)), np.asarray(flange), np.asarray(gravity_m_s2)
-        )
+        return cls(placement.reshape(-1, 4, 4), _z_axes(len(table)), np.asarray(flange), np.asarray(gravity_m_s2))
 
     @classmethod
     def from_standard_dh(cls, rows: ArrayLike, flange: ArrayLike, gravity_m_s2: ArrayLike) -> Chain:
@@ -143,9 +141,7 @@ class Chain:
         origin = _array("xyz_m", xyz_m, (None, 3))
         angles = _array("rpy_rad", rpy_rad, (len(origin), 3))
         placement = np.array([pose_from_xyz_rpy(p, a) for p, a in zip(origin, angles, strict=True)])
-        return cls(
-            placement.reshape(-1, 4, 4), np.asarray(axis), np.asarray(flange), np.asarray(gravity_m_s2)
-        )
+        return cls(placement.reshape(-1, 4, 4), np.asarray(axis), np.asarray(flange), np.asarray(gravity_m_s2))
 
     def head(self, joints: int) -> Chain:
         """The first joints alone, with the flange in the frame of the last of them.
@@ -239,9 +235,7 @@ def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatA
     except (TypeError, ValueError) as error:
         raise ModelError(f"{name} is not an array of numbers: {error}") from error
     wanted = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ")"
-    if array.ndim != len(shape) or any(
-        s is not None and s != a for s, a in zip(shape, array.shape, strict=True)
-    ):
+    if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
         raise ModelError(f"{name} has the shape {array.shape}; expected {wanted}")
     if not np.all(np.isfinite(array)):
         raise ModelError(f"{name} holds a number that is not finite: {array.tolist()}")
@@ -254,8 +248,7 @@ def _require_pose(name: str, pose: FloatArray) -> None:
     orthonormal = np.allclose(rotation.T @ rotation, np.eye(3), rtol=0.0, atol=_ROTATION_TOLERANCE)
     if not orthonormal or np.linalg.det(rotation) < 0.0 or not np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0]):
         raise ModelError(
-            f"{name} is no pose: {pose.tolist()}; expected a right-handed rotation, a "
-            "position and the row 0 0 0 1"
+            f"{name} is no pose: {pose.tolist()}; expected a right-handed rotation, a position and the row 0 0 0 1"
         )
 
 

@@ -64,7 +64,7 @@ class InertialParameters:
             raise ModelError(
                 f"centre of mass has the shape {center.shape}, inertia {inertia.shape}; expected (3,) and (3, 3)"
             )
-        if not np.allclose(inertia, inertia.T, rtol=1e-9, atol=0.0):
+        if not np.allclose(inertia, inertia.T, rtol=0.0, atol=1e-9 * float(np.max(np.abs(inertia)))):
             raise ModelError(f"inertia {inertia.tolist()} is not symmetric")
         about_origin = inertia + mass_kg * (center @ center * np.eye(3) - np.outer(center, center))
         return cls(np.concatenate([[mass_kg], mass_kg * center, _six(about_origin)]))
@@ -103,20 +103,20 @@ class InertialParameters:
         return np.asarray(self.theta[1:4] / self.theta[0])
 
     @property
-    def inertia_about_origin_kg_m2(self) -> FloatArray:
-        """(3, 3) inertia tensor about the frame's origin."""
+    def inertia_about_origin(self) -> FloatArray:
+        """(3, 3) inertia tensor about the frame's origin, in kg m2."""
         ixx, iyy, izz, ixy, ixz, iyz = self.theta[4:]
         return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
 
     @property
-    def inertia_about_com_kg_m2(self) -> FloatArray:
-        """(3, 3) inertia tensor about the centre of mass, in the frame's axes.
+    def inertia_about_com(self) -> FloatArray:
+        """(3, 3) inertia tensor about the centre of mass, in the frame's axes, in kg m2.
 
         Raises:
             ModelError: the mass is zero.
         """
         c = self.center_of_mass_m
-        return self.inertia_about_origin_kg_m2 - self.mass_kg * (c @ c * np.eye(3) - np.outer(c, c))
+        return self.inertia_about_origin - self.mass_kg * (c @ c * np.eye(3) - np.outer(c, c))
 
     @property
     def pseudo_inertia(self) -> FloatArray:
@@ -126,7 +126,7 @@ class InertialParameters:
             Wensing, Kim, Slotine, Linear matrix inequalities for physically consistent inertial parameter
             identification, IEEE RA-L 3(1), 2018, eq. (7).
         """
-        inertia = self.inertia_about_origin_kg_m2
+        inertia = self.inertia_about_origin
         matrix = np.empty((4, 4))
         matrix[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
         matrix[:3, 3] = matrix[3, :3] = self.theta[1:4]

@@ -6,9 +6,9 @@ theta = [m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz], inertia as TENSOR e
 about the ORIGIN of the body's frame: the flange for a payload, the joint frame for a link.
 
 Rules of this file. Kernels have explicit signatures and a cache, take packed arrays and no `@`, np.dot or
-np.linalg (those would load scipy.linalg); multiply and add may be fused. One forward pass in base coordinates gives every frame's motion;
-every row is then the joint's motion at the body, contracted with the body's momentum balance. Gravity is
-an upward acceleration of the base.
+np.linalg (those would load scipy.linalg); multiply and add may be fused. One forward pass in base
+coordinates gives every frame's motion; every row is then the joint's motion at the body, contracted with
+the body's momentum balance. Gravity is an upward acceleration of the base.
 """
 
 from __future__ import annotations
@@ -442,7 +442,6 @@ def _states(chain: Chain, *arrays: ArrayLike) -> tuple[list[FloatArray], bool]:
     for name, state in zip(("q", "dq", "ddq"), states, strict=True):
         if state.ndim not in (1, 2) or state.shape[-1] != chain.n or state.shape != shape:
             raise ModelError(
-                f"{name} has the shape {state.shape}, q has {shape}; expected "
-                f"one shape (N, {chain.n}) or ({chain.n},)"
+                f"{name} has the shape {state.shape}, q has {shape}; expected one shape (N, {chain.n}) or ({chain.n},)"
             )
     return [s.reshape(-1, chain.n) for s in states], len(shape) == 1
