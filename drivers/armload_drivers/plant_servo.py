@@ -84,10 +84,10 @@ def setpoint(state: FloatArray, axis: int, step: float) -> float:
     """
     elapsed = step - state[RAMP_BEGIN, axis]
     if elapsed >= state[RAMP_STEPS, axis]:
-        return state[RAMP_TO, axis]
+        return float(state[RAMP_TO, axis])
     share = elapsed / state[RAMP_STEPS, axis]
     share += state[RAMP_SLOWING, axis] * share * (1.0 - share)
-    return state[RAMP_FROM, axis] + (state[RAMP_TO, axis] - state[RAMP_FROM, axis]) * share
+    return float(state[RAMP_FROM, axis] + (state[RAMP_TO, axis] - state[RAMP_FROM, axis]) * share)
 
 
 @njit(
