@@ -1,4 +1,4 @@
-"""A payload's ten inertial parameters, and whether any body can have them."""
+"""A payload's ten inertial parameters, whether any body can have them, and what identification says of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PARAMETER_NAMES = ("mass", "cx", "cy", "cz", "ixx", "iyy", "izz", "ixy", "ixz", 
 """The ten in the order used everywhere: mass, centre of mass, tensor elements."""
 
 SMALLEST_MARGIN = 1e-6
-"""A body that is written out has at least this margin (DESIGN.md, contracts on disk)."""
+"""A body that is written out has at least this margin, after reading the file back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +158,58 @@ class InertialParameters:
         if matrix.shape != (4, 4):
             raise ModelError(f"pose has the shape {matrix.shape}; expected (4, 4)")
         return InertialParameters.from_pseudo_inertia(matrix @ self.pseudo_inertia @ matrix.T)
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What a payload was identified from.
+
+    Attributes:
+        armload_version: Version of the program.
+        configuration_sha256: Hash of the robot's configuration file.
+        recordings_sha256: File name and hash of each recording.
+    """
+
+    armload_version: str
+    configuration_sha256: str
+    recordings_sha256: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PayloadResult:
+    """What an identification says about a payload: the content of a payload file.
+
+    The ten values, their flags and intervals are in the order of `PARAMETER_NAMES`: mass, centre of mass, and
+    the inertia's tensor elements about the CENTRE OF MASS.
+
+    Attributes:
+        frame: Name of the frame that everything is told in.
+        model: The complete, physically possible set for the feed-forward. Determined values are the same numbers.
+        determined: (10,) True where the data determine the value.
+        interval_95: (10, 2) low and high end of the 95 % interval; nan where not determined.
+        residual_rms_nm: (n,) measured minus predicted torque, per joint.
+        noise_nm: (n,) standard deviation of the measured torque's noise, per joint, on the same signal.
+        provenance: What the result was made from.
+    """
+
+    frame: str
+    model: InertialParameters
+    determined: NDArray[np.bool_]
+    interval_95: FloatArray
+    residual_rms_nm: FloatArray
+    noise_nm: FloatArray
+    provenance: Provenance
+
+    @property
+    def values(self) -> FloatArray:
+        """(10,) mass, centre of mass, tensor elements about it, in kg, m, kg m2; all ten of the model."""
+        model = self.model
+        return np.concatenate([[model.mass_kg], model.center_of_mass_m, _six(model.inertia_about_com)])
+
+    @property
+    def feedforward_ready(self) -> bool:
+        """True where mass and centre of mass are determined, without which no torque may be fed forward."""
+        return bool(np.all(self.determined[:4]))
 
 
 def _six(tensor: FloatArray) -> FloatArray:

@@ -108,7 +108,7 @@ class TomlTable:
             raise self.refuse(key, expected)
         return array
 
-    def keys(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
         """All keys of the table; asking for them makes them known."""
         self._known.update(self._values)
         return tuple(self._values)
