@@ -14,7 +14,6 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from armload_identification.signals import Transmission
 from pydantic import ValidationError
 
 from armload_controller.errors import ConfigurationError
@@ -30,6 +29,7 @@ from armload_identification.fourier import Excitation, read_excitation
 from armload_identification.payload import InertialParameters
 from armload_identification.recording import CsvColumns
 from armload_identification.regressor import payload_torque
+from armload_identification.signals import Transmission
 
 
 @dataclass(frozen=True)

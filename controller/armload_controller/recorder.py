@@ -7,12 +7,12 @@ system, so that a crash or a kill -9 loses less than a quarter of a second.
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+import orjson
 from mcap.writer import Writer
 
 from armload_controller.errors import CommissioningError
@@ -48,7 +48,7 @@ class Recorder:
         self._writer.start(profile="", library="armload")
         for name, text in attachments.items():
             self._writer.add_attachment(0, 0, name, _media_type(name), text.encode())
-        schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", json.dumps(MESSAGE_SCHEMA).encode())
+        schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", orjson.dumps(MESSAGE_SCHEMA))
         self._channel = self._writer.register_channel(TOPIC, "json", schema)
         self._flushed_s = -float("inf")
         self.rows = 0
@@ -69,18 +69,19 @@ class Recorder:
             "time_s": feedback.time_s,
             "phase_s": phase_s,
             "segment": segment,
-            "command_position_rad": command.position_rad.tolist(),
-            "position_rad": feedback.position_rad.tolist(),
+            "command_position_rad": command.position_rad,
+            "position_rad": feedback.position_rad,
         }
         for key in ("velocity_rad_s", "current_a", "torque_nm"):
             values = getattr(feedback, key)
             if values is not None:
-                message[key] = values.tolist()
-        message["torque_offset_nm"] = command.torque_offset_nm.tolist()
-        message["statusword"] = feedback.statusword.tolist()
-        message["missing"] = feedback.missing.tolist()
+                message[key] = values
+        message["torque_offset_nm"] = command.torque_offset_nm
+        message["statusword"] = feedback.statusword
+        message["missing"] = feedback.missing
         stamp_ns = round(feedback.time_s * 1e9)
-        self._writer.add_message(self._channel, stamp_ns, json.dumps(message).encode(), stamp_ns, feedback.cycle)
+        data = orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY)
+        self._writer.add_message(self._channel, stamp_ns, data, stamp_ns, feedback.cycle)
         self.rows += 1
         if feedback.time_s - self._flushed_s >= FLUSH_S:
             self._writer.flush()

@@ -38,6 +38,8 @@ APPROACH_SHARE = 0.25
 """Share of the velocity and acceleration limits that the approach uses."""
 RAMP_ACCELERATION_SHARE = 0.95
 """Share of a joint's acceleration limit that path and ramp together use."""
+CYCLE_ROUNDING = 1e-6
+"""Share of a cycle by which a period may differ from a whole number of cycles."""
 SHORTEST_RAMP_S = 0.5
 """A phase ramp lasts at least about this long, however strong the arm."""
 
@@ -99,9 +101,15 @@ def plan_run(start_rad: FloatArray, excitation: Excitation, limits: MotionLimits
         cycle_s: Time between setpoints.
 
     Raises:
-        InfeasibleMotion: no approach, or no ramp, within the limits.
+        InfeasibleMotion: no approach, or no ramp, within the limits; or a period is no whole number of cycles.
     """
     path = excitation.trajectory
+    in_period = path.period_s / cycle_s
+    if abs(in_period - round(in_period)) > CYCLE_ROUNDING:
+        raise InfeasibleMotion(
+            f"one period of {path.period_s:g} s is {in_period:.3f} cycles of {cycle_s * 1e3:g} ms: choose a rate at "
+            "which it is a whole number of cycles"
+        )
     phase_limits = bound_phase(path, limits)
     up = _phase_ramp(0.0, 0.0, 1.0, phase_limits, cycle_s)
     lead_in_s = up[-1, 0]

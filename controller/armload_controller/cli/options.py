@@ -1,0 +1,18 @@
+"""Arguments and options that several commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or the path of a robot's TOML.")]
+InterfaceOption = Annotated[
+    str | None, typer.Option("--interface", help="python-can interface, instead of the configured one.")
+]
+ChannelOption = Annotated[str | None, typer.Option("--channel", help="Channel of the interface, such as can0.")]
+BitrateOption = Annotated[int | None, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")]
+CycleOption = Annotated[float | None, typer.Option("--cycle-hz", help="SYNC rate in Hz.")]
+LoadedOption = Annotated[Path, typer.Option("--loaded", help="Recording with the payload (MCAP or CSV).")]
+UnloadedOption = Annotated[Path, typer.Option("--unloaded", help="Recording of the same motion without it.")]
