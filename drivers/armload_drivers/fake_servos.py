@@ -176,6 +176,7 @@ class FakeServos:
         if self._life is not _Life.ENABLED:
             return
         self._life = _Life.STOPPED
+        self._pass_sync()
         for axis, state in enumerate(self._states):
             if state is State.OPERATION_ENABLED:
                 self._plant.slow_down(axis, QUICK_STOP_S)

@@ -201,6 +201,8 @@ class ArmPlant:
         state[servo.BRAKED, axis] = float(not on and self._spec.joints[axis].has_brake)
         holding = float(self._spec.coupling[:, axis] @ self._link_torque[:: self._hinges])
         state[servo.INTEGRAL, axis] = holding - state[servo.OFFSET, axis] if on else 0.0
+        if not on:
+            state[servo.TORQUE, axis] = state[servo.TRUE_TORQUE, axis] = 0.0
 
     def hold_position(self, axis: int) -> float:
         """Where an axis is, for initialising targets.
@@ -233,7 +235,7 @@ class ArmPlant:
             axis_torque_nm=self._state[servo.TORQUE] + noise,
             joint_position_rad=self._position.reshape(self.n, -1).sum(axis=1),
             joint_velocity_rad_s=self._velocity.reshape(self.n, -1).sum(axis=1),
-            joint_torque_nm=self._applied[:: self._hinges].copy(),
+            joint_torque_nm=self._to_axis.T @ self._state[servo.TRUE_TORQUE],
             link_torque_nm=self._link_torque[:: self._hinges].copy(),
         )
 

@@ -154,7 +154,7 @@ def _compile(mujoco: Any, spec: PlantSpec, to_axis: FloatArray, stiffness: Float
 
     body = description.worldbody
     for i, joint in enumerate(spec.joints):
-        body = body.add_body(name=joint.name)
+        body = body.add_body(name=f"link {i}")
         _place(mujoco, body, joint.placement)
         _fill(body, joint.link)
         hinge = body.add_joint(name=f"motor {i}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=joint.axis)
@@ -191,6 +191,8 @@ def _set_options(mujoco: Any, option: Any, spec: PlantSpec) -> None:
     option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    # MuJoCo measures progress by the mean inertia; a wrist's is thousands of times smaller. Costs nothing.
+    option.tolerance = 1e-12
     # A diverged arm must be seen, not quietly put back to its start.
     option.disableflags = int(
         flags.mjDSBL_AUTORESET
