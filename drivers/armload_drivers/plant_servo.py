@@ -94,7 +94,7 @@ def setpoint(state: FloatArray, axis: int, step: float) -> float:
     "b1(f8[:,::1],f8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[::1],f8[::1],i8,f8)",
     cache=True,
 )
-def servo_step(  # noqa: PLR0917 - a compiled kernel takes no keywords
+def servo_step(
     parameter: FloatArray,
     state: FloatArray,
     to_axis: FloatArray,
