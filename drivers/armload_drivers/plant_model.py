@@ -101,7 +101,8 @@ def build_model(spec: PlantSpec) -> PlantModel:
 
     stiffness: FloatArray | None = None
     if spec.variant is PlantVariant.HARSH:
-        links = np.diag(inertia) - np.diag(rotors_at_joints)
+        rated = _compile(mujoco, replace(spec, payload=spec.rated_payload), to_axis, stiffness=None)
+        links = np.diag(_nominal_inertia(mujoco, rated)) - np.diag(rotors_at_joints)
         stiffness = _elastic_stiffness(links, np.diag(rotors_at_joints))
     model = _compile(mujoco, spec, to_axis, stiffness)
     data = mujoco.MjData(model)
@@ -245,8 +246,9 @@ def _check(spec: PlantSpec) -> None:
         raise SimulationError(f"friction_scale is {spec.friction_scale}; it must not be negative")
     for joint in spec.joints:
         _check_joint(joint)
-    if spec.payload is not None:
-        _check_body("payload", spec.payload)
+    for name, body in (("payload", spec.payload), ("rated_payload", spec.rated_payload)):
+        if body is not None:
+            _check_body(name, body)
 
 
 def _check_joint(joint: PlantJoint) -> None:

@@ -92,6 +92,8 @@ class PlantSpec:
         seed: Seed of the measurement noise.
         payload: Body at the flange, in the FLANGE frame; None is the empty flange.
         variant: Transmission; `PlantVariant`.
+        rated_payload: Body in the flange frame that elastic joints have their natural frequency with, whatever
+            is mounted; None is the empty flange.
         friction_scale: Factor on Coulomb, Stribeck, viscous and load-dependent friction.
         torque_gain_error: (n,) e per axis; the motor gives (1 + e) times the torque the drive believes in and
             reports. None is zero.
@@ -106,6 +108,7 @@ class PlantSpec:
     seed: int
     payload: RigidBody | None = None
     variant: PlantVariant = PlantVariant.NORMATIVE
+    rated_payload: RigidBody | None = None
     friction_scale: float = 1.0
     torque_gain_error: FloatArray | None = None
     torque_gain_drift_per_s: FloatArray | None = None

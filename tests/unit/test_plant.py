@@ -356,6 +356,15 @@ class TestElasticJoints:
         assert len(crossings) > 3
         assert 1000.0 / np.mean(np.diff(crossings)) == pytest.approx(frequency_hz, rel=0.02)
 
+    def test_springs_are_laid_out_for_the_rated_payload_whatever_is_mounted(self) -> None:
+        weight = RigidBody(10.0, np.array([0.8, 0.0, 0.0]), np.eye(3) * 0.2)
+        empty = arm(lifting(), variant=PlantVariant.HARSH, rated_payload=weight)
+        stiffness = (2.0 * math.pi * 12.0) ** 2 * (0.5 + 10.0 * 0.3**2 + 0.2 + 10.0 * 0.8**2)
+        for spec in (empty, replace(empty, payload=weight)):
+            held = after(powered(spec), 0.5)
+            deflection = held.joint_position_rad[0] - held.axis_position_rad[0]
+            assert deflection == pytest.approx(-held.link_torque_nm[0] / stiffness, rel=0.01)
+
     def test_encoder_sits_on_the_motor(self) -> None:
         held = after(powered(arm(lifting(), variant=PlantVariant.HARSH)), 0.5)
         stiffness = (2.0 * math.pi * 12.0) ** 2 * (0.5 + 10.0 * 0.3**2)
@@ -553,6 +562,7 @@ class TestRefusals:
             (arm(joint(rotor_inertia_kg_m2=0.0)), "rotor_inertia_kg_m2 is 0.0; it must be positive"),
             (arm(joint(coulomb_nm=-1.0)), "coulomb_nm is -1.0; it must not be negative"),
             (arm(joint(load_friction=1.0)), "load_friction is 1.0; it must be below 1"),
+            (arm(joint(), rated_payload=IMPOSSIBLE), "rated_payload: inertia_kg_m2 has"),
             (arm(joint(), coupling=np.zeros((1, 1))), "coupling has no inverse"),
             (arm(joint(), start_position_rad=np.zeros(2)), r"start_position_rad has the shape \(2,\)"),
             (arm(joint(), torque_gain_error=np.zeros(2)), r"torque_gain_error has the shape \(2,\)"),
