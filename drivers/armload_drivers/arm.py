@@ -38,6 +38,10 @@ class Identity:
     revision: int | None = None
 
 
+SIMULATION_IDENTITY = Identity(vendor_id=0x4152_4D4C, product_code=0x5349_4D01)
+"""Identity of every simulated drive ("ARML", "SIM" 1). No vendor has it: whatever answers otherwise is real."""
+
+
 @dataclass(frozen=True, slots=True)
 class DriveSettings:
     """One drive and the scaling of its objects.

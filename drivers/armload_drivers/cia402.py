@@ -109,23 +109,15 @@ TRANSITIONS = (
     Transition(4, State.SWITCHED_ON, State.OPERATION_ENABLED, (Command.ENABLE_OPERATION,)),
     Transition(5, State.OPERATION_ENABLED, State.SWITCHED_ON, (Command.DISABLE_OPERATION,)),
     Transition(6, State.SWITCHED_ON, State.READY_TO_SWITCH_ON, (Command.SHUTDOWN,)),
-    Transition(
-        7, State.READY_TO_SWITCH_ON, State.SWITCH_ON_DISABLED, (Command.DISABLE_VOLTAGE, Command.QUICK_STOP)
-    ),
+    Transition(7, State.READY_TO_SWITCH_ON, State.SWITCH_ON_DISABLED, (Command.DISABLE_VOLTAGE, Command.QUICK_STOP)),
     Transition(8, State.OPERATION_ENABLED, State.READY_TO_SWITCH_ON, (Command.SHUTDOWN,), by_name=True),
-    Transition(
-        9, State.OPERATION_ENABLED, State.SWITCH_ON_DISABLED, (Command.DISABLE_VOLTAGE,), by_name=True
-    ),
-    Transition(
-        10, State.SWITCHED_ON, State.SWITCH_ON_DISABLED, (Command.DISABLE_VOLTAGE, Command.QUICK_STOP)
-    ),
+    Transition(9, State.OPERATION_ENABLED, State.SWITCH_ON_DISABLED, (Command.DISABLE_VOLTAGE,), by_name=True),
+    Transition(10, State.SWITCHED_ON, State.SWITCH_ON_DISABLED, (Command.DISABLE_VOLTAGE, Command.QUICK_STOP)),
     Transition(11, State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, (Command.QUICK_STOP,)),
     Transition(12, State.QUICK_STOP_ACTIVE, State.SWITCH_ON_DISABLED, (Command.DISABLE_VOLTAGE,)),
     Transition(14, State.FAULT_REACTION_ACTIVE, State.FAULT),
     Transition(15, State.FAULT, State.SWITCH_ON_DISABLED, by_name=True),
-    Transition(
-        16, State.QUICK_STOP_ACTIVE, State.OPERATION_ENABLED, (Command.ENABLE_OPERATION,), by_name=True
-    ),
+    Transition(16, State.QUICK_STOP_ACTIVE, State.OPERATION_ENABLED, (Command.ENABLE_OPERATION,), by_name=True),
 )
 """Transitions 0 (power-on) and 13 (from every state to FAULT REACTION ACTIVE) are the drive's own."""
 
@@ -261,9 +253,7 @@ class MasterMachine:
         if goal is State.OPERATION_ENABLED:
             blocked[State.QUICK_STOP_ACTIVE] = "a request to resume"
         if self.state in blocked and goal is not self.state:
-            raise TransitionError(
-                f"{goal.title} from {self.state.title} needs {blocked[self.state]}", self.statusword
-            )
+            raise TransitionError(f"{goal.title} from {self.state.title} needs {blocked[self.state]}", self.statusword)
         self.goal, self._deadline_s = goal, deadline_s
         self._resuming = False
         self._edges_left = 0
@@ -277,9 +267,7 @@ class MasterMachine:
         """
         if self.state is not State.QUICK_STOP_ACTIVE:
             title = "an unknown state" if self.state is None else self.state.title
-            raise TransitionError(
-                f"only QUICK STOP ACTIVE can be resumed, the drive is in {title}", self.statusword
-            )
+            raise TransitionError(f"only QUICK STOP ACTIVE can be resumed, the drive is in {title}", self.statusword)
         self.goal, self._deadline_s = State.OPERATION_ENABLED, deadline_s
         self._resuming = True
 

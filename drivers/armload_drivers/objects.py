@@ -92,6 +92,8 @@ _T, _A, _M = DataType, Access, Mappable
 # CiA 301, 7.5.2: communication profile area.
 DEVICE_TYPE = Entry(0x1000, 0, "device type", _T.U32, _A.RO)
 ERROR_REGISTER = Entry(0x1001, 0, "error register", _T.U8, _A.RO, _M.TPDO)
+ERROR_COUNT = Entry(0x1003, 0, "number of errors", _T.U8)
+ERROR_HISTORY = tuple(Entry(0x1003, number, f"error {number} ago", _T.U32, _A.RO) for number in range(1, 5))
 SYNC_COB_ID = Entry(0x1005, 0, "COB-ID SYNC", _T.U32)
 CYCLE_PERIOD_US = Entry(0x1006, 0, "communication cycle period", _T.U32)
 DEVICE_NAME = Entry(0x1008, 0, "manufacturer device name", _T.STRING, _A.RO)

@@ -50,6 +50,12 @@ def milliseconds(time_s: float) -> int:
     return max(1, round(time_s * 1e3))
 
 
+def saturate(value: float, kind: DataType) -> int:
+    """Nearest integer that an object can hold, which is how a drive reports what is out of range."""
+    lower, upper = kind.bounds
+    return min(max(round(value), lower), upper)
+
+
 @dataclass(frozen=True, slots=True)
 class AxisUnits:
     """Scale of one drive.
@@ -119,15 +125,10 @@ class ArmUnits:
         self._joint_from_permille = inverse.T * torque
         kinds = {drive.feedback for drive in arm.drives}
         if len(kinds) != 1:
-            raise CommandError(
-                "all drives of an arm have to send the same kind of feedback, current or torque"
-            )
+            raise CommandError("all drives of an arm have to send the same kind of feedback, current or torque")
         self.feedback = kinds.pop()
         self._current = np.array(
-            [
-                np.nan if axis.current_a_per_permille is None else axis.current_a_per_permille
-                for axis in self.axes
-            ]
+            [np.nan if axis.current_a_per_permille is None else axis.current_a_per_permille for axis in self.axes]
         )
         self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
         self._inverse = inverse
@@ -185,11 +186,11 @@ class ArmUnits:
 
     def joint_position_rad(self, counts: Sequence[int]) -> FloatArray:
         """(n,) joint positions of the drives' 6064."""
-        return self._joint_from_counts @ np.array(counts, dtype=np.float64)
+        return np.asarray(self._joint_from_counts @ np.array(counts, dtype=np.float64))
 
     def joint_torque_nm(self, permille: Sequence[int]) -> FloatArray:
         """(n,) joint torques of the drives' 6077."""
-        return self._joint_from_permille @ np.array(permille, dtype=np.float64)
+        return np.asarray(self._joint_from_permille @ np.array(permille, dtype=np.float64))
 
     def motor_current_a(self, permille: Sequence[int]) -> FloatArray:
         """(n,) motor currents of the drives' 6078."""

@@ -1,0 +1,429 @@
+"""`JointServos` over CANopen: the drives of an arm on any bus that python-can opens.
+
+Rules of this file:
+- The calling thread alone sends and receives. No thread, no callback from elsewhere, no SDO while drives move.
+- Every frame carries a target that was computed: until a drive is enabled its target is its fresh position.
+- The heartbeat is sent by the cycle. A caller that stops calling goes silent, and the drives stop the arm
+  (1016, 6007, and the time-out of the RPDO). So after `enable`, `exchange` has to be called every cycle.
+- Nothing is enabled again by itself: not after a fault, a quick stop, a lost or rebooted drive.
+- An error in the cycle is raised, and nothing else is done: what stops the arm is the caller's decision.
+  `stop`, `disable` and `close` then do their work on every drive that still answers.
+
+The bus stays the caller's: open it before, close it after `close`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import Enum, auto
+
+import can
+import numpy as np
+
+from armload_drivers import objects as od
+from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, EffortFeedback, Identity
+from armload_drivers.bring_up import DriveReport, DriveSetup
+from armload_drivers.bus_budget import require_room
+from armload_drivers.bus_link import BusLink
+from armload_drivers.cia402 import State
+from armload_drivers.drive_node import DriveNode
+from armload_drivers.errors import BusError, DriverError, ServoFault, StateError
+from armload_drivers.objects import NmtCommand, NmtState
+from armload_drivers.process_image import drive_image
+from armload_drivers.sdo_channel import SdoChannel
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_drivers.sync import SyncSource
+from armload_drivers.timeouts import Timeouts
+from armload_drivers.units import ArmUnits
+
+HIGHEST_NODE_ID = 127
+STILL_CYCLES = 3
+"""An axis stands when it has stood for this many cycles."""
+
+_WITHOUT_TORQUE = frozenset(
+    {
+        State.NOT_READY_TO_SWITCH_ON,
+        State.SWITCH_ON_DISABLED,
+        State.READY_TO_SWITCH_ON,
+        State.SWITCHED_ON,
+        State.FAULT,
+    }
+)
+
+
+class _Phase(Enum):
+    """Where in its life the arm is."""
+
+    NEW = auto()
+    CONNECTED = auto()
+    ENABLED = auto()
+    STOPPED = auto()
+    CLOSED = auto()
+
+
+class CanopenServos:
+    """All drives of one arm over CANopen.
+
+    Args:
+        arm: The arm.
+        bus: An open bus; nobody else reads from it.
+        sync: Where SYNC comes from.
+        timeouts: Limits of all waits.
+
+    Attributes:
+        n: Number of joints.
+        cycle_s: Duration of one cycle.
+        simulated: Every drive carries the simulation's identity; known after `connect`.
+        reports: What `connect` found, per joint.
+    """
+
+    def __init__(self, arm: ArmSettings, bus: can.BusABC, sync: SyncSource, timeouts: Timeouts | None = None) -> None:
+        self.n = len(arm.drives)
+        self.cycle_s = arm.cycle_s
+        self.simulated = False
+        self.reports: tuple[DriveReport, ...] = ()
+        self._arm, self._sync = arm, sync
+        self._timeouts = timeouts or Timeouts()
+        self._phase = _Phase.NEW
+        self._link = link = BusLink(bus)
+        taken = {drive.node_id for drive in arm.drives}
+        self._master_node_id = max(set(range(1, HIGHEST_NODE_ID + 1)) - taken)
+        self._units = ArmUnits(arm)
+        self._nodes: list[DriveNode] = []
+        self._setups: list[DriveSetup] = []
+        for axis, drive in enumerate(arm.drives):
+            image = drive_image(drive)
+            self._nodes.append(
+                DriveNode(
+                    drive,
+                    image,
+                    link,
+                    sync,
+                    cycle_s=arm.cycle_s,
+                    heartbeat_s=arm.heartbeat_s,
+                    max_missing_cycles=arm.max_missing_cycles,
+                )
+            )
+            self._setups.append(
+                DriveSetup(
+                    drive,
+                    arm,
+                    axis,
+                    image=image,
+                    sdo=SdoChannel(drive.node_id, drive.joint, link, self._timeouts.sdo_s),
+                    timeouts=self._timeouts,
+                    master_node_id=self._master_node_id,
+                )
+            )
+        self._heartbeat = can.Message(
+            arbitration_id=od.HEARTBEAT_BASE + self._master_node_id,
+            data=[NmtState.OPERATIONAL.value],
+            is_extended_id=False,
+        )
+        self._heartbeat_due_s = 0.0
+        self._cycle = 0
+
+    # Bring-up ------------------------------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Boot, identify, configure and verify every drive; nothing is energised.
+
+        Raises:
+            StateError: connected already, or closed.
+            BusOverload: the cycle does not fit the bus.
+            WrongDevice: a node is not the configured drive.
+            ServoError: a node failed at a step that the error names.
+            BusError: the bus failed.
+        """
+        self._require(_Phase.NEW)
+        require_room(self._arm)
+        for setup in self._setups:
+            if setup.is_up():
+                setup.check_identity()
+        self._reset_nodes()
+        identities = [setup.check_identity() for setup in self._setups]
+        self.reports = tuple(
+            setup.configure(identity) for setup, identity in zip(self._setups, identities, strict=True)
+        )
+        self._units = ArmUnits(self._arm, [report.polarity for report in self.reports])
+        self.simulated = all(map(_is_simulated, identities))
+        self._phase = _Phase.CONNECTED
+
+    def _reset_nodes(self) -> None:
+        """NMT reset of every node, until each has booted or answers."""
+        nodes = self._nodes
+        for node in nodes:
+            node.booted = False
+            self._link.command(NmtCommand.RESET_NODE, node.settings.node_id)
+        self._link.pump_until(lambda: all(node.booted for node in nodes), self._timeouts.boot_s)
+        for node, setup in zip(nodes, self._setups, strict=True):
+            if not node.booted:
+                setup.require_alive()
+
+    # Life ----------------------------------------------------------------------------------------------------
+
+    def enable(self) -> JointFeedback:
+        """Bring every drive to OPERATION ENABLED, holding the position it has now.
+
+        Returns:
+            Feedback of the first enabled cycle.
+
+        Raises:
+            StateError: not connected, or still enabled or stopped.
+            ServoFault: a drive is in FAULT; `reset_faults` resets it where the cause is gone.
+            ServoTimeout: a drive did not get there in time.
+            BusError: the bus failed.
+        """
+        self._require(_Phase.CONNECTED)
+        step = "enabling"
+        try:
+            self._begin_cycles()
+            for _ in range(self._cycles(self._timeouts.enable_s)):
+                for node in self._nodes:
+                    if node.state is not State.OPERATION_ENABLED:
+                        node.target_counts = node.position_counts
+                feedback = self._checked_cycle(step, must_follow=False)
+                for node in self._nodes:
+                    if node.state is not None and node.machine.goal is None:
+                        node.machine.request(State.OPERATION_ENABLED)
+                if all(node.follows for node in self._nodes):
+                    self._phase = _Phase.ENABLED
+                    return feedback
+            stuck = next(node for node in self._nodes if not node.follows)
+            raise stuck.not_in_time(step, self._timeouts.enable_s)
+        except DriverError as error:
+            self._back_out(error)
+            raise
+
+    def exchange(self, command: JointCommand) -> JointFeedback:
+        """Send one cycle's setpoints and return the feedback sampled at the SYNC that latched them.
+
+        Raises:
+            StateError: not enabled.
+            CommandError: a setpoint cannot be sent; nothing was sent.
+            ServoFault: a drive reports a fault.
+            ServoTimeout: feedback or heartbeat of a drive has been missing for too long.
+            ServoError: a drive left its state by itself.
+            BusError: the bus failed.
+        """
+        self._require(_Phase.ENABLED)
+        raw = self._units.targets(command)
+        for node, counts, permille in zip(self._nodes, raw.position_counts, raw.permille, strict=True):
+            node.target_counts = counts
+            node.offset_permille = permille
+        return self._checked_cycle("in the cycle", must_follow=True)
+
+    def stop(self) -> None:
+        """Quick stop: decelerate every drive on its own ramp and hold, with torque on.
+
+        Without effect where no drive is enabled. Drives that have been reported as lost are not waited for.
+
+        Raises:
+            ServoTimeout: a drive did not come to rest in time.
+            BusError: the bus failed.
+        """
+        if self._phase is not _Phase.ENABLED:
+            return
+        self._ask(State.QUICK_STOP_ACTIVE, lambda node: node.state is State.OPERATION_ENABLED)
+        self._phase = _Phase.STOPPED
+        self._run_until(
+            lambda node: (
+                node.state not in {State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE}
+                and node.still_for(STILL_CYCLES)
+            ),
+            "quick stop",
+            self._timeouts.stop_s,
+        )
+
+    def disable(self) -> None:
+        """Engage brakes and remove torque, once the arm stands still.
+
+        Raises:
+            ServoTimeout: a drive did not come to rest, or keeps its torque.
+            BusError: the bus failed.
+        """
+        if self._phase not in {_Phase.ENABLED, _Phase.STOPPED}:
+            return
+        if not all(node.still_for(STILL_CYCLES) for node in self._nodes):
+            self.stop()
+        self._ask(State.SWITCH_ON_DISABLED, lambda node: not node.faulty)
+        self._run_until(
+            lambda node: node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty),
+            "removing torque",
+            self._timeouts.disable_s,
+        )
+        self._end_cycles()
+
+    def reset_faults(self) -> None:
+        """Reset the faults of all drives that are in FAULT, by a bounded number of rising edges.
+
+        Raises:
+            StateError: not connected, or still enabled or stopped.
+            ServoTimeout: a drive stays in FAULT; the cause is still there.
+            BusError: the bus failed.
+        """
+        self._require(_Phase.CONNECTED)
+        step, limit_s = "resetting the fault", self._timeouts.fault_reset_s
+        try:
+            self._begin_cycles(check_faults=False)
+            for _ in range(self._arm.max_missing_cycles + 1):
+                self._run_cycle()
+            for node in self._nodes:
+                if node.state is State.FAULT:
+                    node.machine.request_fault_reset()
+            self._run_until(lambda node: node.state is not State.FAULT, step, limit_s)
+        finally:
+            self._end_cycles()
+
+    def close(self) -> None:
+        """Leave the bus; stops and disables first where that is still to be done. Idempotent.
+
+        Raises:
+            DriverError: a drive could not be confirmed to be without torque. Everything else has been done.
+        """
+        if self._phase is _Phase.CLOSED:
+            return
+        try:
+            self.stop()
+            self.disable()
+        except DriverError as error:
+            self._phase = _Phase.CLOSED
+            self._silence()
+            error.add_note("The arm may still carry torque: use the emergency stop.")
+            raise
+        self._phase = _Phase.CLOSED
+
+    # Cycles --------------------------------------------------------------------------------------------------
+
+    def _require(self, phase: _Phase) -> None:
+        """The caller's request has to fit the arm's life."""
+        if self._phase is not phase:
+            raise StateError(f"the servos are {self._phase.name.lower()}, this needs them {phase.name.lower()}")
+
+    def _cycles(self, limit_s: float) -> int:
+        """A limit in cycles."""
+        return max(1, math.ceil(limit_s / self.cycle_s))
+
+    def _begin_cycles(self, *, check_faults: bool = True) -> None:
+        """Preset targets, start the nodes, and start counting time."""
+        for node, setup in zip(self._nodes, self._setups, strict=True):
+            node.target_counts = node.position_counts = setup.hold_present_position()
+            node.offset_permille = 0
+            if check_faults:
+                setup.require_no_fault()
+            setup.watch_master(on=True)
+        while self._link.pump(0.0):
+            pass
+        for node in self._nodes:
+            node.begin()
+            self._link.command(NmtCommand.START, node.settings.node_id)
+        self._sync.begin(self.cycle_s)
+        self._heartbeat_due_s = self._sync.now_s()
+
+    def _end_cycles(self) -> None:
+        """No drive carries torque: end PDO communication, and let nobody miss the heartbeat."""
+        self._sync.end()
+        self._phase = _Phase.CONNECTED
+        for node, setup in zip(self._nodes, self._setups, strict=True):
+            self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+            if not node.lost:
+                setup.watch_master(on=False)
+
+    def _run_cycle(self) -> JointFeedback:
+        """One cycle: setpoints, heartbeat, SYNC, feedback."""
+        link, sync = self._link, self._sync
+        now_s = sync.now_s()
+        for node in self._nodes:
+            link.send(node.prepare(now_s))
+        if now_s >= self._heartbeat_due_s:
+            link.send(self._heartbeat)
+            self._heartbeat_due_s = now_s + self._arm.heartbeat_s
+        tick = sync.next(link, self._expect_feedback)
+        link.pump_until(self._complete, sync.feedback_limit_s())
+        self._cycle += 1
+        for node in self._nodes:
+            node.evaluate(tick.time_s)
+        nodes = self._nodes
+        effort = [node.effort_permille for node in nodes]
+        with_current = self._units.feedback is EffortFeedback.CURRENT
+        return JointFeedback(
+            cycle=self._cycle,
+            time_s=tick.time_s,
+            position_rad=self._units.joint_position_rad([node.position_counts for node in nodes]),
+            velocity_rad_s=None,
+            current_a=self._units.motor_current_a(effort) if with_current else None,
+            torque_nm=None if with_current else self._units.joint_torque_nm(effort),
+            statusword=np.array([node.statusword for node in nodes], dtype=np.uint16),
+            missing=np.array([not node.fresh for node in nodes]),
+            skipped_cycles=tick.skipped,
+        )
+
+    def _expect_feedback(self) -> None:
+        """Feedback that comes from now on belongs to this SYNC."""
+        for node in self._nodes:
+            node.fresh = False
+
+    def _complete(self) -> bool:
+        """Whether all feedback is there."""
+        return all([node.fresh for node in self._nodes])  # noqa: C419 - a list is faster than a generator
+
+    def _checked_cycle(self, step: str, *, must_follow: bool) -> JointFeedback:
+        """One cycle; what is wrong with a drive is raised, what is wrong with others is noted."""
+        feedback = self._run_cycle()
+        problems = [
+            problem
+            for node in self._nodes
+            if (problem := node.problem(step, feedback.time_s, must_follow=must_follow)) is not None
+        ]
+        if problems:
+            # A fault is the cause; what other drives do at the same time is most often its consequence.
+            problems.sort(key=lambda problem: not isinstance(problem, ServoFault))
+            for other in problems[1:]:
+                problems[0].add_note(f"At the same time: {other}")
+            raise problems[0]
+        return feedback
+
+    def _ask(self, goal: State, of: Callable[[DriveNode], bool]) -> None:
+        """Request a state of those drives that can be asked."""
+        for node in self._nodes:
+            if of(node) and not node.faulty:
+                node.machine.request(goal)
+
+    def _run_until(self, done: Callable[[DriveNode], bool], step: str, limit_s: float) -> None:
+        """Run cycles until a condition holds of every drive that still answers.
+
+        Raises:
+            ServoTimeout: for the first drive of which it does not hold in time.
+        """
+        waiting: list[DriveNode] = []
+        for _ in range(self._cycles(limit_s)):
+            self._run_cycle()
+            waiting = [node for node in self._nodes if not (done(node) or node.lost)]
+            if not waiting:
+                return
+        for node in waiting:
+            node.lost = node.is_gone()
+        raise waiting[0].not_in_time(step, limit_s)
+
+    def _back_out(self, error: DriverError) -> None:
+        """Enabling failed: what has got torque already is disabled again."""
+        self._phase = _Phase.STOPPED
+        try:
+            self.disable()
+        except DriverError as again:
+            error.add_note(f"Disabling again failed as well: {again}")
+
+    def _silence(self) -> None:
+        """Last resort: end PDO communication, whereupon drives do what 6007 says."""
+        for node in self._nodes:
+            try:
+                self._link.command(NmtCommand.STOP, node.settings.node_id)
+            except BusError:
+                return
+
+
+def _is_simulated(identity: Identity) -> bool:
+    """Whether a node says that it is a simulation."""
+    known = SIMULATION_IDENTITY
+    return identity.vendor_id == known.vendor_id and identity.product_code == known.product_code

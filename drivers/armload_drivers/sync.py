@@ -1,0 +1,147 @@
+"""Where SYNC comes from.
+
+A source decides when the next SYNC leaves, sends it or sees it sent, and tells its time. The cycle calls `next`
+once per cycle, after its RPDOs have left. There is no thread: while a source waits it pumps the bus.
+
+- `LockstepSync` for simulations: SYNC leaves at once, and time is advanced by one period for it.
+- `TimerSync` for any interface: SYNC leaves at absolute deadlines. A late caller skips whole periods, which
+  are counted; nothing is ever caught up with a burst. A caller that hangs sends no SYNC.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import can
+
+from armload_drivers.bus_link import BusLink
+from armload_drivers.clock import Clock, VirtualClock
+from armload_drivers.objects import SYNC_DEFAULT_COB_ID
+
+
+@dataclass(frozen=True, slots=True)
+class SyncTick:
+    """One SYNC.
+
+    Attributes:
+        time_s: When it left, on the source's clock.
+        skipped: Periods that passed without SYNC because the caller was late.
+    """
+
+    time_s: float
+    skipped: int
+
+
+class SyncSource(Protocol):
+    """A source of SYNC."""
+
+    def now_s(self) -> float:
+        """Time on the clock that SYNCs are stamped with."""
+
+    def begin(self, cycle_s: float) -> None:
+        """Start counting periods: the first SYNC is due one period from now."""
+
+    def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
+        """Let the next SYNC leave.
+
+        Args:
+            link: The bus.
+            on_sync: Called right before frames of this SYNC can arrive.
+        """
+
+    def feedback_limit_s(self) -> float:
+        """How long after SYNC feedback may arrive, on the wall clock."""
+
+    def end(self) -> None:
+        """No more SYNCs until the next `begin`."""
+
+
+def _sync_message() -> can.Message:
+    """SYNC without a counter."""
+    return can.Message(arbitration_id=SYNC_DEFAULT_COB_ID, is_extended_id=False)
+
+
+class LockstepSync:
+    """SYNC in virtual time: as fast as master and drives can compute.
+
+    Args:
+        clock: The clock that the simulated drives have as well.
+        feedback_limit_s: On the wall clock; generous, for it only matters when feedback is missing.
+    """
+
+    def __init__(self, clock: VirtualClock, feedback_limit_s: float = 1.0) -> None:
+        self._clock = clock
+        self._feedback_limit_s = feedback_limit_s
+        self._cycle_s = 0.0
+        self._message = _sync_message()
+
+    def now_s(self) -> float:
+        """Virtual time."""
+        return self._clock()
+
+    def begin(self, cycle_s: float) -> None:
+        """Take over the period."""
+        self._cycle_s = cycle_s
+
+    def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
+        """Advance time by one period and send SYNC."""
+        self._clock.advance(self._cycle_s)
+        on_sync()
+        link.send(self._message)
+        return SyncTick(self._clock(), 0)
+
+    def feedback_limit_s(self) -> float:
+        """The wall clock's limit."""
+        return self._feedback_limit_s
+
+    def end(self) -> None:
+        """Nothing is running."""
+
+
+class TimerSync:
+    """SYNC at absolute deadlines, sent by the calling thread.
+
+    Args:
+        feedback_share: Share of the cycle that feedback may take; the rest is left to the caller.
+        clock: Monotonic clock.
+    """
+
+    def __init__(self, feedback_share: float = 0.6, clock: Clock = time.monotonic) -> None:
+        self._feedback_share = feedback_share
+        self._clock = clock
+        self._cycle_s = 0.0
+        self._due_s = 0.0
+        self._message = _sync_message()
+
+    def now_s(self) -> float:
+        """Time on the monotonic clock."""
+        return self._clock()
+
+    def begin(self, cycle_s: float) -> None:
+        """Set the first deadline."""
+        self._cycle_s = cycle_s
+        self._due_s = self._clock() + cycle_s
+
+    def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
+        """Pump the bus until the deadline and send SYNC; a deadline that has passed is skipped."""
+        late_s = self._clock() - self._due_s
+        skipped = 0 if late_s <= 0.0 else math.floor(late_s / self._cycle_s) + 1
+        self._due_s += skipped * self._cycle_s
+        while (left_s := self._due_s - self._clock()) > 0.0:
+            link.pump(left_s)
+        self._due_s += self._cycle_s
+        on_sync()
+        time_s = self._clock()
+        link.send(self._message)
+        return SyncTick(time_s, skipped)
+
+    def feedback_limit_s(self) -> float:
+        """A share of the cycle."""
+        return self._feedback_share * self._cycle_s
+
+    def end(self) -> None:
+        """Nothing is running."""

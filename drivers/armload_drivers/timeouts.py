@@ -1,0 +1,30 @@
+"""Every wait of the CANopen master, in one place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Timeouts:
+    """Limits of all waits. Errors name the wait that ran out.
+
+    Attributes:
+        probe_s: First look at a node, before it is reset, by one SDO.
+        boot_s: From the NMT reset of a node to its boot-up message; after that it is asked by SDO.
+        sdo_s: One SDO request to its answer.
+        mode_s: From writing 6060 to 6061 telling the same.
+        enable_s: From the first cycle to OPERATION ENABLED of every drive, brakes included; time of the SYNC.
+        stop_s: From the quick stop to standstill; time of the SYNC.
+        disable_s: From standstill to drives without torque; time of the SYNC.
+        fault_reset_s: From the first rising edge to SWITCH ON DISABLED; time of the SYNC.
+    """
+
+    probe_s: float = 0.2
+    boot_s: float = 5.0
+    sdo_s: float = 0.5
+    mode_s: float = 1.0
+    enable_s: float = 3.0
+    stop_s: float = 5.0
+    disable_s: float = 3.0
+    fault_reset_s: float = 2.0
