@@ -262,7 +262,8 @@ class DriveSetup:
         read = self._optional
         encoder, turns = read(od.ENCODER_INCREMENTS), read(od.ENCODER_REVOLUTIONS)
         gear = self._ratio(read(od.GEAR_MOTOR_REVOLUTIONS), read(od.GEAR_SHAFT_REVOLUTIONS)) or 1.0
-        feed = self._ratio(read(od.FEED), read(od.FEED_SHAFT_REVOLUTIONS))
+        optional = self._sdo.read_if_there
+        feed = self._ratio(optional(od.FEED), optional(od.FEED_SHAFT_REVOLUTIONS))
         increments = self._ratio(encoder, turns)
         counts = feed if feed is not None else None if increments is None else increments * gear
         configured = self._drive.counts_per_rad

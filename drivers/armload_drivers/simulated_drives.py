@@ -110,6 +110,14 @@ class SimulatedDrives:
         self._thread = None
         for drive in self._drives.values():
             drive.switch_off()
+        self.raise_failure()
+
+    def raise_failure(self) -> None:
+        """Raise what ended the drives' thread, once; for owners that only wait.
+
+        Raises:
+            SimulationError: because of this error.
+        """
         failure, self._failure = self._failure, None
         if isinstance(failure, DriverError):
             raise failure
