@@ -28,7 +28,7 @@ PARAMETERS = 10
 FEEDFORWARD_ROWS = 6
 """Rows of the work array of `payload_torque_into`: q, dq, ddq, the torque, and two of its own."""
 
-_FRAME = 21  # rotation 9, position 3, angular velocity 3, angular acceleration 3, linear acceleration 3
+FRAME_NUMBERS = 21  # rotation 9, position 3, angular velocity 3, angular acceleration 3, linear acceleration 3
 
 
 @numba.njit(
@@ -36,7 +36,7 @@ _FRAME = 21  # rotation 9, position 3, angular velocity 3, angular acceleration 
     cache=True,
     fastmath={"contract"},
 )
-def _forward(packed, n, q, dq, ddq, frames):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+def forward_into(packed, n, q, dq, ddq, frames):  # type: ignore[no-untyped-def]
     """Pose and motion of every (turned) joint frame in base coordinates, one row of `frames` per joint."""
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
     px, py, pz = 0.0, 0.0, 0.0
@@ -97,7 +97,7 @@ def _forward(packed, n, q, dq, ddq, frames):  # type: ignore[no-untyped-def]  # 
     cache=True,
     fastmath={"contract"},
 )
-def _rows(frames, joints, packed, rotation_at, position_at, out, column):  # type: ignore[no-untyped-def]  # noqa: PLR0915, PLR0917
+def rows_into(frames, joints, packed, rotation_at, position_at, out, column):  # type: ignore[no-untyped-def]  # noqa: PLR0915
     """Ten columns of the regressor of a body fixed to joint `joints`, into out[:joints, column:column + 10].
 
     The body's frame lies in the turned joint frame at the rotation and the position that stand in `packed`
@@ -181,16 +181,16 @@ def _rows(frames, joints, packed, rotation_at, position_at, out, column):  # typ
     fastmath={"contract"},
     nogil=True,
 )
-def _regressor_batch(packed, n, joints, q, dq, ddq, out):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+def _regressor_batch(packed, n, joints, q, dq, ddq, out):  # type: ignore[no-untyped-def]
     """Regressor of the flange (joints == 0) or of link `joints`, per sample into zeroed out (N, n, 10)."""
-    frames = np.empty((n, _FRAME))
+    frames = np.empty((n, FRAME_NUMBERS))
     for t in range(q.shape[0]):
         if joints == 0:
-            _forward(packed, n, q[t], dq[t], ddq[t], frames)
-            _rows(frames, n, packed, 3 + 21 * n, 12 + 21 * n, out[t], 0)
+            forward_into(packed, n, q[t], dq[t], ddq[t], frames)
+            rows_into(frames, n, packed, 3 + 21 * n, 12 + 21 * n, out[t], 0)
         else:
-            _forward(packed, joints, q[t], dq[t], ddq[t], frames)
-            _rows(frames, joints, packed, 3 + 12 * n + 9 * (joints - 1), -1, out[t], 0)
+            forward_into(packed, joints, q[t], dq[t], ddq[t], frames)
+            rows_into(frames, joints, packed, 3 + 12 * n + 9 * (joints - 1), -1, out[t], 0)
 
 
 @numba.njit(
@@ -199,13 +199,13 @@ def _regressor_batch(packed, n, joints, q, dq, ddq, out):  # type: ignore[no-unt
     fastmath={"contract"},
     nogil=True,
 )
-def _body_batch(packed, n, q, dq, ddq, out):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+def _body_batch(packed, n, q, dq, ddq, out):  # type: ignore[no-untyped-def]
     """Regressors of all links side by side, per sample into zeroed out (N, n, 10 n)."""
-    frames = np.empty((n, _FRAME))
+    frames = np.empty((n, FRAME_NUMBERS))
     for t in range(q.shape[0]):
-        _forward(packed, n, q[t], dq[t], ddq[t], frames)
+        forward_into(packed, n, q[t], dq[t], ddq[t], frames)
         for i in range(n):
-            _rows(frames, i + 1, packed, 3 + 12 * n + 9 * i, -1, out[t], 10 * i)
+            rows_into(frames, i + 1, packed, 3 + 12 * n + 9 * i, -1, out[t], 10 * i)
 
 
 @numba.njit("void(float64[::1], float64[:, ::1])", cache=True, fastmath={"contract"}, nogil=True)
