@@ -25,11 +25,18 @@ from armload_drivers.errors import BusOverload
 from armload_drivers.plant_spec import PlantJoint, PlantSpec, PlantVariant
 from armload_drivers.servos import FloatArray
 from armload_identification.chain import Chain, pose_from_xyz_rpy
+from armload_identification.excitation import ExcitationLimits
 from armload_identification.fourier import Excitation, read_excitation
 from armload_identification.payload import InertialParameters
 from armload_identification.recording import CsvColumns
 from armload_identification.regressor import payload_torque
 from armload_identification.signals import Transmission
+
+
+HARSH_GAIN_ERROR = 0.02
+"""The harsh twin's torque gains are off by up to this share, the same in every run."""
+HARSH_SECOND_RUN_FRICTION = 1.03
+"""The harsh twin's friction in every run after the first."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +162,16 @@ class Robot:
             following_error_rad=np.array([j.drive.following_error_rad if j.drive else np.inf for j in joints]),
         )
 
+    def excitation_limits(self) -> ExcitationLimits:
+        """The limits that an excitation is designed within."""
+        limits = self.motion_limits()
+        return ExcitationLimits(
+            limits.position_min_rad,
+            limits.position_max_rad,
+            limits.velocity_max_rad_s,
+            limits.acceleration_max_rad_s2,
+        )
+
     def torque_max_nm(self) -> FloatArray:
         """(n,) greatest torque of each joint."""
         return np.array([j.torque_max_nm for j in self._model.joints])
@@ -243,12 +260,15 @@ class Robot:
 
         Args:
             payload: Name of a payload of `[simulation.payloads]`; None is the empty flange.
-            run: Number of the run, so that no two runs share their noise.
+            run: Number of the run, so that no two runs share their noise; the harsh twin's friction rises after 0.
 
         Raises:
             ConfigurationError: the file has no simulation, or no payload of that name.
         """
         simulation = self._simulation()
+        variant = PlantVariant(simulation.variant)
+        harsh = variant is PlantVariant.HARSH
+        gains = np.random.default_rng(simulation.seed)
         chain = self.chain()
         joints = []
         for i, (joint, truth) in enumerate(zip(self._model.joints, simulation.joints, strict=True)):
@@ -280,7 +300,10 @@ class Robot:
             start_position_rad=np.array(simulation.start_position_rad),
             seed=simulation.seed + run,
             payload=None if payload is None else self._payload(payload).rigid_body(),
-            variant=PlantVariant(simulation.variant),
+            variant=variant,
+            rated_payload=self._payload(simulation.payload).rigid_body(),
+            friction_scale=HARSH_SECOND_RUN_FRICTION if harsh and run else 1.0,
+            torque_gain_error=gains.uniform(-HARSH_GAIN_ERROR, HARSH_GAIN_ERROR, self.n) if harsh else None,
         )
 
     def _simulation(self) -> SimulationTable:

@@ -98,6 +98,7 @@ class JointServos(Protocol):
         Raises:
             StateError: not enabled.
             ServoFault: a drive left OPERATION ENABLED by itself.
+            ServoTimeout: a drive's feedback was missing too many cycles in a row.
             BusError: the bus failed.
         """
 

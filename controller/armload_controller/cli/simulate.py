@@ -1,0 +1,43 @@
+"""`armload simulate`: the drives of a simulated arm alone, for another process to command."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+import typer
+
+from armload_controller.arms import drives_alone
+from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
+from armload_controller.cli.screen import Screen, StopRequest
+from armload_controller.config import load_robot
+
+NO_PAYLOAD = "none"
+POLL_S = 0.1
+
+
+def simulate(
+    robot: RobotArgument,
+    interface: InterfaceOption = None,
+    channel: ChannelOption = None,
+    bitrate: BitrateOption = None,
+    cycle_hz: CycleOption = None,
+    payload: Annotated[
+        str | None, typer.Option(help="A payload of [simulation.payloads], or 'none'; the configured one if not given.")
+    ] = None,
+) -> None:
+    """Serve simulated CiA 402 drives with an arm behind them, until Ctrl-C."""
+    arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    name = arm.simulated_payload_name if payload is None else payload
+    mounted = None if name == NO_PAYLOAD else name
+    screen = Screen()
+    with StopRequest().listening() as stop_requested:
+        with drives_alone(arm, mounted, run=int(mounted is not None)) as drives:
+            screen.step(
+                f"{arm.n} simulated drives of {arm.name} on {arm.bus.interface}:{arm.bus.channel}, "
+                f"payload {mounted or NO_PAYLOAD}. Ctrl-C ends them."
+            )
+            while not stop_requested():
+                time.sleep(POLL_S)
+                drives.raise_failure()
+    screen.step("drives stopped")
