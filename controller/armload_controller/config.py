@@ -32,7 +32,6 @@ from armload_identification.recording import CsvColumns
 from armload_identification.regressor import payload_torque
 from armload_identification.signals import Transmission
 
-
 HARSH_GAIN_ERROR = 0.02
 """The harsh twin's torque gains are off by up to this share, the same in every run."""
 HARSH_SECOND_RUN_FRICTION = 1.03

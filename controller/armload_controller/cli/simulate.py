@@ -31,13 +31,14 @@ def simulate(
     name = arm.simulated_payload_name if payload is None else payload
     mounted = None if name == NO_PAYLOAD else name
     screen = Screen()
-    with StopRequest().listening() as stop_requested:
-        with drives_alone(arm, mounted, run=int(mounted is not None)) as drives:
-            screen.step(
-                f"{arm.n} simulated drives of {arm.name} on {arm.bus.interface}:{arm.bus.channel}, "
-                f"payload {mounted or NO_PAYLOAD}. Ctrl-C ends them."
-            )
-            while not stop_requested():
-                time.sleep(POLL_S)
-                drives.raise_failure()
+    with (
+        StopRequest().listening() as stop_requested,
+        drives_alone(arm, mounted, run=int(mounted is not None)) as drives,
+    ):
+        screen.step(
+            f"{arm.n} simulated drives of {arm.name} on {arm.bus.interface}:{arm.bus.channel}, "
+            f"payload {mounted or NO_PAYLOAD}. Ctrl-C ends them."
+        )
+        while drives.running and not stop_requested():
+            time.sleep(POLL_S)
     screen.step("drives stopped")

@@ -1,0 +1,1 @@
+"""Time and accuracy beside the peers'; `make bench` runs them all."""

@@ -1,0 +1,9 @@
+"""`make bench`: every benchmark in one run, each beside its peers.
+
+These figures are this machine's, now: compare within a run, not between runs.
+"""
+
+from benchmarks import regressor
+
+for benchmark in (regressor,):
+    benchmark.run()
