@@ -15,18 +15,16 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.csv_log import read_columns
 from armload_identification.errors import RecordingError
+from armload_identification.fourier import Excitation, parse_excitation
 from armload_identification.mcap_log import MAGIC, read_topic
 from armload_identification.plausibility import plausible_rows, refuse_degrees, refuse_mixed_units
-
-if TYPE_CHECKING:
-    from armload_identification.fourier import Excitation
 
 FloatArray = NDArray[np.float64]
 
@@ -201,8 +199,6 @@ def read_mcap(path: Path) -> Recording:
     Raises:
         RecordingError: no MCAP file, or nothing usable in it.
     """
-    from armload_identification.fourier import parse_excitation
-
     data = _bytes_of(path)
     arrays = ["position_rad", "velocity_rad_s", "current_a", "torque_nm", "missing"]
     content = read_topic(path, data, TOPIC, ["time_s", "phase_s"], arrays)
@@ -229,7 +225,7 @@ def read_mcap(path: Path) -> Recording:
         rows_read=rows,
         reasons=reasons,
         phase_s=values["phase_s"][~missing] if text is not None else None,
-        excitation=parse_excitation(text) if text is not None else None,
+        excitation=parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}") if text is not None else None,
         attachments=content.attachments,
         truncated=content.truncated,
     )

@@ -1,0 +1,183 @@
+"""A periodic run folded onto one period: average, scatter, and the motion as a Fourier series.
+
+The recording tells the phase of every sample. What was asked for is not taken for granted: the duration of a
+period is measured from the time stamps, cycles may be missing, and only whole periods count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.errors import RecordingError
+from armload_identification.fourier import FourierTrajectory, fourier_basis
+from armload_identification.recording import Recording
+
+FloatArray = NDArray[np.float64]
+
+_ON_GRID: Final = 0.05
+"""Samples that lie this close to a common grid, in grid steps, are averaged as they are."""
+_UNEVEN: Final = 0.02
+"""The phase may be this share of a period off an even advance."""
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicRun:
+    """One run folded onto one period of K phases, n joints.
+
+    Attributes:
+        period_s: Duration of a period by the time stamps.
+        periods: Whole periods M that were averaged.
+        torque_nm: (K, n) torque averaged over the periods (Chen 2016, eq. (9)).
+        valid: (K,) False where no period has a sample; those rows are interpolated.
+        scatter_nm: (n,) standard deviation of ONE raw sample between periods; None for one period.
+        motion: Measured position as a Fourier series in time, whose derivatives are analytic.
+        position_fit_rad: (n,) RMS of the averaged measured position about that series.
+    """
+
+    period_s: float
+    periods: int
+    torque_nm: FloatArray
+    valid: NDArray[np.bool_]
+    scatter_nm: FloatArray | None
+    motion: FourierTrajectory
+    position_fit_rad: FloatArray
+
+
+def whole_periods(recording: Recording) -> int:
+    """Whole periods of the excitation that a recording holds; 0 where it has no excitation."""
+    if recording.phase_s is None or recording.excitation is None:
+        return 0
+    phase = recording.phase_s[np.isfinite(recording.phase_s)]
+    if phase.size < 2:
+        return 0
+    step_s = float(np.median(np.diff(phase)))
+    return int((phase[-1] - phase[0] + step_s) / recording.excitation.trajectory.period_s + 1e-6)
+
+
+def phases_per_period(recording: Recording) -> int:
+    """Cycles in one period of a recording that holds whole periods."""
+    phase, trajectory = _phase(recording)
+    return max(round(trajectory.period_s / float(np.median(np.diff(phase)))), 8)
+
+
+def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRun:
+    """Average a periodic run over its periods.
+
+    Args:
+        recording: A run with at least one whole period.
+        torque_nm: (N, n) its joint torques.
+        phases: K, the number of equidistant phases; phase k is k/K of the period.
+
+    Returns:
+        The folded run.
+
+    Raises:
+        RecordingError: no whole period, or a phase that did not advance evenly.
+
+    References:
+        Chen 2016, eqs. (6), (9).
+    """
+    phase, trajectory = _phase(recording)
+    rows = np.isfinite(recording.phase_s) if recording.phase_s is not None else np.empty(0, dtype=bool)
+    rate = _seconds_per_phase(recording, phase, recording.time_s[rows], trajectory.period_s)
+    step = trajectory.period_s / phases
+    values = np.hstack([torque_nm[rows], recording.position_rad[rows]])
+    table = _on_grid(phase / step, values, whole_periods(recording), phases)
+    count = np.isfinite(table[:, :, 0]).sum(axis=0)
+    valid = count > 0
+    mean = np.asarray(np.nansum(table, axis=0) / np.maximum(count, 1)[:, None], dtype=np.float64)
+    n = recording.n
+    motion, misfit = _fit_motion(mean[valid, n:], np.flatnonzero(valid) * step, trajectory, rate)
+    return PeriodicRun(
+        period_s=rate * trajectory.period_s,
+        periods=table.shape[0],
+        torque_nm=_filled(mean[:, :n], valid),
+        valid=valid,
+        scatter_nm=_scatter(table[:, :, :n], mean[:, :n], count),
+        motion=motion,
+        position_fit_rad=misfit,
+    )
+
+
+def _phase(recording: Recording) -> tuple[FloatArray, FourierTrajectory]:
+    """Phases inside the whole periods, and the trajectory they belong to."""
+    if recording.phase_s is None or recording.excitation is None or whole_periods(recording) == 0:
+        raise RecordingError(
+            f"{recording.source.path}: no whole period of a known excitation. Record at least one period."
+        )
+    return recording.phase_s[np.isfinite(recording.phase_s)], recording.excitation.trajectory
+
+
+def _seconds_per_phase(recording: Recording, phase: FloatArray, time_s: FloatArray, period_s: float) -> float:
+    """Measured seconds per second of phase, by least squares over the run."""
+    centred = phase - phase.mean()
+    rate = float(centred @ (time_s - time_s.mean()) / (centred @ centred))
+    uneven_s = float(np.abs(time_s - time_s.mean() - rate * centred).max())
+    if rate <= 0.0 or uneven_s > _UNEVEN * period_s:
+        raise RecordingError(
+            f"{recording.source.path}: the phase is up to {uneven_s:.3g} s off an even advance, allowed is "
+            f"{_UNEVEN * period_s:.3g} s. The run was paused or changed its speed within the periods: record it again."
+        )
+    return rate
+
+
+def _on_grid(place: FloatArray, values: FloatArray, periods: int, phases: int) -> FloatArray:
+    """(periods, phases, columns) samples by period and phase, NaN where there is none; phase 0 first."""
+    nearest = np.round(place)
+    first = int(nearest[0])
+    length = periods * phases
+    table = np.full((length, values.shape[1]), np.nan)
+    offset = place - nearest
+    if np.abs(offset - np.median(offset)).max() < _ON_GRID:
+        index = nearest.astype(np.int64) - first
+        inside = index < length
+        table[index[inside]] = values[inside]
+    else:
+        wanted = first + np.arange(length, dtype=np.float64)
+        after = np.clip(np.searchsorted(place, wanted), 1, place.size - 1)
+        # A neighbour on both sides, no further apart than a sample and a half: else a hole, left empty.
+        spacing = float(np.median(np.diff(place)))
+        near = (place[after] - place[after - 1] < 1.5 * spacing + 1e-9) & (wanted <= place[-1] + 0.5 * spacing)
+        for column in range(values.shape[1]):
+            table[near, column] = np.interp(wanted[near], place, values[:, column])
+    folded = table.reshape(periods, phases, -1)
+    return np.asarray(np.roll(folded, first % phases, axis=1))
+
+
+def _scatter(table: FloatArray, mean: FloatArray, count: NDArray[np.intp]) -> FloatArray | None:
+    """(n,) pooled standard deviation of one sample between the periods."""
+    repeated = count > 1
+    freedom = int((count[repeated] - 1).sum())
+    if freedom < 2:
+        return None
+    square = np.nansum((table[:, repeated] - mean[repeated]) ** 2, axis=(0, 1))
+    return np.asarray(np.sqrt(square / freedom))
+
+
+def _filled(values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
+    """Phases without a sample, interpolated over the period's seam; they are not used in the fit."""
+    if valid.all():
+        return values
+    phases = np.arange(valid.size)
+    known = phases[valid]
+    return np.column_stack([np.interp(phases, known, column[valid], period=valid.size) for column in values.T])
+
+
+def _fit_motion(
+    position: FloatArray, phase_s: FloatArray, excitation: FourierTrajectory, rate: float
+) -> tuple[FourierTrajectory, FloatArray]:
+    """Least squares of the measured position in the excitation's own basis, and the RMS that is left."""
+    harmonics = excitation.harmonics
+    basis = fourier_basis(excitation.base_frequency_hz, harmonics, phase_s)
+    coefficients = np.asarray(np.linalg.lstsq(basis, position, rcond=None)[0], dtype=np.float64)
+    motion = FourierTrajectory(
+        excitation.base_frequency_hz / rate,
+        coefficients[0],
+        coefficients[1 : harmonics + 1].T,
+        coefficients[harmonics + 1 :].T,
+    )
+    return motion, np.asarray(np.sqrt(np.mean((position - basis @ coefficients) ** 2, axis=0)))
