@@ -177,8 +177,8 @@ class CanopenServos:
         """
         self._require(_Phase.CONNECTED)
         step = "enabling"
+        self._begin_cycles()
         try:
-            self._begin_cycles()
             for _ in range(self._cycles(self._timeouts.enable_s)):
                 for node in self._nodes:
                     if node.state is not State.OPERATION_ENABLED:
@@ -191,7 +191,7 @@ class CanopenServos:
                     self._phase = _Phase.ENABLED
                     return feedback
             stuck = next(node for node in self._nodes if not node.follows)
-            raise stuck.not_in_time(step, self._timeouts.enable_s)
+            raise stuck.not_in_time(step, self._timeouts.enable_s, self._sync.now_s())
         except DriverError as error:
             self._back_out(error)
             raise
@@ -220,9 +220,11 @@ class CanopenServos:
         Without effect where no drive is enabled. Drives that have been reported as lost are not waited for.
 
         Raises:
+            StateError: not connected.
             ServoTimeout: a drive did not come to rest in time.
             BusError: the bus failed.
         """
+        self._require_connected()
         if self._phase is not _Phase.ENABLED:
             return
         self._ask(State.QUICK_STOP_ACTIVE, lambda node: node.state is State.OPERATION_ENABLED)
@@ -240,10 +242,12 @@ class CanopenServos:
         """Engage brakes and remove torque, once the arm stands still.
 
         Raises:
+            StateError: not connected.
             ServoTimeout: a drive did not come to rest, or keeps its torque.
             BusError: the bus failed.
         """
-        if self._phase not in {_Phase.ENABLED, _Phase.STOPPED}:
+        self._require_connected()
+        if self._phase is _Phase.CONNECTED:
             return
         if not all(node.still_for(STILL_CYCLES) for node in self._nodes):
             self.stop()
@@ -282,17 +286,20 @@ class CanopenServos:
         Raises:
             DriverError: a drive could not be confirmed to be without torque. Everything else has been done.
         """
-        if self._phase is _Phase.CLOSED:
-            return
-        try:
-            self.stop()
-            self.disable()
-        except DriverError as error:
+        if self._phase in {_Phase.NEW, _Phase.CLOSED}:
             self._phase = _Phase.CLOSED
-            self._silence()
-            error.add_note("The arm may still carry torque: use the emergency stop.")
-            raise
+            return
+        failures: list[DriverError] = []
+        for action in (self.stop, self.disable):
+            try:
+                action()
+            except DriverError as error:
+                failures.append(error)
         self._phase = _Phase.CLOSED
+        if failures:
+            self._silence()
+            failures[0].add_note("A drive may still carry torque: use the emergency stop.")
+            raise failures[0]
 
     # Cycles --------------------------------------------------------------------------------------------------
 
@@ -300,6 +307,11 @@ class CanopenServos:
         """The caller's request has to fit the arm's life."""
         if self._phase is not phase:
             raise StateError(f"the servos are {self._phase.name.lower()}, this needs them {phase.name.lower()}")
+
+    def _require_connected(self) -> None:
+        """There has to be somebody to talk to."""
+        if self._phase in {_Phase.NEW, _Phase.CLOSED}:
+            raise StateError(f"the servos are {self._phase.name.lower()}: connect them first")
 
     def _cycles(self, limit_s: float) -> int:
         """A limit in cycles."""
@@ -397,14 +409,18 @@ class CanopenServos:
             ServoTimeout: for the first drive of which it does not hold in time.
         """
         waiting: list[DriveNode] = []
+        gone: list[DriveNode] = []
         for _ in range(self._cycles(limit_s)):
             self._run_cycle()
-            waiting = [node for node in self._nodes if not (done(node) or node.lost)]
+            gone += [node for node in self._nodes if node.is_gone and not node.lost and node not in gone]
+            waiting = [node for node in self._nodes if not (done(node) or node.lost or node in gone)]
             if not waiting:
-                return
-        for node in waiting:
-            node.lost = node.is_gone()
-        raise waiting[0].not_in_time(step, limit_s)
+                break
+        problems = [node.gone(step) for node in gone]
+        if problems:
+            raise problems[0]
+        if waiting:
+            raise waiting[0].not_in_time(step, limit_s, self._sync.now_s())
 
     def _back_out(self, error: DriverError) -> None:
         """Enabling failed: what has got torque already is disabled again."""

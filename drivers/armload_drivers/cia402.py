@@ -4,6 +4,8 @@ Rules of this file:
 - Every state, command and transition of the standard stands here, once; both sides run on the same tables.
 - Nothing here knows a bus, a thread or a clock. Time is the argument `now_s`; any monotonic clock will do.
 - A statusword that matches no state is an error that carries the word, never the previous state.
+- Nothing is brought back by itself: a drive that leaves the state it had reached stays where it went until
+  the next request.
 - Three transitions are never taken on the way to somewhere else. Leaving QUICK STOP ACTIVE for OPERATION
   ENABLED (16) and the fault reset (15) would set an arm in motion that had stopped for a reason; they happen
   on `request_resume` and `request_fault_reset` only. Torque off in motion (9) drops an arm; operation is left
@@ -138,15 +140,22 @@ def decode(statusword: int) -> State:
 
 
 def _first_steps(goal: State) -> dict[State, Transition]:
-    """Of every state with a route to `goal`, the first transition of the shortest one."""
+    """Of every state with a route to `goal`, the first transition of the shortest one.
+
+    QUICK STOP ACTIVE is reached from OPERATION ENABLED alone: nobody enables a drive in order to stop it. And no
+    route leads from there to OPERATION ENABLED, not even through SWITCH ON DISABLED.
+    """
+    if goal is State.QUICK_STOP_ACTIVE:
+        return {step.source: step for step in TRANSITIONS if step.target is goal}
     steps: dict[State, Transition] = {}
-    frontier = deque([goal])
+    frontier: deque[State] = deque([goal])
     while frontier:
         reached = frontier.popleft()
         for transition in TRANSITIONS:
             source = transition.source
             if transition.target is reached and transition.commands and not transition.by_name:
-                if source is goal or source in steps:
+                resumes = goal is State.OPERATION_ENABLED and source is State.QUICK_STOP_ACTIVE
+                if source is goal or source in steps or resumes:
                     continue
                 steps[source] = transition
                 frontier.append(source)
@@ -188,15 +197,17 @@ class MasterMachine:
     Attributes:
         state: Last state told by the drive, None before the first statusword.
         statusword: The word that told it.
-        goal: State that is being brought about, None before the first request.
+        goal: State that is being brought about or was reached; None before the first request, and after the
+            drive has left that state by itself.
+        since_s: When the present state was first told.
     """
 
     def __init__(self, reset: ResetPolicy | None = None) -> None:
         self.state: State | None = None
         self.statusword: int | None = None
         self.goal: State | None = None
+        self.since_s = 0.0
         self._reset_policy = reset or ResetPolicy()
-        self._deadline_s: float | None = None
         self._resuming = False
         self._edges_left = 0
         self._bit_high = False
@@ -219,32 +230,28 @@ class MasterMachine:
 
         Raises:
             StatuswordError: it tells none; the machine is left as it was.
-            TransitionError: the goal was not reached by its deadline.
         """
         state = decode(statusword)
+        if state is not self.state:
+            if self.reached:
+                self.goal = None
+            self.since_s = now_s
         self.state, self.statusword = state, statusword
         if state is self.goal:
-            self._deadline_s = None
-            self._resuming = False
-            self._edges_left = 0
-            self._bit_high = False
-        elif self._deadline_s is not None and now_s > self._deadline_s:
-            self._deadline_s = None
-            raise TransitionError(f"{self._goal_text} not reached in time, still {state.title}", statusword)
+            self._forget_named_requests()
         return state
 
-    @property
-    def _goal_text(self) -> str:
-        """The goal in words."""
-        return "no state asked for" if self.goal is None else self.goal.title
+    def _forget_named_requests(self) -> None:
+        """A request by name is over: reached, or replaced."""
+        self._resuming = False
+        self._edges_left = 0
+        self._bit_high = False
 
-    def request(self, goal: State, deadline_s: float | None = None) -> None:
+    def request(self, goal: State) -> None:
         """Ask for a state, to be reached over the standard's shortest safe route.
 
         Args:
-            goal: The state.
-            deadline_s: `receive` raises when the goal is not reached by then; None waits for ever, and the
-                caller limits the wait.
+            goal: The state. The caller limits the wait.
 
         Raises:
             TransitionError: from the present state the goal needs a request by name; nothing is changed.
@@ -254,12 +261,10 @@ class MasterMachine:
             blocked[State.QUICK_STOP_ACTIVE] = "a request to resume"
         if self.state in blocked and goal is not self.state:
             raise TransitionError(f"{goal.title} from {self.state.title} needs {blocked[self.state]}", self.statusword)
-        self.goal, self._deadline_s = goal, deadline_s
-        self._resuming = False
-        self._edges_left = 0
-        self._bit_high = False
+        self.goal = goal
+        self._forget_named_requests()
 
-    def request_resume(self, deadline_s: float | None = None) -> None:
+    def request_resume(self) -> None:
         """Ask for transition 16, QUICK STOP ACTIVE to OPERATION ENABLED.
 
         Raises:
@@ -268,10 +273,10 @@ class MasterMachine:
         if self.state is not State.QUICK_STOP_ACTIVE:
             title = "an unknown state" if self.state is None else self.state.title
             raise TransitionError(f"only QUICK STOP ACTIVE can be resumed, the drive is in {title}", self.statusword)
-        self.goal, self._deadline_s = State.OPERATION_ENABLED, deadline_s
+        self.goal = State.OPERATION_ENABLED
         self._resuming = True
 
-    def request_fault_reset(self, deadline_s: float | None = None) -> None:
+    def request_fault_reset(self) -> None:
         """Ask for transition 15, FAULT to SWITCH ON DISABLED, by a bounded number of rising edges of bit 7.
 
         Raises:
@@ -280,7 +285,7 @@ class MasterMachine:
         if self.state is not State.FAULT:
             title = "an unknown state" if self.state is None else self.state.title
             raise TransitionError(f"only FAULT can be reset, the drive is in {title}", self.statusword)
-        self.goal, self._deadline_s = State.SWITCH_ON_DISABLED, deadline_s
+        self.goal = State.SWITCH_ON_DISABLED
         self._edges_left = self._reset_policy.edges
         self._bit_high = False
         self._bit_since_s = None
@@ -351,7 +356,8 @@ class DriveMachine:
         rising = controlword & ~self._controlword & FAULT_RESET_BIT
         self._controlword = controlword
         if self.state is State.FAULT and rising:
-            return (self._own(15),)
+            self._own(15)
+            return (15,)
         made: list[int] = []
         while len(made) < 2:
             step = next(
@@ -382,9 +388,8 @@ class DriveMachine:
         """The quick stop is over and 605A says to switch off: transition 12."""
         self._own(12)
 
-    def _own(self, number: int) -> int:
+    def _own(self, number: int) -> None:
         """Make one of the drive's own transitions, if the state allows it."""
         for transition in TRANSITIONS:
             if transition.number == number and transition.source is self.state:
                 self.state = transition.target
-        return number

@@ -200,6 +200,7 @@ class DriveNode:
         if self._undefined is not None:
             return self._error(step, str(self._undefined), "Does this drive send 6041 as mapped? See its manual")
         if self.booted:
+            self.lost = True
             return self._error(
                 step, "the drive has rebooted by itself", "Check its supply; then connect and enable anew"
             )
@@ -218,6 +219,7 @@ class DriveNode:
                 "Is the drive supplied and its cable sound?",
             )
         if self._nmt_state != NmtState.OPERATIONAL.value:
+            self.lost = True
             name = _STATE_NAMES.get(self._nmt_state or 0, f"NMT state {self._nmt_state}")
             return self._error(
                 step,
@@ -232,13 +234,23 @@ class DriveNode:
             )
         return None
 
-    def not_in_time(self, step: str, limit_s: float) -> ServoTimeout:
+    def not_in_time(self, step: str, limit_s: float, now_s: float) -> ServoTimeout:
         """Error about a state that was not reached."""
-        goal = "the state" if self.machine.goal is None else self.machine.goal.title
+        goal = "the state asked for" if self.machine.goal is None else self.machine.goal.title
         return self._timeout(
             step,
-            f"{goal} not reached within {limit_s} s, the drive is in {self._state_text}",
+            f"{goal} and standstill not reached within {limit_s} s, the drive has been in {self._state_text} "
+            f"for {now_s - self.machine.since_s:.2f} s",
             "Are its power stage supplied, its safe-torque-off closed and its brake able to open?",
+        )
+
+    def gone(self, step: str) -> ServoTimeout:
+        """Error about a drive whose feedback has stopped; it is not waited for any more."""
+        self.lost = True
+        return self._timeout(
+            step,
+            f"no feedback for {self._missing} cycles",
+            f"Is the drive supplied and its cable sound? Allowed are {self._max_missing} (max_missing_cycles)",
         )
 
     def _fault(self, step: str) -> ServoFault | None:
@@ -258,6 +270,7 @@ class DriveNode:
         """Whether the axis has stood for so many cycles."""
         return self._still_cycles >= cycles
 
+    @property
     def is_gone(self) -> bool:
         """Whether feedback has stopped for longer than allowed."""
         return self._missing > self._max_missing

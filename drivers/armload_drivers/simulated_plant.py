@@ -76,6 +76,8 @@ class IdealPlant:
         torque_nm: (n,) torque of the powered axes; the torque offset is added to it.
 
     Attributes:
+        n: Number of axes.
+        time_s: Time that it has been advanced to.
         powered: Per axis, whether torque is on.
         torque_offset_nm: (n,) offsets in force.
     """
@@ -86,17 +88,18 @@ class IdealPlant:
         self._begin_s = np.zeros_like(self._start)
         self._over_s = np.zeros_like(self._start)
         self._torque_nm = np.zeros_like(self._start) if torque_nm is None else np.array(torque_nm)
-        self._time_s = 0.0
+        self.time_s = 0.0
+        self.n = len(self._start)
         self.powered = [False] * len(self._start)
         self.torque_offset_nm = np.zeros_like(self._start)
 
     def advance(self, time_s: float) -> None:
         """Let time pass; a time that has passed already changes nothing."""
-        self._time_s = max(self._time_s, time_s)
+        self.time_s = max(self.time_s, time_s)
 
     def _share(self) -> FloatArray:
         """(n,) share of each ramp that is over."""
-        elapsed = self._time_s - self._begin_s
+        elapsed = self.time_s - self._begin_s
         share = np.divide(elapsed, self._over_s, out=np.ones_like(elapsed), where=self._over_s > 0.0)
         return np.asarray(share.clip(0.0, 1.0))
 
@@ -108,7 +111,7 @@ class IdealPlant:
     @property
     def velocity_rad_s(self) -> FloatArray:
         """(n,) how fast they move."""
-        moving = (self._share() < 1.0) | (self._time_s == self._begin_s + self._over_s)
+        moving = (self._share() < 1.0) | (self.time_s == self._begin_s + self._over_s)
         travel = np.where(moving, self._finish - self._start, 0.0)
         return np.divide(travel, self._over_s, out=np.zeros_like(travel), where=self._over_s > 0.0)
 
@@ -126,7 +129,7 @@ class IdealPlant:
         """Start a ramp from where the axis is."""
         self._start[axis] = self.position_rad[axis]
         self._finish[axis] = position_rad
-        self._begin_s[axis] = self._time_s
+        self._begin_s[axis] = self.time_s
         self._over_s[axis] = over_s
 
     def set_torque_offset(self, axis: int, torque_nm: float) -> None:
