@@ -10,7 +10,7 @@ second takes up the first's.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from enum import StrEnum
@@ -144,17 +144,10 @@ def read_pair(robot: Robot, directory: Path, role: str) -> Pair:
     """The empty and the loaded recording of one excitation.
 
     Raises:
-        CommissioningError: one is missing, or the two do not belong together.
+        CommissioningError: the two do not belong together.
+        RecordingError: one is missing or holds nothing usable.
     """
-    recordings = {}
-    for load in Load:
-        path = recording_path(directory, load, role)
-        if not path.is_file():
-            raise CommissioningError(
-                f"{path} is missing: make it with `armload commission ... --runs {load} --output {directory}`"
-            )
-        recordings[load] = read_recording(path)
-    pair = Pair(recordings[Load.UNLOADED], recordings[Load.LOADED])
+    pair = Pair(*(read_recording(recording_path(directory, load, role)) for load in Load))
     for recording in (pair.unloaded, pair.loaded):
         name = recording.source.run().get("robot")
         if name != robot.name:
@@ -168,7 +161,15 @@ def read_pair(robot: Robot, directory: Path, role: str) -> Pair:
     return pair
 
 
-def missing_recordings(directory: Path, load: Load) -> Sequence[Path]:
-    """Recordings of one half that are not there yet."""
-    paths = [recording_path(directory, load, role) for role in ROLES]
-    return [path for path in paths if not path.is_file()]
+def require_recordings(directory: Path, load: Load) -> None:
+    """Refuse to go on without the recordings of one half.
+
+    Raises:
+        CommissioningError: naming the first that is missing, and how to make it.
+    """
+    for role in ROLES:
+        path = recording_path(directory, load, role)
+        if not path.is_file():
+            raise CommissioningError(
+                f"{path} is missing: make it with `armload commission ... --runs {load} --output {directory}`"
+            )

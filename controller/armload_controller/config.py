@@ -7,6 +7,7 @@ form: counts, the bus load, and whether the joints can hold the payloads it name
 
 from __future__ import annotations
 
+import hashlib
 import math
 import tomllib
 from dataclasses import dataclass, replace
@@ -57,6 +58,16 @@ class Robot:
     def name(self) -> str:
         """Name of the robot."""
         return self._model.robot.name
+
+    @property
+    def description(self) -> str:
+        """What the robot is, in a line."""
+        return self._model.robot.description
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the configuration."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
 
     @property
     def n(self) -> int:

@@ -119,6 +119,11 @@ class InertialParameters:
         return self.inertia_about_origin - self.mass_kg * (c @ c * np.eye(3) - np.outer(c, c))
 
     @property
+    def values(self) -> FloatArray:
+        """(10,) mass, centre of mass, tensor elements about it, in kg, m, kg m2; as `PARAMETER_NAMES`."""
+        return np.concatenate([[self.mass_kg], self.center_of_mass_m, _six(self.inertia_about_com)])
+
+    @property
     def pseudo_inertia(self) -> FloatArray:
         """(4, 4) pseudo-inertia J = int [r; 1] [r; 1]^T dm = [[Sigma, m c], [m c^T, m]].
 
@@ -202,9 +207,8 @@ class PayloadResult:
 
     @property
     def values(self) -> FloatArray:
-        """(10,) mass, centre of mass, tensor elements about it, in kg, m, kg m2; all ten of the model."""
-        model = self.model
-        return np.concatenate([[model.mass_kg], model.center_of_mass_m, _six(model.inertia_about_com)])
+        """(10,) of the model, in the order of `PARAMETER_NAMES`."""
+        return self.model.values
 
     @property
     def feedforward_ready(self) -> bool:

@@ -1,0 +1,119 @@
+"""`armload commission`: the whole of it, from switched-off drives to a payload file and a report."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from datetime import UTC, datetime
+from enum import StrEnum
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from armload_identification.report.report import ReportSubject, write_report
+
+from armload_controller.arms import VIRTUAL, arm_on_bus, require_safe_bus, simulated_arm
+from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
+from armload_controller.cli.screen import Screen, StopRequest
+from armload_controller.cli.tables import payload_table, possibility, validation_table, verdict
+from armload_controller.commissioning import ROLES, Load, read_pair, record_half, require_recordings
+from armload_controller.config import Robot, load_robot
+from armload_controller.errors import CommissioningError
+from armload_drivers.servos import JointServos
+from armload_identification.identification import identify, payload_result
+from armload_identification.payload import InertialParameters
+from armload_identification.payload_file import write_payload
+from armload_identification.validation import validate as validate_payload
+
+
+class Runs(StrEnum):
+    """Which halves of a commissioning to make."""
+
+    BOTH = "both"
+    UNLOADED = "unloaded"
+    LOADED = "loaded"
+
+
+def commission(
+    robot: RobotArgument,
+    interface: InterfaceOption = None,
+    channel: ChannelOption = None,
+    bitrate: BitrateOption = None,
+    cycle_hz: CycleOption = None,
+    simulated_drives: Annotated[
+        bool, typer.Option("--simulated-drives", help="The drives on that bus are simulated; each node is asked.")
+    ] = False,
+    runs: Annotated[
+        Runs, typer.Option(help="One half at a time; 'loaded' takes up the recordings that 'unloaded' left.")
+    ] = Runs.BOTH,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for the results; runs/ROBOT-TIME if not given."),
+    ] = None,
+) -> None:
+    """Run the arm empty and loaded, identify the payload, judge it, report."""
+    arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    require_safe_bus(arm, simulated_drives)
+    now = datetime.now(UTC)
+    directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
+    if runs is Runs.LOADED:
+        if output is None:
+            raise CommissioningError("--runs loaded needs --output: the folder that --runs unloaded recorded into")
+        require_recordings(directory, Load.UNLOADED)
+    directory.mkdir(parents=True, exist_ok=True)
+    screen = Screen()
+    halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
+    in_this_process = arm.bus.interface == VIRTUAL
+
+    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+        return simulated_arm(arm, load) if in_this_process else arm_on_bus(arm)
+
+    with StopRequest().listening() as stop_requested:
+        for load in halves[runs]:
+            if load is Load.LOADED and runs is Runs.BOTH:
+                _mount(arm, screen, in_this_process)
+            record_half(arm, load, open_servos, directory, screen, stop_requested, now.isoformat(timespec="seconds"))
+    if runs is Runs.UNLOADED:
+        screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
+        return
+    truth = arm.simulated_payload(arm.simulated_payload_name) if in_this_process else None
+    _evaluate(arm, directory, screen, truth, now)
+
+
+def _mount(arm: Robot, screen: Screen, in_this_process: bool) -> None:
+    """Get the payload onto the flange, the drives being off."""
+    if in_this_process:
+        screen.step(f"payload {arm.simulated_payload_name!r} mounted on the simulated flange")
+    elif not screen.confirm("The drives are off, the brakes are on. Is the payload mounted and the cell clear?"):
+        raise CommissioningError("not confirmed: nothing was moved with the payload. Go on later with --runs loaded")
+
+
+def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParameters | None, now: datetime) -> None:
+    """Identify on the first pair, judge on the second, write payload and report, show both."""
+    pairs = {role: read_pair(arm, directory, role) for role in ROLES}
+    chain, transmission = arm.chain(), arm.transmission()
+    first, second = (pairs[role] for role in ROLES)
+    identification = identify(first.loaded, first.unloaded, chain, transmission)
+    validation = validate_payload(second.loaded, second.unloaded, chain, transmission, identification.parameters)
+    payload = payload_result(identification, version("armload"), arm.sha256)
+    payload_path, report_path = directory / "payload.toml", directory / "report.html"
+    write_payload(payload_path, payload)
+    subject = ReportSubject(
+        robot=arm.name,
+        description=arm.description,
+        joint_names=arm.joint_names,
+        created=f"{now:%Y-%m-%d %H:%M} UTC",
+        armload_version=version("armload"),
+        simulated=True,
+        truth=truth,
+        payload=payload,
+    )
+    write_report(report_path, subject, identification, validation)
+    screen.console.print(payload_table(payload, truth))
+    screen.step(possibility(identification))
+    screen.console.print(validation_table(validation, arm.joint_names))
+    screen.step(verdict(validation, arm.joint_names))
+    for note in identification.notes:
+        screen.step(f"note: {note}")
+    screen.step(f"payload: {payload_path}")
+    screen.step(f"report:  {report_path}")

@@ -1,0 +1,41 @@
+"""`armload validate`: does a payload file predict recordings it has not seen?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armload_controller.cli.options import LoadedOption, RobotArgument, UnloadedOption
+from armload_controller.cli.screen import Screen
+from armload_controller.cli.tables import validation_table, verdict
+from armload_controller.config import load_robot
+from armload_identification.payload_file import read_payload
+from armload_identification.recording import read_recording
+from armload_identification.validation import validate as validate_payload
+
+EXIT_FAILED = 2
+
+
+def validate(
+    robot: RobotArgument,
+    payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file to judge (TOML).")],
+    loaded: LoadedOption,
+    unloaded: UnloadedOption,
+) -> None:
+    """Judge a payload file: residual beside the noise per joint. Exit status 2 where it fails."""
+    arm = load_robot(robot)
+    screen = Screen()
+    columns = arm.csv_columns()
+    result = validate_payload(
+        read_recording(loaded, columns),
+        read_recording(unloaded, columns),
+        arm.chain(),
+        arm.transmission(),
+        read_payload(payload).model,
+    )
+    screen.console.print(validation_table(result, arm.joint_names))
+    screen.step(verdict(result, arm.joint_names))
+    if not result.passed:
+        raise typer.Exit(EXIT_FAILED)
