@@ -147,13 +147,12 @@ class ArmUnits:
             CommandError: a value is not finite, does not fit its object, or asks a torque offset of a drive
                 that has none.
         """
+        self._require_finite("target position", command.position_rad)
+        self._require_finite("torque offset", command.torque_offset_nm)
         counts = np.rint(self._counts_from_joint @ command.position_rad)
         permille = np.rint(self._permille_from_joint @ command.torque_offset_nm)
-        # Comparisons with NaN are false, so this catches what is not finite as well.
-        if not (np.abs(counts) <= _COUNTS_LIMIT).all():
-            raise self._refused("target position", "rad", command.position_rad, counts, _COUNTS_LIMIT)
-        if not (np.abs(permille) <= _PERMILLE_LIMIT).all():
-            raise self._refused("torque offset", "N m", command.torque_offset_nm, permille, _PERMILLE_LIMIT)
+        self._require_range("target position", counts, _COUNTS_LIMIT)
+        self._require_range("torque offset", permille, _PERMILLE_LIMIT)
         if not self._takes_offset.all() and permille[~self._takes_offset].any():
             without = [j for j, takes in zip(self._joints, self._takes_offset, strict=True) if not takes]
             raise CommandError(
@@ -176,13 +175,22 @@ class ArmUnits:
         permille = np.rint(axis_torque_nm / self._torque).clip(-_PERMILLE_LIMIT, _PERMILLE_LIMIT)
         return RawAxes(counts.astype(np.int64).tolist(), permille.astype(np.int64).tolist())
 
-    def _refused(self, what: str, unit: str, values: FloatArray, raw: FloatArray, limit: int) -> CommandError:
-        """Error naming the first axis whose value does not fit."""
-        axis = int(np.flatnonzero(~(np.abs(raw) <= limit))[0])
-        return CommandError(
-            f"{self._joints[axis]}: {what} {values[axis]} {unit} is {raw[axis]} in drive units, outside "
-            f"+-{limit}. The setpoint is wrong or the scaling in the configuration is"
-        )
+    def _require_finite(self, what: str, values: FloatArray) -> None:
+        """Refuse values that are no numbers, and too few or too many of them."""
+        if values.shape != self._torque.shape:
+            raise CommandError(f"{what}s of shape {values.shape} for {len(self._joints)} joints")
+        if not np.isfinite(values).all():
+            joint = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise CommandError(f"{self._joints[joint]}: {what} {values[joint]} is no number; nothing was sent")
+
+    def _require_range(self, what: str, raw: FloatArray, limit: int) -> None:
+        """Refuse values that the drives' objects cannot hold."""
+        if (np.abs(raw) > limit).any():
+            axis = int(np.flatnonzero(np.abs(raw) > limit)[0])
+            raise CommandError(
+                f"{self._joints[axis]}: {what} is {raw[axis]:.0f} in drive units, outside +-{limit}. The "
+                "setpoint is wrong or the scaling in the configuration is; nothing was sent"
+            )
 
     def joint_position_rad(self, counts: Sequence[int]) -> FloatArray:
         """(n,) joint positions of the drives' 6064."""
