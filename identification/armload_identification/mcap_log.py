@@ -6,6 +6,7 @@ read. Messages are turned into arrays a batch at a time, so that half a million 
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
@@ -81,7 +82,8 @@ def read_topic(path: Path, data: bytes, topic: str, scalars: Sequence[str], arra
             complete = isinstance(record, Footer)
     except CRCValidationError as error:
         raise RecordingError(f"{path}: damaged, {error}. Copy the file again from where it was recorded.") from error
-    except (McapError, EOFError):
+    except (McapError, EOFError, struct.error):
+        # The library unpacks whatever is left, so a cut inside a number shows as struct's own error.
         complete = False
     return McapContent(table.values(), attachments, table.malformed, truncated=not complete)
 

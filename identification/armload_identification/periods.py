@@ -91,7 +91,8 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
     valid = count > 0
     mean = np.asarray(np.nansum(table, axis=0) / np.maximum(count, 1)[:, None], dtype=np.float64)
     n = recording.n
-    motion, misfit = _fit_motion(mean[valid, n:], np.flatnonzero(valid) * step, trajectory, rate)
+    phase_s = np.flatnonzero(valid).astype(np.float64) * np.float64(step)
+    motion, misfit = _fit_motion(mean[valid, n:], phase_s, trajectory, rate)
     return PeriodicRun(
         period_s=rate * trajectory.period_s,
         periods=table.shape[0],

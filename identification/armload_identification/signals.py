@@ -22,6 +22,8 @@ SMOOTHING_PASSES: Final = 5
 SMOOTHING_LOSS_LIMIT: Final = 0.10
 """Chen 2016: at most this share of a signal's RMS may be lost by smoothing."""
 _LOW_PASS_ORDER: Final = 4
+_MEDIAN_OF_NORMAL: Final = 0.674490
+"""Median of the absolute value of a standard normal variable."""
 _THIRD_DIFFERENCE_GAIN: Final = 20.0
 """Variance of a third difference of unit white noise: 1 + 9 + 9 + 1."""
 
@@ -150,7 +152,8 @@ def white_noise(values: FloatArray) -> FloatArray:
     """Standard deviation of the white noise on every sample, from third differences.
 
     A third difference removes whatever a cubic over four samples can follow, which is all that an excitation
-    contains, and leaves white noise with 20 times its variance.
+    contains, and leaves white noise with 20 times its variance. The size is taken from the median, because
+    friction at a reversal is sharper than any noise: by the RMS it made the noise of a wrist 1.7 times too large.
 
     Args:
         values: (N, n) raw samples, N at least 4.
@@ -158,4 +161,8 @@ def white_noise(values: FloatArray) -> FloatArray:
     Returns:
         (n,) standard deviations.
     """
-    return np.asarray(np.sqrt(np.mean(np.diff(values, n=3, axis=0) ** 2, axis=0) / _THIRD_DIFFERENCE_GAIN))
+    difference = np.diff(values, n=3, axis=0)
+    usual = np.median(np.abs(difference), axis=0) / _MEDIAN_OF_NORMAL
+    # A coarsely quantised signal repeats itself so often that its median says nothing.
+    spread = np.where(usual > 0.0, usual, np.sqrt(np.mean(difference**2, axis=0)))
+    return np.asarray(spread / np.sqrt(_THIRD_DIFFERENCE_GAIN))

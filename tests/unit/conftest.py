@@ -1,0 +1,133 @@
+"""An arm whose torque is Pinocchio's, and recordings of it: the truth that the identification has to find."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from armload_identification.chain import Chain, pose_from_xyz_rpy
+from armload_identification.fourier import Excitation, FourierTrajectory
+from armload_identification.payload import InertialParameters
+from armload_identification.recording import Recording, RecordingSource
+from armload_identification.signals import Transmission
+
+XYZ_M = [(0.0, 0.0, 0.18), (0.0, 0.17, 0.0), (0.0, -0.13, 0.6), (0.0, 0.0, 0.57), (0.0, 0.13, 0.0), (0.0, 0.0, 0.12)]
+RPY_RAD = [(0.0, 0.0, 0.0), (0.0, 1.2, 0.0), (0.0, 0.1, 0.0), (0.0, 1.5, 0.2), (0.0, 0.0, 0.0), (0.0, 0.0, -0.3)]
+AXIS = [(0, 0, 1), (0, 1, 0), (0, 1, 0), (0, 1, 0), (0, 0, 1), (0, 1, 0)]
+FLANGE = ((0.0, 0.11, 0.0), (-1.57, 0.0, 0.0))
+GRAVITY_M_S2 = (0.0, 0.0, -9.81)
+LINK_KG = (8.0, 12.0, 6.0, 2.0, 2.0, 0.5)
+
+
+class PinocchioArm:
+    """Six joints, friction, coupled wrist motors; everything that is random comes from the seed of a run."""
+
+    n = 6
+    chain = Chain.from_origins(XYZ_M, RPY_RAD, AXIS, pose_from_xyz_rpy(*FLANGE), GRAVITY_M_S2)
+    payload = InertialParameters.from_center_of_mass(
+        4.2, [0.03, -0.12, 0.09], [[0.05, 0.004, -0.002], [0.004, 0.03, 0.003], [-0.002, 0.003, 0.04]]
+    )
+    transmission = Transmission(
+        np.array([12.0, 12.0, 10.0, 8.0, 8.0, 7.0]),
+        np.eye(6) + np.array([[0.0] * 6] * 4 + [[0, 0, 0, 0.02, 0, 0], [0, 0, 0, -0.02, 0.02, 0]]),
+    )
+    noise_nm = np.array([1.5, 1.2, 0.8, 0.3, 0.3, 0.2])
+
+    def trajectory(self, seed: int = 3, period_s: float = 5.0, harmonics: int = 4) -> FourierTrajectory:
+        rng = np.random.default_rng(seed)
+        size = 0.45 / np.arange(1, harmonics + 1)
+        return FourierTrajectory(
+            1.0 / period_s,
+            rng.uniform(-0.4, 0.4, self.n),
+            rng.normal(size=(self.n, harmonics)) * size,
+            rng.normal(size=(self.n, harmonics)) * size,
+        )
+
+    def torque(self, q, dq, ddq, payload=None, load_friction=0.0):
+        """(N, n) joint torque by Pinocchio's recursive Newton-Euler, plus friction."""
+        model = self._model(payload)
+        data = model.createData()
+        links = np.array([pin.rnea(model, data, *state) for state in zip(q, dq, ddq, strict=True)])
+        along = np.tanh(dq / 0.01)
+        return links + along * (4.0 + load_friction * np.abs(links)) + 5.0 * dq
+
+    def run(
+        self,
+        trajectory: FourierTrajectory,
+        loaded: bool,
+        *,
+        seed: int,
+        periods: int = 3,
+        cycle_s: float = 0.01,
+        noise: float = 1.0,
+        load_friction: float = 0.0,
+        with_phase: bool = True,
+        rate: float = 1.0,
+    ) -> Recording:
+        """Record whole periods; the arm follows exactly, and `rate` s pass per s of phase."""
+        rng = np.random.default_rng(seed)
+        cycles = round(trajectory.period_s / cycle_s)
+        phase = np.arange(1, periods * cycles + 1) * cycle_s
+        one = trajectory.evaluate(phase[:cycles])
+        motion = (one.position_rad, one.velocity_rad_s / rate, one.acceleration_rad_s2 / rate**2)
+        torque = self.torque(*motion, self.payload if loaded else None, load_friction)
+        torque = np.tile(torque, (periods, 1)) + noise * self.noise_nm * rng.normal(size=(phase.size, self.n))
+        position = np.tile(one.position_rad, (periods, 1)) + 2e-5 * rng.normal(size=torque.shape)
+        current = (torque @ self.transmission.coupling) / self.transmission.gain_nm_a
+        return Recording(
+            time_s=100.0 + rate * phase,
+            position_rad=position,
+            velocity_rad_s=None,
+            current_a=current,
+            torque_nm=None,
+            phase_s=phase if with_phase else None,
+            excitation=Excitation(trajectory, periods) if with_phase else None,
+            source=source(current, "loaded" if loaded else "unloaded"),
+        )
+
+    def _model(self, payload):
+        model = pin.Model()
+        model.gravity.linear = np.array(GRAVITY_M_S2)
+        parent = 0
+        for i in range(self.n):
+            placement = pin.SE3(pin.rpy.rpyToMatrix(*map(float, RPY_RAD[i])), np.array(XYZ_M[i]))
+            joint = pin.JointModelRevoluteUnaligned(np.array(AXIS[i], dtype=float))
+            parent = model.addJoint(parent, joint, placement, f"joint{i + 1}")
+            body = pin.Inertia(LINK_KG[i], np.array([0.01, 0.02, 0.15]), 0.02 * LINK_KG[i] * np.eye(3))
+            model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+        if payload is not None:
+            flange = pin.SE3(pin.rpy.rpyToMatrix(*map(float, FLANGE[1])), np.array(FLANGE[0]))
+            body = pin.Inertia(payload.mass_kg, payload.center_of_mass_m, payload.inertia_about_com)
+            model.appendBodyToJoint(parent, body, flange)
+        return model
+
+
+def source(data: np.ndarray, name: str) -> RecordingSource:
+    """A source as a file would have it."""
+    return RecordingSource(
+        path=Path(f"{name}.mcap"),
+        sha256=hashlib.sha256(data.tobytes()).hexdigest(),
+        kind="mcap",
+        rows_read=len(data),
+        rows_dropped=0,
+        reasons={},
+    )
+
+
+@pytest.fixture(scope="session")
+def pinocchio_arm() -> PinocchioArm:
+    return PinocchioArm()
+
+
+@pytest.fixture(scope="session")
+def pair(pinocchio_arm):
+    """A loaded and an unloaded run of three periods."""
+    trajectory = pinocchio_arm.trajectory()
+    return (
+        pinocchio_arm.run(trajectory, True, seed=11),
+        pinocchio_arm.run(trajectory, False, seed=12),
+    )
