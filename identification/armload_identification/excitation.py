@@ -308,7 +308,7 @@ class _Problem:
     def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory) -> float:
         """A criterion of a trajectory on the design's grid."""
         coefficients = np.column_stack([trajectory.offset_rad, trajectory.sin_rad, trajectory.cos_rad])
-        states = [np.ascontiguousarray(b @ coefficients.T) for b in self._basis]
+        states = [b @ coefficients.T for b in self._basis]
         return criterion.cost(states[0], states[1], states[2], 1.0 / self._frequency_hz)
 
     def _lagrangian(

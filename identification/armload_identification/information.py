@@ -158,6 +158,7 @@ class Criterion:
         Returns:
             The cost, and (3, N, n) its derivative by q, dq and ddq.
         """
+        q, dq, ddq = (np.ascontiguousarray(a) for a in (q, dq, ddq))
         cost, gain = self._cost_and_gain(self._reduced(q, dq, ddq, period_s), slope=True)
         slope = np.zeros((3, *q.shape))
         if np.isfinite(cost):
@@ -170,7 +171,8 @@ class Criterion:
         """(r, r) information about x."""
         information = np.empty((10, 10))
         weight = self.row_weight * (period_s * NOISE_RATE_HZ / len(q))
-        _information_into(self.chain.packed, weight, q, dq, ddq, information)
+        states = [np.ascontiguousarray(a) for a in (q, dq, ddq)]
+        _information_into(self.chain.packed, weight, *states, information)
         return np.asarray(self.basis.T @ information @ self.basis)
 
     def _cost_and_gain(self, reduced: FloatArray, *, slope: bool) -> tuple[float, FloatArray]:

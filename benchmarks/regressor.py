@@ -1,0 +1,145 @@
+"""Regressor and feed-forward beside Pinocchio's, on the same arm and the same states.
+
+The rounds of all candidates are interleaved, so that a busy machine is busy for all of them; medians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+import pinocchio as pin
+
+from armload_controller.config import load_robot
+from armload_identification.chain import Chain
+from armload_identification.payload import InertialParameters
+from armload_identification.regressor import (
+    FEEDFORWARD_ROWS,
+    feedforward_model,
+    payload_regressor,
+    payload_torque_into,
+)
+
+SAMPLES = 2000
+BATCH_CALLS = 4
+BATCH_ROUNDS = 12
+SINGLE_CALLS = 2000
+SINGLE_ROUNDS = 40
+ORDER = [0, 1, 2, 3, 4, 6, 9, 5, 7, 8]  # Pinocchio's dynamic parameters in this project's order
+
+
+def run() -> None:
+    """Print both tables."""
+    robot = load_robot("er50")
+    chain, payload = robot.chain(), robot.expected_payload()
+    rng = np.random.default_rng(0)
+    q, dq, ddq = rng.uniform(-1.5, 1.5, (3, SAMPLES, chain.n))
+    model = _pinocchio_model(chain)
+    rounds = f"{BATCH_ROUNDS} x {BATCH_CALLS} calls"
+    print(f"Regressor of the payload, {SAMPLES} samples of {chain.n} joints, er50; median of {rounds}")
+    _batch(chain, model, q, dq, ddq)
+    print(f"\nFeed-forward, one sample of {chain.n} joints; median of {SINGLE_ROUNDS} x {SINGLE_CALLS} calls")
+    _single(chain, payload, model, q[0], dq[0], ddq[0])
+
+
+def _batch(chain: Chain, model: pin.Model, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
+    data = model.createData()
+    last = slice(10 * (chain.n - 1), 10 * chain.n)
+
+    def ours() -> np.ndarray:
+        return payload_regressor(chain, q, dq, ddq)
+
+    def torque_regressor() -> np.ndarray:
+        out = np.empty((SAMPLES, chain.n, 10))
+        for t in range(SAMPLES):
+            out[t] = pin.computeJointTorqueRegressor(model, data, q[t], dq[t], ddq[t])[:, last]
+        return out
+
+    def body_regressor() -> np.ndarray:
+        out = np.empty((SAMPLES, chain.n, 10))
+        for t in range(SAMPLES):
+            pin.rnea(model, data, q[t], dq[t], ddq[t])  # leaves velocities and gravity-laden accelerations in data
+            jacobian = pin.computeJointJacobian(model, data, q[t], chain.n)
+            out[t] = jacobian.T @ pin.bodyRegressor(data.v[chain.n], data.a_gf[chain.n])
+        return out
+
+    candidates = {
+        "armload payload_regressor": ours,
+        "Pinocchio loop, computeJointTorqueRegressor": torque_regressor,
+        "Pinocchio loop, bodyRegressor and Jacobian": body_regressor,
+    }
+    _print(candidates, _times(candidates, BATCH_ROUNDS, BATCH_CALLS), 1e3, "ms")
+    worst = max(float(np.abs(ours() - peer()[:, :, ORDER]).max()) for peer in (torque_regressor, body_regressor))
+    print(f"  greatest difference between them: {worst:.1e}")
+
+
+def _single(
+    chain: Chain, payload: InertialParameters, empty: pin.Model, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
+) -> None:
+    loaded = empty.copy()
+    center, inertia = payload.center_of_mass_m, payload.inertia_about_com
+    body = pin.Inertia(payload.mass_kg, center, inertia)
+    loaded.inertias[chain.n] = pin.SE3(chain.flange[:3, :3], chain.flange[:3, 3]).act(body)
+    empty_data, loaded_data = empty.createData(), loaded.createData()
+    packed = feedforward_model(chain, payload.theta)
+    work = np.zeros((FEEDFORWARD_ROWS, chain.n))
+    work[:3] = q, dq, ddq
+
+    def ours() -> None:
+        payload_torque_into(packed, work)
+
+    def two_rnea() -> np.ndarray:
+        return pin.rnea(loaded, loaded_data, q, dq, ddq) - pin.rnea(empty, empty_data, q, dq, ddq)
+
+    def two_rnea_alone() -> None:
+        pin.rnea(loaded, loaded_data, q, dq, ddq)
+        pin.rnea(empty, empty_data, q, dq, ddq)
+
+    candidates: dict[str, Callable[[], object]] = {
+        "armload payload_torque_into": ours,
+        "two pin.rnea, without the subtraction": two_rnea_alone,
+        "two pin.rnea and their difference": two_rnea,
+    }
+    _print(candidates, _times(candidates, SINGLE_ROUNDS, SINGLE_CALLS), 1e6, "us")
+    print(f"  greatest difference between them: {np.abs(work[3] - two_rnea()).max():.1e} N m")
+
+
+def _times(candidates: dict[str, Callable[[], object]], rounds: int, calls: int) -> list[float]:
+    """Median duration of one call of each, in s."""
+    seconds: list[list[float]] = [[] for _ in candidates]
+    for _ in range(rounds):
+        for candidate, durations in zip(candidates.values(), seconds, strict=True):
+            started = perf_counter()
+            for _ in range(calls):
+                candidate()
+            durations.append((perf_counter() - started) / calls)
+    return [median(durations) for durations in seconds]
+
+
+def _print(candidates: dict[str, Callable[[], object]], times_s: list[float], scale: float, unit: str) -> None:
+    for name, time_s in zip(candidates, times_s, strict=True):
+        print(f"  {name:45s} {time_s * scale:8.3f} {unit}   {time_s / times_s[0]:5.1f} x")
+
+
+def _pinocchio_model(chain: Chain) -> pin.Model:
+    """The arm in Pinocchio, without masses; its last joint frame is the flange here."""
+    if not np.allclose(chain.flange, np.eye(4)):
+        raise ValueError("the comparison needs an arm whose flange is its last joint's frame")
+    model = pin.Model()
+    model.gravity = pin.Motion(chain.gravity_m_s2, np.zeros(3))
+    joint = 0
+    for i in range(chain.n):
+        pose = pin.SE3(chain.placement[i][:3, :3], chain.placement[i][:3, 3])
+        joint = model.addJoint(
+            joint,
+            pin.JointModelRZ() if chain.axis[i][2] == 1.0 else pin.JointModelRevoluteUnaligned(chain.axis[i]),
+            pose,
+            f"joint_{i + 1}",
+        )
+    return model
+
+
+if __name__ == "__main__":
+    run()
