@@ -1,13 +1,24 @@
-"""What several tests share: an arm that follows perfectly, and a watch over leaked threads."""
+"""What several tests share: arms that follow perfectly, with and without a bus, and a watch over leaked threads."""
 
+import math
 import threading
+import uuid
+from contextlib import ExitStack
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 
-from armload_drivers.errors import StateError
+from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, DriveSettings, EffortFeedback, OperationMode
+from armload_drivers.canopen_servos import CanopenServos
+from armload_drivers.clock import VirtualClock
+from armload_drivers.errors import DriverError, StateError
 from armload_drivers.servos import JointFeedback
+from armload_drivers.simulated_drives import SimulatedDrives
+from armload_drivers.simulated_plant import IdealPlant
+from armload_drivers.sync import LockstepSync
+from armload_drivers.timeouts import Timeouts
 
 OPERATION_ENABLED = 0x0637
 
@@ -98,3 +109,89 @@ class IdealServos:
 @pytest.fixture
 def ideal_servos():
     return IdealServos
+
+
+def small_arm(*, cycle_s=0.01, **changes):
+    """Settings of three coupled joints; `changes` go to every drive."""
+    drive = {
+        "mode": OperationMode.CYCLIC_SYNCHRONOUS_POSITION,
+        "feedback": EffortFeedback.CURRENT,
+        "counts_per_rad": 1_000_000 / (2 * math.pi),
+        "rated_current_a": 10.0,
+        "rated_torque_nm": 200.0,
+        "max_torque_permille": 3000,
+        "following_error_rad": 0.5,
+        "position_min_rad": -3.0,
+        "position_max_rad": 3.0,
+        "has_brake": True,
+        "identity": SIMULATION_IDENTITY,
+    } | changes
+    drives = tuple(DriveSettings(joint=f"joint_{node}", node_id=node, **drive) for node in (2, 3, 5))
+    coupling = np.array([[1.0, 0.0, 0.0], [0.02, 1.0, 0.0], [0.0, -0.03, 1.0]])
+    return ArmSettings(drives, coupling, cycle_s, 1_000_000, 0.1, 3)
+
+
+START_RAD = (0.1, -0.2, 0.3)
+"""Where the axes of a small arm are at first."""
+
+
+class VirtualArm:
+    """Master and simulated drives of a small arm on a virtual bus in lockstep.
+
+    Args:
+        arm: The master's settings.
+        traits: In what drives differ, by node id.
+        drives_arm: The drives' settings, where they are not the master's.
+        feedback_limit_s: How long the master waits for feedback that does not come, on the wall clock.
+    """
+
+    def __init__(self, arm=None, traits=None, drives_arm=None, timeouts=None, feedback_limit_s=1.0):
+        self.arm = arm or small_arm()
+        self.plant = IdealPlant(np.array(START_RAD), np.array([20.0, -40.0, 60.0]))
+        self.clock = VirtualClock()
+        channel = uuid.uuid4().hex
+        self._stack = ExitStack()
+        self.bus, drives_bus, self.monitor = (
+            self._stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(3)
+        )
+        drives = SimulatedDrives(drives_arm or self.arm, self.plant, drives_bus, self.clock, traits)
+        self.drives = self._stack.enter_context(drives)
+        sync = LockstepSync(self.clock, feedback_limit_s)
+        timeouts = timeouts or Timeouts(probe_s=0.05, boot_s=0.3, sdo_s=0.3, mode_s=0.1)
+        self.servos = CanopenServos(self.arm, self.bus, sync, timeouts)
+
+    def frames(self, cob_id):
+        """Data of all frames of a COB-ID since the last call for any; the others are dropped."""
+        found = []
+        while (message := self.monitor.recv(0.0)) is not None:
+            if message.arbitration_id == cob_id:
+                found.append(bytes(message.data))
+        return found
+
+    def close(self):
+        """Close the servos, whatever they still complain about, then the bus."""
+        try:
+            self.servos.close()
+        except DriverError:
+            assert not any(self.plant.powered)
+        finally:
+            self._stack.close()
+
+
+@pytest.fixture
+def virtual_arm():
+    """Makes `VirtualArm`s and closes them."""
+    with ExitStack() as stack:
+
+        def make(*args, **kwargs):
+            arm = VirtualArm(*args, **kwargs)
+            stack.callback(arm.close)
+            return arm
+
+        yield make
+
+
+@pytest.fixture
+def arm_settings():
+    """Makes settings of a small arm."""
+    return small_arm

@@ -31,7 +31,7 @@ from armload_drivers.simulated_plant import Plant
 WAKE_S = 0.002
 """On a wall clock the plant is advanced at least this often."""
 
-IDLE_S = 0.05
+IDLE_S = 0.01
 """With a virtual clock nothing happens without frames; this bounds how long `stop` takes."""
 
 _NMT_COMMANDS = {command.value: command for command in NmtCommand}
