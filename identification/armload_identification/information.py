@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from armload_identification.chain import Chain
 from armload_identification.errors import ExcitationError
+from armload_identification.kernels import FRAME_NUMBERS, forward_into, rows_into
 from armload_identification.payload import InertialParameters
-from armload_identification.regressor import FRAME_NUMBERS, forward_into, payload_regressor, rows_into
+from armload_identification.regressor import payload_regressor
 
 FloatArray = NDArray[np.float64]
 
