@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from armload_drivers import objects as od
 from armload_drivers.arm import ArmSettings, DriveSettings, Identity
-from armload_drivers.cia402 import State, decode
+from armload_drivers.cia402 import POWERED, State, decode
 from armload_drivers.emergency import describe
 from armload_drivers.errors import SdoRefused, ServoError, ServoFault, ServoTimeout, StatuswordError, WrongDevice
 from armload_drivers.objects import Entry, PdoDirection
@@ -209,6 +209,18 @@ class DriveSetup:
                 f"the drive is in FAULT: {cause}",
                 "Remove the cause, then reset the fault by name and enable anew",
             )
+
+    def remove_torque(self) -> None:
+        """Take the torque of a drive that has left the cycle, by SDO.
+
+        Raises:
+            ServoError: it does not answer, or keeps its torque.
+        """
+        self._sdo.step = "removing torque by SDO"
+        self._sdo.write(od.CONTROLWORD, 0)
+        word = self._sdo.read(od.STATUSWORD)
+        if decode(word) in POWERED:
+            raise self._failed(f"the drive keeps its torque, statusword 0x{word:04X}", "Use the emergency stop")
 
     def watch_master(self, *, on: bool) -> None:
         """Have the drive watch the master's heartbeat, or not."""

@@ -241,6 +241,9 @@ class CanopenServos:
     def disable(self) -> None:
         """Engage brakes and remove torque, once the arm stands still.
 
+        A drive that has been reported as lost is asked by SDO. One that does not answer that either is left to
+        its own reaction (6007); the caller has been told.
+
         Raises:
             StateError: not connected.
             ServoTimeout: a drive did not come to rest, or keeps its torque.
@@ -258,6 +261,9 @@ class CanopenServos:
             self._timeouts.disable_s,
         )
         self._end_cycles()
+        for node, setup in zip(self._nodes, self._setups, strict=True):
+            if node.lost and setup.is_up():
+                setup.remove_torque()
 
     def reset_faults(self) -> None:
         """Reset the faults of all drives that are in FAULT, by a bounded number of rising edges.
@@ -372,13 +378,15 @@ class CanopenServos:
         )
 
     def _expect_feedback(self) -> None:
-        """Feedback that comes from now on belongs to this SYNC."""
+        """Feedback that comes from now on belongs to this SYNC; what came before does not."""
+        while self._link.pump(0.0):
+            pass
         for node in self._nodes:
             node.fresh = False
 
     def _complete(self) -> bool:
-        """Whether all feedback is there."""
-        return all([node.fresh for node in self._nodes])  # noqa: C419 - a list is faster than a generator
+        """Whether all feedback is there that can be waited for."""
+        return all([node.fresh or node.lost for node in self._nodes])  # noqa: C419 - a list is faster than a generator
 
     def _checked_cycle(self, step: str, *, must_follow: bool) -> JointFeedback:
         """One cycle; what is wrong with a drive is raised, what is wrong with others is noted."""

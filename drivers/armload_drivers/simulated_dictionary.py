@@ -47,7 +47,7 @@ def _count(index: int, highest: int) -> tuple[Entry, int]:
 
 
 def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: float) -> Dictionary:
-    """Objects of one drive without its PDO parameters, freshly reset.
+    """Objects of one drive without its PDO parameters, freshly reset, those it is to lack still included.
 
     Positions are told in units of the configured scale. The drive describes itself as a motor whose encoder
     sits on the axis: 608F tells the counts of an axis turn, 6091 a gear of 1, 6076 the axis's rated torque.
@@ -142,5 +142,4 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         dictionary.remove([od.TORQUE_OFFSET.index])
     if settings.rated_current_a is None:
         dictionary.remove([od.RATED_CURRENT_MA.index, od.CURRENT_ACTUAL.index])
-    dictionary.remove(traits.absent)
     return dictionary

@@ -103,6 +103,7 @@ class SimulatedDrive:
             ]
             for direction in PdoDirection
         )
+        dictionary.remove(self._traits.absent)
         self._frames = [bytearray(8) for _ in self.tpdos]
         self._obeyed: tuple[int, State] | None = None
         self._interlocked = False
@@ -117,6 +118,7 @@ class SimulatedDrive:
         self._now_s = 0.0
         for entry in (od.POLARITY, od.INTERPOLATION_TIME, od.INTERPOLATION_EXPONENT, od.MODE):
             dictionary.reactions[entry.key] = self._take_settings
+        dictionary.reactions[od.CONTROLWORD.key] = self._obey_and_tell
         dictionary.reactions[od.HEARTBEAT_PRODUCER_MS.key] = self._restart_heartbeat
         dictionary.reactions[od.HEARTBEAT_CONSUMER.key] = self._restart_consumer
         for pdo in self.rpdos:
@@ -216,9 +218,7 @@ class SimulatedDrive:
             pdo.pending = bytes(data)
         else:
             pdo.store(bytes(data))
-            self._obey()
-            self._values[od.STATUSWORD.key] = self._statusword()
-            self._send_events()
+            self._obey_and_tell()
 
     def heard(self, node_id: int, now_s: float) -> None:
         """Take in another node's heartbeat."""
@@ -321,6 +321,12 @@ class SimulatedDrive:
             self._obeyed = (word, machine.state)
         if machine.state is State.OPERATION_ENABLED:
             self._follow(word)
+
+    def _obey_and_tell(self) -> None:
+        """Obey a controlword that came without SYNC."""
+        self._obey()
+        self._values[od.STATUSWORD.key] = self._statusword()
+        self._send_events()
 
     def _make_transitions(self, word: int) -> None:
         """Let the state machine act on a controlword, and the plant on its transitions."""

@@ -80,6 +80,7 @@ class IdealPlant:
         time_s: Time that it has been advanced to.
         powered: Per axis, whether torque is on.
         torque_offset_nm: (n,) offsets in force.
+        lag_rad: (n,) how far encoders stay behind setpoints; zero, for following errors to be injected.
     """
 
     def __init__(self, position_rad: FloatArray, torque_nm: FloatArray | None = None) -> None:
@@ -92,6 +93,7 @@ class IdealPlant:
         self.n = len(self._start)
         self.powered = [False] * len(self._start)
         self.torque_offset_nm = np.zeros_like(self._start)
+        self.lag_rad = np.zeros_like(self._start)
 
     def advance(self, time_s: float) -> None:
         """Let time pass; a time that has passed already changes nothing."""
@@ -149,4 +151,4 @@ class IdealPlant:
         """What the drives measure now; without noise, so `cycle_s` does not matter."""
         position = self.position_rad
         torque = np.where(self.powered, self._torque_nm + self.torque_offset_nm, 0.0)
-        return IdealSample(position, self.velocity_rad_s, position.copy(), torque)
+        return IdealSample(position - self.lag_rad, self.velocity_rad_s, position, torque)

@@ -1,0 +1,428 @@
+"""Scripted failures of simulated drives on the virtual bus: what the master says, and what the arm does."""
+
+from dataclasses import replace
+
+import can
+import numpy as np
+import pytest
+
+from armload_drivers.arm import SIMULATION_IDENTITY, Identity, OperationMode
+from armload_drivers.cia402 import State, decode
+from armload_drivers.errors import (
+    BusError,
+    BusOverload,
+    SdoRefused,
+    ServoError,
+    ServoFault,
+    ServoTimeout,
+    StateError,
+    WrongDevice,
+)
+from armload_drivers.servos import JointCommand
+from armload_drivers.simulated_dictionary import DriveTraits
+from armload_drivers.timeouts import Timeouts
+
+ZERO = np.zeros(3)
+QUICK = Timeouts(probe_s=0.02, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
+"""For tests in which somebody does not answer."""
+
+MISSING_LIMIT_S = 0.05
+"""Wall time that the master waits for feedback that does not come."""
+
+
+def enabled(arm):
+    arm.servos.connect()
+    return arm.servos.enable().position_rad
+
+
+def move(arm, start_rad, cycles, speed_rad_s=0.5, done=0):
+    """Move all joints evenly; returns where they were sent last."""
+    for cycle in range(done + 1, done + cycles + 1):
+        target = start_rad + cycle * arm.arm.cycle_s * speed_rad_s
+        arm.servos.exchange(JointCommand(target, ZERO, ZERO))
+    return target
+
+
+def move_until_error(arm, start_rad, kind, cycles=50):
+    with pytest.raises(kind) as raised:
+        move(arm, start_rad, cycles)
+    return raised.value
+
+
+# Faults in motion -------------------------------------------------------------------------------------------
+
+
+def test_a_drive_fault_in_motion_names_the_drive_and_the_cause(virtual_arm):
+    arm = virtual_arm()
+    start = enabled(arm)
+    move(arm, start, 20)
+    arm.drives.fail(3, 0x2310)
+    error = move_until_error(arm, start + 0.1, ServoFault)
+    assert (error.node_id, error.joint) == (3, "joint_3")
+    assert "0x2310" in str(error)
+    assert "overcurrent" in str(error)
+    assert "reset" in str(error)
+
+    arm.servos.stop()
+    assert arm.plant.powered == [True, False, True], "the others hold with torque on"
+    assert arm.plant.velocity_rad_s == pytest.approx(ZERO)
+    arm.servos.disable()
+    assert not any(arm.plant.powered)
+
+
+def test_a_faulty_drive_decelerates_before_its_torque_goes(virtual_arm):
+    arm = virtual_arm()
+    start = enabled(arm)
+    move(arm, start, 20)
+    arm.drives.fail(3, 0x2310)
+    move_until_error(arm, start + 0.1, ServoFault)
+    assert arm.plant.powered[1], "the first answer comes from FAULT REACTION ACTIVE, on the ramp"
+    assert arm.plant.velocity_rad_s[1] > 0.0
+
+
+def test_nothing_re_enables_by_itself_after_a_fault(virtual_arm):
+    arm = virtual_arm()
+    start = enabled(arm)
+    arm.drives.fail(3, 0x4310)
+    move_until_error(arm, start, ServoFault)
+    for _ in range(20):
+        with pytest.raises(ServoFault):
+            arm.servos.exchange(JointCommand(start, ZERO, ZERO))
+    assert not arm.plant.powered[1]
+    arm.servos.disable()
+    with pytest.raises(ServoFault, match="0x4310"):
+        arm.servos.enable()
+    assert not any(arm.plant.powered)
+
+
+def test_a_fault_is_reset_by_name_and_the_arm_enabled_again(virtual_arm):
+    arm = virtual_arm()
+    start = enabled(arm)
+    arm.drives.fail(3, 0x4310)
+    move_until_error(arm, start, ServoFault)
+    arm.servos.disable()
+    arm.servos.reset_faults()
+    assert not any(arm.plant.powered)
+    feedback = arm.servos.enable()
+    assert [decode(int(word)) for word in feedback.statusword] == [State.OPERATION_ENABLED] * 3
+    move(arm, feedback.position_rad, 5)
+
+
+def test_a_fault_whose_cause_stays_gets_three_edges_and_an_error(virtual_arm):
+    arm = virtual_arm()
+    start = enabled(arm)
+    arm.drives.fail(3, 0x4310, persistent=True)
+    move_until_error(arm, start, ServoFault)
+    arm.servos.disable()
+    arm.frames(0)
+    with pytest.raises(ServoTimeout) as raised:
+        arm.servos.reset_faults()
+    assert raised.value.node_id == 3
+    assert "FAULT" in str(raised.value)
+    words = [frame[0] | frame[1] << 8 for frame in arm.frames(0x203)]
+    high = [bool(word & 0x80) for word in words]
+    assert sum(now and not before for before, now in zip([False, *high], high, strict=False)) == 3
+
+
+def test_a_following_error_is_a_fault(virtual_arm, arm_settings):
+    """The settings allow 0.5 rad; a jump of 1 rad within a cycle cannot be followed by a lagging plant."""
+    arm = virtual_arm()
+    start = enabled(arm)
+    arm.plant.lag_rad = np.array([0.0, 0.8, 0.0])
+    error = move_until_error(arm, start, ServoFault)
+    assert error.node_id == 3
+    assert "following error" in str(error)
+
+
+# Missing feedback -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cycles", [1, 3])
+def test_missing_feedback_is_counted_and_survived(virtual_arm, cycles):
+    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    start = enabled(arm)
+    move(arm, start, 3)
+    arm.drives.drop_feedback(5, cycles)
+    seen = [arm.servos.exchange(JointCommand(start, ZERO, ZERO)) for _ in range(cycles + 1)]
+    assert [feedback.missing.tolist() for feedback in seen] == [[False, False, True]] * cycles + [[False] * 3]
+    assert all(np.isfinite(feedback.position_rad).all() for feedback in seen)
+
+
+def test_feedback_missing_for_longer_than_allowed_is_an_error(virtual_arm):
+    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    start = enabled(arm)
+    arm.drives.drop_feedback(5, 4)
+    error = move_until_error(arm, start, ServoTimeout)
+    assert (error.node_id, error.joint) == (5, "joint_5")
+    assert "4 cycles" in str(error)
+    assert arm.servos._cycle == 8, "raised in the fourth cycle, not later"
+
+
+def test_a_drive_that_loses_its_supply_in_motion(virtual_arm):
+    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S, timeouts=QUICK)
+    start = enabled(arm)
+    move(arm, start, 10)
+    arm.drives.switch_off(2)
+    error = move_until_error(arm, start + 0.05, ServoTimeout)
+    assert error.node_id == 2
+    arm.servos.stop()
+    assert arm.plant.powered == [False, True, True]
+    arm.servos.disable()
+    assert not any(arm.plant.powered)
+
+
+def test_a_drive_that_reboots_in_motion(virtual_arm):
+    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S, timeouts=QUICK)
+    start = enabled(arm)
+    arm.drives.switch_off(2)
+    arm.drives.switch_on(2)
+    error = move_until_error(arm, start, ServoError)
+    assert error.node_id == 2
+    assert "rebooted" in str(error)
+    arm.servos.stop()
+    arm.servos.disable()
+    assert not any(arm.plant.powered)
+
+
+def test_a_lost_heartbeat_is_noticed_although_feedback_comes(virtual_arm):
+    arm = virtual_arm()
+    start = enabled(arm)
+    move(arm, start, 5)
+    arm.monitor.send(can.Message(arbitration_id=0x603, data=bytes.fromhex("2b17100000000000"), is_extended_id=False))
+    error = move_until_error(arm, start, ServoTimeout)
+    assert error.node_id == 3
+    assert "heartbeat" in str(error)
+
+
+def test_another_master_taking_a_drive_out_of_operational(virtual_arm):
+    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    start = enabled(arm)
+    move(arm, start, 5)
+    arm.monitor.send(can.Message(arbitration_id=0x000, data=[0x80, 3], is_extended_id=False))
+    error = move_until_error(arm, start, ServoError)
+    assert error.node_id == 3
+    arm.servos.stop()
+    arm.servos.disable()
+    assert not any(arm.plant.powered)
+
+
+@pytest.mark.parametrize("data", [b"", b"\x37\x12", b"\x37\x12\x00\x00\x00\x00\x00"])
+def test_feedback_of_the_wrong_length_is_not_feedback(virtual_arm, data):
+    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    start = enabled(arm)
+    arm.monitor.send(can.Message(arbitration_id=0x183, data=data, is_extended_id=False))
+    feedback = arm.servos.exchange(JointCommand(start, ZERO, ZERO))
+    assert not feedback.missing.any()
+    assert feedback.position_rad == pytest.approx(start, abs=1e-5)
+
+
+# The master lost --------------------------------------------------------------------------------------------
+
+
+def run_without_master(arm, cycles):
+    """Let the simulation's time pass with SYNC from elsewhere and a silent master."""
+    for _ in range(cycles):
+        arm.clock.advance(arm.arm.cycle_s)
+        arm.monitor.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+    # An SDO answer proves that the drives have seen all of it.
+    arm.frames(0)
+    arm.monitor.send(can.Message(arbitration_id=0x602, data=bytes.fromhex("4000100000000000"), is_extended_id=False))
+    while (message := arm.monitor.recv(1.0)) is not None and message.arbitration_id != 0x582:
+        pass
+
+
+def test_drives_stop_by_themselves_without_setpoints_and_stay_stopped(virtual_arm):
+    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    start = enabled(arm)
+    move(arm, start, 20)
+    run_without_master(arm, 30)
+    assert arm.plant.velocity_rad_s == pytest.approx(ZERO)
+    assert all(arm.plant.powered), "a quick stop that holds"
+    stood = arm.plant.position_rad
+    error = move_until_error(arm, start + 0.3, ServoError)
+    assert "0x8" in str(error)
+    assert arm.plant.position_rad == pytest.approx(stood, abs=1e-5), "setpoints that come back move nothing"
+
+
+def test_a_lost_heartbeat_of_the_master_ends_pdo_communication(virtual_arm):
+    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    enabled(arm)
+    arm.frames(0)
+    run_without_master(arm, 30)
+    assert arm.plant.velocity_rad_s == pytest.approx(ZERO)
+    with pytest.raises(ServoError):
+        move(arm, np.zeros(3), 5)
+    assert arm.plant.position_rad == pytest.approx([0.1, -0.2, 0.3], abs=1e-5)
+
+
+# Bring-up ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("identity", "what"),
+    [
+        (Identity(0x0000_00AB, SIMULATION_IDENTITY.product_code), "vendor id"),
+        (Identity(SIMULATION_IDENTITY.vendor_id, 0x1234), "product code"),
+    ],
+)
+def test_a_wrong_identity_is_refused_before_anything_is_changed(virtual_arm, identity, what):
+    arm = virtual_arm(traits={3: DriveTraits(identity=identity)})
+    # Past the drives' own boot-up.
+    while arm.monitor.recv(0.05) is not None:
+        pass
+    with pytest.raises(WrongDevice, match=what) as raised:
+        arm.servos.connect()
+    assert raised.value.node_id == 3
+    frames = []
+    while (message := arm.monitor.recv(0.0)) is not None:
+        frames.append(message)
+    assert not [m for m in frames if m.arbitration_id == 0], "no NMT command"
+    writes = [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1]
+    assert not writes
+    assert not any(arm.plant.powered)
+
+
+def test_a_device_of_another_kind_is_refused(virtual_arm):
+    arm = virtual_arm(traits={3: DriveTraits(device_type=0x0004_0191)})
+    with pytest.raises(WrongDevice, match="401"):
+        arm.servos.connect()
+
+
+def test_an_arm_that_is_not_simulated_says_so(virtual_arm, arm_settings):
+    real = Identity(0x0000_00AB, 0x1234)
+    arm = virtual_arm(arm_settings(identity=real), traits={node: DriveTraits(identity=real) for node in (2, 3, 5)})
+    arm.servos.connect()
+    assert not arm.servos.simulated
+
+
+def test_a_missing_node_is_named(virtual_arm, arm_settings):
+    settings = arm_settings()
+    fewer = replace(settings, drives=settings.drives[:2], coupling=np.eye(2))
+    arm = virtual_arm(settings, drives_arm=fewer, timeouts=QUICK)
+    with pytest.raises(ServoTimeout) as raised:
+        arm.servos.connect()
+    assert (raised.value.node_id, raised.value.joint) == (5, "joint_5")
+    assert "supplied" in str(raised.value)
+
+
+def test_nodes_that_are_up_and_send_no_boot_up_message_are_asked(virtual_arm):
+    silent = DriveTraits(boot_message=False)
+    arm = virtual_arm(traits=dict.fromkeys((2, 3, 5), silent), timeouts=QUICK)
+    arm.servos.connect()
+    arm.servos.enable()
+    assert all(arm.plant.powered)
+
+
+def test_an_sdo_abort_names_the_object_and_the_code(virtual_arm):
+    arm = virtual_arm(traits={3: DriveTraits(absent=frozenset({0x1A00}))})
+    with pytest.raises(SdoRefused) as raised:
+        arm.servos.connect()
+    assert raised.value.node_id == 3
+    assert raised.value.abort_code == 0x0602_0000
+    assert "1A00:0" in str(raised.value)
+    assert "mapping" in raised.value.step
+
+
+def test_what_a_drive_lacks_is_reported(virtual_arm):
+    lacks = frozenset({0x1029, 0x6007, 0x605A, 0x6076, 0x607E, 0x608F})
+    arm = virtual_arm(traits={3: DriveTraits(absent=lacks)})
+    arm.servos.connect()
+    reports = {report.node_id: report for report in arm.servos.reports}
+    assert {int(text[:4], 16) for text in reports[3].missing} == lacks
+    assert reports[2].missing == ()
+    assert reports[2].name == "armload simulated drive, joint_2"
+
+
+def test_a_drive_that_stops_without_605a_ends_without_torque(virtual_arm):
+    arm = virtual_arm(traits={3: DriveTraits(absent=frozenset({0x605A}))})
+    start = enabled(arm)
+    move(arm, start, 20)
+    arm.servos.stop()
+    assert arm.plant.powered == [True, False, True], "605A is 2 where it cannot be written"
+    assert arm.plant.velocity_rad_s == pytest.approx(ZERO)
+    arm.servos.disable()
+
+
+def test_a_mode_that_is_not_offered_is_refused(virtual_arm):
+    traits = DriveTraits(modes=frozenset({int(OperationMode.INTERPOLATED_POSITION)}))
+    arm = virtual_arm(traits={3: traits})
+    with pytest.raises(WrongDevice, match=r"mode 8.*only 7"):
+        arm.servos.connect()
+
+
+def test_a_mode_that_is_not_taken_is_an_error(virtual_arm):
+    arm = virtual_arm(traits={3: DriveTraits(takes_mode=False)})
+    with pytest.raises(ServoTimeout, match="6061"):
+        arm.servos.connect()
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [({"counts_per_rad": 1e5}, "position units"), ({"rated_torque_nm": 250.0}, "rated torque"),
+     ({"rated_current_a": 11.0}, "rated current")],
+)  # fmt: skip
+def test_a_scale_that_contradicts_the_drive_is_refused(virtual_arm, arm_settings, change, what):
+    arm = virtual_arm(arm_settings(**change), drives_arm=arm_settings())
+    with pytest.raises(WrongDevice, match=what):
+        arm.servos.connect()
+
+
+def test_polarity_is_read_and_honoured(virtual_arm):
+    arm = virtual_arm(traits={3: DriveTraits(polarity=0x80), 5: DriveTraits(polarity=0xA0)})
+    start = enabled(arm)
+    assert start == pytest.approx(arm.arm.coupling @ [0.1, -0.2, 0.3], abs=1e-5)
+    target = move(arm, start, 10)
+    feedback = arm.servos.exchange(JointCommand(target, ZERO, np.array([0.0, 20.0, 40.0])))
+    assert feedback.position_rad == pytest.approx(target, abs=1e-5)
+    assert arm.arm.coupling @ arm.plant.position_rad == pytest.approx(target, abs=1e-5)
+    assert arm.plant.torque_offset_nm == pytest.approx(arm.arm.coupling.T @ [0.0, 20.0, 40.0], abs=0.2)
+    assert feedback.current_a == pytest.approx([1.0, -2.0, 3.0], abs=0.01)
+
+
+def test_a_cycle_that_does_not_fit_is_refused_before_anything_is_sent(virtual_arm, arm_settings):
+    settings = replace(arm_settings(), bitrate=20_000)
+    arm = virtual_arm(settings)
+    while arm.monitor.recv(0.05) is not None:
+        pass
+    with pytest.raises(BusOverload):
+        arm.servos.connect()
+    assert arm.monitor.recv(0.0) is None
+
+
+def test_targets_before_enabling_are_fresh_positions(virtual_arm):
+    """No frame carries a target that was not computed, from the first RPDO on."""
+    arm = virtual_arm()
+    arm.servos.connect()
+    arm.frames(0)
+    arm.servos.enable()
+    targets = [int.from_bytes(frame[2:6], "little", signed=True) for frame in arm.frames(0x202)]
+    counts = round(0.1 * arm.arm.drives[0].counts_per_rad)
+    assert set(targets) == {counts}
+
+
+def test_connecting_twice_as_somebody_new_takes_over_a_node_that_is_up(virtual_arm):
+    """A second master after a first that vanished without closing."""
+    first = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    enabled(first)
+    second = type(first.servos)(first.arm, first.bus, first.servos._sync, first.servos._timeouts)
+    second.connect()
+    assert not any(first.plant.powered), "the reset took the torque"
+    second.enable()
+    second.close()
+    with pytest.raises(StateError):
+        second.connect()
+
+
+# The bus ----------------------------------------------------------------------------------------------------
+
+
+def test_a_closed_bus_is_a_bus_error(virtual_arm):
+    arm = virtual_arm()
+    start = enabled(arm)
+    arm.bus.shutdown()
+    with pytest.raises(BusError):
+        arm.servos.exchange(JointCommand(start, ZERO, ZERO))
+    with pytest.raises(BusError) as raised:
+        arm.servos.close()
+    assert any("emergency stop" in note for note in raised.value.__notes__)
+    arm.servos.close()
