@@ -1,0 +1,58 @@
+"""A weighed payload on a real arm: 2.805 kg on a UR10e, from its own motor currents."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_controller.config import load_robot
+from armload_identification.identification import identify, payload_result
+from armload_identification.payload_file import format_payload
+from armload_identification.recording import read_recording
+
+WEIGHED_KG = 2.805
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("ur10e")
+
+
+def identified(robot, folder, suffix=""):
+    runs = [read_recording(folder / f"{name}{suffix}.csv", robot.csv_columns()) for name in ("loaded", "unloaded")]
+    return identify(*runs, robot.chain(), robot.transmission())
+
+
+def test_pair_a_is_weighed_and_its_inertia_is_not_printed(robot, shared_data):
+    result = identified(robot, shared_data / "ur10e")
+    assert result.parameters.mass_kg == pytest.approx(WEIGHED_KG, rel=0.015)
+    x, y, z = result.parameters.center_of_mass_m
+    assert z == pytest.approx(0.05, abs=0.01)
+    assert np.hypot(x, y) == pytest.approx(0.17, abs=0.01)
+    assert result.uncertainty.determined.tolist() == [True] * 4 + [False] * 6
+    low, high = result.uncertainty.interval_95[0]
+    assert low < WEIGHED_KG < high
+    assert not result.plain_parameters.is_physical
+    assert result.parameters.is_physical
+    assert (result.signal.mismatch_rad < 2e-4).all()
+    text = format_payload(payload_result(result, "0.1.0", "")).split("[model]")[0]
+    assert "mass_kg = 2." in text
+    assert "inertia_kg_m2 = { ixx = false" in text
+    assert "inertia_kg_m2 = { ixx = 0" not in text
+    assert any("gains are nominal" in note for note in result.notes)
+
+
+def test_pair_b_is_weighed_and_its_garbage_is_counted(robot, shared_data):
+    result = identified(robot, shared_data / "ur10e", "_b")
+    assert result.parameters.mass_kg == pytest.approx(WEIGHED_KG, rel=0.04)
+    loaded, unloaded = result.sources
+    assert loaded.rows_read == 6107
+    assert dict(loaded.reasons) == {"impossible value": 4, "time out of range": 5, "cut last row": 1}
+    assert unloaded.rows_dropped == 0
+    assert any("10 of 6107 rows dropped" in note for note in result.notes)
+
+
+def test_the_remounted_payload_is_turned_about_the_flange_axis(robot, shared_data):
+    first, second = (identified(robot, shared_data / "ur10e", suffix).parameters for suffix in ("", "_b"))
+    angle = [np.arctan2(c[1], c[0]) for c in (first.center_of_mass_m, second.center_of_mass_m)]
+    assert np.degrees(angle[0] - angle[1]) % 360.0 == pytest.approx(184.0, abs=3.0)
