@@ -97,6 +97,11 @@ class SimulatedDrives:
         self._thread = threading.Thread(target=self._run, name="simulated-drives", daemon=True)
         self._thread.start()
 
+    @property
+    def running(self) -> bool:
+        """Whether the drives' thread is alive; `stop` tells why it ended early."""
+        return self._thread is not None and self._thread.is_alive()
+
     def stop(self) -> None:
         """Switch the drives off and end their thread. Idempotent.
 

@@ -46,7 +46,7 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
 
 def validation_table(validation: Validation, joint_names: Sequence[str]) -> Table:
     """Residual beside the noise, per joint."""
-    table = Table(title="Torque of recordings not used for the estimate, per raw sample", title_justify="left")
+    table = Table(title="Measured torque, and what the payload leaves of it, per raw sample", title_justify="left")
     table.add_column("joint")
     for column in ("torque N m", "residual N m", "noise N m", "ratio"):
         table.add_column(column, justify="right")
