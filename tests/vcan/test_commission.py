@@ -1,0 +1,91 @@
+"""A commissioning between processes on a real SocketCAN interface: `simulate` in one, `commission` in the other."""
+
+import re
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armload_controller.config import load_robot
+from armload_identification.fourier import Excitation, FourierTrajectory, write_excitation
+from armload_identification.payload_file import read_payload
+
+pytestmark = pytest.mark.vcan
+
+CHANNEL = "vcan0"
+CYCLE_HZ = 50
+BUS = ["--interface", "socketcan", "--channel", CHANNEL, "--cycle-hz", str(CYCLE_HZ)]
+ARMLOAD = [sys.executable, "-c", "from armload_controller.cli.main import main; main()"]
+
+
+@pytest.fixture
+def short_robot(tmp_path):
+    """er50 with excitations of two periods of 2 s."""
+    shipped = resources.files("armload_configs") / "er50.toml"
+    text = shipped.read_text("utf-8")
+    offset = np.array([0.0, 0.3, 0.6, 0.0, 0.0, 0.0])
+    for seed, role in enumerate(("identification", "validation")):
+        rng = np.random.default_rng(seed)
+        swing = 0.12 * rng.choice([-1.0, 1.0], (2, 6, 2)) / np.array([1.0, 2.0])
+        trajectory = FourierTrajectory(0.5, offset, swing[0], swing[1])
+        write_excitation(tmp_path / f"{role}.toml", Excitation(trajectory, 2))
+        text = re.sub(rf'^{role} = ".*"$', f'{role} = "{role}.toml"', text, flags=re.MULTILINE)
+    path = tmp_path / "short.toml"
+    path.write_text(text)
+    return path
+
+
+@contextmanager
+def simulated(robot, payload):
+    """Drives in a process of their own, ended by SIGTERM."""
+    drives = subprocess.Popen(
+        [*ARMLOAD, "simulate", str(robot), *BUS, "--payload", payload], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert "6 simulated drives" in drives.stdout.readline()
+        yield
+        assert drives.poll() is None, "the drives ended by themselves"
+    finally:
+        drives.send_signal(signal.SIGTERM)
+        drives.stdout.close()
+        assert drives.wait(timeout=20) == 0
+
+
+def commission(robot, *options):
+    return subprocess.run(
+        [*ARMLOAD, "commission", str(robot), *BUS, *options], capture_output=True, text=True, timeout=180, check=False
+    )
+
+
+def test_two_halves_in_two_processes(short_robot, tmp_path):
+    output = tmp_path / "run"
+    for half, payload in (("unloaded", "none"), ("loaded", "paper")):
+        with simulated(short_robot, payload):
+            done = commission(short_robot, "--simulated-drives", "--runs", half, "--output", str(output))
+        assert done.returncode == 0, done.stdout + done.stderr
+    result = read_payload(output / "payload.toml")
+    truth = load_robot("er50").simulated_payload("paper")
+    assert result.model.mass_kg == pytest.approx(truth.mass_kg, rel=0.15)
+    assert result.model.is_physical
+    assert (output / "report.html").stat().st_size > 10_000
+    assert sorted(p.name for p in Path(output).glob("*.mcap")) == [
+        f"{load}_{role}.mcap" for load in ("loaded", "unloaded") for role in ("identification", "validation")
+    ]
+
+
+def test_a_bus_without_simulated_drives_is_refused(short_robot, tmp_path):
+    with simulated(short_robot, "none"):
+        done = commission(short_robot, "--output", str(tmp_path / "run"))
+    assert done.returncode == 1
+    assert "--simulated-drives" in done.stderr
+
+
+def test_a_bus_where_nobody_answers_is_named(short_robot, tmp_path):
+    done = commission(short_robot, "--simulated-drives", "--output", str(tmp_path / "run"))
+    assert done.returncode == 1
+    assert "joint_1 (node 1)" in done.stderr
