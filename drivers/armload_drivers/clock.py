@@ -21,7 +21,7 @@ class VirtualClock:
 
     def __call__(self) -> float:
         """Present time in seconds."""
-        return self._time_ns * 1e-9
+        return self._time_ns / 1e9
 
     def advance(self, step_s: float) -> None:
         """Let time pass.

@@ -102,6 +102,7 @@ class DriveNode:
         if len(data) == self._length:
             self._frame = bytes(data)
             self.fresh = True
+            self._nmt_state = NmtState.OPERATIONAL.value
         else:
             self.wrong_frames += 1
 
@@ -110,9 +111,12 @@ class DriveNode:
         if not data:
             return
         self._heard_s = self._sync.now_s()
-        self._nmt_state = data[0] & 0x7F
-        if self._nmt_state == NmtState.BOOT_UP.value:
+        state = data[0] & 0x7F
+        if state == NmtState.BOOT_UP.value:
             self.booted = True
+        # A heartbeat sent before the drive took the start command says nothing about what became of it.
+        if self._nmt_state is not None:
+            self._nmt_state = state
 
     def _take_emergency(self, data: bytearray) -> None:
         """Keep an emergency message."""
@@ -128,7 +132,7 @@ class DriveNode:
         self.booted = self.lost = self.fresh = False
         self._missing = self._still_cycles = 0
         self._heard_s = self._sync.now_s()
-        self._nmt_state = NmtState.OPERATIONAL.value
+        self._nmt_state = None
         self._emergency = self._undefined = None
 
     def prepare(self, now_s: float) -> can.Message:
@@ -218,9 +222,9 @@ class DriveNode:
                 f"no heartbeat for {now_s - self._heard_s:.3f} s",
                 "Is the drive supplied and its cable sound?",
             )
-        if self._nmt_state != NmtState.OPERATIONAL.value:
+        if self._nmt_state not in {None, NmtState.OPERATIONAL.value}:
             self.lost = True
-            name = _STATE_NAMES.get(self._nmt_state or 0, f"NMT state {self._nmt_state}")
+            name = _STATE_NAMES.get(self._nmt_state, f"NMT state {self._nmt_state}")
             return self._error(
                 step,
                 f"the drive has left OPERATIONAL, it is in {name}",

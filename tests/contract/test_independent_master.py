@@ -1,0 +1,156 @@
+"""The simulated drives under a master that is not ours: plain canopen, its own thread, on the wall clock."""
+
+import time
+import uuid
+
+import can
+import canopen
+import pytest
+from canopen.objectdictionary import ODRecord, ODVariable, datatypes
+from canopen.sdo import SdoAbortedError
+
+from armload_drivers.arm import SIMULATION_IDENTITY
+from armload_drivers.simulated_drives import SimulatedDrives
+from armload_drivers.simulated_plant import IdealPlant
+
+U8, U16, U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
+I8, I32 = datatypes.INTEGER8, datatypes.INTEGER32
+
+
+def variable(index, subindex, kind, name):
+    entry = ODVariable(name, index, subindex)
+    entry.data_type = kind
+    entry.access_type = "rw"
+    entry.pdo_mappable = index >= 0x6000
+    return entry
+
+
+def record(index, kinds):
+    entry = ODRecord(f"record {index:04X}", index)
+    for subindex, kind in kinds.items():
+        entry.add_member(variable(index, subindex, kind, f"{index:04X}:{subindex}"))
+    return entry
+
+
+def description():
+    """As much of a device description as this master needs."""
+    od = canopen.ObjectDictionary()
+    for index, kind in (
+        (0x1000, U32), (0x1008, datatypes.VISIBLE_STRING), (0x1017, U16), (0x6040, U16), (0x6041, U16),
+        (0x6060, I8), (0x6061, I8), (0x6064, I32), (0x607A, I32),
+    ):  # fmt: skip
+        od.add_object(variable(index, 0, kind, f"{index:04X}"))
+    od.add_object(record(0x1018, {0: U8, 1: U32, 2: U32}))
+    for base in (0x1400, 0x1800):
+        od.add_object(record(base, {0: U8, 1: U32, 2: U8, 3: U16, 5: U16}))
+    for base in (0x1600, 0x1A00):
+        od.add_object(record(base, {0: U8} | dict.fromkeys(range(1, 9), U32)))
+    return od
+
+
+@pytest.fixture
+def bench(arm_settings):
+    """A network with one of the drives as its remote node, and the plant."""
+    arm = arm_settings()
+    plant = IdealPlant([0.1, -0.2, 0.3])
+    channel = uuid.uuid4().hex
+    with (
+        can.Bus(interface="virtual", channel=channel) as drives_bus,
+        can.Bus(interface="virtual", channel=channel) as bus,
+        SimulatedDrives(arm, plant, drives_bus, time.monotonic),
+    ):
+        network = canopen.Network(bus)
+        network.NOTIFIER_CYCLE = 0.02
+        network.connect()
+        node = network.add_node(3, description())
+        yield network, node, plant
+        network.disconnect()
+
+
+def test_boot_and_identity(bench):
+    _, node, _ = bench
+    # canopen has no way to listen before it commands, so a fast boot-up message may come first.
+    seen = []
+    node.nmt.add_heartbeat_callback(seen.append)
+    node.nmt.state = "RESET"
+    deadline_s = time.monotonic() + 2.0
+    while not seen and time.monotonic() < deadline_s:
+        time.sleep(0.005)
+    assert seen == [0]
+    assert node.sdo[0x1000].raw & 0xFFFF == 402
+    assert node.sdo[0x1018][1].raw == SIMULATION_IDENTITY.vendor_id
+    assert node.sdo[0x1018][2].raw == SIMULATION_IDENTITY.product_code
+    assert node.sdo[0x1008].raw == "armload simulated drive, joint_3", "a segmented transfer"
+    with pytest.raises(SdoAbortedError) as refusal:
+        node.sdo.upload(0x5FFF, 0)
+    assert refusal.value.code == 0x0602_0000
+
+
+def test_heartbeat(bench):
+    _, node, _ = bench
+    node.sdo[0x1017].raw = 10
+    assert node.nmt.wait_for_heartbeat(2.0) == "PRE-OPERATIONAL"
+    node.nmt.state = "OPERATIONAL"
+    node.nmt.wait_for_heartbeat(2.0)
+    assert node.nmt.wait_for_heartbeat(2.0) == "OPERATIONAL"
+
+
+def configure(node):
+    node.tpdo.read()
+    node.rpdo.read()
+    feedback, setpoints = node.tpdo[1], node.rpdo[1]
+    feedback.clear()
+    feedback.add_variable(0x6041)
+    feedback.add_variable(0x6064)
+    setpoints.clear()
+    setpoints.add_variable(0x6040)
+    setpoints.add_variable(0x607A)
+    for pdo in (feedback, setpoints):
+        pdo.trans_type = 1
+        pdo.enabled = True
+        pdo.save()
+
+
+def test_pdos_mapped_and_driven_by_another_library(bench):
+    network, node, plant = bench
+    configure(node)
+    node.sdo[0x6060].raw = 8
+    assert node.sdo[0x6061].raw == 8
+    actual = node.sdo[0x6064].raw
+    feedback, setpoints = node.tpdo[1], node.rpdo[1]
+    node.nmt.state = "OPERATIONAL"
+    setpoints[0x607A].raw = actual
+    for controlword, state in ((0x06, 0x21), (0x07, 0x23), (0x0F, 0x27)):
+        setpoints[0x6040].raw = controlword
+        setpoints.transmit()
+        network.sync.transmit()
+        assert feedback.wait_for_reception(2.0) is not None
+        assert feedback[0x6041].raw & 0x6F == state
+        assert feedback[0x6064].raw == actual
+    assert plant.powered == [False, True, False]
+
+    setpoints[0x607A].raw = actual + 5000
+    setpoints.transmit()
+    network.sync.transmit()
+    assert feedback.wait_for_reception(2.0) is not None
+    # The axis gets there in time, without any further frame.
+    deadline_s = time.monotonic() + 2.0
+    while node.sdo[0x6064].raw != actual + 5000 and time.monotonic() < deadline_s:
+        pass
+    assert node.sdo[0x6064].raw == actual + 5000
+
+
+def test_an_event_driven_drive_by_default(bench):
+    """Without any configuration RPDO1 and TPDO1 carry control and status words and act at once."""
+    _, node, _ = bench
+    node.tpdo.read()
+    node.rpdo.read()
+    feedback, setpoints = node.tpdo[1], node.rpdo[1]
+    node.nmt.state = "OPERATIONAL"
+    assert feedback.wait_for_reception(2.0) is not None
+    setpoints[0x6040].raw = 0x06
+    setpoints.transmit()
+    deadline_s = time.monotonic() + 2.0
+    while feedback[0x6041].raw & 0x6F != 0x21 and time.monotonic() < deadline_s:
+        feedback.wait_for_reception(0.1)
+    assert feedback[0x6041].raw & 0x6F == 0x21

@@ -1,0 +1,92 @@
+"""SYNC sources on a clock that the test moves."""
+
+import pytest
+
+from armload_drivers.clock import VirtualClock
+from armload_drivers.sync import LockstepSync, TimerSync
+
+
+class Link:
+    """Records SYNCs; waiting on it lets time pass."""
+
+    def __init__(self, clock):
+        self.clock, self.sent_s = clock, []
+
+    def send(self, message):
+        assert message.arbitration_id == 0x080
+        assert not message.is_extended_id
+        self.sent_s.append(self.clock())
+
+    def pump(self, timeout_s):
+        # Half of the wait: a frame came in between.
+        self.clock.advance(max(timeout_s / 2, 1e-6))
+        return True
+
+
+@pytest.fixture
+def clock():
+    return VirtualClock()
+
+
+@pytest.fixture
+def link(clock):
+    return Link(clock)
+
+
+def nothing():
+    pass
+
+
+def test_time_is_exact_after_a_million_cycles(clock):
+    for _ in range(1_000_000):
+        clock.advance(0.004)
+    assert clock() == 4000.0
+
+
+def test_lockstep_advances_time_by_a_period_before_each_sync(clock, link):
+    sync = LockstepSync(clock)
+    sync.begin(0.004)
+    ticks = [sync.next(link, nothing) for _ in range(3)]
+    sync.end()
+    assert [tick.time_s for tick in ticks] == pytest.approx([0.004, 0.008, 0.012])
+    assert link.sent_s == [tick.time_s for tick in ticks]
+    assert all(tick.skipped == 0 for tick in ticks)
+
+
+def test_a_timer_keeps_absolute_deadlines(clock, link):
+    sync = TimerSync(clock=clock)
+    sync.begin(0.01)
+    for _ in range(100):
+        clock.advance(0.0037)
+        sync.next(link, nothing)
+    assert link.sent_s == pytest.approx([0.01 * k for k in range(1, 101)], abs=1e-5)
+
+
+@pytest.mark.parametrize(("late_s", "skipped"), [(0.0, 0), (0.0001, 1), (0.009, 1), (0.011, 2), (1.0, 101)])
+def test_a_late_caller_skips_whole_periods_and_sends_no_burst(clock, link, late_s, skipped):
+    sync = TimerSync(clock=clock)
+    sync.begin(0.01)
+    sync.next(link, nothing)
+    clock.advance(0.02 + late_s - clock())
+    tick = sync.next(link, nothing)
+    assert tick.skipped == skipped
+    assert tick.time_s == pytest.approx(0.02 + 0.01 * skipped, abs=1e-5)
+    sync.next(link, nothing)
+    assert len(link.sent_s) == 3
+    assert link.sent_s[2] - link.sent_s[1] == pytest.approx(0.01, abs=1e-5)
+
+
+def test_feedback_is_expected_from_right_before_sync(clock, link):
+    for sync in (LockstepSync(clock), TimerSync(clock=clock)):
+        order = []
+        sync.begin(0.01)
+        before = len(link.sent_s)
+        sync.next(link, lambda order=order, before=before: order.append(len(link.sent_s) - before))
+        assert order == [0]
+        assert len(link.sent_s) == before + 1
+
+
+def test_feedback_has_a_share_of_the_cycle(clock):
+    sync = TimerSync(feedback_share=0.5, clock=clock)
+    sync.begin(0.01)
+    assert sync.feedback_limit_s() == pytest.approx(0.005)
