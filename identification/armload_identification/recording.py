@@ -124,15 +124,24 @@ class RecordingSource:
     truncated: bool = False
 
     def run(self) -> dict[str, Any]:
-        """The `run.json` attachment; empty where there is none."""
-        text = self.attachments.get(RUN_ATTACHMENT)
-        if text is None:
-            return {}
-        run = json.loads(text)
-        return run if isinstance(run, dict) else {}
+        """The `run.json` attachment; empty where there is none.
+
+        Raises:
+            RecordingError: it is not a JSON object.
+        """
+        try:
+            run = json.loads(self.attachments.get(RUN_ATTACHMENT, "{}"))
+        except ValueError as error:
+            run = error
+        if not isinstance(run, dict):
+            raise RecordingError(
+                f"{self.path}: the attachment {RUN_ATTACHMENT} is damaged, expected a JSON object. "
+                "Copy the file again from where it was recorded."
+            )
+        return run
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recording:
     """One run of an arm of n joints as N samples in SI units.
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from armload_identification.errors import EstimationError, RecordingError
 from armload_identification.estimate import Estimate, estimate_reweighted
 from armload_identification.load_signal import LoadSignal
+from armload_identification.periods import whole_periods
 from armload_identification.recording import Recording
 from armload_identification.signals import Transmission, joint_torque
 
@@ -63,7 +64,7 @@ def _check_torque(run: Recording, transmission: Transmission) -> None:
             f"{run.source.path}: joint {still[0] + 1} moves, but its current or torque is always "
             f"{measured[0, still[0]]:g}. Check the mapping of its 6077 or 6078, or the column map."
         )
-    rows = slice(None) if run.phase_s is None else np.isfinite(run.phase_s)
+    rows = _closed_part(run)
     step = np.diff(run.position_rad[rows], axis=0)
     work = 0.5 * (torque[rows][1:] + torque[rows][:-1]) * step
     turned_over = np.sum(np.abs(work), axis=0)
@@ -76,6 +77,17 @@ def _check_torque(run: Recording, transmission: Transmission) -> None:
             "gain energy where friction should cost it. The sign of the current or torque is flipped: correct "
             "it in the configuration or the log."
         )
+
+
+def _closed_part(run: Recording) -> NDArray[np.intp]:
+    """Rows of a motion that ends where it began: whole periods, or all of it; none where it does not close."""
+    if run.phase_s is not None and run.excitation is not None:
+        inside = np.flatnonzero(np.isfinite(run.phase_s))
+        length_s = whole_periods(run) * run.excitation.trajectory.period_s
+        return inside[run.phase_s[inside] <= run.phase_s[inside[:1]] + length_s] if length_s else inside[:0]
+    if (np.abs(run.position_rad[-1] - run.position_rad[0]) < _MOVES_RAD).all():
+        return np.arange(run.time_s.size)
+    return np.empty(0, dtype=np.intp)
 
 
 def check_signs(signal: LoadSignal, regressor: FloatArray, fit: Estimate) -> None:

@@ -40,7 +40,8 @@ _WIDEST_HALF_WINDOW: Final = 8
 
 Chosen by simulation with white noise and 30 % of its variance from noise of 0.1 to 2 s memory: fixed windows of
 4, 8, 16 bins cover 92, 89, 84 % where 95 is asked, this one 93.5 to 95 %, because slow noise has its power at the
-lowest bins, where a gravity-driven regressor has it too.
+lowest bins, where a gravity-driven regressor has it too. On the excitation of `er50` with 1, 3 and 10 periods, 300
+seeds each: 94.4 to 95.3 % over all ten quantities, none below 91.7 %.
 """
 _BAND_SHARE: Final = 0.9999
 _FREEST: Final = 1e6

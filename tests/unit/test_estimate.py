@@ -8,6 +8,8 @@ import pytest
 from armload_identification.errors import EstimationError
 from armload_identification.estimate import estimate, estimate_reweighted
 
+pytestmark = pytest.mark.pure
+
 NOISE = np.array([2.0, 0.5, 0.1])
 
 

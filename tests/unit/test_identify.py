@@ -14,6 +14,8 @@ from armload_identification.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.payload_file import format_payload, parse_payload
 from armload_identification.signals import Transmission
 
+pytestmark = pytest.mark.pure
+
 
 def with_source(run, **changes):
     return replace(run, source=replace(run.source, **changes))
@@ -38,6 +40,21 @@ def test_the_payload_is_found_and_its_intervals_hold_it(pinocchio_arm, options):
     assert result.predicted_nm.shape == result.signal.torque_nm.shape
     np.testing.assert_allclose(result.residual_rms_nm, result.signal.noise_nm, rtol=0.15)
     assert any("gains are nominal" in note for note in result.notes)
+
+
+def test_a_run_cut_in_its_first_period_is_still_used(pinocchio_arm):
+    loaded, unloaded = run_pair(pinocchio_arm)
+    loaded = replace(
+        loaded,
+        time_s=loaded.time_s[:400],
+        position_rad=loaded.position_rad[:400],
+        current_a=loaded.current_a[:400],
+        phase_s=loaded.phase_s[:400],
+    )
+    result = identify(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert not result.signal.periodic
+    assert result.signal.time_s[-1] < 4.0
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
 
 
 def test_noise_goes_through_as_its_bound_says(pinocchio_arm):

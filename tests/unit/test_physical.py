@@ -10,6 +10,8 @@ from armload_identification.estimate import estimate
 from armload_identification.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.physical import WRITTEN_MARGIN, make_physical
 
+pytestmark = pytest.mark.pure
+
 UNIT_BODIES = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(10)])
 
 

@@ -22,6 +22,8 @@ from armload_identification.recording import (
     read_recording,
 )
 
+pytestmark = pytest.mark.pure
+
 COLUMNS = CsvColumns(time=0, position=[1, 2], velocity=[3, 4], current=[5, 6])
 
 
@@ -241,6 +243,12 @@ def test_small_angles_in_degrees_betray_themselves_by_the_velocity(tmp_path):
     path = write_csv(tmp_path / "log.csv", [",".join(f"{x:.6f}" for x in row) for row in table])
     with pytest.raises(RecordingError, match="positions look like degrees"):
         read_csv(path, COLUMNS)
+
+
+def test_a_damaged_attachment_is_named(tmp_path):
+    recording = read_recording(write_mcap(tmp_path / "a.mcap", messages(), [(RUN_ATTACHMENT, "{")]))
+    with pytest.raises(RecordingError, match=r"run\.json is damaged"):
+        recording.source.run()
 
 
 def test_files_that_are_no_recording(tmp_path):

@@ -20,6 +20,8 @@ from armload_identification.signals import (
     white_noise,
 )
 
+pytestmark = pytest.mark.pure
+
 
 def chen_once(y):
     """Chen 2016, eq. (8), written out: the middle rows and the four special rows at the ends."""

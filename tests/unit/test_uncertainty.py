@@ -11,6 +11,8 @@ from armload_identification.payload import PARAMETER_NAMES, InertialParameters
 from armload_identification.regressor import payload_regressor
 from armload_identification.uncertainty import derived, quantify
 
+pytestmark = pytest.mark.pure
+
 SAMPLES = 500
 STEP_S = 0.02
 

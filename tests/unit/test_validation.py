@@ -9,6 +9,8 @@ from armload_identification.errors import RecordingError
 from armload_identification.payload import InertialParameters
 from armload_identification.validation import validate
 
+pytestmark = pytest.mark.pure
+
 
 @pytest.fixture(scope="module")
 def second_pair(pinocchio_arm):
