@@ -29,7 +29,8 @@ class PayloadFeedforward:
     def __init__(self, chain: Chain, payload: InertialParameters) -> None:
         self._model = feedforward_model(chain, payload.theta)
         self._work = np.zeros((FEEDFORWARD_ROWS, chain.n))
-        self._position, self._velocity, self._acceleration, self._torque = self._work[:4]
+        self._position, self._velocity, self._acceleration = self._work[:3]
+        self._torque: FloatArray = self._work[3]
 
     def torque_nm(
         self, position_rad: FloatArray, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray
