@@ -1,19 +1,16 @@
 """One simulated CiA 402 drive: what a slave does with frames, SYNC and time. No bus, no thread, no clock.
 
 Rules of this file:
-- Whatever a frame or the passing of time causes is decided here; `simulated_drives` only carries frames.
+- Whatever a frame or the passing of time causes is decided here and in `simulated_power`; `simulated_drives` only
+  carries frames.
 - At SYNC the drive first stores the actual values, then latches the RPDO that came before, obeys it, and sends
   its TPDOs, so that the statusword already answers the controlword that this SYNC latched.
-- Losing the master ends in what 6007 says. A quick stop or fault begun that way does not end by itself when
-  frames come back: the controlword first has to withdraw "enable operation".
-- A drive that loses its torque engages its brake; the plant does that.
+- A lost master (1016), an overdue RPDO (1400:5) and leaving OPERATIONAL with torque on end in what 6007 says.
 
-What is simplified: 605B and 605C act as 0 (torque off at once on transitions 5 and 8, so a master brings the
-arm to a standstill first), halt (bit 8) is not there, and max torque (6072) is kept but not enforced.
+What is simplified: an NMT reset of communication resets the whole node.
 
 References:
-    CiA 301, 7.2 (services), 7.3 (NMT); CiA 402-2, 8 (device control), 10.4 (quick stop), 11 (interpolated
-    position mode), 14 (cyclic synchronous position mode).
+    CiA 301, 7.2 (services), 7.3 (NMT).
 """
 
 from __future__ import annotations
@@ -23,26 +20,22 @@ from itertools import pairwise
 
 from armload_drivers import emergency
 from armload_drivers import objects as od
-from armload_drivers.arm import DriveSettings, OperationMode
-from armload_drivers.cia402 import FAULT_RESET_BIT, POWERED, DriveMachine, State
+from armload_drivers.arm import DriveSettings
 from armload_drivers.objects import NmtCommand, NmtState, PdoDirection
-from armload_drivers.sdo_server import Abort, SdoAbort, SdoServer
+from armload_drivers.sdo_server import SdoServer
 from armload_drivers.simulated_dictionary import DriveTraits, build_dictionary
 from armload_drivers.simulated_pdo import Pdo
 from armload_drivers.simulated_plant import Plant
-from armload_drivers.units import AxisUnits, saturate
+from armload_drivers.simulated_power import PowerStage
 
 HEARTBEAT_LOST = 0x8130
+PDO_TOO_SHORT = 0x8210
 RPDO_OVERDUE = 0x8250
-FOLLOWING_ERROR = 0x8611
 
-_VOLTAGE_ENABLED, _REMOTE = 0x0010, 0x0200
-_LIMIT_ACTIVE, _FOLLOWING, _FOLLOWING_ERROR = 0x0800, 0x1000, 0x2000
-_ENABLE_OPERATION_BIT, _INTERPOLATE = 0x0008, 0x0010
-_WINDOW_OFF = 0xFFFF_FFFF
-_SHORTEST_STOP_S = 1e-3
-_STAYS_IN_QUICK_STOP = frozenset({5, 6, 7, 8})
-_IP, _CSP = int(OperationMode.INTERPOLATED_POSITION), int(OperationMode.CYCLIC_SYNCHRONOUS_POSITION)
+_COMMUNICATION_ERROR, _PROFILE_ERROR = 0x11, 0x21
+"""Error register (1001): generic, and communication or device profile."""
+_REMOTE = 0x0200
+"""Bit 9 of the statusword: PDOs are obeyed."""
 
 Send = Callable[[int, bytes | bytearray], None]
 """Sends a frame: COB-ID and data."""
@@ -63,7 +56,7 @@ class SimulatedDrive:
     Attributes:
         node_id: Node id.
         state: NMT state; None while it has no supply.
-        machine: Power state.
+        power: What moves its axis.
         rpdos: Receive PDOs.
         dropped_feedback: TPDOs of so many SYNCs to come are not sent; a fault to be injected.
     """
@@ -94,7 +87,14 @@ class SimulatedDrive:
         self.dictionary = dictionary = build_dictionary(self._settings, self._traits, self._cycle_s)
         self._values = dictionary.values
         self.server = SdoServer(dictionary)
-        self.machine = DriveMachine()
+        self.power = PowerStage(
+            self._settings,
+            self._traits,
+            self._axis,
+            plant=self._plant,
+            dictionary=dictionary,
+            report=self._report_fault,
+        )
         first = {PdoDirection.RECEIVE: (od.CONTROLWORD,), PdoDirection.TRANSMIT: (od.STATUSWORD,)}
         self.rpdos, self.tpdos = (
             [
@@ -105,27 +105,15 @@ class SimulatedDrive:
         )
         dictionary.remove(self._traits.absent)
         self._frames = [bytearray(8) for _ in self.tpdos]
-        self._obeyed: tuple[int, State] | None = None
-        self._interlocked = False
-        self._persistent_fault = False
-        self._limited = False
-        self._lag_since_s: float | None = None
-        self._ramp_end_s: float | None = None
-        self._offset_permille = 0
-        self._velocity_rad_s = 0.0
         self._heartbeat_due_s: float | None = None
         self._master_overdue_s: float | None = None
         self._now_s = 0.0
-        for entry in (od.POLARITY, od.INTERPOLATION_TIME, od.INTERPOLATION_EXPONENT, od.MODE):
-            dictionary.reactions[entry.key] = self._take_settings
         dictionary.reactions[od.CONTROLWORD.key] = self._obey_and_tell
         dictionary.reactions[od.HEARTBEAT_PRODUCER_MS.key] = self._restart_heartbeat
         dictionary.reactions[od.HEARTBEAT_CONSUMER.key] = self._restart_consumer
         for pdo in self.rpdos:
             key = PdoDirection.RECEIVE.cob_id_entry(self.rpdos.index(pdo)).key
             dictionary.reactions[key] = self._refresh_of(pdo)
-        dictionary.vetoes[od.POLARITY.key] = self._only_without_power
-        self._take_settings()
 
     def _refresh_of(self, pdo: Pdo) -> Callable[[], None]:
         """Reaction to a write of an RPDO's COB-ID."""
@@ -136,37 +124,26 @@ class SimulatedDrive:
 
         return refresh
 
-    def _only_without_power(self, _: int) -> None:
-        """Veto for objects that may not change while the motor carries torque."""
-        if self.machine.state in POWERED:
-            raise SdoAbort(Abort.DEVICE_STATE)
-
-    def _take_settings(self) -> None:
-        """Take over objects that the cycle needs in another form."""
-        values = self._values
-        self._units = AxisUnits.of(self._settings, values[od.POLARITY.key])
-        self._period_s = values[od.INTERPOLATION_TIME.key] * 10.0 ** values[od.INTERPOLATION_EXPONENT.key]
-        if self._traits.takes_mode:
-            values[od.MODE_DISPLAY.key] = values[od.MODE.key]
-
     # NMT -----------------------------------------------------------------------------------------------------
 
     def switch_on(self, now_s: float) -> None:
         """Supply on: boot."""
-        self._now_s = now_s
+        self._pass_time(now_s)
         self._boot()
 
     def switch_off(self) -> None:
         """Supply off: nothing answers any more, the brake falls in."""
-        self._remove_torque()
+        self.power.remove_torque()
         self.state = None
 
     def _boot(self) -> None:
         """Reset and announce; then PRE-OPERATIONAL by itself."""
-        self._remove_torque()
+        self.power.remove_torque()
+        now_s = self._now_s
         self._initialise()
-        self.machine.initialised()
-        self._values[od.STATUSWORD.key] = self._statusword()
+        self._pass_time(now_s)
+        self.power.machine.initialised()
+        self._tell_state()
         self._rerouted()
         if self._traits.boot_message:
             self._send(od.HEARTBEAT_BASE + self.node_id, bytes([NmtState.BOOT_UP.value]))
@@ -174,7 +151,7 @@ class SimulatedDrive:
 
     def command(self, command: NmtCommand, now_s: float) -> None:
         """Obey an NMT command."""
-        self._now_s = now_s
+        self._pass_time(now_s)
         if self.state is None:
             return
         if command in {NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION}:
@@ -186,31 +163,48 @@ class SimulatedDrive:
             NmtCommand.PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
         }[command]
         if self.state is NmtState.OPERATIONAL and target is not NmtState.OPERATIONAL:
-            self._lose_connection(None)
+            self.power.lose_master(HEARTBEAT_LOST)
         if target is not self.state:
             self.state = target
             for pdo in (*self.rpdos, *self.tpdos):
                 pdo.refresh()
+            self._tell_state()
+
+    def fail(self, code: int, now_s: float, *, persistent: bool = False) -> None:
+        """Detect a fault; see `PowerStage.fail`. Without effect while there is no supply."""
+        self._pass_time(now_s)
+        if self.state is not None:
+            self.power.fail(code, persistent=persistent)
+
+    def _pass_time(self, now_s: float) -> None:
+        """Every entry from outside begins here."""
+        self._now_s = now_s
+        self.power.advance(now_s)
+
+    def _tell_state(self) -> None:
+        """Bring the statusword up to date."""
+        remote = _REMOTE if self.state is NmtState.OPERATIONAL else 0
+        self._values[od.STATUSWORD.key] = self.power.statusword | remote
 
     # Frames --------------------------------------------------------------------------------------------------
 
     def request(self, data: bytes | bytearray, now_s: float) -> None:
         """Serve an SDO request."""
-        self._now_s = now_s
+        self._pass_time(now_s)
         if self.state in {NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL}:
-            position = self._plant.hold_position(self._axis)
-            self._values[od.POSITION_ACTUAL.key] = saturate(position * self._units.counts_per_rad, od.DataType.I32)
+            self.power.measure_at_rest()
+            self._tell_state()
             answer = self.server.receive(bytes(data))
             if answer is not None:
                 self._send(od.SDO_TX_BASE + self.node_id, answer)
 
     def setpoints(self, pdo: Pdo, data: bytes | bytearray, now_s: float) -> None:
         """Take in an RPDO; SYNC latches it, or it acts at once where it is event-driven."""
-        self._now_s = now_s
+        self._pass_time(now_s)
         if self.state is not NmtState.OPERATIONAL:
             return
         if len(data) < pdo.length:
-            self._announce(0x8210, 0x10)
+            self._announce(PDO_TOO_SHORT, _COMMUNICATION_ERROR)
             return
         if pdo.timer_s:
             pdo.deadline_s = now_s + pdo.timer_s
@@ -228,31 +222,18 @@ class SimulatedDrive:
 
     # The cycle -----------------------------------------------------------------------------------------------
 
-    def measure(self, position_rad: float, velocity_rad_s: float, demand_rad: float, torque_nm: float) -> None:
-        """Store actual values."""
-        units, values = self._units, self._values
-        self._velocity_rad_s = velocity_rad_s
-        counts = position_rad * units.counts_per_rad
-        values[od.POSITION_ACTUAL.key] = saturate(counts, od.DataType.I32)
-        values[od.VELOCITY_ACTUAL.key] = saturate(velocity_rad_s * units.counts_per_rad, od.DataType.I32)
-        lag = demand_rad * units.counts_per_rad - counts
-        values[od.FOLLOWING_ERROR_ACTUAL.key] = saturate(lag, od.DataType.I32)
-        permille = saturate(torque_nm / units.torque_nm_per_permille, od.DataType.I16)
-        values[od.TORQUE_ACTUAL.key] = permille
-        values[od.CURRENT_ACTUAL.key] = permille
-
     def sync(self, now_s: float) -> None:
-        """Latch, obey and answer. `measure` comes first."""
-        self._now_s = now_s
+        """Latch, obey and answer. `power.measure` comes first."""
+        self._pass_time(now_s)
         if self.state is not NmtState.OPERATIONAL:
             return
         for pdo in self.rpdos:
             if pdo.pending is not None:
                 pdo.store(pdo.pending)
                 pdo.pending = None
-        self._obey()
-        self._supervise_lag()
-        self._values[od.STATUSWORD.key] = self._statusword()
+        self.power.obey()
+        self.power.supervise_lag()
+        self._tell_state()
         if self.dropped_feedback:
             self.dropped_feedback -= 1
             return
@@ -265,15 +246,13 @@ class SimulatedDrive:
 
     def tick(self, now_s: float) -> None:
         """Let the drive's own timers act."""
-        self._now_s = now_s
+        self._pass_time(now_s)
         if self.state is None:
             return
         if self._heartbeat_due_s is not None and now_s >= self._heartbeat_due_s:
             self._send(od.HEARTBEAT_BASE + self.node_id, bytes([self.state.value]))
             self._heartbeat_due_s += self._values[od.HEARTBEAT_PRODUCER_MS.key] * 1e-3
             self._heartbeat_due_s = max(self._heartbeat_due_s, now_s)
-        if self._ramp_end_s is not None and now_s >= self._ramp_end_s:
-            self._finish_ramp()
         if self._master_overdue_s is not None and now_s > self._master_overdue_s:
             self._master_overdue_s = None
             self._lose_master()
@@ -282,7 +261,7 @@ class SimulatedDrive:
                 if pdo.deadline_s is not None and now_s > pdo.deadline_s:
                     pdo.deadline_s = None
                     self._lose_connection(RPDO_OVERDUE)
-            self._values[od.STATUSWORD.key] = self._statusword()
+            self._tell_state()
             self._send_events()
 
     def _transmit(self, number: int) -> None:
@@ -308,149 +287,22 @@ class SimulatedDrive:
                 pdo.deadline_s = self._now_s + pdo.timer_s if pdo.timer_s else None
                 self._transmit(number)
 
-    # Power ---------------------------------------------------------------------------------------------------
-
-    def _obey(self) -> None:
-        """Act on the controlword, and follow the setpoints while operation is enabled."""
-        machine = self.machine
-        word = self._values[od.CONTROLWORD.key]
-        if self._interlocked and not word & _ENABLE_OPERATION_BIT:
-            self._interlocked = False
-        if (word, machine.state) != self._obeyed and not self._interlocked:
-            self._make_transitions(word & ~FAULT_RESET_BIT if self._persistent_fault else word)
-            self._obeyed = (word, machine.state)
-        if machine.state is State.OPERATION_ENABLED:
-            self._follow(word)
-
     def _obey_and_tell(self) -> None:
         """Obey a controlword that came without SYNC."""
-        self._obey()
-        self._values[od.STATUSWORD.key] = self._statusword()
+        self.power.obey()
+        self._tell_state()
         self._send_events()
 
-    def _make_transitions(self, word: int) -> None:
-        """Let the state machine act on a controlword, and the plant on its transitions."""
-        before = self.machine.state
-        made = self.machine.receive(word)
-        after = self.machine.state
-        if 15 in made:
-            self._clear_error()
-        elif after is State.QUICK_STOP_ACTIVE and before is not after:
-            self._begin_stop(self._values[od.QUICK_STOP_OPTION.key])
-        elif after is State.OPERATION_ENABLED and before is not after:
-            self._ramp_end_s = None
-            if before not in POWERED:
-                self._lag_since_s = None
-                self._plant.set_powered(self._axis, True)
-        elif before in POWERED and after not in POWERED:
-            self._remove_torque()
+    # Errors --------------------------------------------------------------------------------------------------
 
-    def _follow(self, word: int) -> None:
-        """Hand setpoints to the plant."""
-        values = self._values
-        mode = values[od.MODE_DISPLAY.key]
-        if mode == _CSP:
-            counts = values[od.TARGET_POSITION.key]
-        elif mode == _IP and word & _INTERPOLATE:
-            counts = values[od.INTERPOLATION_SETPOINT.key]
+    def _report_fault(self, code: int) -> None:
+        """The power stage has a fault, or none any more (0)."""
+        if code:
+            self._announce(code, _PROFILE_ERROR)
         else:
-            return
-        lower, upper = values[od.POSITION_LIMIT_MIN.key], values[od.POSITION_LIMIT_MAX.key]
-        limited = min(max(counts, lower), upper) if lower < upper else counts
-        self._limited = limited != counts
-        self._plant.set_target(self._axis, limited / self._units.counts_per_rad, self._period_s)
-        offset = values[od.TORQUE_OFFSET.key]
-        if offset != self._offset_permille:
-            self._offset_permille = offset
-            self._plant.set_torque_offset(self._axis, offset * self._units.torque_nm_per_permille)
-
-    def _supervise_lag(self) -> None:
-        """Fault where the following error stays outside 6065 for 6066."""
-        window = self._values[od.FOLLOWING_ERROR_WINDOW.key]
-        if (
-            self.machine.state is not State.OPERATION_ENABLED
-            or window == _WINDOW_OFF
-            or abs(self._values[od.FOLLOWING_ERROR_ACTUAL.key]) <= window
-        ):
-            self._lag_since_s = None
-        elif self._lag_since_s is None:
-            self._lag_since_s = self._now_s
-        if self._lag_since_s is not None:
-            allowed_s = self._values[od.FOLLOWING_ERROR_TIMEOUT_MS.key] * 1e-3
-            if self._now_s - self._lag_since_s >= allowed_s:
-                self.fail(FOLLOWING_ERROR, self._now_s)
-
-    def _begin_stop(self, option: int) -> None:
-        """Slow down on the quick stop ramp, or let go at once where the option code says so."""
-        if option == 0:
-            self._finish_ramp()
-            return
-        deceleration = self._values[od.QUICK_STOP_DECELERATION.key] / abs(self._units.counts_per_rad)
-        over_s = max(_SHORTEST_STOP_S, abs(self._velocity_rad_s) / deceleration if deceleration else 0.0)
-        self._plant.slow_down(self._axis, over_s)
-        self._ramp_end_s = self._now_s + over_s
-
-    def _finish_ramp(self) -> None:
-        """The axis stands: what a quick stop or a fault reaction ends in."""
-        self._ramp_end_s = None
-        if self.machine.state is State.FAULT_REACTION_ACTIVE:
-            self.machine.fault_reaction_done()
-            self._remove_torque()
-        elif (
-            self.machine.state is State.QUICK_STOP_ACTIVE
-            and self._values[od.QUICK_STOP_OPTION.key] not in _STAYS_IN_QUICK_STOP
-        ):
-            self.machine.quick_stop_done()
-            self._remove_torque()
-
-    def _remove_torque(self) -> None:
-        """Torque off; nothing of the old motion remains."""
-        self._ramp_end_s = None
-        self._lag_since_s = None
-        self._limited = False
-        self._plant.set_powered(self._axis, False)
-        if self._offset_permille:
-            self._offset_permille = 0
-            self._plant.set_torque_offset(self._axis, 0.0)
-
-    def _statusword(self) -> int:
-        """Statusword of the present state."""
-        state = self.machine.state
-        word = self.machine.status_bits | _VOLTAGE_ENABLED
-        if self.state is NmtState.OPERATIONAL:
-            word |= _REMOTE
-        if state is State.OPERATION_ENABLED:
-            mode = self._values[od.MODE_DISPLAY.key]
-            interpolating = bool(self._values[od.CONTROLWORD.key] & _INTERPOLATE)
-            if mode == _CSP or (mode == _IP and interpolating):
-                word |= _FOLLOWING
-            if self._lag_since_s is not None:
-                word |= _FOLLOWING_ERROR
-            if self._limited:
-                word |= _LIMIT_ACTIVE
-        return word
-
-    # Faults and lost masters -----------------------------------------------------------------------------------
-
-    def fail(self, code: int, now_s: float, *, persistent: bool = False) -> None:
-        """Detect a fault: emergency message, reaction as 605E says, then FAULT.
-
-        Args:
-            code: Error code.
-            now_s: Present time.
-            persistent: The cause stays, and with it FAULT, whatever the master resets.
-        """
-        self._now_s = now_s
-        if self.state is None or self.machine.state in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
-            return
-        self._persistent_fault = persistent
-        powered = self.machine.state in POWERED
-        self._announce(code, 0x21)
-        self.machine.fault()
-        if powered:
-            self._begin_stop(self._values[od.FAULT_REACTION_OPTION.key])
-        else:
-            self._finish_ramp()
+            self._values[od.ERROR_CODE.key] = 0
+            self._values[od.ERROR_REGISTER.key] = 0
+            self._send(od.EMERGENCY_BASE + self.node_id, emergency.pack(0, 0))
 
     def _announce(self, code: int, register: int) -> None:
         """Send an emergency message and keep its code."""
@@ -465,11 +317,10 @@ class SimulatedDrive:
         if self.state in {NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL}:
             self._send(od.EMERGENCY_BASE + self.node_id, emergency.pack(code, register))
 
-    def _clear_error(self) -> None:
-        """The fault was reset: tell that no error is left."""
-        self._values[od.ERROR_CODE.key] = 0
-        self._values[od.ERROR_REGISTER.key] = 0
-        self._send(od.EMERGENCY_BASE + self.node_id, emergency.pack(0, 0))
+    def _lose_connection(self, code: int) -> None:
+        """The master is not heard any more: tell it, and react as 6007 says."""
+        if not self.power.lose_master(code):
+            self._announce(code, _COMMUNICATION_ERROR)
 
     def _lose_master(self) -> None:
         """The heartbeat being watched is overdue: 6007, then 1029."""
@@ -479,23 +330,6 @@ class SimulatedDrive:
             self.state = NmtState.PRE_OPERATIONAL
         elif behaviour == 2:
             self.state = NmtState.STOPPED
-
-    def _lose_connection(self, code: int | None) -> None:
-        """React as 6007 says; `code` is announced where there is one."""
-        option = self._values[od.ABORT_CONNECTION_OPTION.key]
-        enabled = self.machine.state is State.OPERATION_ENABLED
-        if enabled and option == 1:
-            self.fail(HEARTBEAT_LOST if code is None else code, self._now_s)
-            return
-        if code is not None:
-            self._announce(code, 0x11)
-        if not enabled:
-            return
-        self._interlocked = True
-        if option == 2:
-            self._make_transitions(0x00)
-        elif option == 3:
-            self._make_transitions(0x02)
 
     def _restart_heartbeat(self) -> None:
         """1017 was written."""

@@ -229,7 +229,7 @@ class SimulatedDrives:
             strict=True,
         )
         for drive, values in zip(self._drives.values(), columns, strict=True):
-            drive.measure(*values)
+            drive.power.measure(*values)
             drive.sync(now_s)
         if self._lockstep:
             self._tick()
