@@ -14,22 +14,19 @@ The bus stays the caller's: open it before, close it after `close`.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from enum import Enum, auto
 
 import can
-import numpy as np
 
-from armload_drivers import objects as od
-from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, EffortFeedback, Identity
+from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, Identity
 from armload_drivers.bring_up import DriveReport, DriveSetup
 from armload_drivers.bus_budget import require_room
 from armload_drivers.bus_link import BusLink
+from armload_drivers.canopen_cycle import CanopenCycle
 from armload_drivers.cia402 import State
 from armload_drivers.drive_node import DriveNode
-from armload_drivers.errors import BusError, DriverError, ServoFault, StateError
-from armload_drivers.objects import NmtCommand, NmtState
+from armload_drivers.errors import BusError, DriverError, StateError
+from armload_drivers.objects import NmtCommand
 from armload_drivers.process_image import drive_image
 from armload_drivers.sdo_channel import SdoChannel
 from armload_drivers.servos import JointCommand, JointFeedback
@@ -89,7 +86,6 @@ class CanopenServos:
         self._link = link = BusLink(bus)
         taken = {drive.node_id for drive in arm.drives}
         self._master_node_id = max(set(range(1, HIGHEST_NODE_ID + 1)) - taken)
-        self._units = ArmUnits(arm)
         self._nodes: list[DriveNode] = []
         self._setups: list[DriveSetup] = []
         for axis, drive in enumerate(arm.drives):
@@ -116,13 +112,7 @@ class CanopenServos:
                     master_node_id=self._master_node_id,
                 )
             )
-        self._heartbeat = can.Message(
-            arbitration_id=od.HEARTBEAT_BASE + self._master_node_id,
-            data=[NmtState.OPERATIONAL.value],
-            is_extended_id=False,
-        )
-        self._heartbeat_due_s = 0.0
-        self._cycle = 0
+        self._cycle = CanopenCycle(arm, self._nodes, link, sync, self._master_node_id)
 
     # Bring-up ------------------------------------------------------------------------------------------------
 
@@ -146,7 +136,7 @@ class CanopenServos:
         self.reports = tuple(
             setup.configure(identity) for setup, identity in zip(self._setups, identities, strict=True)
         )
-        self._units = ArmUnits(self._arm, [report.polarity for report in self.reports])
+        self._cycle.units = ArmUnits(self._arm, [report.polarity for report in self.reports])
         self.simulated = all(map(_is_simulated, identities))
         self._phase = _Phase.CONNECTED
 
@@ -176,17 +166,21 @@ class CanopenServos:
             BusError: the bus failed.
         """
         self._require(_Phase.CONNECTED)
-        step = "enabling"
+        step, cycle = "enabling", self._cycle
         self._begin_cycles()
+        # From here on drives may carry torque: whatever interrupts this, `close` has to disable them.
+        self._phase = _Phase.STOPPED
         try:
-            for _ in range(self._cycles(self._timeouts.enable_s)):
+            for _ in range(cycle.count(self._timeouts.enable_s)):
                 for node in self._nodes:
                     if node.state is not State.OPERATION_ENABLED:
                         node.target_counts = node.position_counts
-                feedback = self._checked_cycle(step, must_follow=False)
-                for node in self._nodes:
-                    if node.state is not None and node.machine.goal is None:
-                        node.machine.request(State.OPERATION_ENABLED)
+                feedback = cycle.run_checked(step, must_follow=False)
+                cycle.ask(
+                    State.OPERATION_ENABLED,
+                    step,
+                    lambda node: node.state is not None and node.machine.goal is None,
+                )
                 if all(node.follows for node in self._nodes):
                     self._phase = _Phase.ENABLED
                     return feedback
@@ -208,11 +202,11 @@ class CanopenServos:
             BusError: the bus failed.
         """
         self._require(_Phase.ENABLED)
-        raw = self._units.targets(command)
+        raw = self._cycle.units.targets(command)
         for node, counts, permille in zip(self._nodes, raw.position_counts, raw.permille, strict=True):
             node.target_counts = counts
             node.offset_permille = permille
-        return self._checked_cycle("in the cycle", must_follow=True)
+        return self._cycle.run_checked("in the cycle", must_follow=True)
 
     def stop(self) -> None:
         """Quick stop: decelerate every drive on its own ramp and hold, with torque on.
@@ -227,16 +221,10 @@ class CanopenServos:
         self._require_connected()
         if self._phase is not _Phase.ENABLED:
             return
-        self._ask(State.QUICK_STOP_ACTIVE, lambda node: node.state is State.OPERATION_ENABLED)
+        step = "quick stop"
+        self._cycle.ask(State.QUICK_STOP_ACTIVE, step, lambda node: node.state is State.OPERATION_ENABLED)
         self._phase = _Phase.STOPPED
-        self._run_until(
-            lambda node: (
-                node.state not in {State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE}
-                and node.still_for(STILL_CYCLES)
-            ),
-            "quick stop",
-            self._timeouts.stop_s,
-        )
+        self._cycle.run_until(_stands_still, step, self._timeouts.stop_s)
 
     def disable(self) -> None:
         """Engage brakes and remove torque, once the arm stands still.
@@ -252,13 +240,13 @@ class CanopenServos:
         self._require_connected()
         if self._phase is _Phase.CONNECTED:
             return
-        if not all(node.still_for(STILL_CYCLES) for node in self._nodes):
+        if self._phase is _Phase.ENABLED and not all(node.still_for(STILL_CYCLES) for node in self._nodes):
             self.stop()
-        self._ask(State.SWITCH_ON_DISABLED, lambda node: not node.faulty)
-        self._run_until(
-            lambda node: node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty),
-            "removing torque",
-            self._timeouts.disable_s,
+        step, limit_s = "removing torque", self._timeouts.disable_s
+        self._cycle.run_until(lambda node: node.still_for(STILL_CYCLES), "waiting for standstill", limit_s)
+        self._cycle.ask(State.SWITCH_ON_DISABLED, step, lambda node: not node.lost)
+        self._cycle.run_until(
+            lambda node: node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty), step, limit_s
         )
         self._end_cycles()
         for node, setup in zip(self._nodes, self._setups, strict=True):
@@ -278,11 +266,11 @@ class CanopenServos:
         try:
             self._begin_cycles(check_faults=False)
             for _ in range(self._arm.max_missing_cycles + 1):
-                self._run_cycle()
+                self._cycle.run()
             for node in self._nodes:
                 if node.state is State.FAULT:
                     node.machine.request_fault_reset()
-            self._run_until(lambda node: node.state is not State.FAULT, step, limit_s)
+            self._cycle.run_until(lambda node: node.state is not State.FAULT, step, limit_s)
         finally:
             self._end_cycles()
 
@@ -307,7 +295,7 @@ class CanopenServos:
             failures[0].add_note("A drive may still carry torque: use the emergency stop.")
             raise failures[0]
 
-    # Cycles --------------------------------------------------------------------------------------------------
+    # Helpers -------------------------------------------------------------------------------------------------
 
     def _require(self, phase: _Phase) -> None:
         """The caller's request has to fit the arm's life."""
@@ -319,116 +307,23 @@ class CanopenServos:
         if self._phase in {_Phase.NEW, _Phase.CLOSED}:
             raise StateError(f"the servos are {self._phase.name.lower()}: connect them first")
 
-    def _cycles(self, limit_s: float) -> int:
-        """A limit in cycles."""
-        return max(1, math.ceil(limit_s / self.cycle_s))
-
     def _begin_cycles(self, *, check_faults: bool = True) -> None:
-        """Preset targets, start the nodes, and start counting time."""
+        """Preset targets and start the nodes."""
         for node, setup in zip(self._nodes, self._setups, strict=True):
             node.target_counts = node.position_counts = setup.hold_present_position()
             node.offset_permille = 0
             if check_faults:
                 setup.require_no_fault()
             setup.watch_master(on=True)
-        while self._link.pump(0.0):
-            pass
-        for node in self._nodes:
-            node.begin()
-            self._link.command(NmtCommand.START, node.settings.node_id)
-        self._sync.begin(self.cycle_s)
-        self._heartbeat_due_s = self._sync.now_s()
+        self._cycle.begin()
 
     def _end_cycles(self) -> None:
         """No drive carries torque: end PDO communication, and let nobody miss the heartbeat."""
-        self._sync.end()
+        self._cycle.end()
         self._phase = _Phase.CONNECTED
         for node, setup in zip(self._nodes, self._setups, strict=True):
-            self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
             if not node.lost:
                 setup.watch_master(on=False)
-
-    def _run_cycle(self) -> JointFeedback:
-        """One cycle: setpoints, heartbeat, SYNC, feedback."""
-        link, sync = self._link, self._sync
-        now_s = sync.now_s()
-        for node in self._nodes:
-            link.send(node.prepare(now_s))
-        if now_s >= self._heartbeat_due_s:
-            link.send(self._heartbeat)
-            self._heartbeat_due_s = now_s + self._arm.heartbeat_s
-        tick = sync.next(link, self._expect_feedback)
-        link.pump_until(self._complete, sync.feedback_limit_s())
-        self._cycle += 1
-        for node in self._nodes:
-            node.evaluate(tick.time_s)
-        nodes = self._nodes
-        effort = [node.effort_permille for node in nodes]
-        with_current = self._units.feedback is EffortFeedback.CURRENT
-        return JointFeedback(
-            cycle=self._cycle,
-            time_s=tick.time_s,
-            position_rad=self._units.joint_position_rad([node.position_counts for node in nodes]),
-            velocity_rad_s=None,
-            current_a=self._units.motor_current_a(effort) if with_current else None,
-            torque_nm=None if with_current else self._units.joint_torque_nm(effort),
-            statusword=np.array([node.statusword for node in nodes], dtype=np.uint16),
-            missing=np.array([not node.fresh for node in nodes]),
-            skipped_cycles=tick.skipped,
-        )
-
-    def _expect_feedback(self) -> None:
-        """Feedback that comes from now on belongs to this SYNC; what came before does not."""
-        while self._link.pump(0.0):
-            pass
-        for node in self._nodes:
-            node.fresh = False
-
-    def _complete(self) -> bool:
-        """Whether all feedback is there that can be waited for."""
-        return all([node.fresh or node.lost for node in self._nodes])  # noqa: C419 - a list is faster than a generator
-
-    def _checked_cycle(self, step: str, *, must_follow: bool) -> JointFeedback:
-        """One cycle; what is wrong with a drive is raised, what is wrong with others is noted."""
-        feedback = self._run_cycle()
-        problems = [
-            problem
-            for node in self._nodes
-            if (problem := node.problem(step, feedback.time_s, must_follow=must_follow)) is not None
-        ]
-        if problems:
-            # A fault is the cause; what other drives do at the same time is most often its consequence.
-            problems.sort(key=lambda problem: not isinstance(problem, ServoFault))
-            for other in problems[1:]:
-                problems[0].add_note(f"At the same time: {other}")
-            raise problems[0]
-        return feedback
-
-    def _ask(self, goal: State, of: Callable[[DriveNode], bool]) -> None:
-        """Request a state of those drives that can be asked."""
-        for node in self._nodes:
-            if of(node) and not node.faulty:
-                node.machine.request(goal)
-
-    def _run_until(self, done: Callable[[DriveNode], bool], step: str, limit_s: float) -> None:
-        """Run cycles until a condition holds of every drive that still answers.
-
-        Raises:
-            ServoTimeout: for the first drive of which it does not hold in time.
-        """
-        waiting: list[DriveNode] = []
-        gone: list[DriveNode] = []
-        for _ in range(self._cycles(limit_s)):
-            self._run_cycle()
-            gone += [node for node in self._nodes if node.is_gone and not node.lost and node not in gone]
-            waiting = [node for node in self._nodes if not (done(node) or node.lost or node in gone)]
-            if not waiting:
-                break
-        problems = [node.gone(step) for node in gone]
-        if problems:
-            raise problems[0]
-        if waiting:
-            raise waiting[0].not_in_time(step, limit_s, self._sync.now_s())
 
     def _back_out(self, error: DriverError) -> None:
         """Enabling failed: what has got torque already is disabled again."""
@@ -445,6 +340,12 @@ class CanopenServos:
                 self._link.command(NmtCommand.STOP, node.settings.node_id)
             except BusError:
                 return
+
+
+def _stands_still(node: DriveNode) -> bool:
+    """Whether a drive has stopped, whichever state it stops in."""
+    moving = {State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE}
+    return node.state not in moving and node.still_for(STILL_CYCLES)
 
 
 def _is_simulated(identity: Identity) -> bool:

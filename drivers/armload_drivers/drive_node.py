@@ -10,7 +10,7 @@ from armload_drivers.arm import DriveSettings, OperationMode
 from armload_drivers.bring_up import HEARTBEAT_TOLERANCE
 from armload_drivers.bus_link import BusLink
 from armload_drivers.cia402 import MasterMachine, State
-from armload_drivers.errors import ServoError, ServoFault, ServoTimeout, StatuswordError
+from armload_drivers.errors import ServoError, ServoFault, ServoTimeout, StatuswordError, TransitionError
 from armload_drivers.objects import NmtState
 from armload_drivers.process_image import DriveImage
 from armload_drivers.sync import SyncSource
@@ -134,6 +134,17 @@ class DriveNode:
         self._heard_s = self._sync.now_s()
         self._nmt_state = None
         self._emergency = self._undefined = None
+
+    def ask(self, goal: State, step: str) -> None:
+        """Request a state.
+
+        Raises:
+            ServoError: the present state does not allow it.
+        """
+        try:
+            self.machine.request(goal)
+        except TransitionError as error:
+            raise self._error(step, str(error), "Disable the arm, and enable it anew") from error
 
     def prepare(self, now_s: float) -> can.Message:
         """RPDO of this cycle."""

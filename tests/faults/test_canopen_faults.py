@@ -155,7 +155,7 @@ def test_feedback_missing_for_longer_than_allowed_is_an_error(virtual_arm):
     error = move_until_error(arm, start, ServoTimeout)
     assert (error.node_id, error.joint) == (5, "joint_5")
     assert "4 cycles" in str(error)
-    assert arm.servos._cycle == 8, "raised in the fourth cycle, not later"
+    assert arm.servos._cycle.number == 8, "raised in the fourth cycle, not later"
 
 
 def test_a_drive_that_loses_its_supply_in_motion(virtual_arm):

@@ -1,0 +1,178 @@
+"""The cycle of the CANopen master: setpoints out, heartbeat, SYNC, feedback in, and what is wrong with whom.
+
+Nothing here waits for anything but the next SYNC and its feedback, allocates a message, or talks SDO. Measured
+with six joints on the virtual bus: 100 to 115 us of the calling thread's time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import can
+import numpy as np
+
+from armload_drivers import objects as od
+from armload_drivers.arm import ArmSettings, EffortFeedback
+from armload_drivers.bus_link import BusLink
+from armload_drivers.cia402 import State
+from armload_drivers.drive_node import DriveNode
+from armload_drivers.errors import ServoFault
+from armload_drivers.objects import NmtCommand, NmtState
+from armload_drivers.servos import JointFeedback
+from armload_drivers.sync import SyncSource
+from armload_drivers.units import ArmUnits
+
+
+class CanopenCycle:
+    """Cycles over all drives of one arm.
+
+    Args:
+        arm: The arm.
+        nodes: Its drives.
+        link: The bus.
+        sync: Where SYNC comes from.
+        master_node_id: Who the heartbeat says that we are.
+
+    Attributes:
+        nodes: Its drives.
+        units: Conversion of feedback; to be replaced once polarities are known.
+        number: SYNCs so far.
+    """
+
+    def __init__(
+        self, arm: ArmSettings, nodes: list[DriveNode], link: BusLink, sync: SyncSource, master_node_id: int
+    ) -> None:
+        self.nodes = nodes
+        self.units = ArmUnits(arm)
+        self.number = 0
+        self._cycle_s, self._heartbeat_s = arm.cycle_s, arm.heartbeat_s
+        self._link, self._sync = link, sync
+        self._heartbeat = can.Message(
+            arbitration_id=od.HEARTBEAT_BASE + master_node_id,
+            data=[NmtState.OPERATIONAL.value],
+            is_extended_id=False,
+        )
+        self._heartbeat_due_s = 0.0
+
+    def begin(self) -> None:
+        """Start the nodes and begin to count periods; what arrived before is over."""
+        self._drain()
+        for node in self.nodes:
+            node.begin()
+            self._link.command(NmtCommand.START, node.settings.node_id)
+        self._sync.begin(self._cycle_s)
+        self._heartbeat_due_s = self._sync.now_s()
+
+    def end(self) -> None:
+        """End PDO communication."""
+        self._sync.end()
+        for node in self.nodes:
+            self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+
+    def count(self, limit_s: float) -> int:
+        """A limit in cycles."""
+        return max(1, math.ceil(limit_s / self._cycle_s))
+
+    def run(self) -> JointFeedback:
+        """One cycle; drives are judged by nobody.
+
+        Raises:
+            BusError: the bus failed.
+        """
+        link, sync, nodes = self._link, self._sync, self.nodes
+        now_s = sync.now_s()
+        for node in nodes:
+            link.send(node.prepare(now_s))
+        if now_s >= self._heartbeat_due_s:
+            link.send(self._heartbeat)
+            self._heartbeat_due_s = now_s + self._heartbeat_s
+        tick = sync.next(link, self._expect_feedback)
+        link.pump_until(self._complete, sync.feedback_limit_s())
+        self.number += 1
+        for node in nodes:
+            node.evaluate(tick.time_s)
+        effort = [node.effort_permille for node in nodes]
+        with_current = self.units.feedback is EffortFeedback.CURRENT
+        return JointFeedback(
+            cycle=self.number,
+            time_s=tick.time_s,
+            position_rad=self.units.joint_position_rad([node.position_counts for node in nodes]),
+            velocity_rad_s=None,
+            current_a=self.units.motor_current_a(effort) if with_current else None,
+            torque_nm=None if with_current else self.units.joint_torque_nm(effort),
+            statusword=np.array([node.statusword for node in nodes], dtype=np.uint16),
+            missing=np.array([not node.fresh for node in nodes]),
+            skipped_cycles=tick.skipped,
+        )
+
+    def run_checked(self, step: str, *, must_follow: bool) -> JointFeedback:
+        """One cycle; what is wrong with a drive is raised, and what is wrong with others is noted.
+
+        Args:
+            step: What is being done, for the error.
+            must_follow: Every drive was enabled and has to stay so.
+
+        Raises:
+            ServoError: about the drive that is the likely cause.
+            BusError: the bus failed.
+        """
+        feedback = self.run()
+        problems = [
+            problem
+            for node in self.nodes
+            if (problem := node.problem(step, feedback.time_s, must_follow=must_follow)) is not None
+        ]
+        if problems:
+            # A fault is the cause; what other drives do at the same time is most often its consequence.
+            problems.sort(key=lambda problem: not isinstance(problem, ServoFault))
+            for other in problems[1:]:
+                problems[0].add_note(f"At the same time: {other}")
+            raise problems[0]
+        return feedback
+
+    def run_until(self, done: Callable[[DriveNode], bool], step: str, limit_s: float) -> None:
+        """Run cycles until a condition holds of every drive that still answers.
+
+        Raises:
+            ServoTimeout: a drive stopped answering, or the condition does not hold in time; about the first one.
+            BusError: the bus failed.
+        """
+        waiting: list[DriveNode] = []
+        gone: list[DriveNode] = []
+        for _ in range(self.count(limit_s)):
+            self.run()
+            gone += [node for node in self.nodes if node.is_gone and not node.lost and node not in gone]
+            waiting = [node for node in self.nodes if not (done(node) or node.lost or node in gone)]
+            if not waiting:
+                break
+        problems = [node.gone(step) for node in gone]
+        if problems:
+            raise problems[0]
+        if waiting:
+            raise waiting[0].not_in_time(step, limit_s, self._sync.now_s())
+
+    def ask(self, goal: State, step: str, of: Callable[[DriveNode], bool]) -> None:
+        """Request a state of those drives of which a condition holds and that are in no fault.
+
+        Raises:
+            ServoError: a drive's state does not allow it.
+        """
+        for node in self.nodes:
+            if of(node) and not node.faulty:
+                node.ask(goal, step)
+
+    def _expect_feedback(self) -> None:
+        """Feedback that comes from now on belongs to this SYNC; what came before does not."""
+        self._drain()
+        for node in self.nodes:
+            node.fresh = False
+
+    def _drain(self) -> None:
+        """Have everything handled that is there."""
+        while self._link.pump(0.0):
+            pass
+
+    def _complete(self) -> bool:
+        """Whether all feedback is there that can be waited for."""
+        return all([node.fresh or node.lost for node in self.nodes])  # noqa: C419 - faster than a generator
