@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from armload_drivers.arm import SIMULATION_IDENTITY, Identity, OperationMode
+from armload_drivers.canopen_servos import CanopenServos
 from armload_drivers.cia402 import State, decode
 from armload_drivers.errors import (
     BusError,
@@ -20,6 +21,7 @@ from armload_drivers.errors import (
 )
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulated_dictionary import DriveTraits
+from armload_drivers.sync import LockstepSync
 from armload_drivers.timeouts import Timeouts
 
 ZERO = np.zeros(3)
@@ -404,13 +406,40 @@ def test_connecting_twice_as_somebody_new_takes_over_a_node_that_is_up(virtual_a
     """A second master after a first that vanished without closing."""
     first = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
     enabled(first)
-    second = type(first.servos)(first.arm, first.bus, first.servos._sync, first.servos._timeouts)
+    second = CanopenServos(first.arm, first.bus, LockstepSync(first.clock))
     second.connect()
     assert not any(first.plant.powered), "the reset took the torque"
     second.enable()
     second.close()
     with pytest.raises(StateError):
         second.connect()
+
+
+class InterruptedSync(LockstepSync):
+    """Ctrl-C comes right after the SYNC that enables the drives."""
+
+    def __init__(self, clock):
+        super().__init__(clock)
+        self.left = 4
+
+    def next(self, link, on_sync):
+        tick = super().next(link, on_sync)
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+        return tick
+
+
+def test_an_interrupt_while_enabling_leaves_no_torque_after_close(virtual_arm):
+    arm = virtual_arm()
+    servos = CanopenServos(arm.arm, arm.bus, InterruptedSync(arm.clock))
+    servos.connect()
+    with pytest.raises(KeyboardInterrupt):
+        servos.enable()
+    # The drives have heard that SYNC before they hear anything else.
+    servos.close()
+    assert not any(arm.plant.powered)
+    assert [decode(frame[0] | frame[1] << 8) for frame in arm.frames(0x182)].count(State.OPERATION_ENABLED) >= 1
 
 
 # The bus ----------------------------------------------------------------------------------------------------
