@@ -21,6 +21,7 @@ from typing import Protocol
 from armload_controller.config import Robot
 from armload_controller.cycle import Cycle, CycleSummary
 from armload_controller.errors import CommissioningError
+from armload_controller.limits import MotionLimits, check_setpoints
 from armload_controller.recorder import Recorder
 from armload_controller.setpoints import plan_run
 from armload_drivers.servos import JointServos
@@ -92,13 +93,18 @@ def record_half(
         created: Date and time of the commissioning, for the recordings.
 
     Raises:
-        CommissioningError: a recording exists already, or the robot has no excitations.
+        CommissioningError: a recording exists already, or the robot has no excitations; nothing was switched on.
+        LimitViolation: an excitation breaks a limit; nothing was switched on.
+        InfeasibleMotion: there is no way onto an excitation within the limits; nothing was switched on.
         MotionError: the motion was stopped.
         DriverError: the arm could not be brought up.
     """
     excitations = [require_excitation(robot, role) for role in ROLES]
     limits = robot.motion_limits()
     summaries = []
+    for role, excitation in zip(ROLES, excitations, strict=True):
+        require_new(recording_path(directory, load, role))
+        check_excitation(excitation, limits, 1 / robot.bus.cycle_hz)
     with open_servos(load) as servos:
         watcher.step(f"{load}: connecting to {servos.n} drives")
         servos.connect()
@@ -116,15 +122,39 @@ def record_half(
                 EXCITATION_ATTACHMENT: format_excitation(excitation),
                 RUN_ATTACHMENT: json.dumps(run),
             }
-            with Recorder(recording_path(directory, load, role), attachments) as recorder:
-                start = servos.enable().position_rad
-                plan = plan_run(start, excitation, limits, servos.cycle_s)
-                with watcher.track(f"{load}: {role} run", len(plan)) as progress:
-                    cycle = Cycle(servos, limits, stop_requested)
-                    summaries.append(cycle.run(plan, excitation.trajectory, start, recorder, progress))
+            start = servos.enable().position_rad
+            plan = plan_run(start, excitation, limits, servos.cycle_s)
+            with (
+                Recorder(recording_path(directory, load, role), attachments) as recorder,
+                watcher.track(f"{load}: {role} run", len(plan)) as progress,
+            ):
+                cycle = Cycle(servos, limits, stop_requested)
+                summaries.append(cycle.run(plan, excitation.trajectory, start, recorder, progress))
             servos.stop()
             servos.disable()
     return summaries
+
+
+def check_excitation(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> None:
+    """Check every setpoint of a run but its approach, which depends on where the arm will stand.
+
+    Raises:
+        LimitViolation: a setpoint breaks a limit.
+        InfeasibleMotion: there is no way onto the path within the limits.
+    """
+    start = excitation.trajectory.evaluate(0.0).position_rad
+    plan = plan_run(start, excitation, limits, cycle_s)
+    check_setpoints(plan.position_rad, plan.velocity_rad_s, plan.acceleration_rad_s2, limits)
+
+
+def require_new(path: Path) -> None:
+    """Refuse to record over a recording.
+
+    Raises:
+        CommissioningError: the file exists.
+    """
+    if path.exists():
+        raise CommissioningError(f"{path} exists: recordings are never overwritten, choose another --output")
 
 
 def require_excitation(robot: Robot, role: str) -> Excitation:

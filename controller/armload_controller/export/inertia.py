@@ -1,0 +1,125 @@
+"""Which inertia is written, and why: what is not determined is never passed off as a measurement.
+
+A format either needs a complete inertia, or its controller documents that zero stands for a point mass.
+
+- All elements that the format holds are determined: they are written.
+- Some are: a point mass is known to be wrong, so the model's complete set is written and the others are named.
+- None is: the point mass where the controller knows one, else the model's set, and the text says which.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from armload_identification.chain import FloatArray
+from armload_identification.payload import PARAMETER_NAMES, PayloadResult
+
+TENSOR = PARAMETER_NAMES[4:]
+"""Elements that a format with a whole tensor, or with principal moments and axes, holds."""
+MOMENTS = PARAMETER_NAMES[4:7]
+"""Elements that a format with moments about the flange's axes, and no products, holds."""
+
+
+class InertiaSource(Enum):
+    """Where the inertia that is written comes from."""
+
+    MEASURED = "measured"
+    MODEL = "model"
+    POINT_MASS = "point mass"
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenInertia:
+    """The inertia that goes into a file.
+
+    Attributes:
+        source: Where it comes from.
+        tensor_kg_m2: (3, 3) about the centre of mass, in the flange's axes; zero for a point mass.
+        undetermined: Elements that the format holds and the data do not determine.
+    """
+
+    source: InertiaSource
+    tensor_kg_m2: FloatArray
+    undetermined: tuple[str, ...]
+
+    @property
+    def statement(self) -> str:
+        """One sentence for the exported text."""
+        names = ", ".join(self.undetermined)
+        if self.source is InertiaSource.MEASURED:
+            return "Inertia: measured; all elements written here are determined."
+        if self.source is InertiaSource.MODEL:
+            return (
+                f"Inertia: NOT DETERMINED by the measurement: {names}. Written for them are the numbers of the model "
+                "that completes the measured ones to a body that can exist. They are no measurement."
+            )
+        return (
+            f"Inertia: NOT DETERMINED by the measurement: {names}. Written is zero, which this controller takes for a "
+            "point mass."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PrincipalInertia:
+    """Principal moments and axes of an inertia tensor I = R diag(moments) R^T.
+
+    Attributes:
+        moments_kg_m2: (3,) moments about the principal axes x, y, z.
+        rotation: (3, 3) R; its columns are the principal axes, right-handed.
+    """
+
+    moments_kg_m2: FloatArray
+    rotation: FloatArray
+
+
+def complete_inertia(payload: PayloadResult, elements: tuple[str, ...]) -> WrittenInertia:
+    """The inertia for a format that needs a complete one.
+
+    Args:
+        payload: The payload.
+        elements: Elements that the format holds.
+    """
+    undetermined = _undetermined(payload, elements)
+    source = InertiaSource.MODEL if undetermined else InertiaSource.MEASURED
+    return WrittenInertia(source, payload.model.inertia_about_com, undetermined)
+
+
+def inertia_or_point_mass(payload: PayloadResult, elements: tuple[str, ...]) -> WrittenInertia:
+    """The inertia for a controller that takes zero for a point mass.
+
+    Args:
+        payload: The payload.
+        elements: Elements that the format holds.
+    """
+    undetermined = _undetermined(payload, elements)
+    if undetermined == elements:
+        return WrittenInertia(InertiaSource.POINT_MASS, np.zeros((3, 3)), undetermined)
+    return complete_inertia(payload, elements)
+
+
+def principal_inertia(tensor_kg_m2: FloatArray) -> PrincipalInertia:
+    """Principal moments and axes, the axes ordered and signed to lie closest to the frame's own.
+
+    Of the 24 right-handed ways to name three axes the one with the greatest trace of R is taken. It is less than
+    63 degrees from the frame, so that no Euler angle comes near its singularity, and a diagonal tensor gives R = 1.
+
+    Args:
+        tensor_kg_m2: (3, 3) symmetric.
+    """
+    moments, axes = np.linalg.eigh(tensor_kg_m2)
+    best = max(_renamings(), key=lambda renaming: float(np.trace(axes @ renaming)))
+    order = np.argmax(np.abs(best), axis=0)
+    return PrincipalInertia(moments[order], _right_handed(axes @ best))
+
+
+def _renamings() -> list[FloatArray]:
+    """All 48 signed permutations of three axes."""
+    return [
+        np.eye(3)[:, order] * np.array(signs)
+        for order in itertools.permutations(range(3))
+        for signs in itertools.product((1.0, -1.0), repeat=3)
+    ]

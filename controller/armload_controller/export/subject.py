@@ -1,0 +1,72 @@
+"""What is exported: a payload, the arm that carries it, and where both come from."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from armload_controller.errors import ExportError
+from armload_identification.chain import Chain
+from armload_identification.identification import FLANGE
+from armload_identification.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
+
+
+@dataclass(frozen=True, eq=False)
+class ExportSubject:
+    """A payload that may be written for others; one that may not be cannot be made into a subject.
+
+    Attributes:
+        robot: Name of the robot.
+        joint_names: Names of the joints, from the base to the flange.
+        chain: Kinematics up to the flange, and gravity.
+        payload: The payload, in the flange frame.
+        payload_file: Name of the file it was read from.
+        payload_sha256: Hash of that file.
+        armload_version: Version of the program.
+
+    Raises:
+        ExportError: mass or centre of mass is not determined, the payload is not told in the flange frame, was
+            identified on an arm with another number of joints, or is no body that can exist.
+    """
+
+    robot: str
+    joint_names: tuple[str, ...]
+    chain: Chain
+    payload: PayloadResult
+    payload_file: str
+    payload_sha256: str
+    armload_version: str
+
+    def __post_init__(self) -> None:
+        file, payload = self.payload_file, self.payload
+        if not payload.feedforward_ready:
+            missing = ", ".join(n for n, known in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not known)
+            raise ExportError(
+                file,
+                f"not determined: {missing}; a payload is exported only with its mass and centre of mass. "
+                "Identify it again on a longer or wider excitation (`armload design`)",
+            )
+        if payload.frame != FLANGE:
+            raise ExportError(
+                file,
+                f"the payload is told in the frame {payload.frame!r}; expected {FLANGE!r}. "
+                "Identify it with the whole arm's kinematics",
+            )
+        if len(payload.residual_rms_nm) != self.chain.n:
+            raise ExportError(
+                file,
+                f"identified on {len(payload.residual_rms_nm)} joints, but {self.robot} has {self.chain.n}; "
+                "give --robot the arm that the payload was identified on",
+            )
+        if payload.model.margin < SMALLEST_MARGIN:
+            raise ExportError(
+                file,
+                f"no body has these parameters: margin {payload.model.margin:.3g}, at least {SMALLEST_MARGIN:g} is "
+                "needed. Identify it again",
+            )
+
+    @property
+    def identifier(self) -> str:
+        """The robot's name as an identifier of C, RAPID and file systems: lower case, digits, underscores."""
+        name = re.sub(r"[^0-9a-z]+", "_", self.robot.lower()).strip("_")
+        return name if name[:1].isalpha() else f"robot_{name}".rstrip("_")
