@@ -31,7 +31,13 @@ from armload_drivers.errors import StatuswordError, TransitionError
 
 
 class State(Enum):
-    """States of the power drive system: (mask, value) of the statusword."""
+    """States of the power drive system, as the statusword tells them.
+
+    Attributes:
+        mask: Bits of the statusword that tell this state.
+        bits: Value of these bits.
+        title: The state as the standard spells it.
+    """
 
     NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)
     SWITCH_ON_DISABLED = (0x4F, 0x40)
@@ -42,20 +48,10 @@ class State(Enum):
     FAULT_REACTION_ACTIVE = (0x4F, 0x0F)
     FAULT = (0x4F, 0x08)
 
-    @property
-    def mask(self) -> int:
-        """Bits of the statusword that tell this state."""
-        return self.value[0]
-
-    @property
-    def bits(self) -> int:
-        """Value of these bits."""
-        return self.value[1]
-
-    @property
-    def title(self) -> str:
-        """The state as the standard spells it."""
-        return self.name.replace("_", " ")
+    def __init__(self, mask: int, bits: int) -> None:
+        self.mask = mask
+        self.bits = bits
+        self.title = self.name.replace("_", " ")
 
 
 POWERED = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE})

@@ -5,12 +5,18 @@ Each block cites its standard. Names are those of CiA 301 (communication) and Ci
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 
 class DataType(Enum):
-    """Data types of CiA 301, 7.4.7: (struct code, bits)."""
+    """Data types of CiA 301, 7.4.7.
+
+    Attributes:
+        code: Format character of `struct`; empty for strings.
+        bits: Size; 0 for strings.
+        bounds: Least and greatest value of an integer type.
+    """
 
     U8 = ("B", 8)
     I8 = ("b", 8)
@@ -20,22 +26,11 @@ class DataType(Enum):
     I32 = ("i", 32)
     STRING = ("", 0)
 
-    @property
-    def code(self) -> str:
-        """Format character of `struct`; empty for strings."""
-        return self.value[0]
-
-    @property
-    def bits(self) -> int:
-        """Size; 0 for strings."""
-        return self.value[1]
-
-    @property
-    def bounds(self) -> tuple[int, int]:
-        """Least and greatest value of an integer type."""
-        if self.code.isupper():
-            return 0, (1 << self.bits) - 1
-        return -(1 << (self.bits - 1)), (1 << (self.bits - 1)) - 1
+    def __init__(self, code: str, bits: int) -> None:
+        self.code = code
+        self.bits = bits
+        half = 1 << bits >> 1
+        self.bounds = (-half, half - 1) if code.islower() else (0, (1 << bits) - 1)
 
 
 class Access(Enum):
@@ -64,6 +59,7 @@ class Entry:
         type: Data type.
         access: SDO access.
         mappable: Direction of the PDO that may carry it.
+        key: Index and subindex in one number.
     """
 
     index: int
@@ -72,11 +68,11 @@ class Entry:
     type: DataType
     access: Access = Access.RW
     mappable: Mappable = Mappable.NO
+    key: int = field(init=False, repr=False)
 
-    @property
-    def key(self) -> int:
-        """Index and subindex in one number."""
-        return self.index << 8 | self.subindex
+    def __post_init__(self) -> None:
+        """Compute the key once: the simulated drives look values up by it in every cycle."""
+        object.__setattr__(self, "key", self.index << 8 | self.subindex)
 
     @property
     def mapping(self) -> int:
