@@ -17,9 +17,10 @@ from armload_drivers import objects as od
 from armload_drivers.arm import ArmSettings, DriveSettings, Identity
 from armload_drivers.cia402 import POWERED, State, decode
 from armload_drivers.emergency import describe
-from armload_drivers.errors import SdoRefused, ServoError, ServoFault, ServoTimeout, StatuswordError, WrongDevice
+from armload_drivers.errors import SdoRefused, ServoFault, ServoTimeout, StatuswordError, WrongDevice
 from armload_drivers.objects import Entry, PdoDirection
-from armload_drivers.process_image import DriveImage, PdoLayout
+from armload_drivers.pdo_setup import map_pdo, switch_others_off
+from armload_drivers.process_image import DriveImage
 from armload_drivers.sdo_channel import SdoChannel
 from armload_drivers.timeouts import Timeouts
 from armload_drivers.units import ArmUnits, interpolation_time, microseconds, milliseconds
@@ -53,7 +54,7 @@ class DriveReport:
         identity: What 1018 tells.
         supported_modes: 6502.
         polarity: 607E; 0 where it does not tell.
-        missing: Objects the drive does not have, in words.
+        missing: Objects that the drive does not have, or does not let be written, in words.
     """
 
     joint: str
@@ -198,7 +199,7 @@ class DriveSetup:
         try:
             state = decode(word)
         except StatuswordError as error:
-            raise self._failed(str(error), "Does this drive follow CiA 402? See its manual") from error
+            raise self._sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
         if state in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
             code = self._sdo.read_if_there(od.ERROR_CODE)
             cause = "603F does not tell why" if code is None else describe(code)
@@ -220,7 +221,7 @@ class DriveSetup:
         self._sdo.write(od.CONTROLWORD, 0)
         word = self._sdo.read(od.STATUSWORD)
         if decode(word) in POWERED:
-            raise self._failed(f"the drive keeps its torque, statusword 0x{word:04X}", "Use the emergency stop")
+            raise self._sdo.failure(f"the drive keeps its torque, statusword 0x{word:04X}", "Use the emergency stop")
 
     def watch_master(self, *, on: bool) -> None:
         """Have the drive watch the master's heartbeat, or not."""
@@ -231,10 +232,6 @@ class DriveSetup:
     def _wrong(self, what: str, remedy: str) -> WrongDevice:
         """Error about this drive at this step."""
         return WrongDevice(self._drive.node_id, self._drive.joint, self._sdo.step, what, remedy)
-
-    def _failed(self, what: str, remedy: str) -> ServoError:
-        """Likewise, about what it does."""
-        return ServoError(self._drive.node_id, self._drive.joint, self._sdo.step, what, remedy)
 
     def _optional(self, entry: Entry) -> int | None:
         """Read an object that not every drive has."""
@@ -339,45 +336,12 @@ class DriveSetup:
         """Map the first PDO of each direction and switch the others off."""
         for layout in (self._image.rpdo, self._image.tpdo):
             self._sdo.step = f"mapping the {layout.direction.name.lower()} PDO"
-            self._map(layout)
+            map_pdo(self._sdo, layout)
             self._sdo.step = "switching unused PDOs off"
-            for number in range(1, od.PDO_COUNT):
-                entry = layout.direction.cob_id_entry(number)
-                word = self._sdo.read_if_there(entry)
-                if word is not None and not word & od.PDO_DISABLED:
-                    self._sdo.write(entry, word | od.PDO_DISABLED)
+            switch_others_off(self._sdo, layout.direction)
         self._sdo.step = "setting the setpoint time-out"
         overdue_s = (self._arm.max_missing_cycles + 1) * self._arm.cycle_s
         self._preferred(PdoDirection.RECEIVE.timer_entry(0), milliseconds(overdue_s))
-
-    def _map(self, layout: PdoLayout) -> None:
-        """Write a mapping in the order CiA 301 prescribes, read it back and compare."""
-        sdo, direction = self._sdo, layout.direction
-        cob_entry, count_entry, type_entry = (
-            direction.cob_id_entry(0),
-            direction.count_entry(0),
-            direction.type_entry(0),
-        )
-        flags = sdo.read(cob_entry) & od.PDO_NO_RTR
-        word = layout.cob_id | flags
-        sdo.write(cob_entry, word | od.PDO_DISABLED)
-        sdo.write(count_entry, 0)
-        for position, entry in enumerate(layout.entries, start=1):
-            sdo.write(direction.map_entry(0, position), entry.mapping)
-        sdo.write(count_entry, len(layout.entries))
-        sdo.write(type_entry, od.PDO_SYNCHRONOUS)
-        sdo.write(cob_entry, word)
-        expected = [(cob_entry, word), (count_entry, len(layout.entries)), (type_entry, od.PDO_SYNCHRONOUS)]
-        expected += [
-            (direction.map_entry(0, position), entry.mapping) for position, entry in enumerate(layout.entries, start=1)
-        ]
-        for entry, value in expected:
-            found = sdo.read(entry)
-            if found != value:
-                raise self._failed(
-                    f"{entry} reads 0x{found:X} after 0x{value:X} was written",
-                    "The drive does not keep this mapping; see its manual for what can be mapped",
-                )
 
     def _select_mode(self) -> None:
         """Write 6060 and wait for 6061."""

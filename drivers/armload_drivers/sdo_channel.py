@@ -21,6 +21,8 @@ from armload_drivers.objects import SDO_RX_BASE, SDO_TX_BASE, Entry
 _MISSING = frozenset({0x0602_0000, 0x0609_0011})
 """Aborts that mean: this drive does not have the object (or the sub-index)."""
 
+_READ_ONLY = 0x0601_0002
+
 _INITIATE = frozenset({1, 2})
 """Client commands whose answer repeats index and sub-index: initiate download, initiate upload."""
 
@@ -125,11 +127,11 @@ class SdoChannel:
         self._transfer(entry, struct.pack("<" + entry.type.code, value))
 
     def write_if_there(self, entry: Entry, value: int) -> bool:
-        """As `write`, but False where the node does not have the object."""
+        """As `write`, but False where the node does not have the object or does not let it be written."""
         try:
             self.write(entry, value)
         except SdoRefused as refusal:
-            if refusal.abort_code in _MISSING:
+            if refusal.abort_code in _MISSING or refusal.abort_code == _READ_ONLY:
                 return False
             raise
         return True
@@ -154,6 +156,10 @@ class SdoChannel:
             found = self.read(entry)
             if found == value or time.monotonic() >= deadline_s:
                 return found
+
+    def failure(self, what: str, remedy: str) -> ServoError:
+        """Error about this node at this step."""
+        return ServoError(self._node_id, self._joint, self.step, what, remedy)
 
     def _transfer(self, entry: Entry, data: bytes | None) -> bytes:
         """Write `data`, or read where it is None."""
@@ -181,11 +187,7 @@ class SdoChannel:
                 "Is the drive supplied and connected, with this node id and bit rate?",
             ) from error
         except SdoCommunicationError as error:
-            raise ServoError(
-                self._node_id,
-                self._joint,
-                self.step,
-                f"{verb} {entry}: {error}",
-                "Is another master or configuration tool on the bus?",
+            raise self.failure(
+                f"{verb} {entry}: {error}", "Is another master or configuration tool on the bus?"
             ) from error
         return b""

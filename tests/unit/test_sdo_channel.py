@@ -59,6 +59,7 @@ def test_what_a_drive_does_not_have():
     sdo = channel(Bus())
     assert sdo.read_if_there(od.POLARITY) is None
     assert not sdo.write_if_there(od.POLARITY, 0)
+    assert not sdo.write_if_there(od.DEVICE_TYPE, 1), "it is read only"
     assert sdo.write_if_there(od.TARGET_POSITION, 1)
 
 
@@ -73,9 +74,11 @@ def test_a_refusal_names_everything_and_is_sent_once():
     assert len(bus.requests) == 1
 
 
-def test_refusals_other_than_missing_objects_are_not_swallowed():
+def test_refusals_for_other_reasons_are_not_swallowed():
+    bus = Bus()
+    bus.dictionary.allowed[od.TARGET_POSITION.key] = {0}
     with pytest.raises(SdoRefused):
-        channel(Bus()).write_if_there(od.DEVICE_TYPE, 1)
+        channel(bus).write_if_there(od.TARGET_POSITION, 1)
 
 
 def test_silence_is_a_timeout_that_names_the_object():
