@@ -3,8 +3,10 @@
     minimise  criterion(q, dq, ddq)                                       Chen 2016, eq. (7)
     subject to  q_min <= q <= q_max,  |dq| <= dq_max,  |ddq| <= ddq_max   at every time
 
-Each start is random, seeded, and goes through an augmented Lagrangian on a grid of the period; L-BFGS solves
-the inner problems, with the criterion's derivative from `information` and the constraints' in closed form.
+Each start is random, seeded, and goes through an augmented Lagrangian on a grid of the period; SciPy's L-BFGS-B
+solves the inner problems, with the criterion's derivative from `information` and the constraints' in closed form.
+The linear algebra is held to one thread: with more, the last digits and so the end of a start depend on how many
+there are, and threads that wait for each other over matrices of ten rows took six times as long on a busy machine.
 What little the grid leaves over is taken away at the end by shrinking each joint's motion until its bounds,
 which hold between the samples too, are strictly within the limits. The best start wins.
 """
@@ -16,12 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
+from threadpoolctl import threadpool_limits
 
 from armload_identification.chain import Chain
 from armload_identification.errors import ExcitationError
 from armload_identification.fourier import CRITERIA, Excitation, FourierTrajectory, fourier_basis
 from armload_identification.information import Criterion, a_optimal, condition_number
-from armload_identification.lbfgs import minimise
 from armload_identification.payload import InertialParameters
 
 FloatArray = NDArray[np.float64]
@@ -29,6 +32,8 @@ FloatArray = NDArray[np.float64]
 _SAMPLES_PER_HARMONIC = 20
 _ROUNDS = 6
 _ITERATIONS_PER_ROUND = 50
+_MEMORY = 20
+_SMALLEST_GAIN = 1e-9
 _FIRST_PENALTY = 0.3  # soft at first: a start may cross a limit on its way to a better optimum
 _PENALTY_GROWTH = 3.0
 _INSIDE = 1.0 - 1e-6  # share of each limit that the finished motion uses at most
@@ -209,10 +214,11 @@ def design(
     chosen = a_optimal(chain, torque_noise_nm, expected_payload) if criterion == "a-optimal" else paper
     problem = _Problem(chosen, limits, harmonics, base_frequency_hz)
     attempts: list[_Attempt] = []
-    for source in np.random.SeedSequence(seed).spawn(restarts):
-        attempts.append(problem.solve(np.random.default_rng(source)))
-        if progress is not None:
-            progress(len(attempts), restarts, min(a.cost for a in attempts))
+    with threadpool_limits(1):
+        for source in np.random.SeedSequence(seed).spawn(restarts):
+            attempts.append(problem.solve(np.random.default_rng(source)))
+            if progress is not None:
+                progress(len(attempts), restarts, min(a.cost for a in attempts))
     best = min(attempts, key=lambda a: a.cost)
     if not np.isfinite(best.cost):
         raise ExcitationError(
@@ -303,7 +309,9 @@ class _Problem:
         def lagrangian(flat: FloatArray) -> tuple[float, FloatArray]:
             return self._lagrangian(flat, multipliers, penalty, history)
 
-        return minimise(lagrangian, x.ravel(), _ITERATIONS_PER_ROUND).reshape(x.shape)
+        options = {"maxcor": _MEMORY, "maxiter": _ITERATIONS_PER_ROUND, "ftol": _SMALLEST_GAIN, "gtol": 0.0}
+        found = minimize(lagrangian, x.ravel(), jac=True, method="L-BFGS-B", options=options)
+        return np.asarray(found.x).reshape(x.shape)
 
     def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory) -> float:
         """A criterion of a trajectory on the design's grid."""
