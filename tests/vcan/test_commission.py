@@ -52,8 +52,9 @@ def simulated(robot, payload):
         assert drives.poll() is None, "the drives ended by themselves"
     finally:
         drives.send_signal(signal.SIGTERM)
-        drives.stdout.close()
-        assert drives.wait(timeout=20) == 0
+        rest, _ = drives.communicate(timeout=20)
+        assert drives.returncode == 0
+        assert "drives stopped" in rest
 
 
 def commission(robot, *options):
