@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import AbstractContextManager
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -10,7 +11,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from armload_identification.report.report import ReportSubject, write_report
 
 from armload_controller.arms import VIRTUAL, arm_on_bus, require_safe_bus, simulated_arm
 from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
@@ -18,11 +18,13 @@ from armload_controller.cli.screen import Screen, StopRequest
 from armload_controller.cli.tables import payload_table, possibility, validation_table, verdict
 from armload_controller.commissioning import ROLES, Load, read_pair, record_half, require_recordings
 from armload_controller.config import Robot, load_robot
+from armload_controller.cycle import CycleSummary
 from armload_controller.errors import CommissioningError
 from armload_drivers.servos import JointServos
 from armload_identification.identification import identify, payload_result
 from armload_identification.payload import InertialParameters
 from armload_identification.payload_file import write_payload
+from armload_identification.report.report import ReportSubject, write_report
 from armload_identification.validation import validate as validate_payload
 
 
@@ -72,7 +74,11 @@ def commission(
         for load in halves[runs]:
             if load is Load.LOADED and runs is Runs.BOTH:
                 _mount(arm, screen, in_this_process)
-            record_half(arm, load, open_servos, directory, screen, stop_requested, now.isoformat(timespec="seconds"))
+            begun_s = time.monotonic()
+            summaries = record_half(
+                arm, load, open_servos, directory, screen, stop_requested, now.isoformat(timespec="seconds")
+            )
+            screen.step(_account(load, summaries, time.monotonic() - begun_s))
     if runs is Runs.UNLOADED:
         screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
         return
@@ -86,6 +92,17 @@ def _mount(arm: Robot, screen: Screen, in_this_process: bool) -> None:
         screen.step(f"payload {arm.simulated_payload_name!r} mounted on the simulated flange")
     elif not screen.confirm("The drives are off, the brakes are on. Is the payload mounted and the cell clear?"):
         raise CommissioningError("not confirmed: nothing was moved with the payload. Go on later with --runs loaded")
+
+
+def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
+    """What the runs of one half counted, in one line."""
+    motion_s = sum(summary.duration_s for summary in summaries)
+    missing = sum(int(summary.missing.sum()) for summary in summaries)
+    skipped = sum(summary.skipped for summary in summaries)
+    return (
+        f"{load}: {motion_s:.0f} s of motion in {wall_s:.0f} s ({motion_s / wall_s:.1f} times real time), "
+        f"{missing} feedbacks missing, {skipped} cycles skipped"
+    )
 
 
 def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParameters | None, now: datetime) -> None:
