@@ -5,6 +5,7 @@ ControlError
  +-- UnsafeBus            a bus that this version does not drive
  +-- MotionError          the motion was stopped: cause, joint, value, bound; carries the last feedback
  +-- CommissioningError   a step of the commissioning cannot be done as asked
+ +-- ExportError          a payload that must not be written for others, or a file in the way
 """
 
 from __future__ import annotations
@@ -45,6 +46,18 @@ class UnsafeBus(ControlError):
 
 class CommissioningError(ControlError):
     """A step of the commissioning cannot be done as asked."""
+
+
+class ExportError(ControlError):
+    """A payload that must not be written for others, or a file in the way.
+
+    Attributes:
+        file: The file that is read or written.
+    """
+
+    def __init__(self, file: str, problem: str) -> None:
+        super().__init__(f"{file}: {problem}")
+        self.file = file
 
 
 class MotionError(ControlError):

@@ -10,6 +10,7 @@ import typer
 
 from armload_controller.cli.commission import commission
 from armload_controller.cli.design import design
+from armload_controller.cli.export import export
 from armload_controller.cli.identify import identify
 from armload_controller.cli.screen import Screen
 from armload_controller.cli.simulate import simulate
@@ -28,7 +29,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (commission, identify, validate, simulate, design):
+for command in (commission, identify, validate, simulate, design, export):
     app.command()(command)
 
 

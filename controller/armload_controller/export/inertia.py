@@ -110,16 +110,21 @@ def principal_inertia(tensor_kg_m2: FloatArray) -> PrincipalInertia:
     Args:
         tensor_kg_m2: (3, 3) symmetric.
     """
-    moments, axes = np.linalg.eigh(tensor_kg_m2)
-    best = max(_renamings(), key=lambda renaming: float(np.trace(axes @ renaming)))
-    order = np.argmax(np.abs(best), axis=0)
-    return PrincipalInertia(moments[order], _right_handed(axes @ best))
+    _, axes = np.linalg.eigh(tensor_kg_m2)
+    turned = [axes @ renaming for renaming in _renamings()]
+    rotation = max((r for r in turned if np.linalg.det(r) > 0.0), key=np.trace)
+    return PrincipalInertia(np.diag(rotation.T @ tensor_kg_m2 @ rotation), rotation)
+
+
+def _undetermined(payload: PayloadResult, elements: tuple[str, ...]) -> tuple[str, ...]:
+    """Those of the elements that the data do not determine."""
+    return tuple(name for name in elements if not payload.determined[PARAMETER_NAMES.index(name)])
 
 
 def _renamings() -> list[FloatArray]:
     """All 48 signed permutations of three axes."""
     return [
-        np.eye(3)[:, order] * np.array(signs)
+        np.eye(3)[:, list(order)] * np.array(signs)
         for order in itertools.permutations(range(3))
         for signs in itertools.product((1.0, -1.0), repeat=3)
     ]

@@ -40,7 +40,9 @@ class ExportSubject:
     def __post_init__(self) -> None:
         file, payload = self.payload_file, self.payload
         if not payload.feedforward_ready:
-            missing = ", ".join(n for n, known in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not known)
+            missing = ", ".join(
+                n for n, known in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not known
+            )
             raise ExportError(
                 file,
                 f"not determined: {missing}; a payload is exported only with its mass and centre of mass. "

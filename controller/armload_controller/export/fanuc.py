@@ -1,0 +1,62 @@
+"""FANUC: the numbers of the screen MOTION / PAYLOAD SET, to be typed in.
+
+- PAYLOAD: mass in kg.
+- PAYLOAD CENTER X, Y, Z: centre of mass in cm from the centre of the faceplate; with the wrist at zero x is up, y to
+  the right seen from behind the faceplate, z out of it.
+- PAYLOAD INERTIA X, Y, Z: moments of inertia in kgf cm s2 about axes through the centre of mass and parallel to the
+  faceplate's; 1 kgf cm s2 = 0.0980665 kg m2. There is no place for products of inertia: they are left out.
+
+How well this is known: the first two from the vendor's manual as published by an integrator. Unit and reference point
+of the inertia from users who compared the screen with the vendor's payload checker, not from the manual itself;
+therefore the text asks to compare the units with those on the screen.
+
+What is not determined: zero where none of the three moments is, which is what the screen holds as delivered; the
+model's moments, marked, where a part is.
+
+References:
+    Lincoln Electric, online help on the robot payload, table 2 "MOTION/PAYLOAD SET Screen Items": names of the fields,
+        units and axes of mass and centre.
+    robot-forum.com, thread 37725, "Inertia units: Payload Checker vs Robot (kg*m*s^2 vs kg*cm*s^2)": unit and
+        reference point of the inertia.
+    industrialmonitordirect.com, "FANUC R-30iA Automatic Payload Calculation Setup Guide": no inertia as delivered.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
+from armload_controller.export.subject import ExportSubject
+from armload_controller.export.wording import comment, load_data, positional
+
+KG_M2_PER_KGF_CM_S2 = 0.0980665
+"""Standard gravity, 9.80665 m/s2, times 0.01 m."""
+
+
+def export_fanuc(subject: ExportSubject) -> dict[str, str]:
+    """The lines of the payload screen.
+
+    Args:
+        subject: The payload.
+
+    Returns:
+        Text by file name.
+    """
+    body = subject.payload.model
+    inertia = inertia_or_point_mass(subject.payload, MOMENTS)
+    lines = comment(
+        (
+            *load_data(subject),
+            "To be typed into MOTION / PAYLOAD SET. Compare the units in brackets with those on the screen before. "
+            "Center: centre of mass. Inertia: about axes through the centre of mass, parallel to the faceplate's; the "
+            "screen has no place for products of inertia, they are left out.",
+            inertia.statement,
+        ),
+        "#",
+    )
+    lines.append(f"PAYLOAD [kg] = {positional(body.mass_kg)}")
+    for axis, center_m in zip("XYZ", body.center_of_mass_m, strict=True):
+        lines.append(f"PAYLOAD CENTER {axis} [cm] = {positional(center_m * 1e2)}")
+    for axis, moment in zip("XYZ", np.diag(inertia.tensor_kg_m2), strict=True):
+        lines.append(f"PAYLOAD INERTIA {axis} [kgf cm s2] = {positional(moment / KG_M2_PER_KGF_CM_S2)}")
+    return {f"{subject.identifier}_fanuc_payload.txt": "\n".join(lines) + "\n"}

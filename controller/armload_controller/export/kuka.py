@@ -1,0 +1,70 @@
+"""KUKA: LOAD_DATA, the payload of a tool on a KR C controller.
+
+    LOAD_DATA[n]={M mass,CM {X,Y,Z,A,B,C},J {X,Y,Z}}
+
+- M: mass in kg.
+- CM X, Y, Z: centre of mass in mm in the FLANGE frame.
+- CM A, B, C: orientation of the principal axes of inertia in the FLANGE frame in degrees: A about z, then B about the
+  turned y, then C about the twice turned x, so R = Rz(A) Ry(B) Rx(C).
+- J X, Y, Z: moments of inertia in kg m2 about those principal axes through the centre of mass, never negative;
+  products do not occur.
+
+What is not determined: no public page says that a zero J is a point mass, so the model's complete set is written and
+marked.
+
+References:
+    KUKA, MA KR IONTEC V4, 11.05.2021, section 4 "Technical data", fig. 4-5 "Load center of gravity and mass moment of
+        inertia": units, frame, order of A, B, C, principal axes.
+    Beckhoff, TF5120 TwinCAT 3 Robotics mxAutomation, "Writing load data" (KRC_WriteLoadData): the fields of a tool's
+        payload and that centre of mass and principal axes are relative to the flange.
+"""
+
+from __future__ import annotations
+
+import math
+
+from armload_controller.export.inertia import TENSOR, complete_inertia, principal_inertia
+from armload_controller.export.subject import ExportSubject
+from armload_controller.export.wording import comment, load_data, positional
+from armload_identification.chain import FloatArray
+
+
+def export_kuka(subject: ExportSubject) -> dict[str, str]:
+    """LOAD_DATA for $config.dat.
+
+    Args:
+        subject: The payload.
+
+    Returns:
+        Text by file name.
+    """
+    body = subject.payload.model
+    inertia = complete_inertia(subject.payload, TENSOR)
+    principal = principal_inertia(inertia.tensor_kg_m2)
+    x, y, z = (positional(c * 1e3) for c in body.center_of_mass_m)
+    a, b, c = (positional(math.degrees(angle)) for angle in _abc_rad(principal.rotation))
+    jx, jy, jz = (positional(j) for j in principal.moments_kg_m2)
+    lines = comment(
+        (
+            *load_data(subject),
+            "M: kg. CM X, Y, Z: centre of mass in mm. CM A, B, C: principal axes of inertia in degrees, "
+            "Rz(A) Ry(B) Rx(C). J: principal moments of inertia about the centre of mass in kg m2.",
+            inertia.statement,
+            "For $config.dat; put the number of your tool in the brackets.",
+        ),
+        ";",
+    )
+    lines.append(
+        f"LOAD_DATA[1]={{M {positional(body.mass_kg)},CM {{X {x},Y {y},Z {z},A {a},B {b},C {c}}},"
+        f"J {{X {jx},Y {jy},Z {jz}}}}}"
+    )
+    return {f"{subject.identifier}_kuka_load_data.txt": "\n".join(lines) + "\n"}
+
+
+def _abc_rad(rotation: FloatArray) -> tuple[float, float, float]:
+    """A, B, C of R = Rz(A) Ry(B) Rx(C)."""
+    return (
+        math.atan2(rotation[1, 0], rotation[0, 0]),
+        -math.asin(max(-1.0, min(1.0, rotation[2, 0]))),
+        math.atan2(rotation[2, 1], rotation[2, 2]),
+    )

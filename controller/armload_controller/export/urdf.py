@@ -1,0 +1,74 @@
+"""URDF: the inertial block of a payload, for the flange's link.
+
+- origin xyz: centre of mass in m in the link's frame, here the flange; rpy zero, so the axes are the flange's.
+- mass in kg.
+- inertia: tensor elements about the centre of mass in kg m2, ixy = -int xy dm.
+
+What is not determined: URDF has no point mass, and simulators reject a zero inertia; the model's complete set is
+written and marked.
+
+References:
+    ROS wiki, urdf/XML/link, element "inertial": fields, units, frame, and the sign of the products.
+"""
+
+from __future__ import annotations
+
+from armload_controller.export.inertia import TENSOR, complete_inertia
+from armload_controller.export.subject import ExportSubject
+from armload_controller.export.wording import comment, exact, provenance
+
+
+def export_urdf(subject: ExportSubject) -> dict[str, str]:
+    """An `<inertial>` element.
+
+    Args:
+        subject: The payload.
+
+    Returns:
+        Text by file name.
+    """
+    lines = xml_comment(
+        subject,
+        "The inertial element of a link whose frame is the flange of the robot's configuration. A link has only one: "
+        "where the flange's link has one already, take the payload as a link of its own (armload export, format ros2).",
+    )
+    lines += inertial_lines(subject)
+    return {f"{subject.identifier}_payload_inertial.xml": "\n".join(lines) + "\n"}
+
+
+def inertial_lines(subject: ExportSubject) -> list[str]:
+    """The `<inertial>` element of the payload in the flange frame, line by line.
+
+    Args:
+        subject: The payload.
+    """
+    body = subject.payload.model
+    x, y, z = (exact(c) for c in body.center_of_mass_m)
+    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = (
+        [exact(element) for element in row] for row in body.inertia_about_com
+    )
+    return [
+        "<inertial>",
+        f'  <origin xyz="{x} {y} {z}" rpy="0 0 0"/>',
+        f'  <mass value="{exact(body.mass_kg)}"/>',
+        f'  <inertia ixx="{ixx}" ixy="{ixy}" ixz="{ixz}" iyy="{iyy}" iyz="{iyz}" izz="{izz}"/>',
+        "</inertial>",
+    ]
+
+
+def xml_comment(subject: ExportSubject, purpose: str) -> list[str]:
+    """A comment with provenance, purpose, units, signs and where the inertia comes from.
+
+    Args:
+        subject: The payload.
+        purpose: What the element is for.
+    """
+    paragraphs = (
+        provenance(subject),
+        purpose,
+        "Mass in kg, centre of mass in m in the flange frame, inertia in kg m2 about the centre of mass in the "
+        "flange's axes, as tensor elements (ixy = -int xy dm).",
+        complete_inertia(subject.payload, TENSOR).statement,
+    )
+    # two hyphens would end the comment
+    return ["<!--", *(line.replace("--", "- -") for line in comment(paragraphs, " ")), "-->"]

@@ -1,0 +1,63 @@
+"""Numbers and comments as the exported texts have them."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+
+import numpy as np
+
+from armload_controller.export.subject import ExportSubject
+
+WIDTH = 100
+SIGNIFICANT_DIGITS = 9
+"""More than the single precision that robot controllers keep their load data in."""
+
+
+def exact(value: float) -> str:
+    """The shortest text that reads back as the same double."""
+    return repr(float(value) + 0.0)
+
+
+def positional(value: float) -> str:
+    """Without an exponent, which not every controller's language reads; rounded to `SIGNIFICANT_DIGITS`."""
+    return np.format_float_positional(
+        float(value) + 0.0, precision=SIGNIFICANT_DIGITS, unique=True, fractional=False, trim="0"
+    )
+
+
+def bracketed(values: Iterable[float]) -> str:
+    """[a, b, c] of positional numbers."""
+    return "[" + ", ".join(positional(value) for value in values) + "]"
+
+
+def provenance(subject: ExportSubject) -> str:
+    """Whose payload this is and what it was written from."""
+    return (
+        f"Payload of {subject.robot}, written by armload {subject.armload_version} from {subject.payload_file}, "
+        f"sha256 {subject.payload_sha256}."
+    )
+
+
+def load_data(subject: ExportSubject) -> tuple[str, str, str]:
+    """What load data of any controller begin with: provenance, the frame, and what the load is."""
+    return (
+        provenance(subject),
+        f"Frame: the flange of {subject.robot}'s configuration, taken to be the flange frame of the robot's own "
+        "controller, z out of the flange; check that x and y agree too.",
+        "Load: what was mounted between the empty and the loaded run. A tool that was on the flange in both is not in "
+        "it and has to be added.",
+    )
+
+
+def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
+    """Paragraphs as comment lines, each line behind the prefix.
+
+    Names from files are part of them: what is not printable ASCII becomes a question mark, so that no name ends a
+    comment or a line.
+    """
+    lines = []
+    for paragraph in paragraphs:
+        text = "".join(c if c.isascii() and c.isprintable() else "?" for c in paragraph)
+        lines += [f"{prefix} {line}" for line in textwrap.wrap(text, WIDTH - len(prefix) - 1, break_on_hyphens=False)]
+    return lines

@@ -1,0 +1,66 @@
+"""Yaskawa: a tool preset of the Smart Pendant (.yps), from which the operator fills in a tool.
+
+- weight: mass in kg. On these controllers a tool includes what it carries.
+- com: [x, y, z], centre of mass in mm in the flange frame (from the tool mounting plate).
+- moi: [Ixx, Iyy, Izz] in kg m2 about axes through the centre of mass and parallel to the flange's. There is no place
+  for products of inertia: they are left out.
+- offset, orient: the tool centre point, in mm and degrees; left out, so that they are not filled in by this file.
+
+What is not determined: moi zero where none of the three moments is (the instructions ask for them only where the tool
+is large against the distance of its centre of mass from the flange); the model's moments, marked, where a part is.
+
+References:
+    Yaskawa, Smart Pendant SDK, "Yaskawa Preset Files", sections "General format" and "Tool Presets", and "How to create
+        tool presets" (developer.motoman.com): file format, fields, units.
+    Yaskawa, Motoman NX100 instructions, section 9.11 "ARM Control", tool load information, p. 9-59: frame of the centre
+        of mass, point and axes of the moments, when they are needed.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
+from armload_controller.export.subject import ExportSubject
+from armload_controller.export.wording import bracketed, comment, load_data, positional
+
+
+def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
+    """A preset file with one tool.
+
+    Args:
+        subject: The payload.
+
+    Returns:
+        Text by file name.
+    """
+    body = subject.payload.model
+    inertia = inertia_or_point_mass(subject.payload, MOMENTS)
+    lines = comment(
+        (
+            *load_data(subject),
+            "weight: kg. com: centre of mass in mm. moi: Ixx, Iyy, Izz in kg m2 about axes through the centre of mass, "
+            "parallel to the flange's; the format has no place for products of inertia, they are left out.",
+            inertia.statement,
+            "The tool centre point is not part of this preset: set your own.",
+        ),
+        "//",
+    )
+    lines += [
+        "{",
+        '  filetype: "presets",',
+        "  presets: [",
+        "    {",
+        '      preset: "tool",',
+        f'      id: "armload.{subject.identifier}.payload",',
+        f"      displayNames: {{ en: {json.dumps(subject.identifier)} }},",
+        f"      weight: {positional(body.mass_kg)},",
+        f"      com: {bracketed(body.center_of_mass_m * 1e3)},",
+        f"      moi: {bracketed(np.diag(inertia.tensor_kg_m2))}",
+        "    }",
+        "  ]",
+        "}",
+    ]
+    return {f"{subject.identifier}_payload.yps": "\n".join(lines) + "\n"}
