@@ -6,6 +6,7 @@ IdentificationError
  +-- EstimationError    data that do not determine what was asked
  +-- PayloadFileError   a payload.toml that is incomplete, inconsistent or physically impossible
  +-- ExcitationError    no trajectory within the limits
+ +-- ReportError        a report that cannot be written
 """
 
 from __future__ import annotations
@@ -33,3 +34,7 @@ class PayloadFileError(IdentificationError):
 
 class ExcitationError(IdentificationError):
     """No trajectory was found within the limits."""
+
+
+class ReportError(IdentificationError):
+    """A report that cannot be written."""
