@@ -1,0 +1,192 @@
+"""The figures of the report: the motion, and measured against predicted torque, one figure per joint.
+
+Drawn without pyplot and its global state. Colours are Okabe and Ito's, which the colour-blind can tell apart; in
+grey the lines differ by weight and dashes.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import matplotlib.style
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from armload_identification.load_signal import LoadSignal
+from armload_identification.report.svg import inline_svg
+
+FloatArray = NDArray[np.float64]
+
+INK: Final = "#1a1a1a"
+RAW: Final = "#b9c4cc"
+SMOOTHED: Final = "#0072b2"
+PREDICTED: Final = "#d55e00"
+RESIDUAL: Final = "#009e73"
+COLORS: Final = {"ink": INK, "raw": RAW, "smoothed": SMOOTHED, "predicted": PREDICTED, "residual": RESIDUAL}
+"""For the key, which stands in the page."""
+PREDICTED_DASHES: Final = (5.0, 1.5)
+
+_STYLE: Final = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "armload",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 7.5,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": "#8c8c8c",
+    "axes.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.5,
+    "xtick.color": "#8c8c8c",
+    "ytick.color": "#8c8c8c",
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "lines.linewidth": 1.0,
+}
+_BINS: Final = 600
+"""Longer series are drawn by the least and the greatest of this many stretches: the eye sees no more."""
+_WIDE_IN: Final = 7.0
+_NARROW_IN: Final = 3.4
+_LEFT_IN: Final = 0.52
+_RIGHT_IN: Final = 0.06
+
+
+def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
+    """Position and velocity of a joint over the motion.
+
+    Args:
+        signal: The motion.
+        joint: Joint, from 0.
+        name: Unique on the page.
+        title: What it shows, in words.
+
+    Returns:
+        An `svg` element.
+    """
+    with matplotlib.style.context(["default", _STYLE]):
+        figure = Figure(figsize=(_NARROW_IN, 1.95))
+        upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.60))
+        for axes, values, label in (
+            (upper, signal.position_rad, "position, rad"),
+            (lower, signal.velocity_rad_s, "velocity, rad/s"),
+        ):
+            _curve(axes, signal.time_s, values[:, joint], color=SMOOTHED)
+            axes.yaxis.set_major_locator(_ticks(3))
+            _name_axis(axes, label)
+        _time_axis(upper, lower, signal)
+        return inline_svg(figure, name, title)
+
+
+def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name: str, title: str) -> str:
+    """Measured against predicted payload torque of a joint, and the residual below.
+
+    The dashed lines of the residual are twice the standard deviation of the noise that is left in the raw curve.
+
+    Args:
+        signal: The measured difference.
+        predicted_nm: (K, n) predicted difference.
+        joint: Joint, from 0.
+        name: Unique on the page.
+        title: What it shows, in words.
+
+    Returns:
+        An `svg` element.
+    """
+    time_s, predicted = signal.time_s, predicted_nm[:, joint]
+    raw, smoothed = (np.where(signal.valid, values[:, joint], np.nan) for values in (signal.raw_nm, signal.torque_nm))
+    with matplotlib.style.context(["default", _STYLE]):
+        figure = Figure(figsize=(_WIDE_IN, 2.25))
+        upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.91))
+        _curve(upper, time_s, raw, color=RAW, linewidth=0.6)
+        _curve(upper, time_s, smoothed, color=SMOOTHED, linewidth=0.9)
+        _curve(upper, time_s, predicted, color=PREDICTED, linewidth=1.5, dashes=PREDICTED_DASHES)
+        upper.yaxis.set_major_locator(_ticks(5))
+        _name_axis(upper, "payload torque, N m")
+        _curve(lower, time_s, raw - predicted, color=RAW, linewidth=0.6)
+        _curve(lower, time_s, smoothed - predicted, color=RESIDUAL, linewidth=0.8)
+        for side in (-2.0, 2.0):
+            lower.axhline(side * signal.averaged_noise_nm[joint], color=INK, linewidth=0.6, dashes=(2.0, 2.0))
+        lower.yaxis.set_major_locator(_ticks(4))
+        _name_axis(lower, "measured minus predicted, N m")
+        _time_axis(upper, lower, signal)
+        return inline_svg(figure, name, title)
+
+
+def thin_out(time_s: FloatArray, values: FloatArray, bins: int = _BINS) -> tuple[FloatArray, FloatArray]:
+    """The least and the greatest sample of each stretch, in the order in which they came.
+
+    Nothing that stands out is lost, unlike with every k-th sample.
+
+    Args:
+        time_s: (K,) times.
+        values: (K,) values; nan where there is none.
+        bins: Stretches.
+
+    Returns:
+        Times and values: all of them where there are at most two per stretch, else two per stretch; nan where a
+        stretch has none.
+    """
+    if values.size <= 2 * bins:
+        return time_s, values
+    width = -(-values.size // bins)
+    padded = np.full((-(-values.size // width), width), np.nan)
+    padded.reshape(-1)[: values.size] = values
+    least = np.argmin(np.where(np.isnan(padded), np.inf, padded), axis=1)
+    greatest = np.argmax(np.where(np.isnan(padded), -np.inf, padded), axis=1)
+    within = np.sort(np.stack([least, greatest], axis=1), axis=1)
+    kept = np.unique(within + width * np.arange(len(padded))[:, None])
+    return time_s[kept], values[kept]
+
+
+def _stacked(figure: Figure, heights_in: tuple[float, float, float, float]) -> tuple[Axes, Axes]:
+    """Two axes above each other; from below: room, lower axes, room, upper axes. Alike in every figure."""
+    wide, high = figure.get_size_inches()
+    room, lower, between, upper = heights_in
+    left, width = _LEFT_IN / wide, (wide - _LEFT_IN - _RIGHT_IN) / wide
+    return (
+        figure.add_axes((left, (room + lower + between) / high, width, upper / high)),
+        figure.add_axes((left, room / high, width, lower / high)),
+    )
+
+
+def _curve(
+    axes: Axes,
+    time_s: FloatArray,
+    values: FloatArray,
+    *,
+    color: str,
+    linewidth: float = 1.0,
+    dashes: tuple[float, float] | None = None,
+) -> None:
+    """A series as a line."""
+    style: str | tuple[float, tuple[float, float]] = "-" if dashes is None else (0.0, dashes)
+    axes.plot(*thin_out(time_s, values), color=color, linewidth=linewidth, linestyle=style)
+
+
+def _ticks(most: int) -> MaxNLocator:
+    """Round numbers, and not more of them than there is room for."""
+    return MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
+
+
+def _name_axis(axes: Axes, label: str) -> None:
+    """Quantity and unit above the axis, where they can be read without turning the head; plain numbers."""
+    axes.set_title(label, loc="left", fontsize=7.5, pad=3.0)
+    axes.ticklabel_format(style="plain", useOffset=False)
+
+
+def _time_axis(upper: Axes, lower: Axes, signal: LoadSignal) -> None:
+    """One time axis for both."""
+    end_s = signal.time_s[-1] + (signal.interval_s if signal.periodic else 0.0)
+    for axes in (upper, lower):
+        axes.set_xlim(0.0, end_s)
+        axes.xaxis.set_major_locator(_ticks(10 if upper.get_position().width > 0.9 else 5))
+    upper.tick_params(labelbottom=False, bottom=False)
+    lower.set_xlabel("time in the period, s" if signal.periodic else "time, s", labelpad=2.0)

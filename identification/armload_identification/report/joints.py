@@ -1,0 +1,155 @@
+"""What each joint measured and what the prediction leaves of it: the verdict and the tables per run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.load_signal import LoadSignal
+from armload_identification.report.numerals import Numeral, align, common_decimals, listed, numeral
+from armload_identification.signals import SMOOTHING_LOSS_LIMIT
+from armload_identification.validation import Validation
+
+FloatArray = NDArray[np.float64]
+
+_MRAD: Final = 1e3
+_PERCENT: Final = 100.0
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the validation says.
+
+    Attributes:
+        kind: "passed", "failed" or "missing".
+        title: In three words.
+        text: In a sentence or two.
+    """
+
+    kind: str
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
+class JointRow:
+    """One joint of a run; torques in N m, of single raw samples.
+
+    Attributes:
+        number: From 1.
+        name: Its name.
+        torque: RMS of the payload's torque.
+        noise: Of the difference of two samples.
+        residual: RMS of that difference minus prediction.
+        ratio: Residual over noise.
+        loss: Share of the signal that smoothing took, in percent.
+        lossy: That is more than the method allows.
+        mismatch: How far the two motions are apart, in mrad RMS.
+        position_fit: How far the measured position is off the fitted one, in mrad RMS.
+        passed: The ratio is within the limit; None where it was not asked.
+    """
+
+    number: int
+    name: str
+    torque: Numeral
+    noise: Numeral
+    residual: Numeral
+    ratio: Numeral
+    loss: Numeral
+    lossy: bool
+    mismatch: Numeral
+    position_fit: Numeral
+    passed: bool | None
+
+
+def verdict(validation: Validation | None, names: Sequence[str]) -> Verdict:
+    """The verdict in words.
+
+    Args:
+        validation: None where there was none.
+        names: Of the joints.
+    """
+    if validation is None:
+        return Verdict(
+            "missing",
+            "Not validated",
+            "No second pair of runs was given, so nothing says how well this payload predicts another motion.",
+        )
+    limit = f"{validation.limit:g}"
+    if validation.passed:
+        worst = int(np.argmax(validation.ratio))
+        return Verdict(
+            "passed",
+            "Validation passed",
+            "On a second trajectory, which was not used for the estimate, the residual is at most "
+            f"{numeral(validation.ratio[worst], 2)} times the noise (joint {worst + 1}, {names[worst]}); "
+            f"{limit} is allowed.",
+        )
+    failed = [joint - 1 for joint in validation.failed_joints]
+    found = listed([f"{numeral(validation.ratio[joint], 2)} ({names[joint]})" for joint in failed])
+    return Verdict(
+        "failed",
+        f"Validation failed on joint{'s' if len(failed) > 1 else ''} {listed([str(joint + 1) for joint in failed])}",
+        f"On a second trajectory, which was not used for the estimate, the residual over the noise is {found}; "
+        f"{limit} is allowed. Look at what is left there before this payload is used.",
+    )
+
+
+def joint_rows(
+    signal: LoadSignal,
+    residual_rms_nm: FloatArray,
+    names: Sequence[str],
+    ratio_limit: float | None,
+) -> tuple[JointRow, ...]:
+    """The table of a run.
+
+    Args:
+        signal: The measured difference.
+        residual_rms_nm: (n,) RMS of single raw differences minus prediction.
+        names: Of the joints.
+        ratio_limit: Greatest ratio that passes; None where it is not asked.
+    """
+    ratio = _over(residual_rms_nm, signal.noise_nm)
+    decimals = common_decimals(signal.noise_nm, 3)
+    torque = _column(np.sqrt(np.mean(signal.raw_nm[signal.valid] ** 2, axis=0)), decimals)
+    noise, residual = _column(signal.noise_nm, decimals), _column(residual_rms_nm, decimals)
+    ratios = _column(ratio, 2)
+    loss, mismatch, fit = (
+        _column(values, common_decimals(values, 2))
+        for values in (
+            _PERCENT * signal.smoothing_loss,
+            _MRAD * signal.mismatch_rad,
+            _MRAD * signal.position_fit_rad,
+        )
+    )
+    return tuple(
+        JointRow(
+            number=joint + 1,
+            name=name,
+            torque=torque[joint],
+            noise=noise[joint],
+            residual=residual[joint],
+            ratio=ratios[joint],
+            loss=loss[joint],
+            lossy=bool(signal.smoothing_loss[joint] > SMOOTHING_LOSS_LIMIT),
+            mismatch=mismatch[joint],
+            position_fit=fit[joint],
+            passed=None if ratio_limit is None else bool(ratio[joint] <= ratio_limit),
+        )
+        for joint, name in enumerate(names)
+    )
+
+
+def _column(values: FloatArray, decimals: int) -> tuple[Numeral, ...]:
+    """Numbers with the same decimals."""
+    return align([numeral(float(value), decimals) for value in values])
+
+
+def _over(residual_nm: FloatArray, noise_nm: FloatArray) -> FloatArray:
+    """(n,) residual over noise; infinite where there is no noise, 0 where there is neither."""
+    bottomless = np.where(residual_nm > 0.0, np.inf, 0.0)
+    return np.asarray(np.divide(residual_nm, noise_nm, out=bottomless, where=noise_nm > 0.0))

@@ -1,0 +1,117 @@
+"""Numbers as a reader wants them: as many digits as the interval justifies, columns aligned at the point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+NO_BREAK: Final = "\N{NO-BREAK SPACE}"
+MINUS: Final = "\N{MINUS SIGN}"
+_MOST_DECIMALS: Final = 9
+_EXACT_DIGITS: Final = 6
+_POINT_CH: Final = 0.5
+"""Width of the point, in widths of a digit."""
+
+
+@dataclass(frozen=True)
+class Numeral:
+    """A number of a column.
+
+    Attributes:
+        text: As it is printed.
+        pad_ch: Empty room behind it, in widths of a digit, that puts its point under the others'.
+    """
+
+    text: str
+    pad_ch: float
+
+
+def decimals_for(half_width: float, value: float) -> int:
+    """Digits behind the point that show two significant digits of a half width.
+
+    Args:
+        half_width: Half width of the value's interval; 0 or without bound, the value's own size decides.
+        value: The value.
+    """
+    if np.isfinite(half_width) and half_width > 0.0:
+        return _decimals(half_width, 2)
+    return _decimals(value, _EXACT_DIGITS)
+
+
+def numeral(value: float, decimals: int, *, signed: bool = False) -> str:
+    """A number with a true minus sign, and without the sign of a zero.
+
+    Args:
+        value: The number.
+        decimals: Digits behind the point.
+        signed: Put a plus before what is above zero.
+    """
+    if not np.isfinite(value):
+        return "unknown" if np.isnan(value) else f"{MINUS if value < 0.0 else ''}\N{INFINITY}"
+    text = f"{abs(value):.{decimals}f}"
+    zero = not text.strip("0.")
+    if value < 0.0 and not zero:
+        return MINUS + text
+    return f"+{text}" if signed and not zero else text
+
+
+def align(texts: Sequence[str]) -> tuple[Numeral, ...]:
+    """Numbers of a column with the room behind each that puts the points under each other.
+
+    Args:
+        texts: Printed numbers, with or without a point; an empty text stays so.
+    """
+    behind = [_width_behind(text) for text in texts]
+    widest = max(behind, default=0.0)
+    return tuple(Numeral(text, widest - width) for text, width in zip(texts, behind, strict=True))
+
+
+def common_decimals(values: ArrayLike, digits: int) -> int:
+    """Digits behind the point that a column of like quantities has in common.
+
+    Args:
+        values: (k,) numbers.
+        digits: Significant digits of the greatest.
+    """
+    numbers = np.asarray(values, dtype=np.float64)
+    greatest = float(np.max(np.abs(numbers), where=np.isfinite(numbers), initial=0.0))
+    return _decimals(greatest, digits)
+
+
+def scientific(value: float) -> tuple[str, str]:
+    """A number of any size, as two digits and the power of ten they are to be multiplied with.
+
+    Args:
+        value: The number.
+
+    Returns:
+        Both as text; no power where the number is not finite.
+    """
+    if not np.isfinite(value):
+        return numeral(value, 0), ""
+    mantissa, _, exponent = f"{value:.1e}".partition("e")
+    return mantissa.replace("-", MINUS), str(int(exponent)).replace("-", MINUS)
+
+
+def listed(parts: Sequence[str]) -> str:
+    """a, b and c."""
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+
+
+def _decimals(size: float, digits: int) -> int:
+    """Digits behind the point that show `digits` significant ones; 0 for nothing."""
+    if not np.isfinite(size) or size == 0.0:
+        return 0
+    # The rounded number decides: 0.0996 to two digits is 0.10.
+    exponent = int(f"{size:.{digits - 1}e}".partition("e")[2])
+    return int(np.clip(digits - 1 - exponent, 0, _MOST_DECIMALS))
+
+
+def _width_behind(text: str) -> float:
+    """Width of the point and what follows it, in widths of a digit."""
+    _, point, fraction = text.partition(".")
+    return len(fraction) + (_POINT_CH if point else 0.0)

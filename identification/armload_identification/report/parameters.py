@@ -1,0 +1,236 @@
+"""What was found, as a reader wants it: a sentence, the table of the ten, the plain estimate beside the reported.
+
+What is not determined has no number here, only how far from determined it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.identification import Identification
+from armload_identification.payload import InertialParameters, PayloadResult
+from armload_identification.report.numerals import NO_BREAK, Numeral, align, decimals_for, listed, numeral
+from armload_identification.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M, derived
+
+FloatArray = NDArray[np.float64]
+
+_KG_M2: Final = f"kg{NO_BREAK}m²"
+_AXES: Final = ("x", "y", "z")
+_QUANTITIES: Final = (
+    ("mass", "m", "", "kg"),
+    *(("centre of mass", "c", axis, "m") for axis in _AXES),
+    *(("moment of inertia", "I", axis, _KG_M2) for axis in ("xx", "yy", "zz")),
+    *(("product of inertia", "I", axes, _KG_M2) for axes in ("xy", "xz", "yz")),
+)
+_MM: Final = 1e3
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """One of the ten parameters.
+
+    Attributes:
+        quantity: What it is.
+        symbol: Its letter.
+        index: Its index.
+        unit: Its unit.
+        determined: Whether the data determine it; if not, there is no number.
+        estimate: The number.
+        low: Low end of its 95 % interval.
+        high: High end.
+        limit_share: Half width of the interval over the greatest with which it would be determined.
+        truth: In simulation, what it is; else None.
+        error: How far off the estimate is; empty without truth or estimate.
+        covered: Whether the interval holds the truth; None without truth or estimate.
+    """
+
+    quantity: str
+    symbol: str
+    index: str
+    unit: str
+    determined: bool
+    estimate: Numeral
+    low: Numeral
+    high: Numeral
+    limit_share: float
+    truth: Numeral | None
+    error: str
+    covered: bool | None
+
+
+@dataclass(frozen=True)
+class ComparedRow:
+    """A determined parameter as the plain estimate has it and as it is reported.
+
+    Attributes:
+        quantity: What it is.
+        symbol: Its letter.
+        index: Its index.
+        unit: Its unit.
+        plain: Of the plain estimate.
+        reported: Of the physically possible one.
+        change: From the one to the other, in half widths of the interval.
+    """
+
+    quantity: str
+    symbol: str
+    index: str
+    unit: str
+    plain: Numeral
+    reported: Numeral
+    change: Numeral
+
+
+def headline(payload: PayloadResult) -> str:
+    """What was found, in a sentence or two with intervals.
+
+    Args:
+        payload: The result.
+    """
+    texts = _rounded(payload.values, _half_widths(payload), payload.interval_95)
+    if payload.determined[0]:
+        value, low, high = texts[0]
+        mass = f"The payload weighs {value}{NO_BREAK}kg {_bracket(low, high, 'kg')}."
+    else:
+        mass = "The mass of the payload is not determined by these data."
+    millimetres = _rounded(_MM * payload.values[1:4], _MM * _half_widths(payload)[1:4], _MM * payload.interval_95[1:4])
+    known = payload.determined[1:4]
+    told = [
+        f"{axis}{NO_BREAK}={NO_BREAK}{value}{NO_BREAK}mm {_bracket(low, high, 'mm')}"
+        for axis, (value, low, high), there in zip(_AXES, millimetres, known, strict=True)
+        if there
+    ]
+    unknown = [axis for axis, there in zip(_AXES, known, strict=True) if not there]
+    center = f"Its centre of mass lies at {listed(told)} in the {payload.frame} frame." if told else ""
+    missing = f"Where it lies along {listed(unknown)} is not determined." if told and unknown else ""
+    if not told:
+        missing = "Its centre of mass is not determined."
+    return " ".join(part for part in (mass, center, missing) if part)
+
+
+def truth_sentence(payload: PayloadResult, truth: InertialParameters) -> str:
+    """How far off a simulated payload's mass and centre of mass are, where they are determined.
+
+    Args:
+        payload: The result.
+        truth: The payload that was simulated, in the same frame.
+    """
+    told = []
+    if payload.determined[0]:
+        told.append(f"the mass is {_error_text(0, payload.values[0], truth.mass_kg)} off")
+    if payload.determined[1:4].all():
+        off_m = float(np.linalg.norm(payload.values[1:4] - truth.center_of_mass_m))
+        told.append(f"the centre of mass {numeral(_MM * off_m, 1)}{NO_BREAK}mm")
+    if not told:
+        return ""
+    return f"The simulated payload is known exactly: {listed(told)}."
+
+
+def parameter_rows(
+    payload: PayloadResult, half_width_95: FloatArray, truth: InertialParameters | None
+) -> tuple[ParameterRow, ...]:
+    """The table of the ten.
+
+    Args:
+        payload: The result.
+        half_width_95: (10,) half widths of the 95 % intervals, also of what is not determined.
+        truth: In simulation, the payload in the same frame.
+    """
+    values, known, intervals = payload.values, payload.determined, payload.interval_95
+    limits = _limits(payload.model.mass_kg)
+    # What is not determined is told to the digit that would be.
+    shown = np.where(known, _half_widths(payload), limits)
+    texts = [
+        row if there else ("", "", "") for row, there in zip(_rounded(values, shown, intervals), known, strict=True)
+    ]
+    estimates, lows, highs = (align(column) for column in zip(*texts, strict=True))
+    exact = None if truth is None else derived(truth)[0]
+    truths = (
+        (None,) * 10
+        if exact is None
+        else align([numeral(t, decimals_for(w, t) + 1) for t, w in zip(exact, shown, strict=True)])
+    )
+    rows = []
+    for i, (quantity, symbol, index, unit) in enumerate(_QUANTITIES):
+        compared = exact is not None and bool(known[i])
+        rows.append(
+            ParameterRow(
+                quantity=quantity,
+                symbol=symbol,
+                index=index,
+                unit=unit,
+                determined=bool(known[i]),
+                estimate=estimates[i],
+                low=lows[i],
+                high=highs[i],
+                limit_share=float(half_width_95[i] / limits[i]),
+                truth=truths[i],
+                error=_error_text(i, values[i], exact[i], shown[i]) if exact is not None and compared else "",
+                covered=bool(intervals[i, 0] <= exact[i] <= intervals[i, 1])
+                if exact is not None and compared
+                else None,
+            )
+        )
+    return tuple(rows)
+
+
+def compared_rows(identification: Identification, payload: PayloadResult) -> tuple[ComparedRow, ...]:
+    """Plain and reported values of what is determined.
+
+    Args:
+        identification: With the plain estimate.
+        payload: The result.
+    """
+    plain = derived(identification.plain_parameters)[0]
+    widths = _half_widths(payload)
+    chosen = np.flatnonzero(payload.determined)
+    decimals = [decimals_for(widths[i], payload.values[i]) for i in chosen]
+    change = np.divide(payload.values - plain, widths, out=np.zeros(10), where=widths > 0.0)
+    return tuple(
+        ComparedRow(*_QUANTITIES[i], *numbers)
+        for i, *numbers in zip(
+            chosen,
+            align([numeral(plain[i], d) for i, d in zip(chosen, decimals, strict=True)]),
+            align([numeral(payload.values[i], d) for i, d in zip(chosen, decimals, strict=True)]),
+            align([numeral(change[i], 2, signed=True) for i in chosen]),
+            strict=True,
+        )
+    )
+
+
+def _limits(mass_kg: float) -> FloatArray:
+    """(10,) greatest half widths with which the parameters of a payload of this mass are determined."""
+    unit = np.array([mass_kg] + [REFERENCE_LENGTH_M] * 3 + [mass_kg * REFERENCE_LENGTH_M**2] * 6)
+    return np.asarray(DETERMINED_SHARE * unit)
+
+
+def _half_widths(payload: PayloadResult) -> FloatArray:
+    """(10,) half widths; nan where not determined."""
+    return np.asarray(0.5 * (payload.interval_95[:, 1] - payload.interval_95[:, 0]))
+
+
+def _rounded(values: FloatArray, half_widths: FloatArray, intervals: FloatArray) -> list[tuple[str, str, str]]:
+    """Value, low and high end, each to the digit that the half width justifies."""
+    rows = []
+    for value, half_width, (low, high) in zip(values, half_widths, intervals, strict=True):
+        decimals = decimals_for(half_width, value)
+        rows.append((numeral(value, decimals), numeral(low, decimals), numeral(high, decimals)))
+    return rows
+
+
+def _bracket(low: str, high: str, unit: str) -> str:
+    """An interval that is not broken over two lines."""
+    return f"({low} to {high} {unit})".replace(" ", NO_BREAK)
+
+
+def _error_text(index: int, value: float, truth: float, half_width: float = np.nan) -> str:
+    """Estimate minus truth: of the mass in percent, of the centre of mass in millimetres, else in its unit."""
+    if index == 0:
+        return f"{numeral(100.0 * (value / truth - 1.0), 2, signed=True)}{NO_BREAK}%"
+    if index <= len(_AXES):
+        return f"{numeral(_MM * (value - truth), 1, signed=True)}{NO_BREAK}mm"
+    return f"{numeral(value - truth, decimals_for(half_width, value), signed=True)}{NO_BREAK}{_KG_M2}"

@@ -1,0 +1,119 @@
+"""Where the numbers come from: the recordings, what was left out of them, and the motion that was driven."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from armload_identification.fourier import parse_excitation
+from armload_identification.identification import Identification
+from armload_identification.load_signal import LoadSignal
+from armload_identification.payload import Provenance
+from armload_identification.recording import EXCITATION_ATTACHMENT, RecordingSource
+from armload_identification.report.numerals import NO_BREAK, numeral
+
+_LOADS: Final = ("loaded", "unloaded")
+
+
+@dataclass(frozen=True)
+class FileRow:
+    """A recording.
+
+    Attributes:
+        role: What it was used for.
+        name: The file's name.
+        details: Kind, rate and date of the run, as far as the file tells them.
+        rows: Rows read and dropped, by reason.
+        sha256: Hash of the file.
+    """
+
+    role: str
+    name: str
+    details: str
+    rows: str
+    sha256: str
+
+
+def file_rows(identification: Identification, provenance: Provenance) -> tuple[FileRow, ...]:
+    """The recordings the result rests on, and those that the payload file names besides.
+
+    Args:
+        identification: With the sources of the identification's pair.
+        provenance: Of the payload file.
+    """
+    rows = [
+        FileRow(f"identification, {load}", source.path.name, _details(source), _rows(source), source.sha256)
+        for load, source in zip(_LOADS, identification.sources, strict=True)
+    ]
+    used = {source.sha256 for source in identification.sources}
+    rows += [
+        FileRow("named in the payload file", name, "", "", sha256)
+        for name, sha256 in provenance.recordings_sha256.items()
+        if sha256 not in used
+    ]
+    return tuple(rows)
+
+
+def motion_sentence(source: RecordingSource, signal: LoadSignal) -> str:
+    """What was driven.
+
+    Args:
+        source: Of the loaded run.
+        signal: The measured difference.
+    """
+    text = source.attachments.get(EXCITATION_ATTACHMENT)
+    span = f"{numeral(signal.time_s[-1] + signal.interval_s, 1)}{NO_BREAK}s"
+    if text is None:
+        return f"The motion lasts {span}; the recording does not say how it was planned."
+    excitation = parse_excitation(text)
+    trajectory = excitation.trajectory
+    planned = (
+        f"A Fourier series with {trajectory.harmonics} harmonics of {trajectory.base_frequency_hz:g}{NO_BREAK}Hz, "
+        f"{excitation.periods} periods of {trajectory.period_s:g}{NO_BREAK}s"
+    )
+    command = excitation.design.get("command")
+    return f"{planned}, designed by “{command}”." if command else f"{planned}."
+
+
+def comparison_sentence(signal: LoadSignal) -> str:
+    """How the loaded run was compared with the unloaded one.
+
+    Args:
+        signal: The measured difference.
+    """
+    if signal.periodic:
+        loaded, unloaded = signal.periods
+        return (
+            f"The runs were compared phase by phase: {_periods(loaded)} of the loaded and {_periods(unloaded)} of the "
+            f"unloaded run, averaged. The noise is from {signal.noise_source}."
+        )
+    apart = f"{numeral(abs(signal.shift_s), 3)}{NO_BREAK}s"
+    return (
+        f"The runs have no period in common, so they were laid over each other by position, which puts {apart} between "
+        f"their clocks, and nothing was averaged. The noise is from {signal.noise_source}."
+    )
+
+
+def _periods(count: int) -> str:
+    return f"{count} period{'' if count == 1 else 's'}"
+
+
+def _details(source: RecordingSource) -> str:
+    """Kind, rate and date, as far as the file tells them."""
+    run = source.run()
+    parts = [source.kind.upper()]
+    if "cycle_hz" in run:
+        parts.append(f"{run['cycle_hz']}{NO_BREAK}Hz")
+    if "created" in run:
+        parts.append(str(run["created"]))
+    if source.truncated:
+        parts.append("ends early")
+    return ", ".join(parts)
+
+
+def _rows(source: RecordingSource) -> str:
+    """Rows read and dropped."""
+    if not source.rows_dropped:
+        return f"{source.rows_read} read, none dropped"
+    reasons = ", ".join(f"{count} {reason}" for reason, count in source.reasons.items())
+    return f"{source.rows_read} read, {source.rows_dropped} dropped ({reasons})"

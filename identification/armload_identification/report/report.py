@@ -1,0 +1,235 @@
+"""The report of an identification: one HTML file with everything in it, readable by somebody who was not there.
+
+Nothing is loaded from anywhere, nothing runs in it, and the same inputs give the same bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from armload_identification.errors import ReportError
+from armload_identification.identification import Identification
+from armload_identification.load_signal import LoadSignal
+from armload_identification.payload import PARAMETER_NAMES, SMALLEST_MARGIN, InertialParameters, PayloadResult
+from armload_identification.report import figures
+from armload_identification.report.joints import JointRow, joint_rows, verdict
+from armload_identification.report.numerals import NO_BREAK, numeral, scientific
+from armload_identification.report.parameters import compared_rows, headline, parameter_rows, truth_sentence
+from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
+from armload_identification.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M
+from armload_identification.validation import LIMIT, Validation
+
+FloatArray = NDArray[np.float64]
+
+_TEMPLATE: Final = "template.html.j2"
+
+
+@dataclass(frozen=True)
+class ReportSubject:
+    """What the report is about.
+
+    Attributes:
+        robot: Name of the robot.
+        description: What it is, in a line.
+        joint_names: Names of the joints, from the base to the flange.
+        created: Date and time, as they are to be printed.
+        armload_version: Version of the program.
+        simulated: The recordings are of a simulated arm.
+        truth: In simulation, the payload in the frame of the result; else None.
+        payload: The result, as in the payload file.
+    """
+
+    robot: str
+    description: str
+    joint_names: tuple[str, ...]
+    created: str
+    armload_version: str
+    simulated: bool
+    truth: InertialParameters | None
+    payload: PayloadResult
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """A joint's figure, with what stands above it."""
+
+    number: int
+    name: str
+    caption: str
+    svg: Markup
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A pair of runs: figures and table."""
+
+    key: str
+    heading: str
+    text: str
+    panels: tuple[_Panel, ...]
+    rows: tuple[JointRow, ...]
+    judged: bool
+
+
+def write_report(
+    path: Path, subject: ReportSubject, identification: Identification, validation: Validation | None
+) -> None:
+    """Write the report.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        subject: What it is about.
+        identification: What was identified.
+        validation: How well it predicts another motion; None where there is no second pair of runs.
+
+    Raises:
+        ReportError: the file cannot be written, or the names do not fit the joints.
+    """
+    page = render_report(subject, identification, validation)
+    try:
+        path.write_text(page, encoding="utf-8")
+    except OSError as problem:
+        raise ReportError(
+            f"{path}: the report cannot be written ({problem.strerror}). Name a file in a folder that exists and "
+            "may be written to."
+        ) from problem
+
+
+def render_report(subject: ReportSubject, identification: Identification, validation: Validation | None) -> str:
+    """The report's text.
+
+    Args:
+        subject: What it is about.
+        identification: What was identified.
+        validation: How well it predicts another motion, or None.
+
+    Returns:
+        HTML.
+
+    Raises:
+        ReportError: the names do not fit the joints.
+    """
+    joints = identification.signal.position_rad.shape[1]
+    names = subject.joint_names
+    if len(names) != joints:
+        raise ReportError(f"{len(names)} joint names for recordings of {joints} joints; give one name per joint")
+    payload = subject.payload
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("armload_identification.report", "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(_TEMPLATE).render(
+        subject=subject,
+        headline=headline(payload),
+        truth_sentence="" if subject.truth is None else truth_sentence(payload, subject.truth),
+        verdict=verdict(validation, names),
+        notes=tuple(_notes(payload, identification)),
+        parameters=parameter_rows(payload, identification.uncertainty.half_width_95, subject.truth),
+        physical=identification.physical,
+        compared=compared_rows(identification, payload),
+        margin=scientific(payload.model.margin),
+        plain_margin=scientific(identification.physical.plain_margin),
+        motion_text=motion_sentence(identification.sources[0], identification.signal),
+        motion=tuple(_motion_panels(identification.signal, names)),
+        runs=tuple(_runs(identification, validation, names)),
+        facts=_facts(identification),
+        files=file_rows(identification, payload.provenance),
+        colors=figures.COLORS,
+        determined_percent=f"{100.0 * DETERMINED_SHARE:g}",
+        reference_length=f"{REFERENCE_LENGTH_M:g}{NO_BREAK}m",
+        ratio_limit=f"{LIMIT:g}",
+        smallest_margin=scientific(SMALLEST_MARGIN),
+    )
+
+
+def _notes(payload: PayloadResult, identification: Identification) -> Iterator[str]:
+    """What the reader must not miss, the gravest first."""
+    if not payload.feedforward_ready:
+        unknown = [name for name, there in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not there]
+        yield (
+            f"Do not feed this payload forward: that needs mass and centre of mass, and {', '.join(unknown)} "
+            "is not determined."
+        )
+    yield from identification.notes
+
+
+def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[_Panel]:
+    for joint, name in enumerate(names):
+        low, high = signal.position_rad[:, joint].min(), signal.position_rad[:, joint].max()
+        fastest = np.abs(signal.velocity_rad_s[:, joint]).max()
+        caption = f"{numeral(low, 2)} to {numeral(high, 2)}{NO_BREAK}rad, at most {numeral(fastest, 2)}{NO_BREAK}rad/s"
+        title = f"Position and velocity of joint {joint + 1} ({name}) over time: {caption}."
+        svg = figures.motion_figure(signal, joint, f"motion-{joint + 1}", title)
+        yield _Panel(joint + 1, name, caption, Markup(svg))
+
+
+def _runs(identification: Identification, validation: Validation | None, names: tuple[str, ...]) -> Iterator[_Run]:
+    """The identification's pair of runs, and the validation's where there is one."""
+    yield _run(
+        "identification",
+        "Torque: the runs it was identified from",
+        identification.signal,
+        identification.predicted_nm,
+        joint_rows(identification.signal, identification.residual_rms_nm, names, None),
+        judged=False,
+    )
+    if validation is not None:
+        yield _run(
+            "validation",
+            "Torque: the runs it was validated on",
+            validation.signal,
+            validation.predicted_nm,
+            joint_rows(validation.signal, validation.residual_rms_nm, names, validation.limit),
+            judged=True,
+        )
+
+
+def _run(
+    key: str,
+    heading: str,
+    signal: LoadSignal,
+    predicted_nm: FloatArray,
+    rows: tuple[JointRow, ...],
+    *,
+    judged: bool,
+) -> _Run:
+    """Figures of a pair of runs."""
+    panels = []
+    for joint, row in enumerate(rows):
+        caption = (
+            f"residual {row.residual.text}{NO_BREAK}N{NO_BREAK}m RMS, noise {row.noise.text}{NO_BREAK}N{NO_BREAK}m, "
+            f"ratio {row.ratio.text}"
+        )
+        title = (
+            f"Joint {row.number} ({row.name}): measured and predicted payload torque, and the difference; {caption}."
+        )
+        svg = figures.torque_figure(signal, predicted_nm, joint, f"{key}-{row.number}", title)
+        panels.append(_Panel(row.number, row.name, caption, Markup(svg)))
+    return _Run(key, heading, comparison_sentence(signal), tuple(panels), rows, judged)
+
+
+def _facts(identification: Identification) -> tuple[tuple[str, str], ...]:
+    """Figures of the fit for those who judge such fits."""
+    fit, signal = identification.plain, identification.signal
+    used = int(np.count_nonzero(signal.valid))
+    return (
+        ("Samples", f"{used} of {signal.valid.size}, every {numeral(1e3 * signal.interval_s, 2)}{NO_BREAK}ms"),
+        ("Rank", f"{fit.rank} of {fit.theta.size}"),
+        ("Condition number of the whitened regressor, SI units", numeral(fit.condition_number, 1)),
+        ("Solutions until the weights settled", str(fit.iterations)),
+        (
+            "Standard deviation each joint was weighted with, N m",
+            ", ".join(f"{1.0 / weight:.3g}" for weight in fit.weight_1_nm),
+        ),
+    )

@@ -1,0 +1,58 @@
+"""A matplotlib figure as SVG that stands inside a page: no addresses, no dates, no style rules of its own."""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import Final
+from xml.etree import ElementTree
+
+from matplotlib.figure import Figure
+
+_NAMESPACE: Final = re.compile(r"^\{[^}]*\}")
+_NEEDLESS_DIGITS: Final = re.compile(r"(\.\d\d)\d+")
+"""Behind a hundredth of a point: nobody sees them, and they are a third of the page."""
+_LEFT_OUT: Final = frozenset({"metadata", "style"})
+_REFERRING: Final = frozenset({"href", "clip-path"})
+
+
+def inline_svg(figure: Figure, name: str, title: str) -> str:
+    """A figure as the text of an `svg` element that fills the width it is given.
+
+    Args:
+        figure: Drawn with `svg.fonttype` "none", so that text stays text, and a fixed `svg.hashsalt`.
+        name: Unique on the page; it goes in front of every id.
+        title: What the figure shows, for those who cannot see it.
+    """
+    written = io.BytesIO()
+    figure.savefig(written, format="svg", metadata={"Date": None})
+    root = ElementTree.fromstring(written.getvalue())
+    _clean(root, name)
+    for attribute in ("width", "height", "version"):
+        root.attrib.pop(attribute, None)
+    root.set("role", "img")
+    root.set("aria-labelledby", f"{name}-title")
+    label = ElementTree.Element("title", {"id": f"{name}-title"})
+    label.text = title
+    root.insert(0, label)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _clean(element: ElementTree.Element, name: str) -> None:
+    """Make ids unique; take name spaces, metadata, style rules and needless digits out, all the way down."""
+    element.tag = _NAMESPACE.sub("", element.tag)
+    attributes = {_NAMESPACE.sub("", key): value for key, value in element.items()}
+    for key, value in attributes.items():
+        if key == "id":
+            attributes[key] = f"{name}-{value}"
+        elif key in _REFERRING:
+            attributes[key] = value.replace("#", f"#{name}-")
+        elif key != "style":
+            attributes[key] = _NEEDLESS_DIGITS.sub(r"\1", value)
+    element.attrib.clear()
+    element.attrib.update(attributes)
+    for child in list(element):
+        if _NAMESPACE.sub("", child.tag) in _LEFT_OUT:
+            element.remove(child)
+        else:
+            _clean(child, name)
