@@ -340,7 +340,7 @@ class DriveSetup:
             self._sdo.step = "switching unused PDOs off"
             switch_others_off(self._sdo, layout.direction)
         self._sdo.step = "setting the setpoint time-out"
-        overdue_s = (self._arm.max_missing_cycles + 1) * self._arm.cycle_s
+        overdue_s = max(self._arm.heartbeat_s, (self._arm.max_missing_cycles + 1) * self._arm.cycle_s)
         self._preferred(PdoDirection.RECEIVE.timer_entry(0), milliseconds(overdue_s))
 
     def _select_mode(self) -> None:

@@ -31,6 +31,13 @@ from armload_drivers.simulated_plant import Plant
 WAKE_S = 0.002
 """On a wall clock the plant is advanced at least this often."""
 
+LONGEST_GAP_S = 0.01
+"""On a wall clock, time that passed between two looks at the bus counts for the drives' timers up to this much: a
+simulator that its computer did not let run must not take that for a silent master. The plant gets all of it."""
+
+MOST_FRAMES = 256
+"""Frames taken in at once before timers get their turn."""
+
 IDLE_S = 0.01
 """With a virtual clock nothing happens without frames; this bounds how long `stop` takes."""
 
@@ -63,7 +70,7 @@ class SimulatedDrives:
         self._arm, self._plant, self._bus, self._clock = arm, plant, bus, clock
         self._lockstep = isinstance(clock, VirtualClock)
         self._wait_s = IDLE_S if self._lockstep else WAKE_S
-        self._now_s = clock()
+        self._now_s = self._wall_s = clock()
         self._messages: dict[int, can.Message] = {}
         self._setpoint_routes: dict[int, list[tuple[SimulatedDrive, Pdo]]] = {}
         self._calls: SimpleQueue[Callable[[], None]] = SimpleQueue()
@@ -170,18 +177,33 @@ class SimulatedDrives:
                 drive.switch_on(self._now_s)
             while not self._stopping.is_set():
                 message = self._bus.recv(self._wait_s)
-                if not self._lockstep:
-                    self._now_s = self._clock()
+                self._look_at_clock()
                 self._carry_out_calls()
                 if message is not None:
                     self._receive(message)
+                    self._receive_backlog()
                 if not self._lockstep:
-                    self._plant.advance(self._now_s)
+                    self._plant.advance(self._clock())
                     self._tick()
         except (can.CanError, OSError) as error:
             self._failure = BusError(f"the simulated drives lost their bus: {error}")
         except Exception as error:  # noqa: BLE001 - a thread's error is raised where the drives are stopped
             self._failure = error
+
+    def _receive_backlog(self) -> None:
+        """On a wall clock, take in what is waiting before any timer looks for it; a flood has to stop somewhere."""
+        for _ in range(0 if self._lockstep else MOST_FRAMES):
+            message = self._bus.recv(0.0)
+            if message is None:
+                return
+            self._receive(message)
+
+    def _look_at_clock(self) -> None:
+        """Take over the wall clock; a virtual one is read at SYNC."""
+        if not self._lockstep:
+            wall_s = self._clock()
+            self._now_s += min(wall_s - self._wall_s, LONGEST_GAP_S)
+            self._wall_s = wall_s
 
     def _carry_out_calls(self) -> None:
         """Do what other threads asked for."""
@@ -218,8 +240,10 @@ class SimulatedDrives:
 
     def _sync(self) -> None:
         """One SYNC: measure, latch, answer."""
-        self._now_s = now_s = self._clock()
-        self._plant.advance(now_s)
+        time_s = self._clock()
+        if self._lockstep:
+            self._now_s = time_s
+        self._plant.advance(time_s)
         sample = self._plant.sample(self._arm.cycle_s)
         columns = zip(
             sample.axis_position_rad.tolist(),
@@ -230,7 +254,7 @@ class SimulatedDrives:
         )
         for drive, values in zip(self._drives.values(), columns, strict=True):
             drive.power.measure(*values)
-            drive.sync(now_s)
+            drive.sync(self._now_s)
         if self._lockstep:
             self._tick()
 

@@ -69,7 +69,7 @@ def bench(arm_settings):
 
 def test_boot_and_identity(bench):
     _, node, _ = bench
-    # canopen has no way to listen before it commands, so a fast boot-up message may come first.
+    assert node.sdo[0x1000].raw & 0xFFFF == 402, "it is up; its own boot-up message lies behind it"
     seen = []
     node.nmt.add_heartbeat_callback(seen.append)
     node.nmt.state = "RESET"
@@ -77,7 +77,6 @@ def test_boot_and_identity(bench):
     while not seen and time.monotonic() < deadline_s:
         time.sleep(0.005)
     assert seen == [0]
-    assert node.sdo[0x1000].raw & 0xFFFF == 402
     assert node.sdo[0x1018][1].raw == SIMULATION_IDENTITY.vendor_id
     assert node.sdo[0x1018][2].raw == SIMULATION_IDENTITY.product_code
     assert node.sdo[0x1008].raw == "armload simulated drive, joint_3", "a segmented transfer"
