@@ -24,6 +24,7 @@ from armload_identification.report.joints import JointRow, joint_rows, verdict
 from armload_identification.report.numerals import NO_BREAK, numeral, scientific
 from armload_identification.report.parameters import compared_rows, headline, parameter_rows, truth_sentence
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
+from armload_identification.signals import SMOOTHING_LOSS_LIMIT
 from armload_identification.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M
 from armload_identification.validation import LIMIT, Validation
 
@@ -149,6 +150,7 @@ def render_report(subject: ReportSubject, identification: Identification, valida
         determined_percent=f"{100.0 * DETERMINED_SHARE:g}",
         reference_length=f"{REFERENCE_LENGTH_M:g}{NO_BREAK}m",
         ratio_limit=f"{LIMIT:g}",
+        loss_percent=f"{100.0 * SMOOTHING_LOSS_LIMIT:g}",
         smallest_margin=scientific(SMALLEST_MARGIN),
     )
 
