@@ -99,17 +99,6 @@ _CODES = {
     0xF004: "control",
 }
 
-_REGISTER_BITS = (
-    "generic",
-    "current",
-    "voltage",
-    "temperature",
-    "communication",
-    "device profile",
-    "reserved",
-    "manufacturer",
-)
-
 
 def describe(code: int) -> str:
     """Error code (603F, EMCY bytes 0 and 1) with its meaning.
@@ -125,12 +114,6 @@ def describe(code: int) -> str:
         if text is not None:
             return f"0x{code:04X} {text}"
     return f"0x{code:04X} not listed by CiA 402"
-
-
-def describe_register(register: int) -> str:
-    """Set bits of the error register (1001) in words."""
-    names = [name for bit, name in enumerate(_REGISTER_BITS) if register >> bit & 1]
-    return ", ".join(names) if names else "none"
 
 
 @dataclass(frozen=True, slots=True)

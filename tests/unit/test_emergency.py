@@ -53,8 +53,3 @@ def test_what_a_drive_packs_is_what_a_master_parses():
     assert len(frame) == 8
     message = emergency.parse(frame)
     assert (message.code, message.register, message.text) == (0x8611, 0x21, emergency.describe(0x8611))
-
-
-def test_the_error_register_in_words():
-    assert emergency.describe_register(0x21) == "generic, device profile"
-    assert emergency.describe_register(0) == "none"
