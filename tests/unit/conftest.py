@@ -11,7 +11,7 @@ import pytest
 
 from armload_identification.chain import Chain, pose_from_xyz_rpy
 from armload_identification.fourier import Excitation, FourierTrajectory
-from armload_identification.payload import InertialParameters
+from armload_identification.payload import PARAMETER_NAMES, InertialParameters, PayloadResult, Provenance
 from armload_identification.recording import Recording, RecordingSource
 from armload_identification.signals import Transmission
 
@@ -131,3 +131,30 @@ def pair(pinocchio_arm):
         pinocchio_arm.run(trajectory, True, seed=11),
         pinocchio_arm.run(trajectory, False, seed=12),
     )
+
+
+@pytest.fixture
+def make_subject():
+    """Subjects of an export: a shipped arm or a chain, with a payload whose inertia has all products."""
+    # here, so that the tests of the mathematics do not load the controller
+    from armload_controller.config import load_robot
+    from armload_controller.export.subject import ExportSubject
+
+    def make_subject(robot: str = "er50", undetermined: tuple[str, ...] = (), **changes: object) -> ExportSubject:
+        arm = load_robot(robot)
+        body = InertialParameters.from_center_of_mass(
+            2.7, [0.031, -0.012, 0.094], [[0.031, 0.004, -0.002], [0.004, 0.022, 0.003], [-0.002, 0.003, 0.017]]
+        )
+        known = np.array([name not in undetermined for name in PARAMETER_NAMES])
+        interval = np.where(known[:, None], body.values[:, None] + np.array([-1e-4, 1e-4]), np.nan)
+        chain = changes.get("chain", arm.chain())
+        assert isinstance(chain, Chain)
+        per_joint = np.ones(chain.n)
+        payload = PayloadResult(
+            "flange", body, known, interval, per_joint, per_joint, Provenance("0", arm.sha256, {"a.csv": "0"})
+        )
+        given = {"robot": arm.name, "joint_names": arm.joint_names, "chain": chain, "payload": payload}
+        origin = {"payload_file": "payload.toml", "payload_sha256": "0123abcd", "armload_version": "1.2.3"}
+        return ExportSubject(**(given | origin | changes))
+
+    return make_subject

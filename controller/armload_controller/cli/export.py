@@ -37,7 +37,7 @@ def export(
         joint_names=arm.joint_names,
         chain=arm.chain(),
         payload=result,
-        payload_file=payload.name,
+        payload_file=str(payload),
         payload_sha256=hashlib.sha256(payload.read_bytes()).hexdigest(),
         armload_version=version("armload"),
     )
@@ -47,4 +47,4 @@ def export(
     if unknown:
         screen.step(f"note: not determined: {', '.join(unknown)}; the exported text says what is written for them")
     if result.provenance.configuration_sha256 != arm.sha256:
-        screen.step(f"note: {payload.name} was identified with another version of {arm.name}'s configuration")
+        screen.step(f"note: {payload} was identified with another configuration than {arm.name}'s")

@@ -20,7 +20,7 @@ class ExportSubject:
         joint_names: Names of the joints, from the base to the flange.
         chain: Kinematics up to the flange, and gravity.
         payload: The payload, in the flange frame.
-        payload_file: Name of the file it was read from.
+        payload_file: The file it was read from, as messages name it; the exported texts have its name without folders.
         payload_sha256: Hash of that file.
         armload_version: Version of the program.
 

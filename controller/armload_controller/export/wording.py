@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 
@@ -33,8 +34,9 @@ def bracketed(values: Iterable[float]) -> str:
 
 def provenance(subject: ExportSubject) -> str:
     """Whose payload this is and what it was written from."""
+    file = Path(subject.payload_file).name
     return (
-        f"Payload of {subject.robot}, written by armload {subject.armload_version} from {subject.payload_file}, "
+        f"Payload of {subject.robot}, written by armload {subject.armload_version} from {file}, "
         f"sha256 {subject.payload_sha256}."
     )
 
