@@ -3,7 +3,7 @@
 These figures are this machine's, now: compare within a run, not between runs.
 """
 
-from benchmarks import regressor
+from benchmarks import export_c, regressor
 
-for benchmark in (regressor,):
+for benchmark in (regressor, export_c):
     benchmark.run()
