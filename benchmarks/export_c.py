@@ -79,7 +79,7 @@ def run() -> None:
             kernel_s.append(_seconds(lambda: payload_torque_into(model, work)))
             object_s.append(_seconds(lambda: feedforward.torque_nm(*states[-1])))
     error_nm = np.abs(np.array(torque) - feedforward.torque_nm(*states[-1])).max()
-    print(f"Payload torque, one sample of {subject.chain.n} joints, er50; median of {ROUNDS} rounds")
+    print(f"\nPayload torque, one sample of {subject.chain.n} joints, er50; median of {ROUNDS} rounds")
     rows = {
         "armload export --format c, gcc -O2, called from C": median(c_s),
         "numba kernel payload_torque_into, called from Python": median(kernel_s),
