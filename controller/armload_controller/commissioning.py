@@ -21,9 +21,9 @@ from typing import Protocol
 from armload_controller.config import Robot
 from armload_controller.cycle import Cycle, CycleSummary
 from armload_controller.errors import CommissioningError
-from armload_controller.limits import MotionLimits, check_setpoints
+from armload_controller.limits import check_setpoints
 from armload_controller.recorder import Recorder
-from armload_controller.setpoints import plan_run
+from armload_controller.setpoints import plan_path, plan_run
 from armload_drivers.servos import JointServos
 from armload_identification.fourier import Excitation, format_excitation
 from armload_identification.recording import (
@@ -102,13 +102,14 @@ def record_half(
     excitations = [require_excitation(robot, role) for role in ROLES]
     limits = robot.motion_limits()
     summaries = []
-    for role, excitation in zip(ROLES, excitations, strict=True):
+    plans = [plan_path(excitation, limits, 1 / robot.bus.cycle_hz) for excitation in excitations]
+    for role, plan in zip(ROLES, plans, strict=True):
         require_new(recording_path(directory, load, role))
-        check_excitation(excitation, limits, 1 / robot.bus.cycle_hz)
+        check_setpoints(plan.position_rad, plan.velocity_rad_s, plan.acceleration_rad_s2, limits)
     with open_servos(load) as servos:
         watcher.step(f"{load}: connecting to {servos.n} drives")
         servos.connect()
-        for role, excitation in zip(ROLES, excitations, strict=True):
+        for role, excitation, on_path in zip(ROLES, excitations, plans, strict=True):
             run = {
                 "armload_version": version("armload"),
                 "robot": robot.name,
@@ -122,29 +123,15 @@ def record_half(
                 EXCITATION_ATTACHMENT: format_excitation(excitation),
                 RUN_ATTACHMENT: json.dumps(run),
             }
-            start = servos.enable().position_rad
-            plan = plan_run(start, excitation, limits, servos.cycle_s)
-            with (
-                Recorder(recording_path(directory, load, role), attachments) as recorder,
-                watcher.track(f"{load}: {role} run", len(plan)) as progress,
-            ):
-                cycle = Cycle(servos, limits, stop_requested)
-                summaries.append(cycle.run(plan, excitation.trajectory, start, recorder, progress))
+            cycle = Cycle(servos, limits, stop_requested)
+            with Recorder(recording_path(directory, load, role), attachments) as recorder:
+                start = servos.enable().position_rad
+                plan = plan_run(start, on_path, limits, servos.cycle_s)
+                with watcher.track(f"{load}: {role} run", len(plan)) as progress:
+                    summaries.append(cycle.run(plan, excitation.trajectory, start, recorder, progress))
             servos.stop()
             servos.disable()
     return summaries
-
-
-def check_excitation(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> None:
-    """Check every setpoint of a run but its approach, which depends on where the arm will stand.
-
-    Raises:
-        LimitViolation: a setpoint breaks a limit.
-        InfeasibleMotion: there is no way onto the path within the limits.
-    """
-    start = excitation.trajectory.evaluate(0.0).position_rad
-    plan = plan_run(start, excitation, limits, cycle_s)
-    check_setpoints(plan.position_rad, plan.velocity_rad_s, plan.acceleration_rad_s2, limits)
 
 
 def require_new(path: Path) -> None:

@@ -27,6 +27,8 @@ FLUSH_S = 0.2
 class Recorder:
     """Writes one run; a context manager that leaves a whole, indexed file however the run ended.
 
+    A run of which nothing was written leaves no file.
+
     Args:
         path: File to write; it must not exist.
         attachments: Text by name, written first.
@@ -44,6 +46,7 @@ class Recorder:
             ) from error
         except OSError as error:
             raise CommissioningError(f"{path}: {error.strerror}: choose an --output that can be written") from error
+        self._path = path
         self._writer = Writer(self._file)
         self._writer.start(profile="", library="armload")
         for name, text in attachments.items():
@@ -61,6 +64,8 @@ class Recorder:
     ) -> None:
         self._writer.finish()
         self._file.close()
+        if not self.rows:
+            self._path.unlink()
 
     def write(self, feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None) -> None:
         """Record one cycle; `phase_s` is None outside the whole periods."""

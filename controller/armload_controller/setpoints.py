@@ -91,17 +91,16 @@ class MotionPlan:
         return len(self.segment)
 
 
-def plan_run(start_rad: FloatArray, excitation: Excitation, limits: MotionLimits, cycle_s: float) -> MotionPlan:
-    """Approach, ramp up, whole periods, ramp down.
+def plan_path(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> MotionPlan:
+    """Ramp up, whole periods, ramp down: everything but the way there.
 
     Args:
-        start_rad: (n,) position the arm stands at.
         excitation: Path and number of periods.
         limits: Of the joints.
         cycle_s: Time between setpoints.
 
     Raises:
-        InfeasibleMotion: no approach, or no ramp, within the limits; or a period is no whole number of cycles.
+        InfeasibleMotion: no ramp within the limits, or a period that is no whole number of cycles.
     """
     path = excitation.trajectory
     in_period = path.period_s / cycle_s
@@ -112,19 +111,32 @@ def plan_run(start_rad: FloatArray, excitation: Excitation, limits: MotionLimits
         )
     phase_limits = bound_phase(path, limits)
     up = _phase_ramp(0.0, 0.0, 1.0, phase_limits, cycle_s)
-    lead_in_s = up[-1, 0]
+    up = np.vstack([np.zeros(3), up])
+    up[:, 0] -= up[-1, 0]
     cycles = round(excitation.periods * path.period_s / cycle_s)
     whole = np.column_stack([np.arange(1, cycles + 1) * cycle_s, np.ones(cycles), np.zeros(cycles)])
     down = _phase_ramp(1.0, 0.0, 0.0, phase_limits, cycle_s)
-    up[:, 0] -= lead_in_s
     down[:, 0] += cycles * cycle_s
-    on_path = _along(
+    return _along(
         path,
         np.vstack([up, whole, down]),
         (Segment.RAMP_UP,) * len(up) + (Segment.PERIODS,) * len(whole) + (Segment.RAMP_DOWN,) * len(down),
     )
-    approach = _approach(start_rad, path.evaluate(-lead_in_s).position_rad, limits, cycle_s)
-    return _join(approach, on_path)
+
+
+def plan_run(start_rad: FloatArray, on_path: MotionPlan, limits: MotionLimits, cycle_s: float) -> MotionPlan:
+    """The way to where a path plan begins, and the plan itself.
+
+    Args:
+        start_rad: (n,) position the arm stands at.
+        on_path: What `plan_path` made.
+        limits: Of the joints.
+        cycle_s: Time between setpoints.
+
+    Raises:
+        InfeasibleMotion: no approach within the limits.
+    """
+    return _join(_approach(start_rad, on_path.position_rad[0], limits, cycle_s), on_path)
 
 
 def plan_stop(plan: MotionPlan, row: int, path: FourierTrajectory, limits: MotionLimits, cycle_s: float) -> MotionPlan:

@@ -10,7 +10,7 @@ from armload_controller.errors import MotionError
 from armload_controller.limits import LimitViolation, MotionLimits
 from armload_controller.recorder import Recorder
 from armload_controller.safety import DECISIONS, Cause, cause_of
-from armload_controller.setpoints import Segment, plan_run
+from armload_controller.setpoints import Segment, plan_path, plan_run
 from armload_drivers.errors import BusError, ServoFault, ServoTimeout
 from armload_identification.fourier import Excitation, FourierTrajectory
 from armload_identification.recording import read_recording
@@ -35,7 +35,7 @@ START = np.full(N, 0.1)
 
 @pytest.fixture
 def plan():
-    return plan_run(START, EXCITATION, LIMITS, CYCLE_S)
+    return plan_run(START, plan_path(EXCITATION, LIMITS, CYCLE_S), LIMITS, CYCLE_S)
 
 
 @pytest.fixture

@@ -76,6 +76,12 @@ def test_recordings_are_never_overwritten(tmp_path):
     assert path.read_bytes() == b"precious"
 
 
+def test_a_run_of_which_nothing_was_recorded_leaves_no_file(tmp_path):
+    with Recorder(tmp_path / "a.mcap", {"run.json": "{}"}):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
 def test_an_exception_leaves_a_whole_file(tmp_path):
     path = tmp_path / "a.mcap"
     with pytest.raises(ZeroDivisionError), Recorder(path, {}) as recorder:  # noqa: PT012

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from armload_controller.limits import MotionLimits, check_setpoints
-from armload_controller.setpoints import InfeasibleMotion, RuckigFollower, Segment, bound_phase, plan_run, plan_stop
+from armload_controller.setpoints import (
+    InfeasibleMotion,
+    RuckigFollower,
+    Segment,
+    bound_phase,
+    plan_path,
+    plan_run,
+    plan_stop,
+)
 from armload_identification.fourier import Excitation, FourierTrajectory
 
 N = 3
@@ -32,7 +40,7 @@ def excitation():
 
 @pytest.fixture
 def plan(excitation):
-    return plan_run(START, excitation, LIMITS, CYCLE_S)
+    return plan_run(START, plan_path(excitation, LIMITS, CYCLE_S), LIMITS, CYCLE_S)
 
 
 def test_segments_come_in_order_and_periods_are_whole(plan, excitation):
@@ -110,4 +118,4 @@ def test_excitation_that_uses_up_the_acceleration_is_refused(excitation):
 
 def test_period_that_is_no_whole_number_of_cycles_is_refused(excitation):
     with pytest.raises(InfeasibleMotion, match="whole number of cycles"):
-        plan_run(START, excitation, LIMITS, 0.0043)
+        plan_path(excitation, LIMITS, 0.0043)

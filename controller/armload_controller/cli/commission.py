@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from importlib.metadata import version
@@ -113,6 +114,10 @@ def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParame
     identification = identify(first.loaded, first.unloaded, chain, transmission)
     validation = validate_payload(second.loaded, second.unloaded, chain, transmission, identification.parameters)
     payload = payload_result(identification, version("armload"), arm.sha256)
+    hashes = {recording.source.path.name: recording.source.sha256 for recording in (second.loaded, second.unloaded)}
+    provenance = payload.provenance
+    provenance = replace(provenance, recordings_sha256=provenance.recordings_sha256 | hashes)
+    payload = replace(payload, provenance=provenance)
     payload_path, report_path = directory / "payload.toml", directory / "report.html"
     write_payload(payload_path, payload)
     subject = ReportSubject(
