@@ -8,9 +8,10 @@ from armload_controller.errors import ExportError
 
 
 def write_texts(texts: dict[str, str], output: Path) -> dict[Path, bool]:
-    """Write all texts or none.
+    """Write all texts, or none where a file is in the way.
 
-    An existing file with the same text is left alone; one with another text is in the way and nothing is written.
+    An existing file with the same text is left alone; one with another text is in the way, and is found before
+    anything is written.
 
     Args:
         texts: Texts by file name.

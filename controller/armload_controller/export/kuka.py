@@ -9,8 +9,8 @@
 - J X, Y, Z: moments of inertia in kg m2 about those principal axes through the centre of mass, never negative;
   products do not occur.
 
-What is not determined: no public page says that a zero J is a point mass, so the model's complete set is written and
-marked.
+What is not determined: no public page was found that calls a zero J a point mass, so the model's complete set is
+written and marked.
 
 References:
     KUKA, MA KR IONTEC V4, 11.05.2021, section 4 "Technical data", fig. 4-5 "Load center of gravity and mass moment of
