@@ -56,9 +56,7 @@ def read_columns(path: Path, columns: Mapping[str, Sequence[int | str]]) -> CsvC
         lines = lines[1:]
     groups = {name: _indices(path, name, wanted, header) for name, wanted in columns.items()}
     separators = np.array([line.count(",") for line in lines], dtype=np.int64)
-    expected = (
-        len(header) if header is not None else int(np.bincount(separators).argmax()) + 1 if lines else 0
-    )
+    expected = len(header) if header is not None else int(np.bincount(separators).argmax()) + 1 if lines else 0
     needed = max(max(indices) for indices in groups.values()) + 1
     if lines and needed > expected:
         raise RecordingError(
