@@ -11,23 +11,28 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_identification.arm_motion import arm_motion, without_body
+from armload_identification.body import BodyModel
 from armload_identification.chain import Chain
 from armload_identification.errors import EstimationError, ModelError
-from armload_identification.estimate import Estimate, estimate, estimate_reweighted
-from armload_identification.load_signal import SCATTER, LoadSignal, load_signal
+from armload_identification.estimate import Estimate
+from armload_identification.estimators import Estimator, fit_payload
+from armload_identification.known import KnownPayload
+from armload_identification.load_friction import LoadFriction
+from armload_identification.load_signal import LoadSignal, load_signal
+from armload_identification.notes import notes_on
 from armload_identification.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.physical import PhysicalEstimate, make_physical
 from armload_identification.recording import Recording, RecordingSource, check_joints
 from armload_identification.regressor import payload_regressor
-from armload_identification.sanity import check_pair, check_signs, explain_negative_mass
-from armload_identification.signals import SMOOTHING_LOSS_LIMIT, Transmission
-from armload_identification.uncertainty import Uncertainty, quantify
+from armload_identification.sanity import check_pair, check_run, check_signs, explain_negative_mass
+from armload_identification.signals import Transmission
+from armload_identification.uncertainty import Uncertainty, quantify, shifts_by
 from armload_identification.validation import raw_residual_rms
 
 FloatArray = NDArray[np.float64]
 
 FLANGE: Final = "flange"
-_POOR_FIT: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,23 +45,26 @@ class Identification:
         plain: The weighted least squares estimate as it is, possible or not, with covariance of white
             residuals, condition number, rank, singular values and weights.
         physical: The physically possible estimate; this is what is reported and written.
+        load_friction: Load-dependent friction that was fitted with it; None where the estimator has none.
         uncertainty: Values, robust 95 % intervals and what is determined, about the physical estimate.
         signal: Measured torque difference over time, raw and smoothed, with the motion it belongs to, the noise
             per joint, the smoothing loss and how the two runs were laid over each other.
-        predicted_nm: (K, n) torque that the physical estimate predicts at the samples of `signal`.
+        predicted_nm: (K, n) torque that the physical estimate predicts at the samples of `signal`, friction
+            that the payload causes included.
         residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus prediction, comparable to
             `signal.noise_nm`.
-        sources: Of the loaded and the unloaded recording.
+        sources: Of the loaded and, where there is one, the unloaded recording.
         notes: What the operator should know, one sentence each.
     """
 
     plain: Estimate
+    load_friction: LoadFriction | None
     physical: PhysicalEstimate
     uncertainty: Uncertainty
     signal: LoadSignal
     predicted_nm: FloatArray
     residual_rms_nm: FloatArray
-    sources: tuple[RecordingSource, RecordingSource]
+    sources: tuple[RecordingSource, ...]
     notes: tuple[str, ...]
 
     @property
@@ -70,56 +78,96 @@ class Identification:
         return self.physical.parameters
 
 
-def identify(loaded: Recording, unloaded: Recording | None, chain: Chain, transmission: Transmission) -> Identification:
+def identify(
+    loaded: Recording,
+    unloaded: Recording | None,
+    chain: Chain,
+    transmission: Transmission,
+    *,
+    estimator: Estimator = Estimator.LOAD_FRICTION,
+    known: KnownPayload | None = None,
+    body: BodyModel | None = None,
+) -> Identification:
     """Identify the payload that one run carried and the other did not.
 
     Args:
         loaded: Run with the payload.
-        unloaded: Run of the same motion without it.
+        unloaded: Run of the same motion without it; None where a body is given instead.
         chain: The arm; the result is in its flange frame.
         transmission: Gains and coupling; used where the recordings hold currents.
+        estimator: How the payload is fitted.
+        known: What is known of it beforehand.
+        body: The empty arm, in place of the unloaded run.
 
     Returns:
         Estimate, physically possible estimate, intervals, and the series behind them.
 
     Raises:
         RecordingError: recordings that do not fit the arm or each other, or cannot be right.
-        EstimationError: no unloaded run, or data that no payload explains.
+        EstimationError: neither unloaded run nor body, or data that no payload explains.
 
     References:
-        Chen 2016, eqs. (8) to (12); the difference of runs in place of a body model.
+        Chen 2016, eqs. (8) to (12); the difference of runs in place of a body model, unless one is given.
     """
-    if unloaded is None:
-        raise EstimationError(
-            "no unloaded recording was given, and the arm's own torque is not known: it is many times the payload's. "
-            "Record the same excitation without the payload and give that file as --unloaded."
-        )
     if transmission.gain_nm_a.size != chain.n:
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
-    for run in (loaded, unloaded):
+    runs = (loaded,) if unloaded is None else (loaded, unloaded)
+    for run in runs:
         check_joints(run, chain.n)
-    check_pair(loaded, unloaded, transmission)
-    signal = load_signal(loaded, unloaded, transmission)
+    signal = _signal(loaded, unloaded, chain, transmission, body)
     regressor = payload_regressor(chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
-    fit = _fit(signal, regressor)
+    prior = None if known is None else known.prior()
+    fit, friction = fit_payload(signal, regressor, chain, transmission.coupling, estimator, prior=prior, body=body)
     check_signs(signal, regressor, fit)
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
-        width = quantify(fit, signal.valid, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
+        width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
         raise explain_negative_mass(plain.mass_kg, float(width))
     physical = make_physical(fit)
-    uncertainty = quantify(fit, signal.valid, physical.parameters)
-    predicted = regressor[:, :, :10] @ physical.parameters.theta
+    uncertainty = quantify(fit, physical.parameters, _gain_shifts(loaded, transmission, signal, fit))
+    predicted = regressor @ physical.parameters.theta
+    if friction is not None:
+        predicted = predicted + friction.torque_nm
     return Identification(
         plain=fit,
+        load_friction=friction,
         physical=physical,
         uncertainty=uncertainty,
         signal=signal,
         predicted_nm=predicted,
         residual_rms_nm=raw_residual_rms(signal, predicted),
-        sources=(loaded.source, unloaded.source),
-        notes=tuple(_notes(loaded, unloaded, signal, fit, physical, uncertainty)),
+        sources=tuple(run.source for run in runs),
+        notes=tuple(notes_on(runs, transmission, signal, fit, friction, physical, uncertainty)),
     )
+
+
+def _signal(
+    loaded: Recording, unloaded: Recording | None, chain: Chain, transmission: Transmission, body: BodyModel | None
+) -> LoadSignal:
+    """Torque of the payload by the difference of runs, or by that of run and body."""
+    if unloaded is not None:
+        if body is not None:
+            raise EstimationError("an unloaded recording and a body were given; one of the two takes the arm away")
+        check_pair(loaded, unloaded, transmission)
+        return load_signal(loaded, unloaded, transmission)
+    if body is None:
+        raise EstimationError(
+            "no unloaded recording was given, and the arm's own torque is not known: it is many times the payload's. "
+            "Record the same excitation without the payload and give that file as --unloaded, or identify the arm's "
+            "body once with `armload identify-body` and give that file as --body."
+        )
+    check_run(loaded, transmission)
+    motion = arm_motion(loaded, transmission)
+    empty = body.torque(chain, motion.position_rad, motion.velocity_rad_s, motion.acceleration_rad_s2)
+    return without_body(motion, empty)
+
+
+def _gain_shifts(loaded: Recording, transmission: Transmission, signal: LoadSignal, fit: Estimate) -> FloatArray | None:
+    """(n, p) what one standard deviation of each gain does to the fit; None where torque was recorded."""
+    if loaded.torque_nm is not None or not transmission.deviation.any():
+        return None
+    shares = transmission.gain_shares(signal.torque_nm)
+    return shifts_by(fit, shares * transmission.deviation[:, None, None])
 
 
 def payload_result(
@@ -158,56 +206,3 @@ def _hashes(sources: tuple[RecordingSource, ...]) -> dict[str, str]:
     if len(short) == len(sources):
         return {source.path.name: source.sha256 for source in sources}
     return {f"{source.path.parent.name}/{source.path.name}": source.sha256 for source in sources}
-
-
-def _fit(signal: LoadSignal, regressor: FloatArray) -> Estimate:
-    """Weights from the scatter between periods, or from the residual where there is one period."""
-    solve = estimate if signal.noise_source == SCATTER else estimate_reweighted
-    return solve(regressor, signal.torque_nm, signal.valid, signal.averaged_noise_nm)
-
-
-def _notes(
-    loaded: Recording,
-    unloaded: Recording,
-    signal: LoadSignal,
-    fit: Estimate,
-    physical: PhysicalEstimate,
-    uncertainty: Uncertainty,
-) -> list[str]:
-    """What the operator should know."""
-    notes = []
-    for name, run in (("loaded", loaded), ("unloaded", unloaded)):
-        source = run.source
-        if source.rows_dropped:
-            listed = ", ".join(f"{count} {reason}" for reason, count in source.reasons.items())
-            notes.append(f"{name} recording: {source.rows_dropped} of {source.rows_read} rows dropped ({listed}).")
-        if source.truncated:
-            notes.append(f"{name} recording: the file ends early; what came before was used.")
-    if loaded.torque_nm is None:
-        notes.append("Drive gains are nominal: an error in them is an error of the same size in the result.")
-    lossy = np.flatnonzero(signal.smoothing_loss > SMOOTHING_LOSS_LIMIT)
-    if lossy.size:
-        listed = ", ".join(f"{joint + 1} ({signal.smoothing_loss[joint]:.0%})" for joint in lossy)
-        notes.append(
-            f"Smoothing took more than {SMOOTHING_LOSS_LIMIT:.0%} of the signal of joint {listed}: "
-            "it is mostly noise, or sampled too slowly."
-        )
-    if (~signal.valid).any():
-        notes.append(f"{np.count_nonzero(~signal.valid)} of {signal.valid.size} samples are holes and were not used.")
-    if fit.rank < fit.theta.size:
-        notes.append(
-            f"The motion determines {fit.rank} of {fit.theta.size} directions of the parameters; the rest was "
-            "chosen as a compact body and is marked as not determined."
-        )
-    if physical.changed and physical.plain_margin <= 0.0:
-        notes.append("The plain estimate is physically impossible; the nearest possible one is reported.")
-    if uncertainty.undetermined_names:
-        notes.append("Not determined by these data: " + ", ".join(uncertainty.undetermined_names) + ".")
-    measured = np.mean((signal.torque_nm[signal.valid] * fit.weight_1_nm) ** 2)
-    left = np.mean((fit.residual_nm[signal.valid] * fit.weight_1_nm) ** 2)
-    if left > _POOR_FIT * measured:
-        notes.append(
-            f"A payload explains only {1.0 - left / measured:.0%} of the torque difference: it is very light, or "
-            "columns, joint order or configuration do not belong to this arm."
-        )
-    return notes

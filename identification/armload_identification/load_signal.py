@@ -59,6 +59,7 @@ class LoadSignal:
         acceleration_rad_s2: (K, n) its second derivative.
         raw_nm: (K, n) torque difference, averaged over the periods where there are some.
         torque_nm: (K, n) the same, smoothed: five-point cubic on averages, else a zero-phase low-pass.
+        unloaded_nm: (K, n) smoothed torque of the unloaded run at the same places of the motion.
         valid: (K,) False where a sample had to be filled in; it is not used.
         noise_nm: (n,) standard deviation of the difference of two RAW samples, one of each run.
         averaged_noise_nm: (n,) what is left of it in `raw_nm`, after averaging or interpolation.
@@ -77,6 +78,7 @@ class LoadSignal:
     acceleration_rad_s2: FloatArray
     raw_nm: FloatArray
     torque_nm: FloatArray
+    unloaded_nm: FloatArray
     valid: NDArray[np.bool_]
     noise_nm: FloatArray
     averaged_noise_nm: FloatArray
@@ -113,15 +115,11 @@ def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmissi
             "Give two runs of the same arm."
         )
     for run in (loaded, unloaded):
-        if (np.ptp(run.position_rad, axis=0) < _NO_MOTION_RAD).all():
-            raise RecordingError(
-                f"{run.source.path}: no joint moves more than {_NO_MOTION_RAD} rad, so nothing can be told. "
-                "Record a run along an excitation, and check the position columns."
-            )
+        require_motion(run)
     if whole_periods(loaded) and whole_periods(unloaded):
         _require_same_excitation(loaded, unloaded)
         return _by_phase(loaded, unloaded, transmission)
-    return _by_position(_moving_part(loaded), _moving_part(unloaded), transmission)
+    return _by_position(moving_part(loaded), moving_part(unloaded), transmission)
 
 
 def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
@@ -139,7 +137,7 @@ def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission
     other = runs[1].motion.evaluate(share * runs[1].period_s)
     mismatch = _rms(state.position_rad - other.position_rad)
     _require_same_path(loaded, unloaded, mismatch, state.position_rad)
-    noise = [_one_sample_noise(run, tau) for run, tau in zip(runs, torque, strict=True)]
+    noise = [one_sample_noise(run, tau) for run, tau in zip(runs, torque, strict=True)]
     smoothed = [smooth(run.torque_nm) for run in runs]
     losses = [smoothing_loss(run.torque_nm, after) for run, after in zip(runs, smoothed, strict=True)]
     scattered = all(run.scatter_nm is not None for run in runs)
@@ -151,6 +149,7 @@ def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission
         acceleration_rad_s2=state.acceleration_rad_s2,
         raw_nm=runs[0].torque_nm - runs[1].torque_nm,
         torque_nm=smoothed[0] - smoothed[1],
+        unloaded_nm=smoothed[1],
         valid=runs[0].valid & runs[1].valid,
         noise_nm=np.hypot(noise[0], noise[1]),
         averaged_noise_nm=np.hypot(noise[0] / np.sqrt(runs[0].periods), noise[1] / np.sqrt(runs[1].periods)),
@@ -178,7 +177,7 @@ def _by_position(loaded: Recording, unloaded: Recording, transmission: Transmiss
     mismatch = _rms(position - motions[1].spline(time_s + shift_s))
     _require_same_path(loaded, unloaded, mismatch, position)
     velocity = motions[0].spline.derivative()(time_s)
-    cutoff_hz = min(max(_LOW_PASS_BANDS * _band(velocity, interval_s), 2.0), 0.25 / interval_s)
+    cutoff_hz = low_pass_cutoff(velocity, interval_s)
     raw, smoothed, noise, kept, losses, holes = [], [], [], [], [], []
     for run, moment_s in ((loaded, time_s + loaded.time_s[0]), (unloaded, time_s + shift_s + unloaded.time_s[0])):
         measured = joint_torque(run, transmission)
@@ -200,6 +199,7 @@ def _by_position(loaded: Recording, unloaded: Recording, transmission: Transmiss
         acceleration_rad_s2=motions[0].spline.derivative(2)(time_s),
         raw_nm=raw[0] - raw[1],
         torque_nm=smoothed[0] - smoothed[1],
+        unloaded_nm=smoothed[1],
         valid=~(holes[0] | holes[1]),
         noise_nm=np.hypot(noise[0], noise[1]),
         averaged_noise_nm=np.hypot(kept[0], kept[1]),
@@ -212,8 +212,12 @@ def _by_position(loaded: Recording, unloaded: Recording, transmission: Transmiss
     )
 
 
-def _moving_part(run: Recording) -> Recording:
-    """The run without approach and return, where its phase tells them; else all of it."""
+def moving_part(run: Recording) -> Recording:
+    """The run without approach and return, where its phase tells them; else all of it.
+
+    Args:
+        run: The run.
+    """
     if run.phase_s is None or np.count_nonzero(np.isfinite(run.phase_s)) < 2:
         return run
     rows = np.isfinite(run.phase_s)
@@ -229,17 +233,44 @@ def _moving_part(run: Recording) -> Recording:
     )
 
 
-def _one_sample_noise(run: PeriodicRun, torque_nm: FloatArray) -> FloatArray:
-    """(n,) noise of one raw sample: from the scatter where there is one, else from the signal itself."""
+def one_sample_noise(run: PeriodicRun, torque_nm: FloatArray) -> FloatArray:
+    """(n,) noise of one raw sample: from the scatter between periods where there is one, else from the signal itself.
+
+    Args:
+        run: The folded run.
+        torque_nm: (N, n) its torque before folding.
+    """
     return white_noise(torque_nm) if run.scatter_nm is None else run.scatter_nm
 
 
-def _band(velocity: FloatArray, interval_s: float) -> float:
-    """Frequency below which nearly all power of the motion lies."""
+def require_motion(run: Recording) -> None:
+    """Refuse a run in which the arm stands still.
+
+    Args:
+        run: The run.
+
+    Raises:
+        RecordingError: no joint moves.
+    """
+    if (np.ptp(run.position_rad, axis=0) < _NO_MOTION_RAD).all():
+        raise RecordingError(
+            f"{run.source.path}: no joint moves more than {_NO_MOTION_RAD} rad, so nothing can be told. "
+            "Record a run along an excitation, and check the position columns."
+        )
+
+
+def low_pass_cutoff(velocity: FloatArray, interval_s: float) -> float:
+    """Cutoff in Hz of the low-pass for a motion: a multiple of the band in which nearly all of its power lies.
+
+    Args:
+        velocity: (K, n) equidistant velocities in rad/s.
+        interval_s: Time between samples.
+    """
     power = np.sum(np.abs(np.fft.rfft(velocity * np.hanning(velocity.shape[0])[:, None], axis=0)) ** 2, axis=1)
     total = np.cumsum(power)
     index = int(np.searchsorted(total, _BAND_POWER * total[-1]))
-    return float(np.fft.rfftfreq(velocity.shape[0], interval_s)[index])
+    band_hz = float(np.fft.rfftfreq(velocity.shape[0], interval_s)[index])
+    return min(max(_LOW_PASS_BANDS * band_hz, 2.0), 0.25 / interval_s)
 
 
 def _rms(values: FloatArray) -> FloatArray:

@@ -50,11 +50,19 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
             "Exchange the two files."
         )
     for run in (loaded, unloaded):
-        _check_torque(run, transmission)
+        check_run(run, transmission)
 
 
-def _check_torque(run: Recording, transmission: Transmission) -> None:
-    """Refuse a run with a torque column that stands still or feeds energy in."""
+def check_run(run: Recording, transmission: Transmission) -> None:
+    """Refuse a run with a torque column that stands still or feeds energy in.
+
+    Args:
+        run: The run.
+        transmission: Gains and coupling.
+
+    Raises:
+        RecordingError: naming the joint and the remedy.
+    """
     torque = joint_torque(run, transmission)
     measured = torque if run.current_a is None or run.torque_nm is not None else run.current_a
     moves = np.ptp(run.position_rad, axis=0) > _MOVES_RAD

@@ -76,13 +76,14 @@ class Uncertainty:
         return tuple(name for name, known in zip(PARAMETER_NAMES, self.determined, strict=True) if not known)
 
 
-def quantify(fit: Estimate, valid: NDArray[np.bool_], parameters: InertialParameters) -> Uncertainty:
+def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray | None = None) -> Uncertainty:
     """Intervals of the ten quantities of a fit.
 
     Args:
         fit: The plain estimate, on equidistant samples.
-        valid: (N,) samples that were used.
         parameters: What is reported; derivatives are taken and intervals centred there.
+        shifts: (k, p) by how much theta moves with one standard deviation of k other errors, such as those of
+            the drive gains.
 
     Returns:
         Intervals and what is determined.
@@ -94,11 +95,18 @@ def quantify(fit: Estimate, valid: NDArray[np.bool_], parameters: InertialParame
     half = fit.scale[:, None] * right[: fit.rank].T / diagonal[: fit.rank]
     # Rows of the orthonormal basis of what the parameters can explain, per sample and joint.
     basis = fit.whitened @ half
-    residual = np.where(valid[:, None], fit.residual_nm * fit.weight_1_nm, 0.0)
+    residual = fit.residual_nm * fit.weight_1_nm * fit.sample_weight
     contrast = gradient @ half
     spectrum = _ResidualSpectrum(basis, residual)
-    variance = spectrum.variance(contrast)
+    # What was known before has an error of unit deviation of its own.
+    known = fit.prior_rows @ half
+    variance = spectrum.variance(contrast) + np.sum((contrast @ known.T) ** 2, axis=1)
     freedom = spectrum.freedom(contrast)
+    if shifts is not None:
+        systematic = np.sum((gradient @ shifts.T) ** 2, axis=1)
+        # Satterthwaite: what does not come from the residual takes no freedom from it.
+        freedom = np.minimum(freedom * ((variance + systematic) / np.maximum(variance, 1e-300)) ** 2, _FREEST)
+        variance = variance + systematic
     width = student.ppf(0.5 + CONFIDENCE / 2.0, freedom) * np.sqrt(variance)
     if fit.rank < fit.theta.size:
         blind = np.abs((gradient * fit.scale) @ fit.undetermined).max(axis=1)
@@ -111,8 +119,41 @@ def quantify(fit: Estimate, valid: NDArray[np.bool_], parameters: InertialParame
         half_width_95=width,
         degrees_of_freedom=freedom,
         determined=width <= DETERMINED_SHARE * unit,
-        covariance=(half @ spectrum.covariance() @ half.T)[:10, :10],
+        covariance=(half @ (spectrum.covariance() + known.T @ known) @ half.T)[:10, :10],
     )
+
+
+def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
+    """By how much theta moves when torque is added.
+
+    Args:
+        fit: The fit.
+        torque_nm: (k, N, n) k additions to the torque.
+
+    Returns:
+        (k, p); along directions that the data do not determine it does not move.
+    """
+    _, diagonal, right = np.linalg.svd(fit.root * fit.scale)
+    half = fit.scale[:, None] * right[: fit.rank].T / diagonal[: fit.rank]
+    seen = np.einsum("tjp,ktj->kp", fit.whitened, torque_nm * (fit.weight_1_nm * fit.sample_weight))
+    return np.asarray(seen @ half @ half.T)
+
+
+def nuisance_t(fit: Estimate) -> FloatArray:
+    """Robust t statistic of every parameter behind the payload's ten.
+
+    Args:
+        fit: A fit of full rank, on equidistant samples.
+
+    Returns:
+        (p - 10,) estimate over standard deviation, the latter from the residual's spectrum.
+    """
+    extra = fit.theta[10:]
+    if fit.rank < fit.theta.size:
+        return np.zeros(extra.size)
+    half: FloatArray = np.asarray(np.linalg.inv(fit.root), dtype=np.float64)
+    spectrum = _ResidualSpectrum(fit.whitened @ half, fit.residual_nm * fit.weight_1_nm * fit.sample_weight)
+    return np.asarray(extra / np.sqrt(spectrum.variance(half[10:])))
 
 
 def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:

@@ -57,7 +57,7 @@ def test_reweighting_finds_the_noise_of_each_joint():
     rng = np.random.default_rng(4)
     regressor, theta, valid = system(rng, 3000)
     torque = regressor @ theta + NOISE * rng.normal(size=(3000, 3))
-    fit = estimate_reweighted(regressor, torque, valid, np.ones(3))
+    fit = estimate_reweighted(regressor, torque, valid, 0.1 * NOISE.min() * np.ones(3))
     np.testing.assert_allclose(1.0 / fit.weight_1_nm, NOISE, rtol=0.05)
     ideal = estimate(regressor, torque, valid, NOISE)
     np.testing.assert_allclose(fit.theta, ideal.theta, atol=0.2 * np.sqrt(np.diag(ideal.covariance)).max())

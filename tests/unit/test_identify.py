@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from armload_identification.errors import EstimationError, ModelError, RecordingError
+from armload_identification.estimators import Estimator
 from armload_identification.fourier import FourierTrajectory
 from armload_identification.identification import identify, payload_result
+from armload_identification.load_friction import SIGNIFICANT
 from armload_identification.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.payload_file import format_payload, parse_payload
 from armload_identification.signals import Transmission
@@ -21,6 +23,10 @@ def with_source(run, **changes):
     return replace(run, source=replace(run.source, **changes))
 
 
+def exact_gains(arm):
+    return Transmission(arm.transmission.gain_nm_a, arm.transmission.coupling, calibrated=np.ones(arm.n, dtype=bool))
+
+
 def run_pair(arm, **options):
     trajectory = arm.trajectory()
     return arm.run(trajectory, True, seed=51, **options), arm.run(trajectory, False, seed=52, **options)
@@ -28,7 +34,8 @@ def run_pair(arm, **options):
 
 @pytest.mark.parametrize("options", [{}, {"periods": 1}, {"periods": 2, "with_phase": False}, {"rate": 1.25}], ids=str)
 def test_the_payload_is_found_and_its_intervals_hold_it(pinocchio_arm, options):
-    result = identify(*run_pair(pinocchio_arm, **options), pinocchio_arm.chain, pinocchio_arm.transmission)
+    pair = run_pair(pinocchio_arm, **options)
+    result = identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
     truth = pinocchio_arm.payload
     assert result.parameters.mass_kg == pytest.approx(truth.mass_kg, rel=0.005)
     np.testing.assert_allclose(result.parameters.center_of_mass_m, truth.center_of_mass_m, atol=0.002)
@@ -39,7 +46,21 @@ def test_the_payload_is_found_and_its_intervals_hold_it(pinocchio_arm, options):
     assert result.plain.rank == 10
     assert result.predicted_nm.shape == result.signal.torque_nm.shape
     np.testing.assert_allclose(result.residual_rms_nm, result.signal.noise_nm, rtol=0.15)
-    assert any("gains are nominal" in note for note in result.notes)
+    assert not any("gains" in note for note in result.notes)
+
+
+def test_nominal_gains_are_told_and_widen_the_intervals(pair, pinocchio_arm):
+    exact = identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
+    nominal = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert any("gains are nominal" in note for note in nominal.notes)
+    np.testing.assert_array_equal(nominal.parameters.theta, exact.parameters.theta)
+    assert (nominal.uncertainty.half_width_95 > exact.uncertainty.half_width_95).all()
+    # All gains wrong by one factor: theta is wrong by that factor, the mass with it.
+    scaled = Transmission(1.02 * pinocchio_arm.transmission.gain_nm_a, pinocchio_arm.transmission.coupling)
+    wrong = identify(*pair, pinocchio_arm.chain, scaled)
+    assert wrong.plain.theta[0] == pytest.approx(1.02 * nominal.plain.theta[0], rel=1e-3)
+    off = np.abs(wrong.uncertainty.values - nominal.uncertainty.values)[:4]
+    assert (off < nominal.uncertainty.half_width_95[:4]).all()
 
 
 def test_a_run_cut_in_its_first_period_is_still_used(pinocchio_arm):
@@ -65,17 +86,46 @@ def test_noise_goes_through_as_its_bound_says(pinocchio_arm):
         loaded = pinocchio_arm.run(trajectory, True, seed=100 + seed)
         unloaded = pinocchio_arm.run(trajectory, False, seed=200 + seed)
         result = identify(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission)
-        errors.append(result.plain.theta - pinocchio_arm.payload.theta)
-        bounds.append(np.diag(result.plain.covariance))
+        errors.append(result.plain.theta[:10] - pinocchio_arm.payload.theta)
+        bounds.append(np.diag(result.plain.covariance)[:10])
     ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.mean(bounds, axis=0))
     assert 0.8 < ratio.mean() < 1.15, ratio
 
 
-def test_load_dependent_friction_stays_within_this_issues_limits(pinocchio_arm):
-    pair = run_pair(pinocchio_arm, load_friction=0.085)
-    result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
-    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.015)
-    np.testing.assert_allclose(result.parameters.center_of_mass_m, pinocchio_arm.payload.center_of_mass_m, atol=0.010)
+def test_load_dependent_friction_is_found_and_taken_out(pinocchio_arm):
+    pair = run_pair(pinocchio_arm, load_friction=0.085, noise=0.3)
+    truth = pinocchio_arm.payload
+    plain, result = (
+        identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, estimator=estimator)
+        for estimator in (Estimator.WLS, Estimator.LOAD_FRICTION)
+    )
+    assert plain.load_friction is None
+    friction = result.load_friction
+    assert friction.joints[:3].all()
+    np.testing.assert_allclose(friction.coefficient[friction.joints], 0.085, atol=0.02)
+    assert (friction.t[friction.joints] >= SIGNIFICANT).all()
+    assert result.parameters.mass_kg == pytest.approx(truth.mass_kg, rel=0.002)
+    errors = [np.linalg.norm(found.parameters.center_of_mass_m - truth.center_of_mass_m) for found in (plain, result)]
+    assert errors[1] < 0.0005
+    assert errors[0] > 3.0 * errors[1]
+    assert any("Load-dependent friction was found" in note for note in result.notes)
+
+
+def test_no_friction_is_found_where_none_is(pinocchio_arm):
+    found = 0
+    for seed in range(10):
+        trajectory = pinocchio_arm.trajectory()
+        pair = [pinocchio_arm.run(trajectory, load, seed=700 + 2 * seed + load) for load in (True, False)]
+        result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+        found += np.count_nonzero(result.load_friction.joints)
+        assert result.plain.theta.size == 10 + np.count_nonzero(result.load_friction.joints)
+    assert found <= 2
+
+
+@pytest.mark.parametrize("estimator", list(Estimator))
+def test_every_estimator_finds_the_payload(pair, pinocchio_arm, estimator):
+    result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, estimator=estimator)
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
 
 
 def test_torque_recordings_need_no_gains(pinocchio_arm):

@@ -45,7 +45,7 @@ def test_95_percent_intervals_cover(regressor, pinocchio_arm, periods, memory_s)
         noise = (noise * pinocchio_arm.noise_nm * 4.0).reshape(periods, SAMPLES, 6).mean(axis=0)
         solve = estimate_reweighted if periods == 1 else estimate
         fit = solve(regressor, regressor @ pinocchio_arm.payload.theta + noise, valid, pinocchio_arm.noise_nm)
-        told = quantify(fit, valid, InertialParameters(fit.theta))
+        told = quantify(fit, InertialParameters(fit.theta))
         covered.append(np.abs(told.values - truth) <= told.half_width_95)
         sigma = 4.0 / np.sqrt(periods) if periods > 1 else 1.0
         naive = 1.96 * sigma * np.sqrt(np.diag(fit.covariance))
@@ -78,7 +78,7 @@ def test_determined_is_what_design_says(regressor, pinocchio_arm):
     for level in (0.2, 1.0, 20.0, 2000.0):
         noise = level * pinocchio_arm.noise_nm * rng.normal(size=(SAMPLES, 6))
         fit = estimate(regressor, regressor @ body.theta + noise, valid, level * pinocchio_arm.noise_nm)
-        told = quantify(fit, valid, InertialParameters(np.concatenate([body.theta[:1], fit.theta[1:]])))
+        told = quantify(fit, InertialParameters(np.concatenate([body.theta[:1], fit.theta[1:]])))
         np.testing.assert_array_equal(told.determined, told.half_width_95 <= 0.2 * unit)
         np.testing.assert_allclose(told.interval_95.mean(axis=1), told.values)
         assert told.undetermined_names == tuple(np.array(PARAMETER_NAMES)[~told.determined])
@@ -102,7 +102,7 @@ def test_what_the_motion_does_not_excite_has_no_interval(pinocchio_arm):
     noise = 0.2 * rng.normal(size=(SAMPLES, 1))
     fit = estimate(last, last @ body.theta + noise, np.ones(SAMPLES, dtype=bool), np.array([0.2]))
     assert fit.rank < 10
-    told = quantify(fit, np.ones(SAMPLES, dtype=bool), body)
+    told = quantify(fit, body)
     assert told.half_width_95[0] == np.inf
     assert not told.determined[0]
     assert np.isfinite(told.covariance).all()

@@ -1,0 +1,79 @@
+"""The estimators to choose from, and the payload's fit by one of them."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.body import BodyModel
+from armload_identification.body_fit import reversal_weights
+from armload_identification.chain import Chain
+from armload_identification.estimate import Estimate, Prior, estimate, estimate_reweighted, estimate_robust
+from armload_identification.load_friction import LoadFriction, fit_load_friction, unloaded_body
+from armload_identification.load_signal import SCATTER, LoadSignal
+
+FloatArray = NDArray[np.float64]
+
+_NEGLIGIBLE: Final = 1e-3
+
+
+class Estimator(StrEnum):
+    """How a payload is fitted to a torque difference; README.md has the comparison that chose the default."""
+
+    OLS = "ols"
+    """Least squares with equal weights, as in the paper."""
+    WLS = "wls"
+    """Weights by each joint's noise: from the scatter between periods, else from the residual."""
+    ROBUST = "robust"
+    """Weights by each joint's residual, reversals and outliers weighing less (Huber)."""
+    LOAD_FRICTION = "load-friction"
+    """Weights by each joint's residual, reversals weighing less, load-dependent friction where the data justify it."""
+
+
+def fit_payload(
+    signal: LoadSignal,
+    regressor: FloatArray,
+    chain: Chain,
+    coupling: FloatArray,
+    estimator: Estimator,
+    *,
+    prior: Prior | None = None,
+    body: BodyModel | None = None,
+) -> tuple[Estimate, LoadFriction | None]:
+    """Fit a payload.
+
+    Args:
+        signal: Torque difference and unloaded torque.
+        regressor: (K, n, 10) of the payload.
+        chain: The arm.
+        coupling: (n, n) C of its motors.
+        estimator: How.
+        prior: What is known beforehand.
+        body: The arm's body; from the unloaded run if not given.
+
+    Returns:
+        The fit, and the load-dependent friction where the estimator looks for it.
+    """
+    scattered = signal.noise_source == SCATTER
+    noise = signal.averaged_noise_nm
+    # Noise above the motion's band says little about that within it: then the residual alone decides.
+    least = noise if scattered else _NEGLIGIBLE * noise
+    steady = reversal_weights(signal.velocity_rad_s)
+
+    def solve(columns: FloatArray) -> Estimate:
+        return estimate_reweighted(columns, signal.torque_nm, signal.valid, least, steady, prior)
+
+    match estimator:
+        case Estimator.OLS:
+            return estimate(regressor, signal.torque_nm, signal.valid, np.ones_like(noise), None, prior), None
+        case Estimator.WLS:
+            weighted = estimate if scattered else estimate_reweighted
+            return weighted(regressor, signal.torque_nm, signal.valid, least, None, prior), None
+        case Estimator.ROBUST:
+            return estimate_robust(regressor, signal.torque_nm, signal.valid, least, steady, prior), None
+        case Estimator.LOAD_FRICTION:
+            arm = unloaded_body(signal, chain, coupling) if body is None else body
+            return fit_load_friction(signal, regressor, chain, arm, solve)
