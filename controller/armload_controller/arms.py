@@ -18,16 +18,19 @@ from armload_controller.commissioning import Load
 from armload_controller.config import Robot
 from armload_controller.errors import UnsafeBus
 from armload_drivers.arm import SIMULATION_IDENTITY
+from armload_drivers.bcm_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen_servos import CanopenServos
 from armload_drivers.clock import VirtualClock
 from armload_drivers.errors import BusError
 from armload_drivers.plant import ArmPlant
 from armload_drivers.servos import JointServos
 from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.sync import LockstepSync, TimerSync
+from armload_drivers.sync import LockstepSync, SyncSource, TimerSync
 
 VIRTUAL = "virtual"
 """The interface that lives in one process, and with it its simulated drives."""
+
+SOCKETCAN = "socketcan"
 
 
 def require_safe_bus(robot: Robot, simulated_drives: bool) -> None:
@@ -73,11 +76,18 @@ def arm_on_bus(robot: Robot) -> Iterator[JointServos]:
     arm = robot.arm_settings()
     simulated = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
     with _bus(robot) as bus:
-        servos = CanopenServos(replace(arm, drives=simulated), bus, TimerSync())
+        servos = CanopenServos(replace(arm, drives=simulated), bus, sync_for(robot))
         try:
             yield servos
         finally:
             servos.close()
+
+
+def sync_for(robot: Robot) -> SyncSource:
+    """SYNC from the kernel where the bus is SocketCAN, else from this process."""
+    if robot.bus.interface == SOCKETCAN:
+        return BcmSync(BroadcastManager(robot.bus.channel))
+    return TimerSync()
 
 
 @contextmanager

@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
+from armload_drivers.eds import DeviceDescription
+from armload_drivers.objects import DataType
 from armload_drivers.servos import FloatArray
 
 
@@ -21,12 +23,29 @@ class OperationMode(IntEnum):
 
 
 class EffortFeedback(Enum):
-    """Which object tells the motor's effort."""
+    """What the drive tells of the motor's effort, and the standard's object for it."""
 
     CURRENT = 0x6078
     """Current actual value, per mille of rated current (6075)."""
     TORQUE = 0x6077
     """Torque actual value, per mille of rated torque (6076)."""
+
+
+@dataclass(frozen=True, slots=True)
+class VendorEffort:
+    """A vendor's object that tells the effort, for drives without 6078 or 6077.
+
+    Attributes:
+        index: Index of the object.
+        subindex: Sub-index.
+        type: Data type, 16 or 32 bits.
+        per_unit: Motor current in A, or axis torque in N m, that one unit of the object means.
+    """
+
+    index: int
+    subindex: int
+    type: DataType
+    per_unit: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +70,11 @@ class DriveSettings:
         node_id: CANopen node id, 1 to 127.
         mode: Streaming mode.
         feedback: Object that tells the effort.
-        counts_per_rad: Position units (607A, 6064) per radian of the AXIS.
-        rated_current_a: Motor current that 1000 per mille of 6078 means; None with torque feedback.
-        rated_torque_nm: AXIS torque that 1000 per mille of 6071, 6072, 6077, 60B2 means.
+        counts_per_rad: Position units (607A, 6064) per radian of the AXIS; None takes what the drive tells.
+        rated_current_a: Motor current that 1000 per mille of 6078 means; None with torque feedback, or takes what
+            the drive tells.
+        rated_torque_nm: AXIS torque that 1000 per mille of 6071, 6072, 6077, 60B2 means; None takes what the drive
+            tells.
         max_torque_permille: 6072.
         following_error_rad: 6065, on the axis.
         position_min_rad: 607D:1, on the joint; the master widens it where motors are coupled.
@@ -61,15 +82,19 @@ class DriveSettings:
         has_brake: Torque may be removed without the axis falling.
         identity: What 1018 has to say.
         torque_offset: The drive takes a torque offset (60B2); two of eight products read do not.
+        gear_ratio: Motor turns per axis turn, for drives that know nothing of their gear.
+        vendor_effort: The vendor's object for the effort; the standard's where None.
+        accept_missing: Objects that safety rests on and that this drive may lack all the same, as "6007".
+        description: The vendor's device description, where there is one.
     """
 
     joint: str
     node_id: int
     mode: OperationMode
     feedback: EffortFeedback
-    counts_per_rad: float
+    counts_per_rad: float | None
     rated_current_a: float | None
-    rated_torque_nm: float
+    rated_torque_nm: float | None
     max_torque_permille: int
     following_error_rad: float
     position_min_rad: float
@@ -77,6 +102,10 @@ class DriveSettings:
     has_brake: bool
     identity: Identity
     torque_offset: bool = True
+    gear_ratio: float | None = None
+    vendor_effort: VendorEffort | None = None
+    accept_missing: frozenset[str] = frozenset()
+    description: DeviceDescription | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +120,8 @@ class ArmSettings:
         heartbeat_s: Heartbeat period in both directions.
         max_missing_cycles: Feedback of a joint may be missing this many cycles in a row.
         max_bus_load: Worst-case share of the bus that a configuration may plan for.
+        other_nodes: Node ids of CiA 402 drives on the bus that do not belong to the arm.
+        sync_counter: Overflow value of the SYNC counter (1019), 2 to 240; 0 sends SYNC without one.
     """
 
     drives: tuple[DriveSettings, ...]
@@ -100,3 +131,5 @@ class ArmSettings:
     heartbeat_s: float
     max_missing_cycles: int
     max_bus_load: float = 0.7
+    sync_counter: int = 0
+    other_nodes: frozenset[int] = frozenset()

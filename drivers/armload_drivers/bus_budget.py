@@ -61,7 +61,8 @@ def forecast(arm: ArmSettings) -> BusLoad:
     SDO and EMCY are not counted: the limit leaves room for them.
     """
     images = [drive_image(drive) for drive in arm.drives]
-    bits = frame_bits(0) + sum(frame_bits(image.rpdo.length) + frame_bits(image.tpdo.length) for image in images)
+    sync_bits = frame_bits(1 if arm.sync_counter else 0)
+    bits = sync_bits + sum(frame_bits(layout.length) for image in images for layout in image.layouts)
     cycle_bus_s = bits / arm.bitrate
     heartbeats_s = (len(images) + 1) * frame_bits(1) / arm.bitrate
     heartbeat_share = heartbeats_s / arm.heartbeat_s

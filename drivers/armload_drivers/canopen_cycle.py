@@ -17,11 +17,18 @@ from armload_drivers.arm import ArmSettings, EffortFeedback
 from armload_drivers.bus_link import BusLink
 from armload_drivers.cia402 import State
 from armload_drivers.drive_node import DriveNode
-from armload_drivers.errors import ServoFault
+from armload_drivers.errors import ForeignMaster, ServoFault
+from armload_drivers.foreign import ForeignTraffic
 from armload_drivers.objects import NmtCommand, NmtState
 from armload_drivers.servos import JointFeedback
 from armload_drivers.sync import SyncSource
 from armload_drivers.units import ArmUnits
+
+LOAD_WINDOW_S = 1.0
+"""The bus load is measured over this time."""
+
+
+_STALLED_CYCLES = 3
 
 
 class CanopenCycle:
@@ -33,19 +40,33 @@ class CanopenCycle:
         link: The bus.
         sync: Where SYNC comes from.
         master_node_id: Who the heartbeat says that we are.
+        units: Conversion of setpoints and feedback.
 
     Attributes:
         nodes: Its drives.
-        units: Conversion of feedback; to be replaced once polarities are known.
+        units: Conversion of setpoints and feedback.
         number: SYNCs so far.
+        foreign: What others send that only the master may send.
+        bus_load: Measured share of the bus over the last second, every frame counted at its worst-case length.
     """
 
     def __init__(
-        self, arm: ArmSettings, nodes: list[DriveNode], link: BusLink, sync: SyncSource, master_node_id: int
+        self,
+        arm: ArmSettings,
+        nodes: list[DriveNode],
+        link: BusLink,
+        sync: SyncSource,
+        master_node_id: int,
+        units: ArmUnits,
     ) -> None:
         self.nodes = nodes
-        self.units = ArmUnits(arm)
         self.number = 0
+        self.units = units
+        self.bus_load = 0.0
+        self.foreign = ForeignTraffic(nodes, link, master_node_id, sync_is_ours=sync.heard)
+        self._sync_counter = arm.sync_counter
+        self._bitrate = arm.bitrate
+        self._load_since_s, self._load_bits = 0.0, 0
         self._cycle_s, self._heartbeat_s = arm.cycle_s, arm.heartbeat_s
         self._link, self._sync = link, sync
         self._heartbeat = can.Message(
@@ -57,16 +78,17 @@ class CanopenCycle:
 
     def begin(self) -> None:
         """Start the nodes and begin to count periods; what arrived before is over."""
-        self._drain()
-        for node in self.nodes:
-            node.begin()
+        self._link.drain()
+        for node, axis in zip(self.nodes, self.units.axes, strict=True):
+            node.begin(axis.counts_per_rad)
             self._link.command(NmtCommand.START, node.settings.node_id)
-        self._sync.begin(self._cycle_s)
+        self.foreign.forget()
+        self._sync.begin(self._link, self._cycle_s, self._sync_counter)
         self._heartbeat_due_s = self._sync.now_s()
 
     def end(self) -> None:
         """End PDO communication."""
-        self._sync.end()
+        self._sync.end(self._link)
         for node in self.nodes:
             self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
 
@@ -89,10 +111,15 @@ class CanopenCycle:
             self._heartbeat_due_s = now_s + self._heartbeat_s
         tick = sync.next(link, self._expect_feedback)
         link.pump_until(self._complete, sync.feedback_limit_s())
+        if sync.now_s() - now_s > _STALLED_CYCLES * self._cycle_s:
+            # This process did not run. What the drives said meanwhile is heard before they are judged.
+            link.drain()
         self.number += 1
         for node in nodes:
             node.evaluate(tick.time_s)
-        effort = [node.effort_permille for node in nodes]
+        if tick.time_s - self._load_since_s >= LOAD_WINDOW_S:
+            self._measure_load(tick.time_s)
+        effort = [node.effort for node in nodes]
         with_current = self.units.feedback is EffortFeedback.CURRENT
         return JointFeedback(
             cycle=self.number,
@@ -102,7 +129,7 @@ class CanopenCycle:
             current_a=self.units.motor_current_a(effort) if with_current else None,
             torque_nm=None if with_current else self.units.joint_torque_nm(effort),
             statusword=np.array([node.statusword for node in nodes], dtype=np.uint16),
-            missing=np.array([not node.fresh for node in nodes]),
+            missing=np.array([node.arrived < node.expected for node in nodes]),
             skipped_cycles=tick.skipped,
         )
 
@@ -128,7 +155,12 @@ class CanopenCycle:
             problems.sort(key=lambda problem: not isinstance(problem, ServoFault))
             for other in problems[1:]:
                 problems[0].add_note(f"At the same time: {other}")
+            for text in (self.foreign.commands, self.foreign.requests):
+                if text:
+                    problems[0].add_note(text)
             raise problems[0]
+        if self.foreign.commands:
+            raise ForeignMaster(self.foreign.commands)
         return feedback
 
     def run_until(self, done: Callable[[DriveNode], bool], step: str, limit_s: float) -> None:
@@ -164,15 +196,17 @@ class CanopenCycle:
 
     def _expect_feedback(self) -> None:
         """Feedback that comes from now on belongs to this SYNC; what came before does not."""
-        self._drain()
         for node in self.nodes:
-            node.fresh = False
+            node.arrived = 0
 
-    def _drain(self) -> None:
-        """Have everything handled that is there."""
-        while self._link.pump(0.0):
-            pass
+    def _measure_load(self, now_s: float) -> None:
+        """Close a window of the measured load."""
+        bits = self._link.bits - self._load_bits
+        self._load_bits = self._link.bits
+        if self._load_since_s:
+            self.bus_load = bits / (self._bitrate * (now_s - self._load_since_s))
+        self._load_since_s = now_s
 
     def _complete(self) -> bool:
         """Whether all feedback is there that can be waited for."""
-        return all([node.fresh or node.lost for node in self.nodes])  # noqa: C419 - faster than a generator
+        return all([node.arrived >= node.expected or node.lost for node in self.nodes])  # noqa: C419 - faster than a generator

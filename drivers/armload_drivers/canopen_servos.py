@@ -19,15 +19,16 @@ from enum import Enum, auto
 import can
 
 from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, Identity
-from armload_drivers.bring_up import DriveReport, DriveSetup
+from armload_drivers.bring_up import DriveReport, DriveSetup, arm_with
 from armload_drivers.bus_budget import require_room
-from armload_drivers.bus_link import BusLink
+from armload_drivers.bus_link import BusErrors, BusLink
 from armload_drivers.canopen_cycle import CanopenCycle
 from armload_drivers.cia402 import State
 from armload_drivers.drive_node import DriveNode
 from armload_drivers.errors import BusError, DriverError, StateError
 from armload_drivers.objects import NmtCommand
 from armload_drivers.process_image import drive_image
+from armload_drivers.scan import require_no_strangers
 from armload_drivers.sdo_channel import SdoChannel
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.sync import SyncSource
@@ -88,7 +89,7 @@ class CanopenServos:
         self._master_node_id = max(set(range(1, HIGHEST_NODE_ID + 1)) - taken)
         self._nodes: list[DriveNode] = []
         self._setups: list[DriveSetup] = []
-        for axis, drive in enumerate(arm.drives):
+        for drive in arm.drives:
             image = drive_image(drive)
             self._nodes.append(
                 DriveNode(
@@ -105,14 +106,13 @@ class CanopenServos:
                 DriveSetup(
                     drive,
                     arm,
-                    axis,
                     image=image,
                     sdo=SdoChannel(drive.node_id, drive.joint, link, self._timeouts.sdo_s),
                     timeouts=self._timeouts,
                     master_node_id=self._master_node_id,
                 )
             )
-        self._cycle = CanopenCycle(arm, self._nodes, link, sync, self._master_node_id)
+        self._running: CanopenCycle | None = None
 
     # Bring-up ------------------------------------------------------------------------------------------------
 
@@ -131,12 +131,15 @@ class CanopenServos:
         for setup in self._setups:
             if setup.is_up():
                 setup.check_identity()
+        require_no_strangers(self._link, self._arm, self._timeouts.scan_s)
         self._reset_nodes()
         identities = [setup.check_identity() for setup in self._setups]
-        self.reports = tuple(
-            setup.configure(identity) for setup, identity in zip(self._setups, identities, strict=True)
-        )
-        self._cycle.units = ArmUnits(self._arm, [report.polarity for report in self.reports])
+        polarities = [setup.configure() for setup in self._setups]
+        units = ArmUnits(arm_with(self._arm, self._setups), polarities)
+        for axis, setup in enumerate(self._setups):
+            setup.write_limits(units, axis)
+        self.reports = tuple(setup.report() for setup in self._setups)
+        self._running = CanopenCycle(self._arm, self._nodes, self._link, self._sync, self._master_node_id, units)
         self.simulated = all(map(_is_simulated, identities))
         self._phase = _Phase.CONNECTED
 
@@ -203,7 +206,7 @@ class CanopenServos:
         """
         self._require(_Phase.ENABLED)
         raw = self._cycle.units.targets(command)
-        for node, counts, permille in zip(self._nodes, raw.position_counts, raw.permille, strict=True):
+        for node, counts, permille in zip(self._nodes, raw.position_counts, raw.effort, strict=True):
             node.target_counts = counts
             node.offset_permille = permille
         return self._cycle.run_checked("in the cycle", must_follow=True)
@@ -283,17 +286,31 @@ class CanopenServos:
         if self._phase in {_Phase.NEW, _Phase.CLOSED}:
             self._phase = _Phase.CLOSED
             return
-        failures: list[DriverError] = []
-        for action in (self.stop, self.disable):
-            try:
-                action()
-            except DriverError as error:
-                failures.append(error)
-        self._phase = _Phase.CLOSED
-        if failures:
+        trouble: DriverError | None = None
+        try:
+            self.stop()
+        except DriverError as error:
+            trouble = error
+        try:
+            self.disable()
+        except DriverError as error:
             self._silence()
-            failures[0].add_note("A drive may still carry torque: use the emergency stop.")
-            raise failures[0]
+            error.add_note("A drive may still carry torque: use the emergency stop.")
+            if trouble is not None:
+                error.add_note(f"Before that: {trouble}")
+            raise
+        finally:
+            self._phase = _Phase.CLOSED
+
+    @property
+    def bus_load(self) -> float:
+        """Measured share of the bus over the last second of cycles, every frame at its worst-case length."""
+        return 0.0 if self._running is None else self._running.bus_load
+
+    @property
+    def bus_errors(self) -> BusErrors:
+        """What the interface has complained of so far."""
+        return BusErrors(self._link.error_frames, self._link.error_passive, self._link.queue_full)
 
     # Helpers -------------------------------------------------------------------------------------------------
 
@@ -301,6 +318,13 @@ class CanopenServos:
         """The caller's request has to fit the arm's life."""
         if self._phase is not phase:
             raise StateError(f"the servos are {self._phase.name.lower()}, this needs them {phase.name.lower()}")
+
+    @property
+    def _cycle(self) -> CanopenCycle:
+        """The cycle, which there is from `connect` on."""
+        if self._running is None:
+            raise StateError("the servos are new: connect them first")
+        return self._running
 
     def _require_connected(self) -> None:
         """There has to be somebody to talk to."""

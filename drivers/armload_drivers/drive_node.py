@@ -7,9 +7,9 @@ import can
 from armload_drivers import emergency
 from armload_drivers import objects as od
 from armload_drivers.arm import DriveSettings, OperationMode
-from armload_drivers.bring_up import HEARTBEAT_TOLERANCE
 from armload_drivers.bus_link import BusLink
 from armload_drivers.cia402 import MasterMachine, State
+from armload_drivers.drive_objects import HEARTBEAT_TOLERANCE
 from armload_drivers.errors import ServoError, ServoFault, ServoTimeout, StatuswordError, TransitionError
 from armload_drivers.objects import NmtState
 from armload_drivers.process_image import DriveImage
@@ -43,9 +43,11 @@ class DriveNode:
         target_counts: Target position of the next RPDO.
         offset_permille: Torque offset of the next RPDO.
         position_counts: Last actual position.
-        effort_permille: Last actual current or torque.
-        fresh: Whether this SYNC's feedback is there.
+        effort: Last actual current or torque, in the units of its object.
+        arrived: How many of this SYNC's feedback frames are there.
+        expected: How many of them there are to be.
         booted: Whether a boot-up message came.
+        boots: How many of them came.
         lost: Whether the caller has been told that it does not answer.
         wrong_frames: Feedback frames of the wrong length; they count as missing.
     """
@@ -69,21 +71,24 @@ class DriveNode:
         self.target_counts = 0
         self.offset_permille = 0
         self.position_counts = 0
-        self.effort_permille = 0
-        self.fresh = False
+        self.effort = 0
+        self.arrived = 0
+        self.expected = len(image.layouts) - 1
         self.booted = False
         self.lost = False
         self.wrong_frames = 0
         self._sync = sync
         self._heartbeat_limit_s = HEARTBEAT_TOLERANCE * heartbeat_s
         self._max_missing = max_missing_cycles
-        self._still_counts = STANDSTILL_RAD_S * cycle_s * drive.counts_per_rad
+        self._still_rad = STANDSTILL_RAD_S * cycle_s
+        self._still_counts = 0.0
         self._pack = image.rpdo.format.pack_into
         self._unpack = image.tpdo.format.unpack
         self._length = image.tpdo.length
         self._with_offset = drive.torque_offset
         self._interpolates = drive.mode is OperationMode.INTERPOLATED_POSITION
         self._frame = b""
+        self._effort_frame = b""
         self._missing = 0
         self._still_cycles = 0
         self._heard_s = 0.0
@@ -92,6 +97,10 @@ class DriveNode:
         self._undefined: StatuswordError | None = None
         node_id = drive.node_id
         link.subscribe(image.tpdo.cob_id, self._take_feedback)
+        if image.effort is not None:
+            self._effort_length = image.effort.length
+            self._unpack_effort = image.effort.format.unpack
+            link.subscribe(image.effort.cob_id, self._take_effort)
         link.subscribe(od.HEARTBEAT_BASE + node_id, self._take_heartbeat)
         link.subscribe(od.EMERGENCY_BASE + node_id, self._take_emergency)
 
@@ -101,8 +110,16 @@ class DriveNode:
         """Keep a TPDO."""
         if len(data) == self._length:
             self._frame = bytes(data)
-            self.fresh = True
+            self.arrived += 1
             self._nmt_state = NmtState.OPERATIONAL.value
+        else:
+            self.wrong_frames += 1
+
+    def _take_effort(self, data: bytearray) -> None:
+        """Keep the TPDO that carries the effort alone."""
+        if len(data) == self._effort_length:
+            self._effort_frame = bytes(data)
+            self.arrived += 1
         else:
             self.wrong_frames += 1
 
@@ -126,10 +143,16 @@ class DriveNode:
 
     # The cycle -----------------------------------------------------------------------------------------------
 
-    def begin(self) -> None:
-        """Forget the past: cycles begin now."""
+    def begin(self, counts_per_rad: float) -> None:
+        """Forget the past: cycles begin now.
+
+        Args:
+            counts_per_rad: Position units per radian of the axis.
+        """
         self.machine = MasterMachine()
-        self.booted = self.lost = self.fresh = False
+        self.booted = self.lost = False
+        self.arrived = 0
+        self._still_counts = self._still_rad * abs(counts_per_rad)
         self._missing = self._still_cycles = 0
         self._heard_s = self._sync.now_s()
         self._nmt_state = None
@@ -160,12 +183,16 @@ class DriveNode:
 
     def evaluate(self, now_s: float) -> None:
         """Take over this cycle's feedback, or count it as missing."""
-        if not self.fresh:
+        if self.arrived < self.expected:
             self._missing += 1
             return
         self._missing = 0
         self.lost = False
-        statusword, counts, self.effort_permille = self._unpack(self._frame)
+        if self.expected == 1:
+            statusword, counts, self.effort = self._unpack(self._frame)
+        else:
+            statusword, counts = self._unpack(self._frame)
+            (self.effort,) = self._unpack_effort(self._effort_frame)
         still = abs(counts - self.position_counts) <= self._still_counts
         self._still_cycles = self._still_cycles + 1 if still else 0
         self.position_counts = counts

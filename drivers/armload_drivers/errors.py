@@ -5,9 +5,12 @@ DriverError
  |    +-- ServoTimeout     ... within its time limit
  |    +-- ServoFault       ... and says so itself (statusword FAULT, EMCY)
  |    +-- SdoRefused       ... and answered an SDO with an abort code
+ |    +-- WrongDevice      ... but is not the configured device, or contradicts its configuration
+ |    +-- MissingSafety    ... because it lacks an object that safety rests on
  +-- BusError              the bus itself: not there, off, queue full
  |    +-- BusOverload      ... would have to carry more than its configured share
- +-- WrongDevice           a node is there but is not the configured one
+ +-- ForeignMaster         somebody else commands the same bus
+ +-- DescriptionError      a device description (EDS, DCF) that cannot be used
  +-- StateError            our caller asked for something the present state does not allow
  +-- CommandError          ... or for a setpoint that no drive can be sent
  +-- StatuswordError       a statusword that matches no state; ServoError where the node is known
@@ -63,6 +66,27 @@ class BusOverload(BusError):
     """The configured cycle would load the bus more than the configuration allows."""
 
 
+class ForeignMaster(DriverError):
+    """Somebody else sends what only the master of this arm may send."""
+
+
+class DescriptionError(DriverError):
+    """A device description that cannot be used.
+
+    Attributes:
+        source: Name of the file.
+        section: Section of it; empty where the file as a whole is meant.
+        key: Key; empty where the section as a whole is meant.
+    """
+
+    def __init__(self, source: str, section: str, key: str, what: str) -> None:
+        place = f"[{section}]" if section else "the file"
+        super().__init__(f"{source}: {place}{' ' + key if key else ''}: {what}")
+        self.source = source
+        self.section = section
+        self.key = key
+
+
 class SimulationError(DriverError):
     """The simulated plant cannot be built from its specification, or has diverged."""
 
@@ -105,3 +129,7 @@ class SdoRefused(ServoError):
 
 class WrongDevice(ServoError):
     """A node answers, but it is not the device the configuration names."""
+
+
+class MissingSafety(ServoError):
+    """A drive lacks an object that safety rests on, and the configuration does not accept that."""

@@ -161,7 +161,7 @@ class FakeServos:
         feedback = self._sync("exchanging setpoints")
         for axis, units in enumerate(self._units.axes):
             self._plant.set_target(axis, raw.position_counts[axis] / units.counts_per_rad, self.cycle_s)
-            self._plant.set_torque_offset(axis, raw.permille[axis] * units.torque_nm_per_permille)
+            self._plant.set_torque_offset(axis, raw.effort[axis] * units.torque_nm_per_permille)
         return feedback
 
     def stop(self) -> None:
@@ -252,7 +252,7 @@ class FakeServos:
         reported = self._reported(sample)
         for axis in np.flatnonzero(missing):
             reported.position_counts[axis] = self._last.position_counts[axis]
-            reported.permille[axis] = self._last.permille[axis]
+            reported.effort[axis] = self._last.effort[axis]
         self._last = reported
         self._missed = np.where(missing, self._missed + 1, 0)
         self._raise_fault(step)
@@ -271,8 +271,8 @@ class FakeServos:
             time_s=self._begin_s + self._cycle * self.cycle_s,
             position_rad=self._units.joint_position_rad(reported.position_counts),
             velocity_rad_s=None,
-            current_a=self._units.motor_current_a(reported.permille) if with_current else None,
-            torque_nm=None if with_current else self._units.joint_torque_nm(reported.permille),
+            current_a=self._units.motor_current_a(reported.effort) if with_current else None,
+            torque_nm=None if with_current else self._units.joint_torque_nm(reported.effort),
             statusword=self._statusword(),
             missing=missing,
         )

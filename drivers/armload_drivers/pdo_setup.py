@@ -13,7 +13,7 @@ from armload_drivers.sdo_channel import SdoChannel
 
 
 def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
-    """Make a drive's first PDO of a direction carry what the layout says, synchronously.
+    """Make one of a drive's PDOs carry what the layout says, synchronously.
 
     Args:
         sdo: Access to the drive; its `step` names what is being done.
@@ -23,17 +23,17 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
         SdoRefused: the drive does not take the mapping.
         ServoError: it takes it and tells something else afterwards.
     """
-    direction = layout.direction
-    cob_id, count = direction.cob_id_entry(0), direction.count_entry(0)
+    direction, number = layout.direction, layout.number
+    cob_id, count = direction.cob_id_entry(number), direction.count_entry(number)
     entries = [
-        (direction.map_entry(0, position), entry.mapping) for position, entry in enumerate(layout.entries, start=1)
+        (direction.map_entry(number, position), entry.mapping) for position, entry in enumerate(layout.entries, start=1)
     ]
     # Bit 30 (no remote request) is kept: some drives refuse a TPDO without it.
     word = layout.cob_id | sdo.read(cob_id) & od.PDO_NO_RTR
     final = [
         *entries,
         (count, len(entries)),
-        (direction.type_entry(0), od.PDO_SYNCHRONOUS),
+        (direction.type_entry(number), od.PDO_SYNCHRONOUS),
         (cob_id, word),
     ]
     sdo.write(cob_id, word | od.PDO_DISABLED)
@@ -49,13 +49,13 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
             )
 
 
-def switch_others_off(sdo: SdoChannel, direction: PdoDirection) -> None:
-    """Disable the other PDOs of a direction, where there are any: they would load the bus.
+def switch_others_off(sdo: SdoChannel, direction: PdoDirection, used: int) -> None:
+    """Disable the PDOs of a direction behind the first `used`, where there are any: they would load the bus.
 
     Raises:
         SdoRefused: the drive does not let them be disabled.
     """
-    for number in range(1, od.PDO_COUNT):
+    for number in range(used, od.PDO_COUNT):
         entry = direction.cob_id_entry(number)
         word = sdo.read_if_there(entry)
         if word is not None and not word & od.PDO_DISABLED:

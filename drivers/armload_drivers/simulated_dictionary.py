@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from armload_drivers import objects as od
 from armload_drivers.arm import SIMULATION_IDENTITY, DriveSettings, Identity
 from armload_drivers.objects import Access, DataType, Entry
+from armload_drivers.process_image import effort_entry
 from armload_drivers.sdo_server import Dictionary
 from armload_drivers.units import AxisUnits, milliseconds
 
@@ -93,6 +94,9 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         (od.CONTROLWORD, 0),
         (od.STATUSWORD, 0),
         (od.QUICK_STOP_OPTION, 2),
+        (od.SHUTDOWN_OPTION, 0),
+        (od.DISABLE_OPTION, 1),
+        (od.HALT_OPTION, 1),
         (od.FAULT_REACTION_OPTION, 2),
         (od.MODE, 0),
         (od.MODE_DISPLAY, 0),
@@ -103,7 +107,7 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         (od.VELOCITY_ACTUAL, 0),
         (od.MAX_TORQUE, settings.max_torque_permille),
         (od.RATED_CURRENT_MA, round(rated_current * 1e3)),
-        (od.RATED_TORQUE_MNM, round(settings.rated_torque_nm * 1e3)),
+        (od.RATED_TORQUE_MNM, round(abs(units.torque_nm_per_permille) * 1e6)),
         (od.TORQUE_ACTUAL, 0),
         (od.CURRENT_ACTUAL, 0),
         (od.TARGET_POSITION, 0),
@@ -138,6 +142,12 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
     dictionary.allowed[od.POLARITY.key] = {0, 0x20, 0x80, 0xA0}
     dictionary.allowed[od.SYNC_COB_ID.key] = {od.SYNC_DEFAULT_COB_ID}
     dictionary.allowed[od.SYNC_COUNTER_OVERFLOW.key] = {0, *range(2, 241)}
+    for entry in (od.SHUTDOWN_OPTION, od.DISABLE_OPTION):
+        dictionary.allowed[entry.key] = {0, 1}
+    dictionary.allowed[od.HALT_OPTION.key] = {1, 2}
+    effort = effort_entry(settings)
+    if effort.key not in dictionary.entries:
+        dictionary.add(effort, 0)
     if not settings.torque_offset:
         dictionary.remove([od.TORQUE_OFFSET.index])
     if settings.rated_current_a is None:

@@ -6,8 +6,8 @@ Rules of this file:
 - A drive that loses its torque engages its brake; the plant does that.
 - Time comes from `advance`, which the drive calls before anything else.
 
-What is simplified: 605B and 605C act as 0 (torque off at once on transitions 5 and 8, so a master brings the
-arm to a standstill first), halt (bit 8) is not there, and max torque (6072) is kept but not enforced.
+What is simplified: halt (bit 8) is not there, 605D is kept without effect, and max torque (6072) is kept but not
+enforced.
 
 References:
     CiA 402-2, 8 (device control), 10.4 (quick stop), 11 (interpolated position mode), 14 (cyclic
@@ -21,6 +21,7 @@ from collections.abc import Callable
 from armload_drivers import objects as od
 from armload_drivers.arm import DriveSettings, OperationMode
 from armload_drivers.cia402 import FAULT_RESET_BIT, POWERED, Command, DriveMachine, State
+from armload_drivers.process_image import effort_entry
 from armload_drivers.sdo_server import Abort, Dictionary, SdoAbort
 from armload_drivers.simulated_dictionary import DriveTraits
 from armload_drivers.simulated_plant import Plant
@@ -34,6 +35,8 @@ _ENABLE_OPERATION_BIT, _INTERPOLATE = 0x0008, 0x0010
 _WINDOW_OFF = 0xFFFF_FFFF
 _SHORTEST_STOP_S = 1e-3
 _STAYS_IN_QUICK_STOP = frozenset({5, 6, 7, 8})
+_SLOW_DOWN_OPTIONS = {5: od.DISABLE_OPTION, 8: od.SHUTDOWN_OPTION}
+"""Option code that says how a drive leaves operation, by the number of the transition."""
 _IP, _CSP = int(OperationMode.INTERPOLATED_POSITION), int(OperationMode.CYCLIC_SYNCHRONOUS_POSITION)
 
 Report = Callable[[int], None]
@@ -79,6 +82,7 @@ class PowerStage:
         self._ramp_end_s: float | None = None
         self._offset_permille = 0
         self._velocity_rad_s = 0.0
+        self._vendor_effort = None if settings.vendor_effort is None else effort_entry(settings)
         for entry in (od.POLARITY, od.INTERPOLATION_TIME, od.INTERPOLATION_EXPONENT, od.MODE):
             dictionary.reactions[entry.key] = self._take_settings
         dictionary.vetoes[od.POLARITY.key] = self._only_without_power
@@ -120,6 +124,8 @@ class PowerStage:
         permille = saturate(torque_nm / units.torque_nm_per_permille, od.DataType.I16)
         values[od.TORQUE_ACTUAL.key] = permille
         values[od.CURRENT_ACTUAL.key] = permille
+        if self._vendor_effort is not None:
+            values[self._vendor_effort.key] = saturate(torque_nm * units.effort_units_per_nm, self._vendor_effort.type)
 
     @property
     def powered(self) -> bool:
@@ -153,7 +159,11 @@ class PowerStage:
                 self._lag_since_s = None
                 self._plant.set_powered(self._axis, True)
         elif before in POWERED and after not in POWERED:
-            self.remove_torque()
+            option = _SLOW_DOWN_OPTIONS.get(made[-1])
+            if option is None:
+                self.remove_torque()
+            else:
+                self._begin_stop(self._values[option.key])
 
     def _follow(self, word: int) -> None:
         """Hand setpoints to the plant."""
@@ -211,6 +221,8 @@ class PowerStage:
             and self._values[od.QUICK_STOP_OPTION.key] not in _STAYS_IN_QUICK_STOP
         ):
             self.machine.quick_stop_done()
+            self.remove_torque()
+        elif self.machine.state not in POWERED:
             self.remove_torque()
 
     def remove_torque(self) -> None:

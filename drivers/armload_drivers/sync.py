@@ -1,11 +1,13 @@
 """Where SYNC comes from.
 
 A source decides when the next SYNC leaves, sends it or sees it sent, and tells its time. The cycle calls `next`
-once per cycle, after its RPDOs have left. There is no thread: while a source waits it pumps the bus.
+once per cycle, after its RPDOs have left. There is no thread: while a source waits it pumps the bus. A caller
+that hangs, is stopped or dies ends SYNC, whatever the source.
 
 - `LockstepSync` for simulations: SYNC leaves at once, and time is advanced by one period for it.
 - `TimerSync` for any interface: SYNC leaves at absolute deadlines. A late caller skips whole periods, which
-  are counted; nothing is ever caught up with a burst. A caller that hangs sends no SYNC.
+  are counted; nothing is ever caught up with a burst.
+- `bcm_sync.BcmSync` for SocketCAN: the kernel sends SYNC.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ class SyncTick:
 
     Attributes:
         time_s: When it left, on the source's clock.
-        skipped: Periods that passed without SYNC because the caller was late.
+        skipped: Periods that passed without SYNC, or with one that nobody used, because the caller was late.
     """
 
     time_s: float
@@ -37,32 +39,61 @@ class SyncTick:
 
 
 class SyncSource(Protocol):
-    """A source of SYNC."""
+    """A source of SYNC.
+
+    Attributes:
+        heard: Its own SYNCs come back on the bus; where they do not, any SYNC received is somebody else's.
+    """
+
+    heard: bool
 
     def now_s(self) -> float:
         """Time on the clock that SYNCs are stamped with."""
 
-    def begin(self, cycle_s: float) -> None:
-        """Start counting periods: the first SYNC is due one period from now."""
+    def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
+        """Start counting periods: the first SYNC is due one period from now.
+
+        Args:
+            link: The bus.
+            cycle_s: Period.
+            counter: Overflow value of the SYNC counter (1019); 0 sends SYNC without one.
+        """
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Let the next SYNC leave.
 
         Args:
             link: The bus.
-            on_sync: Called right before frames of this SYNC can arrive.
+            on_sync: Called when all frames of earlier SYNCs have been handled, and none of this one.
         """
 
     def feedback_limit_s(self) -> float:
         """How long after SYNC feedback may arrive, on the wall clock."""
 
-    def end(self) -> None:
-        """No more SYNCs until the next `begin`."""
+    def end(self, link: BusLink) -> None:
+        """No more SYNCs until the next `begin`. Idempotent."""
 
 
-def _sync_message() -> can.Message:
-    """SYNC without a counter."""
-    return can.Message(arbitration_id=SYNC_DEFAULT_COB_ID, is_extended_id=False)
+def sync_data(counter: int) -> list[bytes]:
+    """Data of consecutive SYNCs, to be repeated: none without a counter, else 1 to its overflow value."""
+    return [bytes([number]) for number in range(1, counter + 1)] or [b""]
+
+
+class _SentSync:
+    """SYNC messages sent by this process, one after the other."""
+
+    def __init__(self, counter: int = 0) -> None:
+        self._messages = [
+            can.Message(arbitration_id=SYNC_DEFAULT_COB_ID, data=data, is_extended_id=False)
+            for data in sync_data(counter)
+        ]
+        self._next = 0
+
+    def take(self) -> can.Message:
+        """The message whose turn it is."""
+        message = self._messages[self._next]
+        self._next = (self._next + 1) % len(self._messages)
+        return message
 
 
 class LockstepSync:
@@ -73,32 +104,36 @@ class LockstepSync:
         feedback_limit_s: On the wall clock; generous, for it only matters when feedback is missing.
     """
 
+    heard = False
+
     def __init__(self, clock: VirtualClock, feedback_limit_s: float = 1.0) -> None:
         self._clock = clock
         self._feedback_limit_s = feedback_limit_s
         self._cycle_s = 0.0
-        self._message = _sync_message()
+        self._messages = _SentSync()
 
     def now_s(self) -> float:
         """Virtual time."""
         return self._clock()
 
-    def begin(self, cycle_s: float) -> None:
+    def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Take over the period."""
         self._cycle_s = cycle_s
+        self._messages = _SentSync(counter)
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Advance time by one period and send SYNC."""
+        link.drain()
         self._clock.advance(self._cycle_s)
         on_sync()
-        link.send(self._message)
+        link.send(self._messages.take())
         return SyncTick(self._clock(), 0)
 
     def feedback_limit_s(self) -> float:
         """The wall clock's limit."""
         return self._feedback_limit_s
 
-    def end(self) -> None:
+    def end(self, link: BusLink) -> None:
         """Nothing is running."""
 
 
@@ -110,21 +145,24 @@ class TimerSync:
         clock: Monotonic clock.
     """
 
+    heard = False
+
     def __init__(self, feedback_share: float = 0.6, clock: Clock = time.monotonic) -> None:
         self._feedback_share = feedback_share
         self._clock = clock
         self._cycle_s = 0.0
         self._due_s = 0.0
-        self._message = _sync_message()
+        self._messages = _SentSync()
 
     def now_s(self) -> float:
         """Time on the monotonic clock."""
         return self._clock()
 
-    def begin(self, cycle_s: float) -> None:
+    def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Set the first deadline."""
         self._cycle_s = cycle_s
         self._due_s = self._clock() + cycle_s
+        self._messages = _SentSync(counter)
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Pump the bus until the deadline and send SYNC; a deadline that has passed is skipped."""
@@ -134,14 +172,15 @@ class TimerSync:
         while (left_s := self._due_s - self._clock()) > 0.0:
             link.pump(left_s)
         self._due_s += self._cycle_s
+        link.drain()
         on_sync()
         time_s = self._clock()
-        link.send(self._message)
+        link.send(self._messages.take())
         return SyncTick(time_s, skipped)
 
     def feedback_limit_s(self) -> float:
         """A share of the cycle."""
         return self._feedback_share * self._cycle_s
 
-    def end(self) -> None:
+    def end(self, link: BusLink) -> None:
         """Nothing is running."""

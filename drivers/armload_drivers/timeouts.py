@@ -11,6 +11,7 @@ class Timeouts:
 
     Attributes:
         probe_s: First look at a node, before it is reset, by one SDO.
+        scan_s: For answers of nodes that nobody expects, all asked at once.
         boot_s: From the NMT reset of a node to its boot-up message; after that it is asked by SDO.
         sdo_s: One SDO request to its answer.
         mode_s: From writing 6060 to 6061 telling the same.
@@ -21,6 +22,7 @@ class Timeouts:
     """
 
     probe_s: float = 0.2
+    scan_s: float = 0.2
     boot_s: float = 5.0
     sdo_s: float = 0.5
     mode_s: float = 1.0

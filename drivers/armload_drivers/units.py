@@ -4,6 +4,8 @@
     tau_joint = C^-T tau_axis             per mille = sign_torque 1000 tau_axis / rated_torque
     tau_axis = C^T tau_joint              i_motor = sign_torque rated_current per mille / 1000
 
+A vendor's object for the effort has a scale of its own in place of the rated one.
+
 An AXIS is one motor seen through its gear. The signs are the polarity (607E) that the drive tells.
 """
 
@@ -15,9 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_drivers.arm import ArmSettings, DriveSettings
+from armload_drivers.arm import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.errors import CommandError
 from armload_drivers.objects import POLARITY_POSITION, POLARITY_TORQUE, DataType
+from armload_drivers.process_image import effort_entry
 from armload_drivers.servos import FloatArray, JointCommand
 
 _COUNTS_LIMIT = DataType.I32.bounds[1]
@@ -63,23 +66,40 @@ class AxisUnits:
     Attributes:
         counts_per_rad: Position units per radian of the axis, with the sign of 607E bit 7.
         torque_nm_per_permille: Axis torque that one per mille means, with the sign of 607E bit 5.
-        current_a_per_permille: Motor current that one per mille means, likewise; None with torque feedback.
+        effort_per_unit: What one unit of the effort that the drive tells means: motor current in A, or axis
+            torque in N m, likewise.
+        effort_units_per_nm: Units of the effort that one N m at the axis makes; a drive knows one ratio between
+            torque and current, and 1000 per mille of the one and of the other are the same state. NaN where
+            only a vendor's object has a scale.
     """
 
     counts_per_rad: float
     torque_nm_per_permille: float
-    current_a_per_permille: float | None
+    effort_per_unit: float
+    effort_units_per_nm: float
 
     @classmethod
     def of(cls, drive: DriveSettings, polarity: int = 0) -> AxisUnits:
-        """Units of a configured drive whose 607E reads `polarity`."""
+        """Units of a drive whose 607E reads `polarity`.
+
+        Raises:
+            CommandError: the scale is neither configured nor read from the drive yet.
+        """
+        if drive.counts_per_rad is None or drive.rated_torque_nm is None:
+            raise CommandError(f"{drive.joint}: the drive's scale is not known before it is connected")
         position_sign = -1.0 if polarity & POLARITY_POSITION else 1.0
         torque_sign = -1.0 if polarity & POLARITY_TORQUE else 1.0
-        current = drive.rated_current_a
+        rated = drive.rated_torque_nm
+        if drive.feedback is EffortFeedback.CURRENT:
+            if drive.rated_current_a is None and drive.vendor_effort is None:
+                raise CommandError(f"{drive.joint}: the motor's rated current is not known before it is connected")
+            rated = math.nan if drive.rated_current_a is None else drive.rated_current_a
+        per_unit = 1e-3 * rated if drive.vendor_effort is None else drive.vendor_effort.per_unit
         return cls(
             counts_per_rad=position_sign * drive.counts_per_rad,
             torque_nm_per_permille=torque_sign * drive.rated_torque_nm * 1e-3,
-            current_a_per_permille=None if current is None else torque_sign * current * 1e-3,
+            effort_per_unit=torque_sign * per_unit,
+            effort_units_per_nm=torque_sign * rated / drive.rated_torque_nm / per_unit,
         )
 
 
@@ -89,11 +109,11 @@ class RawAxes:
 
     Attributes:
         position_counts: 607A, 60C1:1 or 6064.
-        permille: 60B2, 6077 or 6078.
+        effort: 60B2 in per mille; or what tells the effort, 6077 or 6078 in per mille or a vendor's object.
     """
 
     position_counts: list[int]
-    permille: list[int]
+    effort: list[int]
 
 
 class ArmUnits:
@@ -122,14 +142,16 @@ class ArmUnits:
         self._counts_from_joint = counts[:, None] * inverse
         self._joint_from_counts = coupling / counts
         self._permille_from_joint = coupling.T / torque[:, None]
-        self._joint_from_permille = inverse.T * torque
+        effort = np.array([axis.effort_per_unit for axis in self.axes])
+        self._joint_from_effort = inverse.T * effort
+        self._motor_from_effort = effort
+        self._effort_per_nm = np.array([axis.effort_units_per_nm for axis in self.axes])
+        kinds_of_effort = [effort_entry(drive).type.bounds[1] for drive in arm.drives]
+        self._effort_limit = np.array(kinds_of_effort, dtype=np.float64)
         kinds = {drive.feedback for drive in arm.drives}
         if len(kinds) != 1:
             raise CommandError("all drives of an arm have to send the same kind of feedback, current or torque")
         self.feedback = kinds.pop()
-        self._current = np.array(
-            [np.nan if axis.current_a_per_permille is None else axis.current_a_per_permille for axis in self.axes]
-        )
         self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
         self._inverse = inverse
         self._arm = arm
@@ -164,16 +186,13 @@ class ArmUnits:
     def measured(self, axis_position_rad: FloatArray, axis_torque_nm: FloatArray) -> RawAxes:
         """What drives report, quantised, and saturated as drives do it.
 
-        Torque and current are the same in per mille: a drive knows one ratio between them, and the settings
-        mean the same state by 1000 per mille of the one and of the other.
-
         Args:
             axis_position_rad: (n,) axis positions.
             axis_torque_nm: (n,) axis torques.
         """
         counts = np.rint(self._counts * axis_position_rad).clip(-_COUNTS_LIMIT, _COUNTS_LIMIT)
-        permille = np.rint(axis_torque_nm / self._torque).clip(-_PERMILLE_LIMIT, _PERMILLE_LIMIT)
-        return RawAxes(counts.astype(np.int64).tolist(), permille.astype(np.int64).tolist())
+        effort = np.rint(axis_torque_nm * self._effort_per_nm).clip(-self._effort_limit, self._effort_limit)
+        return RawAxes(counts.astype(np.int64).tolist(), effort.astype(np.int64).tolist())
 
     def _require_finite(self, what: str, values: FloatArray) -> None:
         """Refuse values that are no numbers, and too few or too many of them."""
@@ -196,13 +215,13 @@ class ArmUnits:
         """(n,) joint positions of the drives' 6064."""
         return np.asarray(self._joint_from_counts @ np.array(counts, dtype=np.float64))
 
-    def joint_torque_nm(self, permille: Sequence[int]) -> FloatArray:
-        """(n,) joint torques of the drives' 6077."""
-        return np.asarray(self._joint_from_permille @ np.array(permille, dtype=np.float64))
+    def joint_torque_nm(self, effort: Sequence[int]) -> FloatArray:
+        """(n,) joint torques of what the drives tell."""
+        return np.asarray(self._joint_from_effort @ np.array(effort, dtype=np.float64))
 
-    def motor_current_a(self, permille: Sequence[int]) -> FloatArray:
-        """(n,) motor currents of the drives' 6078."""
-        return self._current * np.array(permille, dtype=np.float64)
+    def motor_current_a(self, effort: Sequence[int]) -> FloatArray:
+        """(n,) motor currents of what the drives tell."""
+        return self._motor_from_effort * np.array(effort, dtype=np.float64)
 
     def position_limits_counts(self, axis: int) -> tuple[int, int]:
         """607D of one axis: the joints' limits, widened to the box that contains every coupled position."""

@@ -9,9 +9,11 @@ import pytest
 from armload_drivers.arm import SIMULATION_IDENTITY, Identity, OperationMode
 from armload_drivers.canopen_servos import CanopenServos
 from armload_drivers.cia402 import State, decode
+from armload_drivers.drive_objects import SAFETY
 from armload_drivers.errors import (
     BusError,
     BusOverload,
+    MissingSafety,
     SdoRefused,
     ServoError,
     ServoFault,
@@ -25,7 +27,7 @@ from armload_drivers.sync import LockstepSync
 from armload_drivers.timeouts import Timeouts
 
 ZERO = np.zeros(3)
-QUICK = Timeouts(probe_s=0.02, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
+QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
 """For tests in which somebody does not answer."""
 
 MISSING_LIMIT_S = 0.05
@@ -325,9 +327,14 @@ def test_an_sdo_abort_names_the_object_and_the_code(virtual_arm):
     assert "mapping" in raised.value.step
 
 
-def test_what_a_drive_lacks_is_reported(virtual_arm):
+def accepting(settings, *names):
+    """The same arm, whose drives may lack these objects."""
+    return replace(settings, drives=tuple(replace(d, accept_missing=frozenset(names)) for d in settings.drives))
+
+
+def test_what_a_drive_lacks_is_reported(virtual_arm, arm_settings):
     lacks = frozenset({0x1029, 0x6007, 0x605A, 0x6076, 0x607E, 0x608F})
-    arm = virtual_arm(traits={3: DriveTraits(absent=lacks)})
+    arm = virtual_arm(accepting(arm_settings(), "6007", "605A"), traits={3: DriveTraits(absent=lacks)})
     arm.servos.connect()
     reports = {report.node_id: report for report in arm.servos.reports}
     assert {int(text[:4], 16) for text in reports[3].missing} == lacks
@@ -335,8 +342,25 @@ def test_what_a_drive_lacks_is_reported(virtual_arm):
     assert reports[2].name == "armload simulated drive, joint_2"
 
 
-def test_a_drive_that_stops_without_605a_ends_without_torque(virtual_arm):
-    arm = virtual_arm(traits={3: DriveTraits(absent=frozenset({0x605A}))})
+SAFETY_OBJECTS = sorted(SAFETY)
+
+
+@pytest.mark.parametrize("index", SAFETY_OBJECTS, ids=[f"{index:04X}" for index in SAFETY_OBJECTS])
+def test_a_drive_without_what_safety_rests_on_is_refused_unless_accepted_by_name(virtual_arm, arm_settings, index):
+    traits = {3: DriveTraits(absent=frozenset({index}))}
+    arm = virtual_arm(traits=traits)
+    with pytest.raises(MissingSafety, match=SAFETY[index]) as raised:
+        arm.servos.connect()
+    assert (raised.value.node_id, raised.value.joint) == (3, "joint_3")
+    assert f'accept_missing = ["{index:04X}"]' in str(raised.value)
+    assert not any(arm.plant.powered)
+
+    accepted = virtual_arm(accepting(arm_settings(), f"{index:04X}"), traits=traits)
+    accepted.servos.connect()
+
+
+def test_a_drive_that_stops_without_605a_ends_without_torque(virtual_arm, arm_settings):
+    arm = virtual_arm(accepting(arm_settings(), "605A"), traits={3: DriveTraits(absent=frozenset({0x605A}))})
     start = enabled(arm)
     move(arm, start, 20)
     arm.servos.stop()

@@ -14,7 +14,7 @@ from armload_drivers.sdo_server import Dictionary, SdoServer
 from armload_drivers.simulated_pdo import Pdo
 
 TRANSMIT = PdoDirection.TRANSMIT
-LAYOUT = PdoLayout(TRANSMIT, 0x185, (od.STATUSWORD, od.POSITION_ACTUAL, od.TORQUE_ACTUAL))
+LAYOUT = PdoLayout(TRANSMIT, 0, 0x185, (od.STATUSWORD, od.POSITION_ACTUAL, od.TORQUE_ACTUAL))
 
 
 class Drive:
@@ -81,5 +81,5 @@ def test_a_drive_that_cannot_map_an_object_says_so():
 
 def test_other_pdos_are_switched_off_where_there_are_any():
     drive = Drive(pdos=3)
-    switch_others_off(drive.sdo, TRANSMIT)
+    switch_others_off(drive.sdo, TRANSMIT, 1)
     assert [pdo.cob_id for pdo in drive.pdos] == [0x185, None, None]

@@ -66,7 +66,7 @@ def test_a_drive_without_a_torque_offset_gets_six_bytes():
 def test_everything_mapped_can_be_mapped_and_fits(mode, feedback):
     image = drive_image(replace(DRIVE, mode=mode, feedback=feedback))
     assert target_entry(mode) in image.rpdo.entries
-    assert effort_entry(feedback) in image.tpdo.entries
+    assert effort_entry(replace(DRIVE, feedback=feedback)) in image.tpdo.entries
     assert all(entry.mappable is od.Mappable.RPDO for entry in image.rpdo.entries)
     assert all(entry.mappable is od.Mappable.TPDO for entry in image.tpdo.entries)
     for layout in (image.rpdo, image.tpdo):

@@ -22,6 +22,9 @@ class Link:
         self.clock.advance(max(timeout_s / 2, 1e-6))
         return True
 
+    def drain(self):
+        pass
+
 
 @pytest.fixture
 def clock():
@@ -45,9 +48,9 @@ def test_time_is_exact_after_a_million_cycles(clock):
 
 def test_lockstep_advances_time_by_a_period_before_each_sync(clock, link):
     sync = LockstepSync(clock)
-    sync.begin(0.004)
+    sync.begin(link, 0.004, 0)
     ticks = [sync.next(link, nothing) for _ in range(3)]
-    sync.end()
+    sync.end(link)
     assert [tick.time_s for tick in ticks] == pytest.approx([0.004, 0.008, 0.012])
     assert link.sent_s == [tick.time_s for tick in ticks]
     assert all(tick.skipped == 0 for tick in ticks)
@@ -55,7 +58,7 @@ def test_lockstep_advances_time_by_a_period_before_each_sync(clock, link):
 
 def test_a_timer_keeps_absolute_deadlines(clock, link):
     sync = TimerSync(clock=clock)
-    sync.begin(0.01)
+    sync.begin(link, 0.01, 0)
     for _ in range(100):
         clock.advance(0.0037)
         sync.next(link, nothing)
@@ -65,7 +68,7 @@ def test_a_timer_keeps_absolute_deadlines(clock, link):
 @pytest.mark.parametrize(("late_s", "skipped"), [(0.0, 0), (0.0001, 1), (0.009, 1), (0.011, 2), (1.0, 101)])
 def test_a_late_caller_skips_whole_periods_and_sends_no_burst(clock, link, late_s, skipped):
     sync = TimerSync(clock=clock)
-    sync.begin(0.01)
+    sync.begin(link, 0.01, 0)
     sync.next(link, nothing)
     clock.advance(0.02 + late_s - clock())
     tick = sync.next(link, nothing)
@@ -79,14 +82,14 @@ def test_a_late_caller_skips_whole_periods_and_sends_no_burst(clock, link, late_
 def test_feedback_is_expected_from_right_before_sync(clock, link):
     for sync in (LockstepSync(clock), TimerSync(clock=clock)):
         order = []
-        sync.begin(0.01)
+        sync.begin(link, 0.01, 0)
         before = len(link.sent_s)
         sync.next(link, lambda order=order, before=before: order.append(len(link.sent_s) - before))
         assert order == [0]
         assert len(link.sent_s) == before + 1
 
 
-def test_feedback_has_a_share_of_the_cycle(clock):
+def test_feedback_has_a_share_of_the_cycle(clock, link):
     sync = TimerSync(feedback_share=0.5, clock=clock)
-    sync.begin(0.01)
+    sync.begin(link, 0.01, 0)
     assert sync.feedback_limit_s() == pytest.approx(0.005)

@@ -49,6 +49,10 @@ def arm(drives=None, coupling=COUPLING):
     return ArmSettings(drives, np.asarray(coupling), 0.004, 1_000_000, 0.1, 3)
 
 
+def torque_arm():
+    return arm(drive(node, feedback=EffortFeedback.TORQUE) for node in (1, 2, 3))
+
+
 def command(position, torque=None):
     position = np.asarray(position, dtype=float)
     zero = np.zeros_like(position)
@@ -71,9 +75,9 @@ def test_positions_come_back_within_a_count(position, polarity):
 
 @given(torques, polarities)
 def test_torques_come_back_within_a_permille(torque, polarity):
-    units = ArmUnits(arm(), polarity)
+    units = ArmUnits(torque_arm(), polarity)
     raw = units.targets(command(np.zeros(3), torque))
-    back = units.joint_torque_nm(raw.permille)
+    back = units.joint_torque_nm(raw.effort)
     worst = np.abs(np.linalg.inv(COUPLING).T) @ (0.5e-3 * np.array([100.0, 200.0, 300.0]))
     assert np.all(np.abs(back - torque) <= worst + 1e-12)
 
@@ -82,7 +86,7 @@ def test_torques_come_back_within_a_permille(torque, polarity):
 def test_power_is_the_same_on_both_sides_of_the_coupling(velocity, torque):
     """tau_joint . dq_joint = tau_axis . dq_axis fixes the transpose and the inverse."""
     axis_velocity = np.linalg.solve(COUPLING, velocity)
-    units = ArmUnits(arm())
+    units = ArmUnits(torque_arm())
     permille = COUPLING.T @ np.array(torque) / (1e-3 * np.array([100.0, 200.0, 300.0]))
     joint_torque = units.joint_torque_nm(permille)
     axis_torque = permille * 1e-3 * np.array([100.0, 200.0, 300.0])
@@ -95,7 +99,7 @@ def test_polarity_changes_signs_where_it_says_so():
     assert reversed_position.torque_nm_per_permille == plain.torque_nm_per_permille
     assert reversed_torque.counts_per_rad == plain.counts_per_rad
     assert reversed_torque.torque_nm_per_permille == -plain.torque_nm_per_permille
-    assert reversed_torque.current_a_per_permille == -plain.current_a_per_permille
+    assert reversed_torque.effort_per_unit == -plain.effort_per_unit
 
 
 def test_currents_are_per_motor():
@@ -107,7 +111,7 @@ def test_measured_rounds_and_saturates():
     units = ArmUnits(arm())
     raw = units.measured(np.array([0.1234567, 0.0, 1e9]), np.array([0.149, -1e9, 0.0]))
     assert raw.position_counts == [12346, 0, DataType.I32.bounds[1]]
-    assert raw.permille == [1, -DataType.I16.bounds[1], 0]
+    assert raw.effort == [1, -DataType.I16.bounds[1], 0]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e6])
@@ -129,7 +133,7 @@ def test_too_few_targets_are_refused():
 
 def test_a_drive_without_60b2_is_not_asked_for_a_torque():
     units = ArmUnits(arm([drive(1), drive(2, torque_offset=False), drive(3)], np.eye(3)))
-    assert units.targets(command(np.zeros(3), [5.0, 0.0, 5.0])).permille == [50, 0, 17]
+    assert units.targets(command(np.zeros(3), [5.0, 0.0, 5.0])).effort == [50, 0, 17]
     with pytest.raises(CommandError, match=r"joint_2.*60B2"):
         units.targets(command(np.zeros(3), [0.0, 5.0, 0.0]))
 

@@ -1,0 +1,232 @@
+"""SYNC from the Linux kernel's CAN broadcast manager (BCM), with a dead man's switch in the kernel.
+
+Rules of this file:
+- The kernel sends SYNC; this process sees it come back on the bus, and takes phase and time from the stamps of
+  the frames it receives. BCM re-arms its timer with "now + interval": the period is longer than asked for by the
+  timer's latency, so cycles are counted by SYNC and never computed from a start time.
+- The kernel is told to send `CREDIT` SYNCs and then to stop. Every cycle renews the credit without touching the
+  timer (SETTIMER without STARTTIMER). A cycle that hangs, a process that is stopped (SIGSTOP) or that dies
+  (kill -9: its socket closes) therefore ends SYNC within two periods, with no watchdog thread that could hang
+  together with what it watches.
+- A caller that comes back late finds the credit spent: the timer is started anew, which sends one SYNC at once,
+  after the caller's RPDOs. Nothing is caught up.
+
+References:
+    Linux kernel, Documentation/networking/can.rst, "Broadcast Manager protocol sockets"; net/can/bcm.c,
+    bcm_tx_setup.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from armload_drivers.bus_link import BusLink
+from armload_drivers.clock import Clock
+from armload_drivers.errors import BusError, ForeignMaster
+from armload_drivers.objects import SYNC_DEFAULT_COB_ID
+from armload_drivers.sync import SyncTick, sync_data
+
+CREDIT = 2
+"""SYNCs that the kernel sends without hearing from the cycle."""
+
+_HEAD = struct.Struct("@III4lII0q")
+"""struct bcm_msg_head: opcode, flags, count, ival1 and ival2 in seconds and microseconds, can_id, nframes."""
+_FRAME = struct.Struct("=IB3x8s")
+"""struct can_frame."""
+_TX_SETUP = 1
+_SETTIMER, _STARTTIMER = 0x0001, 0x0002
+
+_OVERDUE_PERIODS = 1.5
+"""A renewed credit that brings no SYNC within this many periods came too late for the timer."""
+_SOON_PERIODS = 0.8
+_MOST_SOON = 3
+"""So many intervals shorter than that many periods, and somebody else sends SYNC as well: BCM is never early."""
+
+
+class SyncProducer(Protocol):
+    """What sends SYNC periodically, a limited number of times."""
+
+    def start(self, period_s: float, counter: int, credit: int) -> None:
+        """Send one SYNC now, then one per period, `credit` in all."""
+
+    def renew(self, credit: int) -> None:
+        """Let so many more follow, in the running rhythm."""
+
+    def stop(self) -> None:
+        """Send no more. Idempotent."""
+
+
+class BroadcastManager:
+    """SYNC by the kernel's broadcast manager.
+
+    Args:
+        channel: Network interface, such as can0.
+    """
+
+    def __init__(self, channel: str) -> None:
+        self._channel = channel
+        self._socket: socket.socket | None = None
+        self._period_s = 0.0
+        self._frames: list[bytes] = []
+
+    def start(self, period_s: float, counter: int, credit: int) -> None:
+        """Send one SYNC now, then one per period, `credit` in all.
+
+        Raises:
+            BusError: the kernel does not do it.
+        """
+        self._period_s = period_s
+        self._frames = [_FRAME.pack(SYNC_DEFAULT_COB_ID, len(data), data) for data in sync_data(counter)]
+        if self._socket is None:
+            try:
+                self._socket = socket.socket(socket.AF_CAN, socket.SOCK_DGRAM, socket.CAN_BCM)
+                self._socket.connect((self._channel,))
+            except OSError as error:
+                self.stop()
+                raise self._failed(error) from error
+        self._setup(_SETTIMER | _STARTTIMER, credit)
+
+    def renew(self, credit: int) -> None:
+        """Let so many more follow, in the running rhythm. Raises as `start`."""
+        self._setup(_SETTIMER, credit)
+
+    def stop(self) -> None:
+        """Send no more: the kernel forgets the task with its socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _setup(self, flags: int, credit: int) -> None:
+        """TX_SETUP with interval 1 only: after `credit` frames the timer is not armed again."""
+        seconds, microseconds = divmod(round(self._period_s * 1e6), 1_000_000)
+        head = _HEAD.pack(_TX_SETUP, flags, credit, seconds, microseconds, 0, 0, SYNC_DEFAULT_COB_ID, len(self._frames))
+        if self._socket is None:
+            raise BusError("SYNC was not started")
+        try:
+            self._socket.send(head + b"".join(self._frames))
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def _failed(self, error: OSError) -> BusError:
+        """What is wrong, and what to do."""
+        return BusError(
+            f"the kernel does not send SYNC on {self._channel}: {error}. "
+            "Is the interface up, and the module can-bcm loaded (modprobe can-bcm)?"
+        )
+
+
+class BcmSync:
+    """SYNC from the kernel, its credit renewed by the cycle.
+
+    Args:
+        producer: Usually a `BroadcastManager`.
+        feedback_share: Share of the cycle that feedback may take; the rest is left to the caller.
+        clock: Monotonic clock; SYNCs are stamped on it.
+        stamp_clock: Clock of the frames' stamps. It may step; a stamp only tells how old a frame is.
+    """
+
+    heard = True
+
+    def __init__(
+        self,
+        producer: SyncProducer,
+        feedback_share: float = 0.6,
+        clock: Clock = time.monotonic,
+        stamp_clock: Clock = time.time,
+    ) -> None:
+        self._producer = producer
+        self._feedback_share = feedback_share
+        self._clock, self._stamp_clock = clock, stamp_clock
+        self._cycle_s = 0.0
+        self._counter = 0
+        self._credit_left = 0
+        self._used_s: float | None = None
+        self._last_s: float | None = None
+        self._soon = 0
+        self._told = False
+        self._waiting = False
+        self._on_sync: Callable[[], None] = _nothing
+
+    def now_s(self) -> float:
+        """Time on the monotonic clock."""
+        return self._clock()
+
+    def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
+        """Listen for SYNC; the first `next` starts it."""
+        self._cycle_s, self._counter = cycle_s, counter
+        self._credit_left = 0
+        self._used_s = self._last_s = None
+        self._soon = 0
+        self._told = self._waiting = False
+        link.subscribe(SYNC_DEFAULT_COB_ID, lambda _: self._take_sync(link))
+
+    def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
+        """Renew the kernel's credit and wait for the next SYNC.
+
+        Raises:
+            BusError: SYNC does not leave, or the bus failed.
+            ForeignMaster: somebody else sends SYNC as well.
+        """
+        link.drain()
+        self._on_sync = on_sync
+        self._waiting = True
+        before_s = self._used_s
+        if self._credit_left > 0:
+            self._producer.renew(CREDIT)
+            self._credit_left = CREDIT
+        else:
+            self._start()
+        if not self._await(link):
+            # The credit ran out between the look at the bus and its renewal.
+            self._start()
+            if not self._await(link):
+                self._waiting = False
+                raise BusError("no SYNC came back from the bus. Is the interface up? Has its queue room?")
+        if self._soon >= _MOST_SOON and not self._told:
+            # Told once, so that the arm can still be stopped and disabled in that company.
+            self._told = True
+            raise ForeignMaster("SYNC comes more often than this master lets it leave: another node produces SYNC")
+        time_s = self._clock() if self._used_s is None else self._used_s
+        skipped = 0 if before_s is None else max(0, round((time_s - before_s) / self._cycle_s) - 1)
+        return SyncTick(time_s, skipped)
+
+    def feedback_limit_s(self) -> float:
+        """A share of the cycle."""
+        return self._feedback_share * self._cycle_s
+
+    def end(self, link: BusLink) -> None:
+        """Stop SYNC."""
+        self._producer.stop()
+        self._credit_left = 0
+        link.unsubscribe(SYNC_DEFAULT_COB_ID)
+
+    def _start(self) -> None:
+        """Begin a new rhythm."""
+        self._producer.start(self._cycle_s, self._counter, CREDIT)
+        self._credit_left = CREDIT
+        self._last_s = None
+
+    def _await(self, link: BusLink) -> bool:
+        """Pump until SYNC is there, which ends the waiting."""
+        return link.pump_until(lambda: not self._waiting, _OVERDUE_PERIODS * self._cycle_s)
+
+    def _take_sync(self, link: BusLink) -> None:
+        """A SYNC: the one that is waited for, or one that nobody used."""
+        age_s = min(max(self._stamp_clock() - link.stamp_s, 0.0), self._cycle_s)
+        time_s = self._clock() - age_s
+        if self._last_s is not None and time_s - self._last_s < _SOON_PERIODS * self._cycle_s:
+            self._soon += 1
+        self._last_s = time_s
+        self._credit_left -= 1
+        if self._waiting:
+            self._waiting = False
+            self._used_s = time_s
+            self._on_sync()
+
+
+def _nothing() -> None:
+    """Nobody waits for SYNC."""
