@@ -188,7 +188,7 @@ def test_design_writes_an_excitation_and_how_it_was_made(armload, tmp_path):
 
 def program(*words):
     return subprocess.run(
-        [sys.executable, "-c", "from armload_controller.cli.main import main; main()", *words],
+        [sys.executable, "-c", "from armload_controller.cli.entry import main; main()", *words],
         capture_output=True,
         text=True,
         check=False,

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.vcan
 CHANNEL = "vcan0"
 CYCLE_HZ = 50
 BUS = ["--interface", "socketcan", "--channel", CHANNEL, "--cycle-hz", str(CYCLE_HZ)]
-ARMLOAD = [sys.executable, "-c", "from armload_controller.cli.main import main; main()"]
+ARMLOAD = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
 
 
 @pytest.fixture

@@ -9,13 +9,14 @@ from typing import Annotated
 import typer
 
 from armload_controller.cli.options import LoadedOption, RobotArgument
+from armload_controller.cli.output import require_folder
 from armload_controller.cli.screen import Screen
 from armload_controller.cli.tables import payload_table, possibility
 from armload_controller.config import load_robot
+from armload_controller.recordings import read_of
 from armload_identification.identification import identify as identify_payload
 from armload_identification.identification import payload_result
 from armload_identification.payload_file import write_payload
-from armload_identification.recording import read_recording
 
 
 def identify(
@@ -29,9 +30,10 @@ def identify(
     """Identify a payload from a recording with it and one without it."""
     arm = load_robot(robot)
     screen = Screen()
-    columns = arm.csv_columns()
-    empty = None if unloaded is None else read_recording(unloaded, columns)
-    result = identify_payload(read_recording(loaded, columns), empty, arm.chain(), arm.transmission())
+    if output is not None:
+        require_folder(output)
+    empty = None if unloaded is None else read_of(arm, unloaded)
+    result = identify_payload(read_of(arm, loaded), empty, arm.chain(), arm.transmission())
     payload = payload_result(result, version("armload"), arm.sha256)
     screen.console.print(payload_table(payload, truth=None))
     screen.step(possibility(result))

@@ -1,8 +1,7 @@
-"""The command line `armload`: commands, and errors as one line with the fix in it."""
+"""The commands of `armload`."""
 
 from __future__ import annotations
 
-import sys
 from importlib.metadata import version
 from typing import Annotated
 
@@ -15,12 +14,6 @@ from armload_controller.cli.identify import identify
 from armload_controller.cli.screen import Screen
 from armload_controller.cli.simulate import simulate
 from armload_controller.cli.validate import validate
-from armload_controller.errors import ControlError
-from armload_drivers.errors import DriverError
-from armload_identification.errors import IdentificationError
-
-EXIT_REFUSED = 1
-EXIT_INTERRUPTED = 130
 
 app = typer.Typer(
     name="armload",
@@ -46,15 +39,3 @@ def _options(
     ] = False,
 ) -> None:
     """Find out what a robot arm is carrying, from the currents of its own motors."""
-
-
-def main() -> None:
-    """Entry point: what this project raises becomes one line; anything else is a defect and keeps its traceback."""
-    try:
-        app()
-    except (ControlError, DriverError, IdentificationError) as error:
-        Screen().errors.print(f"error: {error}", style="bold red", markup=False, soft_wrap=True)
-        sys.exit(EXIT_REFUSED)
-    except KeyboardInterrupt:
-        Screen().errors.print("interrupted", style="bold red")
-        sys.exit(EXIT_INTERRUPTED)

@@ -46,9 +46,9 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
 
 def validation_table(validation: Validation, joint_names: Sequence[str]) -> Table:
     """Residual beside the noise, per joint."""
-    table = Table(title="Measured torque, and what the payload leaves of it, per raw sample", title_justify="left")
+    table = Table(title="What the payload leaves of the torque, per raw sample", title_justify="left")
     table.add_column("joint")
-    for column in ("torque N m", "residual N m", "noise N m", "ratio"):
+    for column in ("payload N m", "residual N m", "noise N m", "ratio"):
         table.add_column(column, justify="right")
     for i, name in enumerate(joint_names):
         table.add_row(
@@ -70,15 +70,14 @@ def verdict(validation: Validation, joint_names: Sequence[str]) -> str:
 
 
 def possibility(identification: Identification) -> str:
-    """Whether the plain estimate was a possible body, and that the written one is."""
-    written = identification.parameters.margin
+    """Whether the plain estimate was a possible body, and what is reported in its place."""
     if identification.physical.changed:
         plain = identification.plain_parameters
         return (
-            f"plain estimate: {plain.mass_kg:.4g} kg, physically impossible (margin {plain.margin:.1e}); "
-            f"written: the nearest possible body, {identification.parameters.mass_kg:.4g} kg (margin {written:.1e})"
+            f"plain estimate: {plain.mass_kg:.4g} kg, physically impossible; "
+            f"reported: the nearest possible body, {identification.parameters.mass_kg:.4g} kg"
         )
-    return f"the estimate is physically possible as it is (margin {written:.1e})"
+    return "the estimate is physically possible as it is"
 
 
 def decimals(half_width: float) -> int:

@@ -11,8 +11,10 @@ from armload_controller.cli.options import LoadedOption, RobotArgument, Unloaded
 from armload_controller.cli.screen import Screen
 from armload_controller.cli.tables import validation_table, verdict
 from armload_controller.config import load_robot
+from armload_controller.recordings import read_of
+from armload_identification.errors import PayloadFileError
+from armload_identification.identification import FLANGE
 from armload_identification.payload_file import read_payload
-from armload_identification.recording import read_recording
 from armload_identification.validation import validate as validate_payload
 
 EXIT_FAILED = 2
@@ -27,13 +29,13 @@ def validate(
     """Judge a payload file: residual beside the noise per joint. Exit status 2 where it fails."""
     arm = load_robot(robot)
     screen = Screen()
-    columns = arm.csv_columns()
+    judged = read_payload(payload)
+    if judged.frame != FLANGE:
+        raise PayloadFileError(
+            f"{payload}: frame is {judged.frame!r}; expected {FLANGE!r}, the frame that the robot's kinematics end in"
+        )
     result = validate_payload(
-        read_recording(loaded, columns),
-        read_recording(unloaded, columns),
-        arm.chain(),
-        arm.transmission(),
-        read_payload(payload).model,
+        read_of(arm, loaded), read_of(arm, unloaded), arm.chain(), arm.transmission(), judged.model
     )
     screen.console.print(validation_table(result, arm.joint_names))
     screen.step(verdict(result, arm.joint_names))
