@@ -9,7 +9,7 @@ Rules of this file:
   (kill -9: its socket closes) therefore ends SYNC within two periods, with no watchdog thread that could hang
   together with what it watches.
 - A caller that comes back late finds the credit spent: the timer is started anew, which sends one SYNC at once,
-  after the caller's RPDOs. Nothing is caught up.
+  after the caller's RPDOs and a whole period after the SYNC before. Nothing is caught up.
 
 References:
     Linux kernel, Documentation/networking/can.rst, "Broadcast Manager protocol sockets"; net/can/bcm.c,
@@ -179,10 +179,10 @@ class BcmSync:
             self._producer.renew(CREDIT)
             self._credit_left = CREDIT
         else:
-            self._start()
+            self._start(link)
         if not self._await(link):
             # The credit ran out between the look at the bus and its renewal.
-            self._start()
+            self._start(link)
             if not self._await(link):
                 self._waiting = False
                 raise BusError("no SYNC came back from the bus. Is the interface up? Has its queue room?")
@@ -204,8 +204,10 @@ class BcmSync:
         self._credit_left = 0
         link.unsubscribe(SYNC_DEFAULT_COB_ID)
 
-    def _start(self) -> None:
-        """Begin a new rhythm."""
+    def _start(self, link: BusLink) -> None:
+        """Begin a new rhythm, a period after the last SYNC at the earliest."""
+        if self._last_s is not None:
+            link.pump_until(_never, self._last_s + self._cycle_s - self._clock())
         self._producer.start(self._cycle_s, self._counter, CREDIT)
         self._credit_left = CREDIT
         self._last_s = None
@@ -226,6 +228,11 @@ class BcmSync:
             self._waiting = False
             self._used_s = time_s
             self._on_sync()
+
+
+def _never() -> bool:
+    """A wait that only time ends."""
+    return False
 
 
 def _nothing() -> None:

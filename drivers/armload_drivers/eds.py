@@ -223,7 +223,7 @@ class _Reader:
                 name, closed, _ = stripped[1:].partition("]")
                 title = name.strip()
                 if not closed:
-                    self._warn(_shown(title), f"line {number}", "section without its closing bracket")
+                    self._warn(_shown(title)[1:-1], f"line {number}", "section without its closing bracket")
                 if title.lower() in self._sections:
                     self._warn(_shown(title)[1:-1], f"line {number}", "section again; the two are joined")
                 section = self._sections.setdefault(title.lower(), {})

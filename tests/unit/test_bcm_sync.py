@@ -1,0 +1,176 @@
+"""SYNC by a kernel that the test plays: credit, phase and time come from what is received."""
+
+from itertools import pairwise
+
+import pytest
+
+from armload_drivers.bcm_sync import CREDIT, BcmSync
+from armload_drivers.clock import VirtualClock
+from armload_drivers.errors import BusError, ForeignMaster
+
+PERIOD_S = 0.01
+
+
+class Kernel:
+    """Sends SYNC while it has credit; waiting on the bus lets time pass, a microsecond late each period."""
+
+    def __init__(self, clock, latency_s=1e-6):
+        self.clock, self.latency_s = clock, latency_s
+        self.credit, self.due_s, self.running = 0, None, False
+        self.calls, self.sent_s, self.queue = [], [], []
+        self.handlers, self.stamp_s = {}, 0.0
+        self.mute = False
+
+    # What the source calls.
+    def start(self, period_s, counter, credit):
+        assert period_s == PERIOD_S
+        self.calls.append("start")
+        self.credit = credit
+        self._send()
+
+    def renew(self, credit):
+        self.calls.append("renew")
+        if self.due_s is not None:
+            self.credit = credit
+
+    def stop(self):
+        self.calls.append("stop")
+        self.due_s = None
+
+    def _send(self):
+        if not self.mute:
+            self.sent_s.append(self.clock())
+            self.queue.append(self.clock())
+        self.credit -= 1
+        self.due_s = self.clock() + PERIOD_S + self.latency_s if self.credit else None
+
+    # The bus.
+    def subscribe(self, cob_id, handler):
+        self.handlers[cob_id] = handler
+
+    def unsubscribe(self, cob_id):
+        self.handlers.pop(cob_id, None)
+
+    def drain(self):
+        while self.queue:
+            self.stamp_s = self.queue.pop(0)
+            self.handlers[0x080](b"")
+
+    def pump_until(self, done, timeout_s):
+        end_s = self.clock() + timeout_s
+        while not done():
+            if self.queue:
+                self.stamp_s = self.queue.pop(0)
+                self.handlers[0x080](b"")
+                continue
+            if self.clock() >= end_s:
+                return False
+            self.pass_time(min(1e-3, end_s - self.clock() + 1e-9))
+        return True
+
+    def pass_time(self, seconds):
+        end_s = self.clock() + seconds
+        while self.due_s is not None and self.due_s <= end_s:
+            self.clock.advance(self.due_s - self.clock())
+            self._send()
+        self.clock.advance(max(0.0, end_s - self.clock()))
+
+
+@pytest.fixture
+def clock():
+    return VirtualClock()
+
+
+@pytest.fixture
+def kernel(clock):
+    return Kernel(clock)
+
+
+@pytest.fixture
+def sync(kernel, clock):
+    source = BcmSync(kernel, clock=clock, stamp_clock=clock)
+    source.begin(kernel, PERIOD_S, 0)
+    return source
+
+
+def ten_times(action):
+    for _ in range(10):
+        action()
+
+
+def nothing():
+    pass
+
+
+def test_time_is_that_of_the_frames_and_every_cycle_renews_the_credit(sync, kernel):
+    ticks = [sync.next(kernel, nothing) for _ in range(50)]
+    assert [tick.time_s for tick in ticks] == pytest.approx(kernel.sent_s)
+    assert all(tick.skipped == 0 for tick in ticks)
+    assert kernel.calls == ["start"] + ["renew"] * 49
+    assert ticks[-1].time_s - ticks[0].time_s == pytest.approx(49 * (PERIOD_S + 1e-6)), "the kernel's drift is seen"
+
+
+def test_a_stalled_cycle_ends_sync_within_two_periods(sync, kernel):
+    for _ in range(5):
+        sync.next(kernel, nothing)
+    before = len(kernel.sent_s)
+    kernel.pass_time(1.0)
+    assert len(kernel.sent_s) - before <= CREDIT
+    assert kernel.sent_s[-1] - kernel.sent_s[before - 1] <= 2.1 * PERIOD_S
+
+
+def test_a_cycle_that_comes_back_starts_anew_with_one_sync_and_counts_what_it_missed(sync, kernel):
+    for _ in range(5):
+        sync.next(kernel, nothing)
+    kernel.pass_time(0.105)
+    before = len(kernel.sent_s)
+    tick = sync.next(kernel, nothing)
+    assert len(kernel.sent_s) == before + 1, "no burst"
+    assert tick.skipped == 10
+    assert sync.next(kernel, nothing).skipped == 0
+
+
+def test_a_sync_that_nobody_used_is_skipped(sync, kernel):
+    sync.next(kernel, nothing)
+    kernel.pass_time(1.2 * PERIOD_S)
+    assert sync.next(kernel, nothing).skipped == 1
+    assert min(after - before for before, after in pairwise(kernel.sent_s)) >= 0.99 * PERIOD_S
+
+
+def test_credit_that_runs_out_between_the_look_and_its_renewal(sync, kernel):
+    sync.next(kernel, nothing)
+    # The kernel sent its last frame, and the frame is not there yet.
+    kernel.pass_time(1.2 * PERIOD_S)
+    kernel.queue.clear()
+    kernel.due_s = None
+    assert sync.next(kernel, nothing).time_s == kernel.sent_s[-1]
+    assert kernel.calls[-2:] == ["renew", "start"]
+
+
+def test_sync_that_does_not_leave_is_an_error(sync, kernel):
+    kernel.mute = True
+    with pytest.raises(BusError, match="SYNC"):
+        sync.next(kernel, nothing)
+
+
+def test_another_producer_is_told_once(sync, kernel):
+    def with_company():
+        kernel.pass_time(0.3 * PERIOD_S)
+        kernel.queue.append(kernel.clock())
+        kernel.drain()
+        return sync.next(kernel, nothing)
+
+    sync.next(kernel, nothing)
+    with pytest.raises(ForeignMaster):
+        ten_times(with_company)
+    ten_times(with_company)
+
+
+def test_feedback_belongs_to_the_sync_it_follows(sync, kernel):
+    order = []
+    sync.next(kernel, lambda: order.append(kernel.clock()))
+    assert order == kernel.sent_s
+    assert sync.feedback_limit_s() == pytest.approx(0.6 * PERIOD_S)
+    sync.end(kernel)
+    assert kernel.calls[-1] == "stop"
+    assert 0x080 not in kernel.handlers
