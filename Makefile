@@ -31,4 +31,4 @@ bench: env
 # Resolves the pinned versions anew; needs pip-tools in the environment that runs it.
 lock:
 	$(PYTHON) -m piptools compile --quiet --strip-extras --allow-unsafe --generate-hashes --no-emit-index-url \
-	  --no-emit-trusted-host --no-header --extra sim --extra urdf --extra dev --output-file requirements.lock pyproject.toml
+	  --no-emit-trusted-host --no-emit-find-links --no-header --extra sim --extra urdf --extra dev --output-file requirements.lock pyproject.toml
