@@ -70,6 +70,18 @@ class Chain:
         """Number of joints."""
         return int(self.placement.shape[0])
 
+    def turned_back(self, joint: int) -> FloatArray:
+        """Orientation of a joint frame in the turned one of `packed`, whose z is the joint's axis.
+
+        Args:
+            joint: Index from 0.
+
+        Returns:
+            (3, 3) rotation that takes coordinates in the joint frame to coordinates in the turned one.
+        """
+        start = 3 + 12 * self.n + 9 * joint
+        return np.array(self.packed[start : start + 9].reshape(3, 3))
+
     @classmethod
     def from_modified_dh(cls, rows: ArrayLike, flange: ArrayLike, gravity_m_s2: ArrayLike) -> Chain:
         """Chain from modified (Craig) Denavit-Hartenberg rows.

@@ -18,8 +18,10 @@ from armload_identification.errors import ExcitationError, ModelError
 
 FloatArray = NDArray[np.float64]
 
-CRITERIA = ("a-optimal", "condition-number")
+CRITERIA = ("a-optimal", "a-optimal-mean", "a-optimal-max", "d-optimal", "condition-number")
 """What an excitation may have been designed for."""
+ROBUST_CRITERIA = ("a-optimal-mean", "a-optimal-max")
+"""Those that look at a set of payloads."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

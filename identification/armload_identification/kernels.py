@@ -4,7 +4,7 @@ Rules. Kernels have explicit signatures and a cache, take packed arrays and no `
 multiply and add may be fused. One forward pass in base coordinates gives every frame's motion; every row is
 then the joint's motion at the body, contracted with the body's momentum balance. Gravity is an upward
 acceleration of the base. The layout of `packed` is told where it is made, in `chain`.
-numba's cache looks at a kernel's own file alone: after a change here, touch `regressor` and `information` too.
+numba's cache looks at a kernel's own file alone: after a change here, touch the files that import this one too.
 """
 
 from __future__ import annotations

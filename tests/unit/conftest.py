@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +107,45 @@ class PinocchioArm:
         return model
 
 
+def pinocchio_model(
+    chain: Chain, links: Sequence[InertialParameters], payload: InertialParameters | None = None
+) -> pin.Model:
+    """A chain in Pinocchio with links in its joint frames and a payload at its flange."""
+    model = pin.Model()
+    model.gravity.linear = chain.gravity_m_s2
+    parent = 0
+    for i, link in enumerate(links):
+        placement = pin.SE3(chain.placement[i][:3, :3], chain.placement[i][:3, 3])
+        parent = model.addJoint(parent, pin.JointModelRevoluteUnaligned(chain.axis[i]), placement, f"joint{i + 1}")
+        body = pin.Inertia(link.mass_kg, link.center_of_mass_m, link.inertia_about_com)
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    flange = pin.SE3(chain.flange[:3, :3], chain.flange[:3, 3])
+    model.addFrame(pin.Frame("flange", parent, 0, flange, pin.FrameType.OP_FRAME))
+    if payload is not None:
+        body = pin.Inertia(payload.mass_kg, payload.center_of_mass_m, payload.inertia_about_com)
+        model.appendBodyToJoint(parent, body, flange)
+    return model
+
+
+def random_arm(rng: np.random.Generator, n: int) -> tuple[Chain, tuple[InertialParameters, ...]]:
+    """An arm that nobody built: axes, gravity and links in any direction."""
+    chain = Chain.from_origins(
+        rng.uniform(-0.5, 0.5, (n, 3)),
+        rng.uniform(-np.pi, np.pi, (n, 3)),
+        rng.normal(size=(n, 3)),
+        pose_from_xyz_rpy(rng.uniform(-0.3, 0.3, 3), rng.uniform(-np.pi, np.pi, 3)),
+        rng.uniform(-10.0, 10.0, 3),
+    )
+    return chain, tuple(random_body(rng) for _ in range(n))
+
+
+def random_body(rng: np.random.Generator) -> InertialParameters:
+    """A body that some distribution of mass has: eight points of mass."""
+    points = 0.2 * (rng.normal(size=(8, 3)) + rng.normal(size=3))
+    homogeneous = np.column_stack([points, np.ones(8)]) * np.sqrt(rng.uniform(0.1, 2.0, (8, 1)))
+    return InertialParameters.from_pseudo_inertia(homogeneous.T @ homogeneous)
+
+
 def source(data: np.ndarray, name: str) -> RecordingSource:
     """A source as a file would have it."""
     return RecordingSource(
@@ -158,3 +198,18 @@ def make_subject():
         return ExportSubject(**(given | origin | changes))
 
     return make_subject
+
+
+@pytest.fixture(scope="session")
+def in_pinocchio() -> Callable[..., pin.Model]:
+    return pinocchio_model
+
+
+@pytest.fixture(scope="session")
+def any_arm() -> Callable[[np.random.Generator, int], tuple[Chain, tuple[InertialParameters, ...]]]:
+    return random_arm
+
+
+@pytest.fixture(scope="session")
+def any_body() -> Callable[[np.random.Generator], InertialParameters]:
+    return random_body

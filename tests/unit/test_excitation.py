@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from armload_identification.chain import Chain, pose_from_xyz_rpy
+from armload_identification.dynamics import ArmBody
+from armload_identification.envelope import Envelope, ExcitationLimits
 from armload_identification.errors import ExcitationError
-from armload_identification.excitation import DesignResult, ExcitationLimits, design, margins
+from armload_identification.excitation import DesignResult, design
+from armload_identification.excitation_search import PeriodRange
 from armload_identification.fourier import FourierTrajectory, format_excitation, parse_excitation
+from armload_identification.information import Criterion, named_criterion
 from armload_identification.payload import InertialParameters
 from armload_identification.regressor import payload_regressor
+from armload_identification.strength import TorqueLimits
+from armload_identification.workspace import Box, HalfSpace, Sphere, Workspace
 
 pytestmark = pytest.mark.pure
 
@@ -21,25 +31,31 @@ ARM = Chain.from_modified_dh(
     [0.0, 0.0, -9.81],
 )
 LIMITS = ExcitationLimits(
-    np.array([-2.9, -1.0, -1.2]), np.array([2.9, 1.6, 2.5]), np.array([2.0, 2.0, 2.4]), np.array([6.0, 6.0, 8.0])
+    np.array([-2.9, -1.0, -1.2]),
+    np.array([2.9, 1.6, 2.5]),
+    np.array([2.0, 2.0, 2.4]),
+    np.array([6.0, 6.0, 8.0]),
+    np.array([600.0, 600.0, 800.0]),
 )
+TORQUE_NM = np.array([3240.0, 4788.0, 2376.0])
 NOISE_NM = np.array([16.851, 14.230, 13.247])
 MASS_KG, CENTER_M = 9.814, np.array([0.130, 0.940, -0.102])
 PAYLOAD = InertialParameters(np.r_[MASS_KG, MASS_KG * CENTER_M, 9.023, 0.353, 9.014, -1.222, 0.133, 0.967])
 
 
-def designed(criterion: str, seed: int = 1, restarts: int = 1, limits: ExcitationLimits = LIMITS) -> DesignResult:
-    return design(
-        ARM,
-        limits,
-        harmonics=5,
-        base_frequency_hz=0.05,
-        torque_noise_nm=NOISE_NM,
-        expected_payload=PAYLOAD,
-        seed=seed,
-        restarts=restarts,
-        criterion=criterion,
-    )
+def wide(chain: Chain = ARM, limits: ExcitationLimits = LIMITS) -> Envelope:
+    """The joints' limits alone: strong joints, nothing in the way."""
+    strong = TorqueLimits.from_share(chain, np.zeros(chain.n), PAYLOAD, 10.0 * TORQUE_NM[: chain.n])
+    return Envelope(limits, strong, Workspace(chain))
+
+
+def criterion_of(name: str, chain: Chain = ARM) -> Criterion:
+    return named_criterion(name, chain, NOISE_NM[: chain.n], PAYLOAD)
+
+
+def designed(name: str, seed: int = 1, restarts: int = 1, limits: ExcitationLimits = LIMITS) -> DesignResult:
+    envelope = wide(limits=limits)
+    return design(criterion_of(name), envelope, harmonics=5, base_frequency_hz=0.05, seed=seed, restarts=restarts)
 
 
 @pytest.fixture(scope="module")
@@ -106,13 +122,12 @@ def test_the_same_seed_gives_the_same_motion_and_another_seed_another():
 
 def test_progress_is_told_after_every_start():
     told = []
+    one = ExcitationLimits(*(np.array([v]) for v in (-1.0, 1.0, 2.0, 3.0, 30.0)))
     design(
-        ARM.head(1),
-        ExcitationLimits(*(np.array([v]) for v in (-1.0, 1.0, 2.0, 3.0))),
+        criterion_of("a-optimal", ARM.head(1)),
+        wide(ARM.head(1), one),
         harmonics=2,
         base_frequency_hz=0.2,
-        torque_noise_nm=NOISE_NM[:1],
-        expected_payload=PAYLOAD,
         seed=0,
         restarts=3,
         progress=lambda *report: told.append(report),
@@ -122,13 +137,13 @@ def test_progress_is_told_after_every_start():
 
 
 def test_an_arm_that_cannot_show_all_ten_still_gets_a_motion():
+    head = ARM.head(2)
+    limits = ExcitationLimits(*(getattr(LIMITS, name)[:2] for name in LIMITS.__slots__))
     result = design(
-        ARM.head(2),
-        ExcitationLimits(*(v[:2] for v in (LIMITS.position_min_rad, LIMITS.position_max_rad)), [2.0, 2.0], [6.0, 6.0]),
+        criterion_of("a-optimal", head),
+        wide(head, limits),
         harmonics=3,
         base_frequency_hz=0.1,
-        torque_noise_nm=NOISE_NM[:2],
-        expected_payload=PAYLOAD,
         seed=0,
         restarts=1,
     )
@@ -139,7 +154,11 @@ def test_an_arm_that_cannot_show_all_ten_still_gets_a_motion():
 
 def test_tight_limits_far_from_zero_are_kept():
     tight = ExcitationLimits(
-        np.array([1.0, -0.9, 1.9]), np.array([1.4, -0.6, 2.4]), np.array([2.0, 2.0, 2.4]), np.array([6.0, 6.0, 8.0])
+        np.array([1.0, -0.9, 1.9]),
+        np.array([1.4, -0.6, 2.4]),
+        LIMITS.velocity_max_rad_s,
+        LIMITS.acceleration_max_rad_s2,
+        LIMITS.jerk_max_rad_s3,
     )
     assert designed("a-optimal", limits=tight).margins.smallest > 0.0
 
@@ -150,51 +169,142 @@ def test_the_result_becomes_a_file_and_back(result):
     assert got.design == excitation.design
     assert got.design["cost"] == result.cost
     assert got.design["restarts"] == 2
-    assert margins(got.trajectory, LIMITS).smallest == pytest.approx(result.margins.smallest, abs=1e-12)
+    assert wide().margins(got.trajectory).smallest == pytest.approx(result.margins.smallest, abs=1e-12)
 
 
-def test_reduced_limits_leave_the_room_asked_for():
-    reduced = LIMITS.reduced(0.1, 0.7)
-    np.testing.assert_allclose(reduced.position_min_rad, [-2.8, -0.9, -1.1])
-    np.testing.assert_allclose(reduced.position_max_rad, [2.8, 1.5, 2.4])
-    np.testing.assert_allclose(reduced.velocity_max_rad_s, [1.4, 1.4, 1.68])
-    np.testing.assert_allclose(reduced.acceleration_max_rad_s2, [4.2, 4.2, 5.6])
-    with pytest.raises(ExcitationError, match="share 0"):
-        LIMITS.reduced(0.1, 0.0)
-    with pytest.raises(ExcitationError, match=r"joint 2: positions from .* min < max"):
-        LIMITS.reduced(1.5, 1.0)
+class Crowded:
+    """The paper's arm with links of its own, joints barely strong enough, a floor, a table and its own shoulder."""
+
+    links = tuple(
+        InertialParameters.from_center_of_mass(m, c, np.diag(i))
+        for m, c, i in (
+            (70.0, [0.06, 0.02, -0.10], [2.2, 2.4, 2.0]),
+            (55.0, [0.30, 0.01, 0.05], [0.6, 3.4, 3.3]),
+            (60.0, [0.09, 0.12, 0.02], [2.4, 1.2, 2.2]),
+        )
+    )
+    body = ArmBody(
+        np.array([link.theta for link in links]),
+        np.array([36.0, 58.8, 18.2]),
+        np.array([60.0, 70.0, 40.0]),
+        np.array([45.0, 55.0, 35.0]),
+    )
+    torque_nm = np.array([900.0, 1250.0, 450.0])
+    joints = ExcitationLimits(*(getattr(LIMITS, name) for name in LIMITS.__slots__[:4]), np.array([40.0, 40.0, 40.0]))
+    spheres = (
+        Sphere(1, np.array([0.08, 0.0, 0.0]), 0.3),
+        Sphere(2, np.array([0.34, 0.0, 0.0]), 0.2),
+        Sphere(2, np.array([0.68, 0.0, 0.0]), 0.2),
+        Sphere(3, np.array([0.13, 0.4, 0.0]), 0.15),
+        Sphere(4, CENTER_M, 0.2),
+    )
+    floor = HalfSpace("floor", np.array([0.0, 0.0, 1.0]), -0.4, (1, 2, 3, 4))
+    table = Box("table", pose_from_xyz_rpy([0.9, 0.5, -0.2], [0.0, 0.0, 0.5]), np.array([0.4, 0.6, 0.6]), (2, 3, 4))
+    workspace = Workspace(ARM, spheres, (floor,), (table,), ((1, 4),))
+    envelope = Envelope(joints, TorqueLimits.from_body(ARM, body, PAYLOAD, torque_nm), workspace)
+
+    def designed(self, executor: Executor | None = None, base_frequency_hz=0.1, restarts=2) -> DesignResult:
+        return design(
+            criterion_of("a-optimal"),
+            self.envelope,
+            harmonics=3,
+            base_frequency_hz=base_frequency_hz,
+            seed=3,
+            restarts=restarts,
+            executor=executor,
+        )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (([1.0], [-1.0], [1.0], [1.0]), "joint 1: positions from 1.0 to -1.0 rad"),
-        (([-1.0], [1.0], [0.0], [1.0]), "joint 1: speed 0.0 rad/s"),
-        (([-1.0], [1.0], [1.0], [-1.0]), "acceleration -1.0 rad/s2"),
-        (([-1.0], [1.0, 2.0], [1.0], [1.0]), "position_max_rad"),
-        (([-np.inf], [1.0], [1.0], [1.0]), "position_min_rad is .*finite"),
-    ],
-)
-def test_limits_that_make_no_sense_are_refused(arguments, words):
-    with pytest.raises(ExcitationError, match=words):
-        ExcitationLimits(*(np.array(a) for a in arguments))
+@pytest.fixture(scope="module")
+def crowded() -> DesignResult:
+    return Crowded().designed()
+
+
+def test_every_limit_holds_on_a_dense_grid_that_pinocchio_evaluates(crowded, in_pinocchio):
+    arm = Crowded()
+    state = crowded.trajectory.evaluate(np.linspace(0.0, crowded.trajectory.period_s, 20_000))
+    q, dq, ddq = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
+    assert np.all((q > arm.joints.position_min_rad) & (q < arm.joints.position_max_rad))
+    assert np.all(np.abs(dq) < arm.joints.velocity_max_rad_s)
+    assert np.all(np.abs(ddq) < arm.joints.acceleration_max_rad_s2)
+    assert np.all(np.abs(state.jerk_rad_s3) < arm.joints.jerk_max_rad_s3)
+    for payload in (None, PAYLOAD):
+        model = in_pinocchio(ARM, arm.links, payload)
+        data = model.createData()
+        for rate in (0.0, 0.5, 1.0):
+            rows = zip(q, rate * dq, rate**2 * ddq, strict=True)
+            torque = np.array([pin.rnea(model, data, *row) for row in rows])
+            torque += arm.body.rotor_inertia_kg_m2 * rate**2 * ddq + arm.body.viscous_nm_s_rad * rate * dq
+            assert np.all(np.abs(torque + np.sign(dq) * arm.body.coulomb_nm) < arm.torque_nm)
+    poses = np.array([ARM.forward(row) for row in q[::4]])
+    centre = [poses[:, s.link - 1, :3, :3] @ s.center_m + poses[:, s.link - 1, :3, 3] for s in arm.spheres]
+    pose, half = arm.table.pose, 0.5 * arm.table.size_m
+    for at, sphere in zip(centre, arm.spheres, strict=True):
+        assert np.all(at[:, 2] - sphere.radius_m > arm.floor.offset_m)
+        if sphere.link != 1:
+            local = (at - pose[:3, 3]) @ pose[:3, :3]
+            assert np.all(np.linalg.norm(local - np.clip(local, -half, half), axis=1) > sphere.radius_m)
+    assert np.all(np.linalg.norm(centre[0] - centre[4], axis=1) > 0.5)
+    assert crowded.margins.smallest > 0.0
+
+
+def test_the_limits_are_used_to_the_full(crowded):
+    """Otherwise something was given away: torque, speed and the workspace all bind somewhere."""
+    room = crowded.margins
+    assert room.torque_nm.min() < 0.01 * Crowded.torque_nm.max()
+    assert min(room.velocity_rad_s.min(), room.acceleration_rad_s2.min()) < 0.01
+    assert min(room.clearance_m.values()) < 0.02
+
+
+@pytest.mark.parametrize("kind", ["threads", "processes"])
+def test_whoever_runs_the_starts_the_result_is_the_same(crowded, kind):
+    pools = {
+        "threads": lambda: ThreadPoolExecutor(2),
+        "processes": lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")),
+    }
+    with pools[kind]() as executor:
+        again = Crowded().designed(executor)
+    assert np.array_equal(again.trajectory.sin_rad, crowded.trajectory.sin_rad)
+    assert np.array_equal(again.trajectory.offset_rad, crowded.trajectory.offset_rad)
+    assert np.array_equal(again.restart_costs, crowded.restart_costs)
+    assert np.array_equal(again.history, crowded.history)
+
+
+def test_a_chosen_period_is_as_fast_as_the_path_allows(crowded):
+    chosen = Crowded().designed(base_frequency_hz=PeriodRange(2.0, 40.0, 0.1))
+    path = chosen.trajectory
+    assert path.period_s / 0.1 == pytest.approx(round(path.period_s / 0.1))
+    assert 2.0 < path.period_s < 40.0
+    assert chosen.margins.smallest > 0.0
+    faster = FourierTrajectory(1.03 * path.base_frequency_hz, path.offset_rad, path.sin_rad, path.cos_rad)
+    assert Crowded.envelope.margins(faster).smallest < 0.0
+    # in the same time of measuring it tells at least about as much as ten seconds that nobody chose
+    assert chosen.cost * path.period_s < 1.05 * crowded.cost * crowded.trajectory.period_s
+
+
+def test_an_arm_that_cannot_even_stand_is_told_so():
+    weak = TorqueLimits.from_body(ARM, Crowded.body, PAYLOAD, np.array([60.0, 60.0, 40.0]))
+    with pytest.raises(ExcitationError, match=r"none of 1 starts .* within all limits"):
+        design(
+            criterion_of("a-optimal"),
+            Envelope(LIMITS, weak, Workspace(ARM)),
+            harmonics=2,
+            base_frequency_hz=0.1,
+            seed=0,
+            restarts=1,
+        )
 
 
 def test_a_design_that_makes_no_sense_is_refused():
-    good = {
-        "harmonics": 1,
-        "base_frequency_hz": 0.1,
-        "torque_noise_nm": NOISE_NM,
-        "expected_payload": PAYLOAD,
-        "seed": 0,
-        "restarts": 1,
-    }
-    elbow = Chain.from_origins(
-        [[0, 0, 0]], [[0, 0, 0]], [[0, 0, 1]], pose_from_xyz_rpy([0, 0, 1], [0, 0, 0]), [0, 0, -9]
-    )
-    with pytest.raises(ExcitationError, match="limits of 3 joints for a chain of 1"):
-        design(elbow, LIMITS, **good)
+    good = {"harmonics": 1, "base_frequency_hz": 0.1, "seed": 0, "restarts": 1}
+    chosen = criterion_of("a-optimal")
+    with pytest.raises(ExcitationError, match="limits of 3 joints for a chain of 2"):
+        design(criterion_of("a-optimal", ARM.head(2)), wide(), **good)
     with pytest.raises(ExcitationError, match="restarts 0"):
-        design(ARM, LIMITS, **{**good, "restarts": 0})
-    with pytest.raises(ExcitationError, match="criterion is 'best'; expected one of a-optimal, condition-number"):
-        design(ARM, LIMITS, **good, criterion="best")
+        design(chosen, wide(), **{**good, "restarts": 0})
+    with pytest.raises(ExcitationError, match="base_frequency_hz is 0"):
+        design(chosen, wide(), **{**good, "base_frequency_hz": 0.0})
+    with pytest.raises(ExcitationError, match=r"periods from 5.0 to 2.0 s"):
+        PeriodRange(5.0, 2.0, 0.1)
+    with pytest.raises(ExcitationError, match=r"steps of 0.0 s"):
+        PeriodRange(2.0, 5.0, 0.0)

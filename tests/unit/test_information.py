@@ -1,4 +1,4 @@
-"""The two criteria: against plain linear algebra, their derivatives, and what an arm cannot show."""
+"""The criteria: against plain linear algebra, their derivatives, and what an arm cannot show."""
 
 from __future__ import annotations
 
@@ -7,14 +7,22 @@ import pytest
 
 from armload_identification.chain import Chain, pose_from_xyz_rpy
 from armload_identification.errors import ExcitationError
-from armload_identification.information import Criterion, a_optimal, condition_number
+from armload_identification.information import Criterion, condition_number, named_criterion
 from armload_identification.payload import InertialParameters
 from armload_identification.regressor import payload_regressor
 
 pytestmark = pytest.mark.pure
 
 PAYLOAD = InertialParameters.from_center_of_mass(3.0, [0.03, -0.2, 0.08], np.diag([0.03, 0.02, 0.01]))
+HEAVY = InertialParameters.from_center_of_mass(9.0, [0.1, 0.0, 0.3], np.diag([0.3, 0.2, 0.1]))
+FLAT = InertialParameters.from_center_of_mass(1.0, [0.0, 0.3, 0.02], np.diag([0.05, 0.01, 0.06]))
+SET = (PAYLOAD, HEAVY, FLAT)
 PERIOD_S = 10.0
+NAMES = ("a-optimal", "a-optimal-mean", "a-optimal-max", "d-optimal", "condition-number")
+
+
+def a_optimal(arm: Chain, noise: np.ndarray, payload: InertialParameters = PAYLOAD) -> Criterion:
+    return named_criterion("a-optimal", arm, noise, payload)
 
 
 def chain(n: int = 4) -> Chain:
@@ -52,20 +60,49 @@ def test_condition_number_is_that_of_the_stacked_regressor():
     assert condition_number(arm).cost(q, dq, ddq, PERIOD_S) == pytest.approx(expected, rel=1e-8)
 
 
+def test_the_robust_criteria_are_the_mean_and_the_greatest_over_the_set():
+    arm, noise = chain(), np.array([2.0, 1.0, 0.5, 3.0])
+    motion = states()
+    each = [a_optimal(arm, noise, payload).cost(*motion, PERIOD_S) for payload in SET]
+    mean, greatest = (named_criterion(f"a-optimal-{over}", arm, noise, PAYLOAD, SET) for over in ("mean", "max"))
+    assert mean.cost(*motion, PERIOD_S) == pytest.approx(np.mean(each))
+    assert greatest.cost(*motion, PERIOD_S) == pytest.approx(max(each))
+    smooth, _ = greatest.cost_and_slope(*motion, PERIOD_S)
+    assert max(each) <= smooth <= 1.023 * max(each)
+
+
+def test_d_optimal_is_the_volume_of_the_errors_and_does_not_know_the_payload():
+    arm, noise = chain(), np.array([2.0, 1.0, 0.5, 3.0])
+    one, other = states(), 1.5 * states()
+    costs = {}
+    for name, motion in (("one", one), ("other", other)):
+        for payload in SET:
+            costs[name, payload.mass_kg] = named_criterion("d-optimal", arm, noise, payload).cost(*motion, PERIOD_S)
+        phi = payload_regressor(arm, *motion) / noise[:, None]
+        phi = phi.reshape(-1, 10) * np.sqrt(PERIOD_S * 100.0 / len(motion[0]))
+        scale = np.maximum(np.abs(PAYLOAD.theta), 3.0 * np.array([1, 0.1, 0.1, 0.1, *[0.01] * 6]))
+        determinant = np.linalg.slogdet((phi * scale).T @ (phi * scale))[1]
+        assert costs[name, 3.0] == pytest.approx(np.exp(-determinant / 10.0), rel=1e-6)
+    ratios = [costs["one", p.mass_kg] / costs["other", p.mass_kg] for p in SET]
+    np.testing.assert_allclose(ratios, ratios[0], rtol=1e-6)
+
+
 def criteria() -> list[Criterion]:
     arm = chain()
-    return [a_optimal(arm, np.ones(4), PAYLOAD), condition_number(arm), condition_number(arm.head(2))]
+    return [named_criterion(name, arm, np.ones(4), PAYLOAD, SET) for name in NAMES] + [condition_number(arm.head(2))]
 
 
-@pytest.mark.parametrize("criterion", criteria(), ids=["a-optimal", "condition", "condition of two joints"])
+@pytest.mark.parametrize("criterion", criteria(), ids=[*NAMES, "condition of two joints"])
 def test_the_slope_is_the_finite_difference_of_the_cost(criterion):
     x = states(criterion.chain.n)
     cost, slope = criterion.cost_and_slope(*x, PERIOD_S)
-    assert cost == criterion.cost(*x, PERIOD_S)
+    if criterion.name != "a-optimal-max":  # which has a smooth one in its place
+        assert cost == pytest.approx(criterion.cost(*x, PERIOD_S), rel=1e-12)
     rng = np.random.default_rng(5)
-    for _ in range(3):
-        direction = rng.normal(size=x.shape)
-        ahead, behind = (criterion.cost(*(x + s * 1e-6 * direction), PERIOD_S) for s in (1, -1))
+    for order in range(3):
+        direction = np.zeros_like(x)
+        direction[order] = rng.normal(size=x[0].shape)
+        ahead, behind = (criterion.cost_and_slope(*(x + s * 1e-6 * direction), PERIOD_S)[0] for s in (1, -1))
         assert np.sum(slope * direction) == pytest.approx((ahead - behind) / 2e-6, rel=1e-5)
 
 
@@ -99,3 +136,7 @@ def test_a_payload_or_noise_that_makes_no_sense_is_refused():
         a_optimal(chain(), np.ones(3), PAYLOAD)
     with pytest.raises(ExcitationError, match="mass"):
         a_optimal(chain(), np.ones(4), InertialParameters(np.zeros(10)))
+    with pytest.raises(ExcitationError, match="criterion is 'best'; expected one of a-optimal, a-optimal-mean"):
+        named_criterion("best", chain(), np.ones(4), PAYLOAD)
+    with pytest.raises(ExcitationError, match="a-optimal-max needs a set of payloads"):
+        named_criterion("a-optimal-max", chain(), np.ones(4), PAYLOAD)
