@@ -3,6 +3,10 @@
     unloaded: identification, validation        payload mounted        loaded: identification, validation
     -> estimate from the identification pair -> judged on the validation pair -> payload.toml, report.html
 
+Every path is new to every load: each of the four runs begins with a slow round, after which the drives are off and
+the operator is asked. Consent may be given beforehand, but for the first motion with a payload on a real arm; the
+slow round cannot be left out.
+
 The two halves can be made in different processes: each leaves its recordings in the run's directory, and the
 second takes up the first's.
 """
@@ -19,11 +23,15 @@ from pathlib import Path
 from typing import Protocol
 
 from armload_controller.config import Robot
-from armload_controller.cycle import Cycle, CycleSummary
+from armload_controller.control import MotionControl
+from armload_controller.cycle import Cycle
 from armload_controller.errors import CommissioningError
-from armload_controller.limits import check_setpoints
+from armload_controller.limits import MotionLimits
+from armload_controller.monitor import CycleSummary, FollowingMonitor, TorqueWindow
+from armload_controller.phase import Leg
 from armload_controller.recorder import Recorder
-from armload_controller.setpoints import plan_path, plan_run
+from armload_controller.setpoints import check_leg, plan_approach, plan_legs
+from armload_controller.torque_gate import TorqueGate
 from armload_drivers.servos import JointServos
 from armload_identification.fourier import Excitation, format_excitation
 from armload_identification.recording import (
@@ -36,6 +44,8 @@ from armload_identification.recording import (
 
 ROLES = ("identification", "validation")
 """Excitations of a commissioning: the first is identified from, the second judges the result."""
+BAR = 1000
+"""Length of a progress bar."""
 
 
 class Load(StrEnum):
@@ -72,13 +82,43 @@ def recording_path(directory: Path, load: Load, role: str) -> Path:
     return directory / f"{load}_{role}.mcap"
 
 
+@dataclass(frozen=True)
+class Consent:
+    """How the operator's consent is got.
+
+    Attributes:
+        ask: Puts a question; True is yes.
+        given: The operator has agreed beforehand to what may be agreed to beforehand.
+    """
+
+    ask: Callable[[str], bool]
+    given: bool
+
+    def require(self, servos: JointServos, question: str, *, always: bool) -> None:
+        """Go on only with consent; a simulated arm needs none.
+
+        Args:
+            servos: The arm, connected.
+            question: What is going to happen.
+            always: Ask even where consent was given beforehand.
+
+        Raises:
+            CommissioningError: the answer is no.
+        """
+        if servos.simulated or (self.given and not always):
+            return
+        if not self.ask(question):
+            raise CommissioningError("not confirmed: nothing was moved. The drives are off, the brakes are on")
+
+
 def record_half(
     robot: Robot,
     load: Load,
     open_servos: ServosFactory,
     directory: Path,
     watcher: Watcher,
-    stop_requested: Callable[[], bool],
+    control: MotionControl,
+    consent: Consent,
     created: str,
 ) -> list[CycleSummary]:
     """Run both excitations with one load and record them.
@@ -89,27 +129,37 @@ def record_half(
         open_servos: Opens the arm.
         directory: Where the recordings go.
         watcher: Is told what happens.
-        stop_requested: Asked every cycle; True brings the arm to rest.
+        control: The operator's hand on the motion.
+        consent: The operator's agreement.
         created: Date and time of the commissioning, for the recordings.
 
     Raises:
-        CommissioningError: a recording exists already, or the robot has no excitations; nothing was switched on.
+        CommissioningError: a recording exists already, the robot has no excitations, or the operator does not
+            agree; nothing is switched on.
         LimitViolation: an excitation breaks a limit; nothing was switched on.
         InfeasibleMotion: there is no way onto an excitation within the limits; nothing was switched on.
         MotionError: the motion was stopped.
         DriverError: the arm could not be brought up.
     """
+    cycle_s = 1 / robot.bus.cycle_hz
     excitations = [require_excitation(robot, role) for role in ROLES]
     limits = robot.motion_limits()
     summaries = []
-    plans = [plan_path(excitation, limits, 1 / robot.bus.cycle_hz) for excitation in excitations]
-    for role, plan in zip(ROLES, plans, strict=True):
+    runs = [plan_legs(excitation, limits, cycle_s) for excitation in excitations]
+    for role, legs in zip(ROLES, runs, strict=True):
         require_new(recording_path(directory, load, role))
-        check_setpoints(plan.position_rad, plan.velocity_rad_s, plan.acceleration_rad_s2, limits)
+        for leg in (legs.slow, legs.measured):
+            check_leg(leg, limits, cycle_s)
     with open_servos(load) as servos:
         watcher.step(f"{load}: connecting to {servos.n} drives")
         servos.connect()
-        for role, excitation, on_path in zip(ROLES, excitations, plans, strict=True):
+        consent.require(
+            servos,
+            f"First motion {load}: the arm will go to the start of the excitation and round it once, slowly. Is the "
+            "cell clear and the emergency stop at hand?",
+            always=load is Load.LOADED,
+        )
+        for role, excitation, legs in zip(ROLES, excitations, runs, strict=True):
             run = {
                 "armload_version": version("armload"),
                 "robot": robot.name,
@@ -123,15 +173,50 @@ def record_half(
                 EXCITATION_ATTACHMENT: format_excitation(excitation),
                 RUN_ATTACHMENT: json.dumps(run),
             }
-            cycle = Cycle(servos, limits, stop_requested)
             with Recorder(recording_path(directory, load, role), attachments) as recorder:
-                start = servos.enable().position_rad
-                plan = plan_run(start, on_path, limits, servos.cycle_s)
-                with watcher.track(f"{load}: {role} run", len(plan)) as progress:
-                    summaries.append(cycle.run(plan, excitation.trajectory, start, recorder, progress))
-            servos.stop()
-            servos.disable()
+                monitor = FollowingMonitor(limits, robot.bus.max_missing_cycles)
+                cycle = Cycle(
+                    servos,
+                    limits,
+                    TorqueGate(robot.torque_max_nm(), servos.cycle_s),
+                    control,
+                    [recorder, monitor, torque_window(robot, servos.cycle_s)],
+                )
+                with watcher.track(f"{load}: {role}, slow round", BAR) as progress:
+                    run_leg(cycle, legs.slow, limits, progress)
+                consent.require(
+                    servos,
+                    f"{load}, {role}: the slow round is over, the drives are off. Run it at full speed?",
+                    always=False,
+                )
+                with watcher.track(f"{load}: {role} run", BAR) as progress:
+                    run_leg(cycle, legs.measured, limits, progress)
+                summaries.append(monitor.summary())
     return summaries
+
+
+def run_leg(cycle: Cycle, leg: Leg, limits: MotionLimits, progress: Callable[[int], None]) -> None:
+    """Switch the arm on, bring it to where a leg begins, run the leg, switch it off.
+
+    Args:
+        cycle: Of a connected arm that is disabled.
+        leg: The leg, checked.
+        limits: Of the joints.
+        progress: Told how much of `BAR` is done.
+
+    Raises:
+        MotionError: the motion was stopped.
+    """
+    with cycle.powered() as arm:
+        approach = plan_approach(arm.position_rad, leg.path.evaluate(leg.start_s).position_rad, limits)
+        if approach is not None:
+            arm.follow(approach, lambda share: None)
+        arm.follow(leg, lambda share: progress(round(BAR * share)))
+
+
+def torque_window(robot: Robot, cycle_s: float) -> TorqueWindow:
+    """The torque window of an arm whose body is not known: its joints' greatest torque."""
+    return TorqueWindow(robot.joint_names, robot.transmission(), robot.torque_max_nm(), cycle_s, model=None)
 
 
 def require_new(path: Path) -> None:

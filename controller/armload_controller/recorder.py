@@ -16,7 +16,8 @@ import orjson
 from mcap.writer import Writer
 
 from armload_controller.errors import CommissioningError
-from armload_controller.setpoints import Segment
+from armload_controller.phase import Segment
+from armload_controller.plugins import CycleStep
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.recording import MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 
@@ -27,7 +28,7 @@ FLUSH_S = 0.2
 class Recorder:
     """Writes one run; a context manager that leaves a whole, indexed file however the run ended.
 
-    A run of which nothing was written leaves no file.
+    A plug-in of the cycle. A run of which nothing was written leaves no file.
 
     Args:
         path: File to write; it must not exist.
@@ -36,6 +37,8 @@ class Recorder:
     Raises:
         CommissioningError: the file exists or cannot be written.
     """
+
+    name = "recorder"
 
     def __init__(self, path: Path, attachments: Mapping[str, str]) -> None:
         try:
@@ -66,6 +69,14 @@ class Recorder:
         self._file.close()
         if not self.rows:
             self._path.unlink()
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Record the last command with the feedback that belongs to it."""
+        reference = step.sent_reference
+        if step.sent is None or reference is None:
+            return
+        in_periods = reference.segment is Segment.PERIODS
+        self.write(step.feedback, step.sent, reference.segment, reference.state.phase_s if in_periods else None)
 
     def write(self, feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None) -> None:
         """Record one cycle; `phase_s` is None outside the whole periods."""

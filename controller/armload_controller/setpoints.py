@@ -1,13 +1,9 @@
-"""Setpoints: from where the arm stands onto the excitation's path, along it, and to rest on it.
+"""Setpoints: the legs of a run, the whole plan for the check before anything moves, and the last instance.
 
-The path is the excitation q(s) over its phase s, in seconds. What varies is the phase rate ds/dt: 0 at
-rest, 1 in the measured periods. Since every ramp and every stop is a change of the phase rate, the arm
-never leaves the path that was checked:
+    approach    straight in joint space from where the arm stands to where the path begins
+    slow round  one period at a quarter of the speed; it begins and ends where the ramp up begins
+    measured    ramp up, whole periods at rate 1, ramp down
 
-    dq/dt   = q'(s) r                   r = ds/dt
-    d2q/dt2 = q''(s) r^2 + q'(s) dr/dt
-
-A `MotionPlan` holds every setpoint of a run before anything moves, so that it can be checked as a whole.
 `RuckigFollower` is the last instance before the drives: it passes a feasible reference through unchanged
 (within 4e-10 rad) and turns anything else into a jerk-limited motion.
 """
@@ -15,67 +11,42 @@ A `MotionPlan` holds every setpoint of a run before anything moves, so that it c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from ruckig import (
-    ControlInterface,
     DurationDiscretization,
     InputParameter,
     OutputParameter,
     Result,
     Ruckig,
     Synchronization,
-    Trajectory,
 )
 
-from armload_controller.errors import ControlError
-from armload_controller.limits import MotionLimits
+from armload_controller.control import MotionControl
+from armload_controller.limits import MotionLimits, check_setpoints
+from armload_controller.paths import InfeasibleMotion, LinePath, bound_phase
+from armload_controller.phase import SLOW_RATE, Leg, PhaseState, Segment, ramp_to_rate
+from armload_controller.stream import PhaseStream, along
 from armload_drivers.servos import FloatArray
-from armload_identification.fourier import Excitation, FourierTrajectory
+from armload_identification.fourier import Excitation
 
-APPROACH_SHARE = 0.25
-"""Share of the velocity and acceleration limits that the approach uses."""
-RAMP_ACCELERATION_SHARE = 0.95
-"""Share of a joint's acceleration limit that path and ramp together use."""
 CYCLE_ROUNDING = 1e-6
 """Share of a cycle by which a period may differ from a whole number of cycles."""
-SHORTEST_RAMP_S = 0.5
-"""A phase ramp lasts at least about this long, however strong the arm."""
-
-
-class Segment(StrEnum):
-    """Which part of a run a setpoint belongs to."""
-
-    APPROACH = "approach"
-    RAMP_UP = "ramp_up"
-    PERIODS = "periods"
-    RAMP_DOWN = "ramp_down"
-
-
-class InfeasibleMotion(ControlError):
-    """Ruckig finds no motion between two states within the limits."""
-
-
-@dataclass(frozen=True, slots=True)
-class PhaseLimits:
-    """Bounds of the phase's second and third derivative, from the path's own derivatives."""
-
-    acceleration_1_s: float
-    jerk_1_s2: float
+STANDING_RAD = 1e-9
+"""An arm that is this close to where it is to go is there."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionPlan:
-    """Every setpoint of a run; N cycles, n joints.
+    """Every setpoint of a motion that nobody interrupts; N cycles, n joints.
 
     Attributes:
         position_rad: (N, n).
         velocity_rad_s: (N, n).
         acceleration_rad_s2: (N, n).
-        phase_s: (N,) phase of the path; NaN in the approach.
-        phase_rate: (N,) ds/dt; NaN in the approach.
-        phase_acceleration_1_s: (N,) its derivative; NaN in the approach.
+        phase_s: (N,) phase of the path that the row lies on.
+        phase_rate: (N,) ds/dt.
+        phase_acceleration_1_s: (N,) its derivative.
         segment: (N,) part of the run.
     """
 
@@ -91,8 +62,26 @@ class MotionPlan:
         return len(self.segment)
 
 
-def plan_path(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> MotionPlan:
-    """Ramp up, whole periods, ramp down: everything but the way there.
+@dataclass(frozen=True, slots=True)
+class RunLegs:
+    """What is run of one excitation, the ways onto it left out.
+
+    Attributes:
+        slow: One period at a quarter of the speed.
+        measured: Ramp up, whole periods, ramp down; begins where the slow round ends.
+    """
+
+    slow: Leg
+    measured: Leg
+
+    @property
+    def start_rad(self) -> FloatArray:
+        """(n,) where both begin."""
+        return self.measured.path.evaluate(self.measured.start_s).position_rad
+
+
+def plan_legs(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> RunLegs:
+    """The legs of one excitation.
 
     Args:
         excitation: Path and number of periods.
@@ -109,19 +98,54 @@ def plan_path(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> M
             f"one period of {path.period_s:g} s is {in_period:.3f} cycles of {cycle_s * 1e3:g} ms: choose a rate at "
             "which it is a whole number of cycles"
         )
-    phase_limits = bound_phase(path, limits)
-    up = _phase_ramp(0.0, 0.0, 1.0, phase_limits, cycle_s)
-    up = np.vstack([np.zeros(3), up])
-    up[:, 0] -= up[-1, 0]
-    cycles = round(excitation.periods * path.period_s / cycle_s)
-    whole = np.column_stack([np.arange(1, cycles + 1) * cycle_s, np.ones(cycles), np.zeros(cycles)])
-    down = _phase_ramp(1.0, 0.0, 0.0, phase_limits, cycle_s)
-    down[:, 0] += cycles * cycle_s
-    return _along(
-        path,
-        np.vstack([up, whole, down]),
-        (Segment.RAMP_UP,) * len(up) + (Segment.PERIODS,) * len(whole) + (Segment.RAMP_DOWN,) * len(down),
+    bounds = bound_phase(path, limits)
+    lead_in_s = ramp_to_rate(PhaseState(0.0, 0.0, 0.0), 1.0, bounds, cycle_s).end.phase_s
+    end_s = excitation.periods * path.period_s
+    return RunLegs(
+        slow=Leg(path, bounds, -lead_in_s, path.period_s - lead_in_s, SLOW_RATE, Segment.SLOW),
+        measured=Leg(path, bounds, -lead_in_s, end_s, 1.0, Segment.PERIODS),
     )
+
+
+def plan_approach(start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits) -> Leg | None:
+    """The way from one position to another, straight in joint space; None where the arm is there already."""
+    if np.abs(goal_rad - start_rad).max() < STANDING_RAD:
+        return None
+    line = LinePath.within(start_rad, goal_rad, limits)
+    return Leg(line, line.bounds(limits), 0.0, line.duration_s, 1.0, Segment.APPROACH)
+
+
+def plan_leg(leg: Leg, cycle_s: float) -> MotionPlan:
+    """Every setpoint of a leg that nobody interrupts, from the one at rest where it begins."""
+    stream = PhaseStream(leg, cycle_s, MotionControl())
+    rows = [(PhaseState(leg.start_s, 0.0, 0.0), stream.first_segment), *stream.rest()]
+    states = [state for state, _ in rows]
+    s, rate, acceleration = np.array([(x.phase_s, x.rate, x.acceleration_1_s) for x in states]).T
+    return MotionPlan(*along(leg.path, states), s, rate, acceleration, tuple(segment for _, segment in rows))
+
+
+def check_leg(leg: Leg, limits: MotionLimits, cycle_s: float) -> None:
+    """Check every setpoint of a leg that nobody interrupts.
+
+    Raises:
+        LimitViolation: naming joint, quantity, value and bound.
+    """
+    plan = plan_leg(leg, cycle_s)
+    check_setpoints(plan.position_rad, plan.velocity_rad_s, plan.acceleration_rad_s2, limits)
+
+
+def plan_path(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> MotionPlan:
+    """Ramp up, whole periods, ramp down: everything but the way there and the slow round.
+
+    Args:
+        excitation: Path and number of periods.
+        limits: Of the joints.
+        cycle_s: Time between setpoints.
+
+    Raises:
+        InfeasibleMotion: no ramp within the limits, or a period that is no whole number of cycles.
+    """
+    return plan_leg(plan_legs(excitation, limits, cycle_s).measured, cycle_s)
 
 
 def plan_run(start_rad: FloatArray, on_path: MotionPlan, limits: MotionLimits, cycle_s: float) -> MotionPlan:
@@ -136,47 +160,8 @@ def plan_run(start_rad: FloatArray, on_path: MotionPlan, limits: MotionLimits, c
     Raises:
         InfeasibleMotion: no approach within the limits.
     """
-    return _join(_approach(start_rad, on_path.position_rad[0], limits, cycle_s), on_path)
-
-
-def plan_stop(plan: MotionPlan, row: int, path: FourierTrajectory, limits: MotionLimits, cycle_s: float) -> MotionPlan:
-    """From one row of a plan to rest, along the path.
-
-    Raises:
-        InfeasibleMotion: the row lies in the approach, where there is no path to stop on.
-    """
-    rate, acceleration = plan.phase_rate[row], plan.phase_acceleration_1_s[row]
-    if np.isnan(rate):
-        raise InfeasibleMotion("the approach is not on the path: stop with the drives' own quick stop")
-    ramp = _phase_ramp(rate, acceleration, 0.0, bound_phase(path, limits), cycle_s)
-    ramp[:, 0] += plan.phase_s[row]
-    return _along(path, ramp, (Segment.RAMP_DOWN,) * len(ramp))
-
-
-def bound_phase(path: FourierTrajectory, limits: MotionLimits) -> PhaseLimits:
-    """Phase acceleration and jerk that keep every joint within its limits, anywhere on the path.
-
-    Raises:
-        InfeasibleMotion: the path itself uses up a joint's acceleration or jerk.
-    """
-    samples = path.evaluate(np.linspace(0.0, path.period_s, 512, endpoint=False))
-    v, a, j = (
-        np.abs(x).max(axis=0) for x in (samples.velocity_rad_s, samples.acceleration_rad_s2, samples.jerk_rad_s3)
-    )
-    moving = v > 0
-    if not moving.any():
-        return PhaseLimits(1 / SHORTEST_RAMP_S, 1 / SHORTEST_RAMP_S**2)
-    spare = RAMP_ACCELERATION_SHARE * limits.acceleration_max_rad_s2 - a
-    acceleration = min(1 / SHORTEST_RAMP_S, float((spare[moving] / v[moving]).min()))
-    spare_jerk = limits.jerk_max_rad_s3 - j - 3 * a * max(acceleration, 0.0)
-    jerk = min(4 / SHORTEST_RAMP_S**2, float((spare_jerk[moving] / v[moving]).min()))
-    if acceleration <= 0 or jerk <= 0:
-        joint = limits.joint_names[int(np.argmin(np.where(moving, spare, np.inf)))]
-        raise InfeasibleMotion(
-            f"{joint}: the excitation leaves no acceleration for getting onto it: design it with at most 90 % of "
-            "the joint's acceleration_max_rad_s2"
-        )
-    return PhaseLimits(acceleration, jerk)
+    approach = plan_approach(start_rad, on_path.position_rad[0], limits)
+    return on_path if approach is None else _join(plan_leg(approach, cycle_s), on_path)
 
 
 class RuckigFollower:
@@ -216,61 +201,6 @@ class RuckigFollower:
             np.array(self._output.new_velocity),
             np.array(self._output.new_acceleration),
         )
-
-
-def _approach(start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits, cycle_s: float) -> MotionPlan:
-    """Rest to rest, at a share of the limits; the last setpoint is the goal."""
-    n = len(start_rad)
-    problem = InputParameter(n)
-    problem.duration_discretization = DurationDiscretization.Discrete
-    problem.current_position, problem.target_position = start_rad, goal_rad
-    problem.max_velocity = APPROACH_SHARE * limits.velocity_max_rad_s
-    problem.max_acceleration = APPROACH_SHARE * limits.acceleration_max_rad_s2
-    problem.max_jerk = APPROACH_SHARE * limits.jerk_max_rad_s3
-    states = _sample(problem, cycle_s)
-    nothing = np.full(len(states), np.nan)
-    return MotionPlan(
-        states[:, 0], states[:, 1], states[:, 2], nothing, nothing, nothing, (Segment.APPROACH,) * len(states)
-    )
-
-
-def _phase_ramp(rate: float, acceleration: float, goal: float, bounds: PhaseLimits, cycle_s: float) -> FloatArray:
-    """(N, 3) phase, rate and acceleration per cycle from one rate to another; the phase starts at 0."""
-    problem = InputParameter(1)
-    problem.control_interface = ControlInterface.Velocity
-    problem.duration_discretization = DurationDiscretization.Discrete
-    problem.current_position, problem.current_velocity = [0.0], [rate]
-    problem.current_acceleration = [acceleration]
-    problem.target_velocity, problem.target_acceleration = [goal], [0.0]
-    problem.max_acceleration, problem.max_jerk = [bounds.acceleration_1_s], [bounds.jerk_1_s2]
-    return _sample(problem, cycle_s)[:, :, 0]
-
-
-def _sample(problem: InputParameter, cycle_s: float) -> FloatArray:
-    """(N, 3, dof) position, velocity and acceleration at every cycle, the start left out."""
-    dof = problem.degrees_of_freedom
-    trajectory = Trajectory(dof)
-    result = Ruckig(dof, cycle_s).calculate(problem, trajectory)
-    if result not in (Result.Working, Result.Finished):
-        raise InfeasibleMotion(f"Ruckig finds no motion within the limits: {result}")
-    cycles = max(1, round(trajectory.duration / cycle_s))
-    times = np.arange(1, cycles + 1) * cycle_s
-    return np.array([trajectory.at_time(min(t, trajectory.duration))[:3] for t in times])
-
-
-def _along(path: FourierTrajectory, phase: FloatArray, segment: tuple[Segment, ...]) -> MotionPlan:
-    """The plan that runs along the path; phase is (N, 3) phase, rate, acceleration."""
-    s, rate, acceleration = phase.T
-    state = path.evaluate(s)
-    return MotionPlan(
-        state.position_rad,
-        state.velocity_rad_s * rate[:, None],
-        state.acceleration_rad_s2 * rate[:, None] ** 2 + state.velocity_rad_s * acceleration[:, None],
-        s,
-        rate,
-        acceleration,
-        segment,
-    )
 
 
 def _join(first: MotionPlan, second: MotionPlan) -> MotionPlan:

@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 
 TOPIC: Final = "/joints"
 SCHEMA_NAME: Final = "armload.Joints"
-SEGMENTS: Final = ("approach", "ramp_up", "periods", "ramp_down", "return")
+SEGMENTS: Final = ("approach", "slow", "ramp_up", "periods", "ramp_down", "return", "hold")
 CONFIGURATION_ATTACHMENT: Final = "configuration.toml"
 EXCITATION_ATTACHMENT: Final = "excitation.toml"
 RUN_ATTACHMENT: Final = "run.json"

@@ -5,15 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_controller.commissioning import run_leg
+from armload_controller.control import MotionControl, OperatorStop, SpeedOutOfRange, TerminationStop
 from armload_controller.cycle import Cycle
 from armload_controller.errors import MotionError
-from armload_controller.limits import LimitViolation, MotionLimits
+from armload_controller.limits import MotionLimits
+from armload_controller.monitor import FollowingMonitor, TorqueWindow
+from armload_controller.phase import Segment
 from armload_controller.recorder import Recorder
-from armload_controller.safety import DECISIONS, Cause, cause_of
-from armload_controller.setpoints import Segment, plan_path, plan_run
-from armload_drivers.errors import BusError, ServoFault, ServoTimeout
-from armload_identification.fourier import Excitation, FourierTrajectory
-from armload_identification.recording import read_recording
+from armload_controller.safety import DECISIONS, Cause, StopStep, cause_of
+from armload_controller.setpoints import plan_approach, plan_leg, plan_legs
+from armload_controller.torque_gate import TorqueGate
+from armload_drivers.errors import BusError, CommandError, ServoFault, ServoTimeout
+from armload_identification.fourier import Excitation, FourierTrajectory, format_excitation
+from armload_identification.recording import EXCITATION_ATTACHMENT, read_recording
+from armload_identification.signals import Transmission
 
 N = 2
 CYCLE_S = 0.01
@@ -30,56 +36,87 @@ EXCITATION = Excitation(
     FourierTrajectory(1.0, np.array([0.2, -0.2]), np.array([[0.05], [0.03]]), np.array([[0.02], [0.04]])), 2
 )
 PATH = EXCITATION.trajectory
+LEGS = plan_legs(EXCITATION, LIMITS, CYCLE_S)
 START = np.full(N, 0.1)
+TORQUE_MAX_NM = np.full(N, 50.0)
+TRANSMISSION = Transmission(np.ones(N), np.eye(N))
+
+
+class Bumped:
+    """The excitation with a step in it, as a defect would make it."""
+
+    def __init__(self, at_s):
+        self.at_s = at_s
+
+    def evaluate(self, t_s):
+        state = PATH.evaluate(t_s)
+        return replace(state, position_rad=state.position_rad + 0.01 * (np.asarray(t_s) > self.at_s)[..., None])
+
+
+class Stranger:
+    """A user's plug-in that does what it is told at one cycle."""
+
+    name = "stranger"
+
+    def __init__(self, at, act):
+        self.at, self.act, self.calls = at, act, 0
+
+    def on_cycle(self, step):
+        self.calls += 1
+        return self.act(step) if step.feedback.cycle == self.at else None
 
 
 @pytest.fixture
-def plan():
-    return plan_run(START, plan_path(EXCITATION, LIMITS, CYCLE_S), LIMITS, CYCLE_S)
+def run(tmp_path):
+    """Approach and run the measured leg on some servos; the recording is closed whatever happens."""
 
-
-@pytest.fixture
-def run(tmp_path, plan):
-    """Run the plan on some servos; the recording is closed whatever happens."""
-
-    def run(servos, stop_requested=lambda: False, plan=plan):
-        servos.enable()
-        with Recorder(tmp_path / "run.mcap", {}) as recorder:
-            return Cycle(servos, LIMITS, stop_requested).run(plan, PATH, START, recorder, lambda done: None)
+    def run(servos, control=None, plugins=(), leg=LEGS.measured, stopwatch=lambda: 0.0):
+        control = control or MotionControl()
+        monitor = FollowingMonitor(LIMITS, max_skipped_cycles=3)
+        gate = TorqueGate(TORQUE_MAX_NM, CYCLE_S)
+        attachments = {EXCITATION_ATTACHMENT: format_excitation(EXCITATION)}
+        with Recorder(tmp_path / f"run{len(list(tmp_path.iterdir()))}.mcap", attachments) as recorder:
+            window = TorqueWindow(LIMITS.joint_names, TRANSMISSION, TORQUE_MAX_NM, CYCLE_S, None)
+            cycle = Cycle(servos, LIMITS, gate, control, [recorder, monitor, window, *plugins], stopwatch)
+            run_leg(cycle, leg, LIMITS, lambda done: None)
+        return monitor.summary(), cycle
 
     return run
 
 
-def test_a_whole_plan_is_sent_and_recorded(ideal_servos, run, plan, tmp_path):
+def first_of(segment):
+    """Setpoints sent before a segment of the measured leg begins."""
+    approach = plan_leg(plan_approach(START, LEGS.start_rad, LIMITS), CYCLE_S)
+    return len(approach) - 1 + plan_leg(LEGS.measured, CYCLE_S).segment.index(segment) - 1
+
+
+def distance_to_path(positions):
+    grid = PATH.evaluate(np.linspace(0.0, 1.0, 20001)).position_rad
+    return max(np.abs(grid - position).max(axis=1).min() for position in positions)
+
+
+def test_a_whole_leg_is_sent_and_recorded(ideal_servos, run, tmp_path):
     servos = ideal_servos(N, CYCLE_S)
-    summary = run(servos)
+    summary, _ = run(servos)
     sent = np.array([command.position_rad for command in servos.sent])
-    np.testing.assert_allclose(sent, plan.position_rad, atol=1e-8)
-    assert summary.cycles == len(plan)
-    assert summary.duration_s == pytest.approx((len(plan) - 1) * CYCLE_S)
-    recording = read_recording(tmp_path / "run.mcap")
-    assert len(recording.time_s) == len(plan)
+    plan = plan_leg(LEGS.measured, CYCLE_S)
+    begin = first_of(Segment.RAMP_UP)
+    np.testing.assert_allclose(sent[begin + 1 : begin + len(plan)], plan.position_rad[1:], atol=1e-8)
+    assert summary.cycles == len(sent)
+    assert summary.duration_s == pytest.approx(len(sent) * CYCLE_S)
+    recording = read_recording(tmp_path / "run0.mcap")
     np.testing.assert_allclose(recording.position_rad, sent, atol=1e-12)
+    phase = recording.phase_s[~np.isnan(recording.phase_s)]
+    np.testing.assert_allclose(phase, np.arange(1, 201) * CYCLE_S, atol=1e-12)
+    assert servos.log == ["enable", "stop", "disable"]
 
 
-def test_a_plan_beyond_a_limit_moves_nothing(ideal_servos, run, plan):
-    position = plan.position_rad.copy()
-    position[-1, 0] = 2.5
-    servos = ideal_servos(N, CYCLE_S)
-    with pytest.raises(LimitViolation, match="base"):
-        run(servos, plan=replace(plan, position_rad=position))
-    assert not servos.sent
-
-
-def test_a_jump_in_the_plan_stops_before_it_is_sent(ideal_servos, run, plan):
-    position = plan.position_rad.copy()
-    row = plan.segment.index(Segment.PERIODS) + 10
-    position[row] += 0.01
+def test_a_jump_in_the_plan_stops_before_it_is_sent(ideal_servos, run):
     servos = ideal_servos(N, CYCLE_S)
     with pytest.raises(MotionError, match="off the checked path"):
-        run(servos, plan=replace(plan, position_rad=position))
-    assert len(servos.sent) == row
-    assert servos.log[-2:] == ["stop", "disable"]
+        run(servos, leg=replace(LEGS.measured, path=Bumped(0.105)))
+    assert len(servos.sent) == first_of(Segment.PERIODS) + 10
+    assert servos.log[1:] == ["stop", "disable"]
 
 
 @pytest.mark.parametrize(
@@ -88,7 +125,8 @@ def test_a_jump_in_the_plan_stops_before_it_is_sent(ideal_servos, run, plan):
         (ServoFault(3, "elbow", "streaming", "overcurrent", "Look."), "elbow", ["stop", "disable"]),
         (ServoTimeout(3, "elbow", "streaming", "no feedback", "Look."), "does not answer", ["stop", "disable"]),
         (BusError("bus-off"), "bus-off", ["disable"]),
-        (RuntimeError("broken plug-in"), "broken plug-in", ["stop", "disable"]),
+        (CommandError("no 60B2"), "no 60B2", ["stop", "disable"]),
+        (RuntimeError("broken program"), "broken program", ["stop", "disable"]),
         (KeyboardInterrupt(), "operator", ["stop", "disable"]),
     ],
 )
@@ -97,44 +135,196 @@ def test_every_failure_brings_the_arm_to_rest_first(ideal_servos, run, event, te
     with pytest.raises(MotionError, match=text) as caught:
         run(servos)
     assert servos.log[1:] == steps
+    assert len(servos.sent) == 120
     assert len(caught.value.last_feedback) == 50
     assert caught.value.last_feedback[-1].cycle == 120
     assert caught.value.__cause__ is event
 
 
-def test_a_joint_that_lags_is_stopped(ideal_servos, run):
-    def stuck(feedback):
-        return replace(feedback, position_rad=feedback.position_rad + np.array([0.0, 0.06]))
-
-    servos = ideal_servos(N, CYCLE_S, {130: stuck})
-    with pytest.raises(MotionError, match=r"elbow: 0\.0600 rad behind its target"):
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (
+            lambda f: replace(f, position_rad=f.position_rad + np.array([0.0, 0.06])),
+            r"elbow: 0\.0600 rad behind its target",
+        ),
+        (lambda f: replace(f, position_rad=np.full(N, np.nan)), "does not follow"),
+        (lambda f: replace(f, current_a=np.array([0.5, 900.0])), r"elbow: .* N m measured, 0\.0 N m expected"),
+        (lambda f: replace(f, time_s=f.time_s - CYCLE_S), "came again"),
+        (lambda f: replace(f, skipped_cycles=4), "4 cycles skipped in a row, 3 allowed"),
+    ],
+)
+def test_feedback_that_must_not_be_stops_before_anything_more_is_sent(ideal_servos, run, change, text):
+    servos = ideal_servos(N, CYCLE_S, {130: change})
+    with pytest.raises(MotionError, match=text):
         run(servos)
     assert len(servos.sent) == 131
     assert servos.log[1:] == ["stop", "disable"]
 
 
-def test_nan_feedback_stops(ideal_servos, run):
-    servos = ideal_servos(N, CYCLE_S, {130: lambda f: replace(f, position_rad=np.full(N, np.nan))})
-    with pytest.raises(MotionError):
-        run(servos)
-    assert len(servos.sent) == 131
+def test_skipped_cycles_within_what_is_allowed_are_counted(ideal_servos, run):
+    servos = ideal_servos(N, CYCLE_S, {130: lambda f: replace(f, skipped_cycles=3)})
+    summary, _ = run(servos)
+    assert summary.skipped == 3
 
 
-def test_the_operator_stops_along_the_path(ideal_servos, run, plan):
-    row = plan.segment.index(Segment.PERIODS) + 50
+@pytest.mark.parametrize("segment", [Segment.APPROACH, Segment.RAMP_UP, Segment.PERIODS, Segment.RAMP_DOWN])
+@pytest.mark.parametrize("reason", [OperatorStop("Ctrl-C"), TerminationStop("SIGTERM")])
+def test_a_stop_is_along_the_path(ideal_servos, run, segment, reason):
+    row = 20 if segment is Segment.APPROACH else first_of(segment) + 12
+    control = MotionControl()
     servos = ideal_servos(N, CYCLE_S)
-    with pytest.raises(MotionError, match="operator"):
-        run(servos, stop_requested=lambda: len(servos.sent) >= row)
+    stranger = Stranger(row, lambda step: control.stop(reason))
+    with pytest.raises(MotionError, match=str(reason)) as caught:
+        run(servos, control, [stranger])
+    assert "along the path" in str(caught.value)
     sent = np.array([command.position_rad for command in servos.sent])
-    assert row < len(sent) < len(plan)
-    grid = PATH.evaluate(np.linspace(0.0, 1.0, 20001)).position_rad
-    for position in sent[row:]:
-        assert np.abs(grid - position).max(axis=1).min() < 1e-4
-    assert np.abs(servos.sent[-1].velocity_rad_s).max() < 1e-9
+    assert row < len(sent) < row + 120
+    if segment is Segment.APPROACH:
+        line = LEGS.start_rad - START
+        share = (sent - START) @ line / (line @ line)
+        np.testing.assert_allclose(sent, START + share[:, None] * line, atol=1e-9)
+    else:
+        assert distance_to_path(sent[row:]) < 1e-4
+    assert np.abs(np.diff(sent, 2, axis=0)).max() <= 6.0 * CYCLE_S**2 * 1.01
+    np.testing.assert_allclose(sent[-1], sent[-2], atol=1e-9)
     assert servos.log[1:] == ["stop", "disable"]
+
+
+@pytest.mark.parametrize(
+    ("act", "text"),
+    [
+        (lambda step: 1 / 0, "plug-in 'stranger' raised ZeroDivisionError"),
+        (lambda step: np.full(N, np.nan), "plug-in 'stranger' returned"),
+        (lambda step: np.zeros(N + 1), "plug-in 'stranger' returned"),
+        (lambda step: step.ask_to_stop("enough"), "stranger: enough"),
+    ],
+)
+def test_a_plugin_that_fails_or_asks_stops_along_the_path(ideal_servos, run, act, text):
+    row = first_of(Segment.PERIODS) + 30
+    stranger = Stranger(row, act)
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match=text):
+        run(servos, plugins=[stranger])
+    sent = np.array([command.position_rad for command in servos.sent])
+    assert distance_to_path(sent[row:]) < 1e-4
+    assert np.abs(np.diff(sent, 2, axis=0)).max() <= 6.0 * CYCLE_S**2 * 1.01
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+def test_a_failed_plugin_is_not_called_again_while_a_polite_one_is(ideal_servos, run):
+    for act, again in ((lambda step: 1 / 0, False), (lambda step: step.ask_to_stop("enough"), True)):
+        stranger = Stranger(150, act)
+        with pytest.raises(MotionError):
+            run(ideal_servos(N, CYCLE_S), plugins=[stranger])
+        assert (stranger.calls > 151) == again
+
+
+class Stopwatch:
+    """Time that passes when somebody says so."""
+
+    def __init__(self):
+        self.now_s = 0.0
+
+    def __call__(self):
+        return self.now_s
+
+
+def test_a_plugin_that_is_too_slow_is_named(ideal_servos, run):
+    watch = Stopwatch()
+
+    class Slow:
+        name = "slow"
+        calls = 0
+
+        def on_cycle(self, step):
+            self.calls += 1
+            watch.now_s += 0.006 if step.feedback.cycle >= 100 else 0.001
+
+    slow = Slow()
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match=r"plug-in 'slow' took 6\.00 ms, its budget is 5\.00 ms"):
+        run(servos, plugins=[slow], stopwatch=watch)
+    assert slow.calls == 105
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+def test_a_late_cycle_names_the_plugin_that_blocked(ideal_servos, run):
+    watch = Stopwatch()
+
+    class Blocking:
+        name = "blocking"
+
+        def on_cycle(self, step):
+            watch.now_s += 0.5 if step.feedback.cycle == 100 else 0.0
+
+    servos = ideal_servos(N, CYCLE_S, {100: lambda f: replace(f, skipped_cycles=50)})
+    with pytest.raises(MotionError, match=r"50 cycles skipped.*plug-in 'blocking' took 500\.0 ms"):
+        run(servos, plugins=[Blocking()], stopwatch=watch)
+
+
+def test_timings_tell_what_each_plugin_costs(ideal_servos, run):
+    watch = Stopwatch()
+
+    class Busy:
+        name = "busy"
+
+        def on_cycle(self, step):
+            watch.now_s += 0.002
+
+    summary, cycle = run(ideal_servos(N, CYCLE_S), plugins=[Busy()], stopwatch=watch)
+    timing = cycle.timings[-1]
+    assert timing.name == "busy"
+    assert timing.calls == summary.cycles + 1
+    assert timing.longest_s == pytest.approx(0.002)
+    assert timing.total_s == pytest.approx(0.002 * timing.calls)
+
+
+def test_added_torque_is_ramped_in_clamped_and_out(ideal_servos, run):
+    class Greedy:
+        name = "greedy"
+
+        def on_cycle(self, step):
+            return np.array([1000.0, -7.0])
+
+    servos = ideal_servos(N, CYCLE_S)
+    run(servos, plugins=[Greedy()])
+    torque = np.array([command.torque_offset_nm for command in servos.sent])
+    np.testing.assert_allclose(torque.max(axis=0), [40.0, 0.0])
+    np.testing.assert_allclose(torque.min(axis=0), [0.0, -7.0])
+    assert np.abs(torque[0]).max() <= 1.0
+    assert np.abs(np.diff(torque, axis=0)).max() <= 2.1
+    np.testing.assert_array_equal(torque[-1], 0.0)
+    ramped_out = np.flatnonzero(torque[:, 0] == 40.0)[-1]
+    assert np.abs(np.diff([c.position_rad for c in servos.sent[ramped_out:]], axis=0)).max() < 1e-9
+
+
+def test_added_torque_goes_to_zero_on_a_stop_along_the_path(ideal_servos, run):
+    class Adding:
+        name = "adding"
+
+        def on_cycle(self, step):
+            if step.feedback.cycle == 200:
+                raise OSError("no space left")
+            return np.full(N, 10.0)
+
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match="no space left"):
+        run(servos, plugins=[Adding()])
+    torque = np.array([command.torque_offset_nm for command in servos.sent])
+    np.testing.assert_allclose(torque[199], 10.0)
+    assert np.abs(np.diff(torque[199:], axis=0)).max() < 0.3
+    np.testing.assert_array_equal(torque[-1], 0.0)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.01, float("nan")])
+def test_an_override_outside_1_to_100_per_cent_is_refused(share):
+    with pytest.raises(SpeedOutOfRange, match="1 to 100 %"):
+        MotionControl().set_speed(share)
 
 
 def test_every_cause_has_a_decision_and_an_advice():
     assert set(DECISIONS) == set(Cause)
     assert all(decision.advice for decision in DECISIONS.values())
+    assert all(decision.category.sequence[-1] is StopStep.DISABLE for decision in DECISIONS.values())
     assert cause_of(ZeroDivisionError()) is Cause.PROGRAM

@@ -5,15 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_controller.limits import MotionLimits, check_setpoints
+from armload_controller.limits import LimitViolation, MotionLimits, check_setpoints
+from armload_controller.paths import InfeasibleMotion, bound_phase
+from armload_controller.phase import Segment
 from armload_controller.setpoints import (
-    InfeasibleMotion,
     RuckigFollower,
-    Segment,
-    bound_phase,
+    check_leg,
+    plan_approach,
+    plan_leg,
+    plan_legs,
     plan_path,
     plan_run,
-    plan_stop,
 )
 from armload_identification.fourier import Excitation, FourierTrajectory
 
@@ -91,22 +93,36 @@ def test_ruckig_turns_a_jump_into_a_limited_motion():
     assert np.abs(np.diff(velocities, 2, axis=0)).max() <= 900 * CYCLE_S**2 * 1.001
 
 
-@pytest.mark.parametrize("segment", [Segment.RAMP_UP, Segment.PERIODS, Segment.RAMP_DOWN])
-def test_stop_stays_on_the_path_and_within_limits(plan, excitation, segment):
-    rows = [i for i, s in enumerate(plan.segment) if s is segment]
-    row = rows[len(rows) // 2]
-    stop = plan_stop(plan, row, excitation.trajectory, LIMITS, CYCLE_S)
-    check_setpoints(stop.position_rad, stop.velocity_rad_s, stop.acceleration_rad_s2, LIMITS)
-    state = excitation.trajectory.evaluate(stop.phase_s)
-    np.testing.assert_allclose(stop.position_rad, state.position_rad, atol=1e-12)
-    assert (np.diff(np.concatenate([[plan.phase_s[row]], stop.phase_s])) >= -1e-12).all()
-    assert np.abs(stop.velocity_rad_s[-1]).max() < 1e-9
-    assert np.abs(stop.position_rad[0] - plan.position_rad[row]).max() < 2 * 3.0 * CYCLE_S
+def test_the_slow_round_ends_at_rest_where_the_measured_ramp_begins(excitation):
+    legs = plan_legs(excitation, LIMITS, CYCLE_S)
+    slow, measured = plan_leg(legs.slow, CYCLE_S), plan_leg(legs.measured, CYCLE_S)
+    assert set(slow.segment) == {Segment.SLOW}
+    np.testing.assert_allclose(slow.position_rad[[0, -1]], measured.position_rad[[0, 0]], atol=1e-9)
+    assert np.abs(slow.velocity_rad_s[[0, -1]]).max() < 1e-9
+    assert 0.249 < slow.phase_rate.max() <= 0.25
+    assert slow.phase_rate.min() >= -1e-9
+    assert slow.phase_s[-1] - slow.phase_s[0] == pytest.approx(excitation.trajectory.period_s)
 
 
-def test_no_stop_along_the_path_during_the_approach(plan, excitation):
-    with pytest.raises(InfeasibleMotion, match="approach"):
-        plan_stop(plan, 0, excitation.trajectory, LIMITS, CYCLE_S)
+def test_the_approach_is_straight_and_at_a_quarter_of_the_limits():
+    approach = plan_leg(plan_approach(START, np.zeros(N), LIMITS), CYCLE_S)
+    along = approach.position_rad @ START / (START @ START)
+    np.testing.assert_allclose(approach.position_rad, along[:, None] * START, atol=1e-12)
+    quarter = [LIMITS.velocity_max_rad_s, LIMITS.acceleration_max_rad_s2]
+    for motion, limit in zip((approach.velocity_rad_s, approach.acceleration_rad_s2), quarter, strict=True):
+        assert (np.abs(motion) / limit).max() == pytest.approx(0.25, abs=0.01)
+
+
+def test_there_is_no_approach_where_the_arm_stands_already():
+    assert plan_approach(START, START + 1e-12, LIMITS) is None
+
+
+def test_a_leg_beyond_a_limit_is_refused_as_a_whole(excitation):
+    tight = replace(LIMITS, position_max_rad=np.array([2.0, 2.0, 0.3]))
+    legs = plan_legs(excitation, tight, CYCLE_S)
+    for leg in (legs.slow, legs.measured):
+        with pytest.raises(LimitViolation, match="c: position"):
+            check_leg(leg, tight, CYCLE_S)
 
 
 def test_excitation_that_uses_up_the_acceleration_is_refused(excitation):

@@ -14,13 +14,21 @@ from typing import Annotated
 import typer
 
 from armload_controller.arms import VIRTUAL, arm_on_bus, require_safe_bus, simulated_arm
-from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
-from armload_controller.cli.screen import Screen, StopRequest
+from armload_controller.cli.options import (
+    BitrateOption,
+    ChannelOption,
+    CycleOption,
+    InterfaceOption,
+    RobotArgument,
+    YesOption,
+)
+from armload_controller.cli.screen import Screen, listening
 from armload_controller.cli.tables import payload_table, possibility, validation_table, verdict
-from armload_controller.commissioning import ROLES, Load, read_pair, record_half, require_recordings
+from armload_controller.commissioning import ROLES, Consent, Load, read_pair, record_half, require_recordings
 from armload_controller.config import Robot, load_robot
-from armload_controller.cycle import CycleSummary
+from armload_controller.control import MotionControl
 from armload_controller.errors import CommissioningError
+from armload_controller.monitor import CycleSummary
 from armload_drivers.servos import JointServos
 from armload_identification.identification import identify, payload_result
 from armload_identification.payload import InertialParameters
@@ -53,6 +61,7 @@ def commission(
         Path | None,
         typer.Option("--output", "-o", help="Folder for the results; runs/ROBOT-TIME if not given."),
     ] = None,
+    yes: YesOption = False,
 ) -> None:
     """Run the arm empty and loaded, identify the payload, judge it, report."""
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
@@ -71,13 +80,15 @@ def commission(
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return simulated_arm(arm, load) if in_this_process else arm_on_bus(arm)
 
-    with StopRequest().listening() as stop_requested:
+    control = MotionControl()
+    consent = Consent(screen.confirm, given=yes)
+    with listening(control):
         for load in halves[runs]:
             if load is Load.LOADED and runs is Runs.BOTH:
-                _mount(arm, screen, in_this_process)
+                _mount(arm, screen, in_this_process, yes)
             begun_s = time.monotonic()
             summaries = record_half(
-                arm, load, open_servos, directory, screen, stop_requested, now.isoformat(timespec="seconds")
+                arm, load, open_servos, directory, screen, control, consent, now.isoformat(timespec="seconds")
             )
             screen.step(_account(load, summaries, time.monotonic() - begun_s))
     if runs is Runs.UNLOADED:
@@ -87,11 +98,13 @@ def commission(
     _evaluate(arm, directory, screen, truth, now)
 
 
-def _mount(arm: Robot, screen: Screen, in_this_process: bool) -> None:
+def _mount(arm: Robot, screen: Screen, in_this_process: bool, yes: bool) -> None:
     """Get the payload onto the flange, the drives being off."""
     if in_this_process:
         screen.step(f"payload {arm.simulated_payload_name!r} mounted on the simulated flange")
-    elif not screen.confirm("The drives are off, the brakes are on. Is the payload mounted and the cell clear?"):
+    elif not yes and not screen.confirm(
+        "The drives are off, the brakes are on. Is the payload mounted and the cell clear?"
+    ):
         raise CommissioningError("not confirmed: nothing was moved with the payload. Go on later with --runs loaded")
 
 

@@ -16,3 +16,9 @@ BitrateOption = Annotated[int | None, typer.Option("--bitrate", help="Bit rate o
 CycleOption = Annotated[float | None, typer.Option("--cycle-hz", help="SYNC rate in Hz.")]
 LoadedOption = Annotated[Path, typer.Option("--loaded", help="Recording with the payload (MCAP or CSV).")]
 UnloadedOption = Annotated[Path, typer.Option("--unloaded", help="Recording of the same motion without it.")]
+YesOption = Annotated[
+    bool,
+    typer.Option(
+        "--yes", help="Skip prompts. Never the slow round, nor the first question with a payload on a real arm."
+    ),
+]

@@ -14,6 +14,8 @@ from types import FrameType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from armload_controller.control import MotionControl, OperatorStop, TerminationStop
+
 
 class Screen:
     """A console that satisfies `commissioning.Watcher`."""
@@ -60,27 +62,18 @@ class Screen:
         return answer.strip().lower() in {"y", "yes"}
 
 
-class StopRequest:
-    """Ctrl-C and SIGTERM as a question that the cycle asks; a second one interrupts at once."""
+@contextmanager
+def listening(control: MotionControl) -> Iterator[None]:
+    """Ctrl-C and SIGTERM stop along the path for a while; a second one interrupts at once."""
 
-    def __init__(self) -> None:
-        self._asked = False
-
-    def __call__(self) -> bool:
-        """Whether a stop was asked for."""
-        return self._asked
-
-    @contextmanager
-    def listening(self) -> Iterator[StopRequest]:
-        """Take the signals over for a while."""
-        before = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield self
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        if self._asked:
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        if control.goal.stop is not None:
             raise KeyboardInterrupt
-        self._asked = True
+        control.stop(OperatorStop("Ctrl-C") if number == signal.SIGINT else TerminationStop("SIGTERM"))
+
+    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

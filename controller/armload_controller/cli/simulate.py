@@ -9,8 +9,9 @@ import typer
 
 from armload_controller.arms import drives_alone
 from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
-from armload_controller.cli.screen import Screen, StopRequest
+from armload_controller.cli.screen import Screen, listening
 from armload_controller.config import load_robot
+from armload_controller.control import MotionControl
 
 NO_PAYLOAD = "none"
 POLL_S = 0.1
@@ -31,14 +32,15 @@ def simulate(
     name = arm.simulated_payload_name if payload is None else payload
     mounted = None if name == NO_PAYLOAD else name
     screen = Screen()
+    control = MotionControl()
     with (
-        StopRequest().listening() as stop_requested,
+        listening(control),
         drives_alone(arm, mounted, run=int(mounted is not None)) as drives,
     ):
         screen.step(
             f"{arm.n} simulated drives of {arm.name} on {arm.bus.interface}:{arm.bus.channel}, "
             f"payload {mounted or NO_PAYLOAD}. Ctrl-C ends them."
         )
-        while drives.running and not stop_requested():
+        while drives.running and control.goal.stop is None:
             time.sleep(POLL_S)
     screen.step("drives stopped")
