@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from armload_drivers import objects as od
 from armload_drivers.arm import SIMULATION_IDENTITY, DriveSettings, Identity
+from armload_drivers.cia402 import State
 from armload_drivers.objects import Access, DataType, Entry
 from armload_drivers.process_image import effort_entry
 from armload_drivers.sdo_server import Dictionary
@@ -17,6 +19,10 @@ QUICK_STOP_DECELERATION_RAD_S2 = 6.0
 
 FOLLOWING_ERROR_TIMEOUT_MS = 20
 """6066 after a reset."""
+
+
+SILENCE = 0
+"""What `DriveTraits.on_request` returns for a request that is to get no answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +37,9 @@ class DriveTraits:
         absent: Indices of objects that the drive lacks.
         boot_message: Sends a boot-up message after a reset.
         takes_mode: Follows 6060; otherwise 6061 stays 0.
+        stuck_in: Power state that no controlword gets it out of.
+        on_request: Called with every SDO request: None has it answered, `SILENCE` ignored, and any other number is
+            the abort code that it is refused with.
     """
 
     identity: Identity = SIMULATION_IDENTITY
@@ -40,6 +49,8 @@ class DriveTraits:
     absent: frozenset[int] = frozenset()
     boot_message: bool = True
     takes_mode: bool = True
+    stuck_in: State | None = None
+    on_request: Callable[[bytes], int | None] | None = None
 
 
 def _count(index: int, highest: int) -> tuple[Entry, int]:

@@ -15,6 +15,7 @@ References:
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -23,13 +24,14 @@ from armload_drivers import objects as od
 from armload_drivers.arm import DriveSettings
 from armload_drivers.objects import NmtCommand, NmtState, PdoDirection
 from armload_drivers.sdo_server import SdoServer
-from armload_drivers.simulated_dictionary import DriveTraits, build_dictionary
+from armload_drivers.simulated_dictionary import SILENCE, DriveTraits, build_dictionary
 from armload_drivers.simulated_pdo import Pdo
 from armload_drivers.simulated_plant import Plant
 from armload_drivers.simulated_power import PowerStage
 
 HEARTBEAT_LOST = 0x8130
 PDO_TOO_SHORT = 0x8210
+SYNC_LENGTH = 0x8240
 RPDO_OVERDUE = 0x8250
 
 _COMMUNICATION_ERROR, _PROFILE_ERROR = 0x11, 0x21
@@ -194,9 +196,17 @@ class SimulatedDrive:
         if self.state in {NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL}:
             self.power.measure_at_rest()
             self._tell_state()
-            answer = self.server.receive(bytes(data))
+            answer = self._serve(bytes(data))
             if answer is not None:
                 self._send(od.SDO_TX_BASE + self.node_id, answer)
+
+    def _serve(self, request: bytes) -> bytes | None:
+        """Answer of the SDO server, or what the traits say instead."""
+        decide = self._traits.on_request
+        verdict = None if decide is None else decide(request)
+        if verdict is None:
+            return self.server.receive(request)
+        return None if verdict == SILENCE else struct.pack("<B3sI", 0x80, request[1:4], verdict)
 
     def setpoints(self, pdo: Pdo, data: bytes | bytearray, now_s: float) -> None:
         """Take in an RPDO; SYNC latches it, or it acts at once where it is event-driven."""
@@ -222,10 +232,18 @@ class SimulatedDrive:
 
     # The cycle -----------------------------------------------------------------------------------------------
 
-    def sync(self, now_s: float) -> None:
-        """Latch, obey and answer. `power.measure` comes first."""
+    def sync(self, now_s: float, length: int = 0) -> None:
+        """Latch, obey and answer. `power.measure` comes first.
+
+        Args:
+            now_s: Time.
+            length: Bytes of the SYNC; one that does not fit 1019 is reported and not obeyed.
+        """
         self._pass_time(now_s)
         if self.state is not NmtState.OPERATIONAL:
+            return
+        if length != bool(self._values[od.SYNC_COUNTER_OVERFLOW.key]):
+            self._announce(SYNC_LENGTH, _COMMUNICATION_ERROR)
             return
         for pdo in self.rpdos:
             if pdo.pending is not None:

@@ -220,7 +220,7 @@ class SimulatedDrives:
             return
         cob_id, data = message.arbitration_id, message.data
         if cob_id == od.SYNC_DEFAULT_COB_ID:
-            self._sync()
+            self._sync(len(data))
             return
         if not self._routes_valid:
             self._build_routes()
@@ -238,8 +238,12 @@ class SimulatedDrives:
             for drive in self._drives.values():
                 drive.heard(cob_id & 0x7F, self._now_s)
 
-    def _sync(self) -> None:
-        """One SYNC: measure, latch, answer."""
+    def _sync(self, length: int) -> None:
+        """One SYNC: measure, latch, answer.
+
+        Args:
+            length: Bytes of the SYNC; a drive with 1019 set wants the counter, one without wants none.
+        """
         time_s = self._clock()
         if self._lockstep:
             self._now_s = time_s
@@ -254,7 +258,7 @@ class SimulatedDrives:
         )
         for drive, values in zip(self._drives.values(), columns, strict=True):
             drive.power.measure(*values)
-            drive.sync(self._now_s)
+            drive.sync(self._now_s, length)
         if self._lockstep:
             self._tick()
 

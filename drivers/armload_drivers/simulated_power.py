@@ -147,6 +147,8 @@ class PowerStage:
     def _make_transitions(self, word: int) -> None:
         """Let the state machine act on a controlword, and the plant on its transitions."""
         before = self.machine.state
+        if before is self._traits.stuck_in:
+            return
         made = self.machine.receive(word)
         after = self.machine.state
         if 15 in made:

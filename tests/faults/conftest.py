@@ -1,0 +1,113 @@
+"""One arm for scripted faults, on the virtual bus in lockstep or on vcan0 on the wall clock."""
+
+import time
+import uuid
+from contextlib import ExitStack
+
+import can
+import numpy as np
+import pytest
+
+from armload_drivers.bcm_sync import BcmSync, BroadcastManager
+from armload_drivers.canopen_servos import CanopenServos
+from armload_drivers.clock import VirtualClock
+from armload_drivers.errors import DriverError
+from armload_drivers.servos import JointCommand
+from armload_drivers.simulated_drives import SimulatedDrives
+from armload_drivers.simulated_plant import IdealPlant
+from armload_drivers.sync import LockstepSync
+from armload_drivers.timeouts import Timeouts
+
+ZERO = np.zeros(3)
+SPEED_RAD_S = 0.5
+
+
+class FaultArm:
+    """Master, simulated drives, the plant behind them, and a third party on the bus.
+
+    Args:
+        vcan: On vcan0; otherwise on the virtual bus.
+        arm: The master's settings.
+        traits: In what drives differ, by node id.
+        drives_arm: The drives' settings, where they are not the master's.
+    """
+
+    def __init__(self, vcan, arm, traits=None, drives_arm=None):
+        self.vcan, self.arm = vcan, arm
+        self.plant = IdealPlant(np.linspace(0.1, 0.3, len((drives_arm or arm).drives)))
+        self._stack = ExitStack()
+        channel = {"interface": "socketcan", "channel": "vcan0"}
+        if not vcan:
+            channel = {"interface": "virtual", "channel": uuid.uuid4().hex}
+        self.bus, drives_bus, self.other = (self._stack.enter_context(can.Bus(**channel)) for _ in range(3))
+        clock = time.monotonic if vcan else VirtualClock()
+        self.drives = self._stack.enter_context(
+            SimulatedDrives(drives_arm or arm, self.plant, drives_bus, clock, traits)
+        )
+        # Where nothing answers, the virtual bus need not be waited for as long as a guest with a slow clock.
+        scale = 4.0 if vcan else 1.0
+        self.timeouts = Timeouts(
+            probe_s=0.05 * scale, scan_s=0.02 * scale, boot_s=0.2 * scale, sdo_s=0.05 * scale, mode_s=0.05 * scale
+        )
+        self.sync = BcmSync(BroadcastManager("vcan0")) if vcan else LockstepSync(clock, feedback_limit_s=0.05)
+        self.servos = CanopenServos(arm, self.bus, self.sync, self.timeouts)
+
+    def send(self, cob_id, data=b"", **kind):
+        """The third party sends a frame."""
+        self.other.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False, **kind))
+
+    def heard(self):
+        """Everything on the bus since the last call."""
+        frames = []
+        while (message := self.other.recv(0.02)) is not None:
+            frames.append(message)
+        return frames
+
+    def enable(self):
+        self.servos.connect()
+        self.start_rad = self.target_rad = self.servos.enable().position_rad
+        return self.start_rad
+
+    def move(self, cycles=20):
+        for _ in range(cycles):
+            self.target_rad = self.target_rad + self.arm.cycle_s * SPEED_RAD_S
+            feedback = self.servos.exchange(JointCommand(self.target_rad, ZERO, ZERO))
+        return feedback
+
+    def failure(self, kind, cycles=60):
+        """The error that motion ends in."""
+        with pytest.raises(kind) as raised:
+            self.move(cycles)
+        return raised.value
+
+    def comes_to_rest(self):
+        """Stop and disable: no torque is left, and nothing moves."""
+        self.servos.stop()
+        assert self.plant.velocity_rad_s == pytest.approx(np.zeros(self.plant.n), abs=1e-3)
+        self.servos.disable()
+        self.has_no_torque()
+
+    def has_no_torque(self):
+        assert not any(self.plant.powered)
+
+    def close(self):
+        try:
+            self.servos.close()
+        except DriverError:
+            self.has_no_torque()
+        finally:
+            self._stack.close()
+
+
+@pytest.fixture(params=["virtual", pytest.param("vcan", marks=pytest.mark.vcan)])
+def fault_arm(request, arm_settings):
+    """Makes `FaultArm`s on one of the two buses and closes them."""
+    vcan = request.param == "vcan"
+    with ExitStack() as stack:
+
+        def make(arm=None, **kwargs):
+            made = FaultArm(vcan, arm or arm_settings(cycle_s=0.02 if vcan else 0.01), **kwargs)
+            stack.callback(made.close)
+            return made
+
+        yield make
