@@ -68,7 +68,6 @@ def run() -> None:
     feedforward = PayloadFeedforward(subject.chain, subject.payload.model)
     model = feedforward_model(subject.chain, subject.payload.model.theta)
     work = np.zeros((FEEDFORWARD_ROWS, subject.chain.n))
-    work[:3] = states[-1]
     with tempfile.TemporaryDirectory() as folder:
         program = _compile(Path(folder), compiler, subject, states)
         c_s, kernel_s, object_s = [], [], []
@@ -76,7 +75,7 @@ def run() -> None:
             done = subprocess.run([program], capture_output=True, text=True, check=True)
             duration, *torque = (float(word) for word in done.stdout.split())
             c_s.append(duration)
-            kernel_s.append(_seconds(lambda: payload_torque_into(model, work)))
+            kernel_s.append(_seconds(lambda: payload_torque_into(model, *states[-1], work)))
             object_s.append(_seconds(lambda: feedforward.torque_nm(*states[-1])))
     error_nm = np.abs(np.array(torque) - feedforward.torque_nm(*states[-1])).max()
     print(f"\nPayload torque, one sample of {subject.chain.n} joints, er50; median of {ROUNDS} rounds")

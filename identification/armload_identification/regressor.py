@@ -23,8 +23,8 @@ from armload_identification.kernels import FRAME_NUMBERS, forward_into, rows_int
 PARAMETERS = 10
 """Length of theta."""
 
-FEEDFORWARD_ROWS = 6
-"""Rows of the work array of `payload_torque_into`: q, dq, ddq, the torque, and two of its own."""
+FEEDFORWARD_ROWS = 3
+"""Rows of the work array of `payload_torque_into`: the torque, and two of its own."""
 
 
 @numba.njit(
@@ -60,17 +60,29 @@ def _body_batch(packed, n, q, dq, ddq, out):  # type: ignore[no-untyped-def]
             rows_into(frames, i + 1, packed, 3 + 12 * n + 9 * i, -1, out[t], 10 * i)
 
 
-@numba.njit("void(float64[::1], float64[:, ::1])", cache=True, fastmath={"contract"}, nogil=True)
-def payload_torque_into(model, work):  # type: ignore[no-untyped-def]  # noqa: PLR0915
+@numba.njit(
+    "void(float64[::1], float64[::1], float64[::1], float64[::1], float64[:, ::1])",
+    cache=True,
+    fastmath={"contract"},
+)
+def payload_torque_into(model, q, dq, ddq, work):  # type: ignore[no-untyped-def]  # noqa: PLR0915
     """Payload torque of one sample, without any allocation: the feed-forward's kernel.
 
     Args:
         model: What `feedforward_model` made of chain and payload.
-        work: (FEEDFORWARD_ROWS, n), C-contiguous. The caller writes q, dq, ddq in rad, rad/s, rad/s2 into
-            rows 0, 1, 2 and finds the torque in N m in row 3; the other rows are the kernel's own.
+        q: (n,) joint positions in rad.
+        dq: (n,) velocities in rad/s.
+        ddq: (n,) accelerations in rad/s2.
+        work: (FEEDFORWARD_ROWS, n), C-contiguous. The torque in N m is in row 0 afterwards; the others are the
+            kernel's own.
+
+    Raises:
+        ValueError: a state that is not of n joints.
     """
     n = work.shape[1]
-    q, dq, ddq, torque, cosine, sine = work[0], work[1], work[2], work[3], work[4], work[5]
+    if q.shape[0] != n or dq.shape[0] != n or ddq.shape[0] != n:
+        raise ValueError("position, velocity and acceleration must have one number per joint of the chain")
+    torque, cosine, sine = work[0], work[1], work[2]
     wx, wy, wz, ex, ey, ez = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     ax, ay, az = model[0], model[1], model[2]
     # outwards in each frame's own coordinates; the step n goes to the flange, which does not turn
@@ -159,9 +171,8 @@ def _torque_batch(model, q, dq, ddq, out):  # type: ignore[no-untyped-def]
     """Payload torque per sample into out (N, n)."""
     work = np.empty((FEEDFORWARD_ROWS, q.shape[1]))
     for t in range(q.shape[0]):
-        work[0], work[1], work[2] = q[t], dq[t], ddq[t]
-        payload_torque_into(model, work)
-        out[t] = work[3]
+        payload_torque_into(model, q[t], dq[t], ddq[t], work)
+        out[t] = work[0]
 
 
 def feedforward_model(chain: Chain, theta: ArrayLike) -> FloatArray:

@@ -206,15 +206,25 @@ def test_a_single_sample_is_one_row_of_the_batch():
         np.testing.assert_array_equal(regressor(chain, q[3], dq[3], ddq[3]), regressor(chain, q, dq, ddq)[3])
 
 
-def test_the_feed_forward_kernel_finds_the_torque_in_row_three():
+def test_the_feed_forward_kernel_finds_the_torque_in_row_zero():
     rng = np.random.default_rng(12)
     chain, payload = random_chain(rng, 6), random_body(rng)
     states = random_states(rng, 1, 6)[:, 0]
+    before = states.copy()
     work = np.full((FEEDFORWARD_ROWS, 6), np.nan)
-    work[:3] = states
-    payload_torque_into(feedforward_model(chain, payload.theta), work)
-    np.testing.assert_array_equal(work[:3], states)
-    np.testing.assert_array_equal(work[3], payload_torque(chain, payload.theta, *states))
+    payload_torque_into(feedforward_model(chain, payload.theta), *states, work)
+    np.testing.assert_array_equal(states, before)
+    np.testing.assert_array_equal(work[0], payload_torque(chain, payload.theta, *states))
+
+
+@pytest.mark.parametrize("short", [0, 1, 2])
+def test_the_feed_forward_kernel_refuses_states_of_another_arm(short):
+    rng = np.random.default_rng(14)
+    states = list(random_states(rng, 1, 6)[:, 0])
+    states[short] = states[short][:5].copy()
+    model = feedforward_model(random_chain(rng, 6), random_body(rng).theta)
+    with pytest.raises(ValueError, match="one number per joint"):
+        payload_torque_into(model, *states, np.zeros((FEEDFORWARD_ROWS, 6)))
 
 
 def test_arrays_of_any_layout_are_taken():
