@@ -12,7 +12,7 @@ from armload_identification.body import BodyModel
 from armload_identification.body_fit import reversal_weights
 from armload_identification.chain import Chain
 from armload_identification.estimate import Estimate, Prior, estimate, estimate_reweighted, estimate_robust
-from armload_identification.load_friction import LoadFriction, fit_load_friction, unloaded_body
+from armload_identification.friction_difference import FrictionDifference, fit_with_friction, unloaded_body
 from armload_identification.load_signal import SCATTER, LoadSignal
 
 FloatArray = NDArray[np.float64]
@@ -29,8 +29,19 @@ class Estimator(StrEnum):
     """Weights by each joint's noise: from the scatter between periods, else from the residual."""
     ROBUST = "robust"
     """Weights by each joint's residual, reversals and outliers weighing less (Huber)."""
-    LOAD_FRICTION = "load-friction"
-    """Weights by each joint's residual, reversals weighing less, load-dependent friction where the data justify it."""
+    FRICTION = "friction"
+    """Weights by each joint's residual, reversals weighing less, friction columns where the data justify them."""
+
+
+def least_noise(signal: LoadSignal) -> FloatArray:
+    """(n,) noise that a fit may not go below: that of the averages, where periods tell it.
+
+    Noise above the motion's band says little about that within it; there the residual alone decides.
+
+    Args:
+        signal: The torque difference.
+    """
+    return signal.averaged_noise_nm * (1.0 if signal.noise_source == SCATTER else _NEGLIGIBLE)
 
 
 def fit_payload(
@@ -42,7 +53,7 @@ def fit_payload(
     *,
     prior: Prior | None = None,
     body: BodyModel | None = None,
-) -> tuple[Estimate, LoadFriction | None]:
+) -> tuple[Estimate, FrictionDifference | None]:
     """Fit a payload.
 
     Args:
@@ -55,12 +66,9 @@ def fit_payload(
         body: The arm's body; from the unloaded run if not given.
 
     Returns:
-        The fit, and the load-dependent friction where the estimator looks for it.
+        The fit, and the friction beside it where the estimator looks for some.
     """
-    scattered = signal.noise_source == SCATTER
-    noise = signal.averaged_noise_nm
-    # Noise above the motion's band says little about that within it: then the residual alone decides.
-    least = noise if scattered else _NEGLIGIBLE * noise
+    least = least_noise(signal)
     steady = reversal_weights(signal.velocity_rad_s)
 
     def solve(columns: FloatArray) -> Estimate:
@@ -68,12 +76,12 @@ def fit_payload(
 
     match estimator:
         case Estimator.OLS:
-            return estimate(regressor, signal.torque_nm, signal.valid, np.ones_like(noise), None, prior), None
+            return estimate(regressor, signal.torque_nm, signal.valid, np.ones_like(least), None, prior), None
         case Estimator.WLS:
-            weighted = estimate if scattered else estimate_reweighted
+            weighted = estimate if signal.noise_source == SCATTER else estimate_reweighted
             return weighted(regressor, signal.torque_nm, signal.valid, least, None, prior), None
         case Estimator.ROBUST:
             return estimate_robust(regressor, signal.torque_nm, signal.valid, least, steady, prior), None
-        case Estimator.LOAD_FRICTION:
+        case Estimator.FRICTION:
             arm = unloaded_body(signal, chain, coupling) if body is None else body
-            return fit_load_friction(signal, regressor, chain, arm, solve)
+            return fit_with_friction(signal, regressor, chain, arm, solve)

@@ -17,8 +17,8 @@ from armload_identification.chain import Chain
 from armload_identification.errors import EstimationError, ModelError
 from armload_identification.estimate import Estimate
 from armload_identification.estimators import Estimator, fit_payload
+from armload_identification.friction_difference import FrictionDifference
 from armload_identification.known import KnownPayload
-from armload_identification.load_friction import LoadFriction
 from armload_identification.load_signal import LoadSignal, load_signal
 from armload_identification.notes import notes_on
 from armload_identification.payload import InertialParameters, PayloadResult, Provenance
@@ -45,12 +45,12 @@ class Identification:
         plain: The weighted least squares estimate as it is, possible or not, with covariance of white
             residuals, condition number, rank, singular values and weights.
         physical: The physically possible estimate; this is what is reported and written.
-        load_friction: Load-dependent friction that was fitted with it; None where the estimator has none.
+        friction: Friction that was fitted with it; None where the estimator has none.
         uncertainty: Values, robust 95 % intervals and what is determined, about the physical estimate.
         signal: Measured torque difference over time, raw and smoothed, with the motion it belongs to, the noise
             per joint, the smoothing loss and how the two runs were laid over each other.
         predicted_nm: (K, n) torque that the physical estimate predicts at the samples of `signal`, friction
-            that the payload causes included.
+            that was fitted with it included.
         residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus prediction, comparable to
             `signal.noise_nm`.
         sources: Of the loaded and, where there is one, the unloaded recording.
@@ -58,7 +58,7 @@ class Identification:
     """
 
     plain: Estimate
-    load_friction: LoadFriction | None
+    friction: FrictionDifference | None
     physical: PhysicalEstimate
     uncertainty: Uncertainty
     signal: LoadSignal
@@ -84,7 +84,7 @@ def identify(
     chain: Chain,
     transmission: Transmission,
     *,
-    estimator: Estimator = Estimator.LOAD_FRICTION,
+    estimator: Estimator = Estimator.FRICTION,
     known: KnownPayload | None = None,
     body: BodyModel | None = None,
 ) -> Identification:
@@ -130,7 +130,7 @@ def identify(
         predicted = predicted + friction.torque_nm
     return Identification(
         plain=fit,
-        load_friction=friction,
+        friction=friction,
         physical=physical,
         uncertainty=uncertainty,
         signal=signal,

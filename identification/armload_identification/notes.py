@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.estimate import Estimate
-from armload_identification.load_friction import LoadFriction
+from armload_identification.friction_difference import FrictionDifference
 from armload_identification.load_signal import LoadSignal
 from armload_identification.physical import PhysicalEstimate
 from armload_identification.recording import Recording
@@ -25,7 +25,7 @@ def notes_on(
     transmission: Transmission,
     signal: LoadSignal,
     fit: Estimate,
-    friction: LoadFriction | None,
+    friction: FrictionDifference | None,
     physical: PhysicalEstimate,
     uncertainty: Uncertainty,
 ) -> list[str]:
@@ -36,7 +36,7 @@ def notes_on(
         transmission: Gains and which of them are calibrated.
         signal: The torque difference.
         fit: The plain estimate.
-        friction: Load-dependent friction that was fitted, or None.
+        friction: Friction that was fitted, or None.
         physical: The physically possible estimate.
         uncertainty: Intervals.
     """
@@ -102,12 +102,17 @@ def _on_signal(signal: LoadSignal) -> list[str]:
 
 
 def _on_result(
-    fit: Estimate, friction: LoadFriction | None, physical: PhysicalEstimate, uncertainty: Uncertainty
+    fit: Estimate, friction: FrictionDifference | None, physical: PhysicalEstimate, uncertainty: Uncertainty
 ) -> list[str]:
     notes = []
-    if friction is not None and friction.joints.any():
-        listed = ", ".join(f"{j + 1} ({friction.coefficient[j]:.3f})" for j in np.flatnonzero(friction.joints))
+    if friction is not None and friction.load_joints.any():
+        listed = ", ".join(f"{j + 1} ({friction.load[j]:.3f})" for j in np.flatnonzero(friction.load_joints))
         notes.append(f"Load-dependent friction was found, and taken out, on joint {listed}.")
+    if friction is not None and friction.viscous_joints.any():
+        listed = ", ".join(
+            f"{j + 1} ({friction.viscous_nm_s_rad[j]:+.2g} N m s/rad)" for j in np.flatnonzero(friction.viscous_joints)
+        )
+        notes.append(f"Viscous friction changed between the runs, and this was taken out, on joint {listed}.")
     if fit.rank < fit.theta.size:
         notes.append(
             f"The motion determines {fit.rank} of {fit.theta.size} directions of the parameters; the rest was "

@@ -139,21 +139,23 @@ def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
     return np.asarray(seen @ half @ half.T)
 
 
-def nuisance_t(fit: Estimate) -> FloatArray:
-    """Robust t statistic of every parameter behind the payload's ten.
+def nuisance_deviation(fit: Estimate) -> tuple[FloatArray, FloatArray]:
+    """Robust standard deviation of every parameter behind the payload's ten.
 
     Args:
-        fit: A fit of full rank, on equidistant samples.
+        fit: A fit on equidistant samples.
 
     Returns:
-        (p - 10,) estimate over standard deviation, the latter from the residual's spectrum.
+        (p - 10,) standard deviations, inf for all where the fit is not of full rank, and their degrees of freedom.
     """
-    extra = fit.theta[10:]
+    extra = fit.theta.size - 10
     if fit.rank < fit.theta.size:
-        return np.zeros(extra.size)
+        return np.full(extra, np.inf), np.ones(extra)
     half: FloatArray = np.asarray(np.linalg.inv(fit.root), dtype=np.float64)
     spectrum = _ResidualSpectrum(fit.whitened @ half, fit.residual_nm * fit.weight_1_nm * fit.sample_weight)
-    return np.asarray(extra / np.sqrt(spectrum.variance(half[10:])))
+    contrast = half[10:]
+    known = np.sum((contrast @ (fit.prior_rows @ half).T) ** 2, axis=1)
+    return np.sqrt(spectrum.variance(contrast) + known), spectrum.freedom(contrast)
 
 
 def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:

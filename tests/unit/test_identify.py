@@ -10,8 +10,8 @@ import pytest
 from armload_identification.errors import EstimationError, ModelError, RecordingError
 from armload_identification.estimators import Estimator
 from armload_identification.fourier import FourierTrajectory
+from armload_identification.friction_difference import SIGNIFICANT_LOAD
 from armload_identification.identification import identify, payload_result
-from armload_identification.load_friction import SIGNIFICANT
 from armload_identification.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.payload_file import format_payload, parse_payload
 from armload_identification.signals import Transmission
@@ -97,13 +97,13 @@ def test_load_dependent_friction_is_found_and_taken_out(pinocchio_arm):
     truth = pinocchio_arm.payload
     plain, result = (
         identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, estimator=estimator)
-        for estimator in (Estimator.WLS, Estimator.LOAD_FRICTION)
+        for estimator in (Estimator.WLS, Estimator.FRICTION)
     )
-    assert plain.load_friction is None
-    friction = result.load_friction
-    assert friction.joints[:3].all()
-    np.testing.assert_allclose(friction.coefficient[friction.joints], 0.085, atol=0.02)
-    assert (friction.t[friction.joints] >= SIGNIFICANT).all()
+    assert plain.friction is None
+    friction = result.friction
+    assert friction.load_joints[:3].all()
+    np.testing.assert_allclose(friction.load[friction.load_joints], 0.085, atol=0.02)
+    assert (friction.load_t[friction.load_joints] >= SIGNIFICANT_LOAD).all()
     assert result.parameters.mass_kg == pytest.approx(truth.mass_kg, rel=0.002)
     errors = [np.linalg.norm(found.parameters.center_of_mass_m - truth.center_of_mass_m) for found in (plain, result)]
     assert errors[1] < 0.0005
@@ -117,9 +117,10 @@ def test_no_friction_is_found_where_none_is(pinocchio_arm):
         trajectory = pinocchio_arm.trajectory()
         pair = [pinocchio_arm.run(trajectory, load, seed=700 + 2 * seed + load) for load in (True, False)]
         result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
-        found += np.count_nonzero(result.load_friction.joints)
-        assert result.plain.theta.size == 10 + np.count_nonzero(result.load_friction.joints)
-    assert found <= 2
+        columns = np.count_nonzero(result.friction.load_joints) + np.count_nonzero(result.friction.viscous_joints)
+        assert result.plain.theta.size == 10 + columns
+        found += columns
+    assert found <= 4
 
 
 @pytest.mark.parametrize("estimator", list(Estimator))

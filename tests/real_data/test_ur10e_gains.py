@@ -1,0 +1,70 @@
+"""Gains calibrated on one mounting of a weighed mass and tried on the other: UR10e, measured currents."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_controller.config import load_robot
+from armload_identification.gains import calibrate_gains
+from armload_identification.identification import identify
+from armload_identification.known import KnownPayload
+from armload_identification.recording import read_recording
+
+WEIGHED_KG = 2.805
+PAIRS = {"a": "", "b": "_b"}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("ur10e")
+
+
+@pytest.fixture(scope="module")
+def pairs(robot, shared_data):
+    folder = shared_data / "ur10e"
+    return {
+        name: [read_recording(folder / f"{load}{suffix}.csv", robot.csv_columns()) for load in ("loaded", "unloaded")]
+        for name, suffix in PAIRS.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def gains(robot, pairs):
+    known = KnownPayload(mass_kg=WEIGHED_KG)
+    return {name: calibrate_gains(*pair, robot.chain(), robot.transmission(), known) for name, pair in pairs.items()}
+
+
+@pytest.fixture(scope="module")
+def crossed(robot, pairs, gains):
+    """Each pair, identified with the gains of the other."""
+    return {
+        name: identify(*pairs[name], robot.chain(), gains[other].transmission)
+        for name, other in (("a", "b"), ("b", "a"))
+    }
+
+
+def test_the_two_calibrations_agree(gains):
+    for result in gains.values():
+        assert result.told.tolist() == [False, True, True, True, True, True]
+    one, two = gains["a"], gains["b"]
+    apart = np.abs(one.gain_nm_a - two.gain_nm_a)
+    assert (apart <= 1.5 * np.hypot(one.half_width_95, two.half_width_95)).all()
+    np.testing.assert_allclose(one.load_friction[1:3], two.load_friction[1:3], atol=0.03)
+
+
+def test_mass_within_0_7_percent_and_within_its_interval(crossed):
+    for result in crossed.values():
+        assert result.parameters.mass_kg == pytest.approx(WEIGHED_KG, rel=0.007)
+        low, high = result.uncertainty.interval_95[0]
+        assert low < WEIGHED_KG < high
+        assert result.parameters.is_physical
+        assert any("joint 1 are nominal" in note for note in result.notes)
+
+
+def test_the_centre_of_mass_is_the_same_but_turned(crossed):
+    first, second = (crossed[name].parameters.center_of_mass_m for name in "ab")
+    assert np.hypot(*first[:2]) == pytest.approx(np.hypot(*second[:2]), abs=0.002)
+    assert first[2] == pytest.approx(second[2], abs=0.002)
+    angle = [np.arctan2(c[1], c[0]) for c in (first, second)]
+    assert np.degrees(angle[0] - angle[1]) % 360.0 == pytest.approx(184.0, abs=2.0)
