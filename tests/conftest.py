@@ -35,7 +35,7 @@ def no_leaked_threads():
     assert not left, f"threads left running: {left}"
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def shared_data():
     """The measured data beside a checkout; a user's machine has none."""
     folder = Path(__file__).resolve().parents[2] / "shared" / "data"
