@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 
 import can
@@ -108,14 +108,23 @@ def drives_alone(robot: Robot, payload: str | None, run: int) -> Iterator[Simula
         yield drives
 
 
+def _bus(robot: Robot) -> AbstractContextManager[can.BusABC]:
+    """The robot's bus."""
+    return open_bus(robot.bus.interface, robot.bus.channel, robot.bus.bitrate)
+
+
 @contextmanager
-def _bus(robot: Robot) -> Iterator[can.BusABC]:
-    bus = robot.bus
+def open_bus(interface: str, channel: str, bitrate: int) -> Iterator[can.BusABC]:
+    """A bus, closed again.
+
+    Raises:
+        BusError: it cannot be opened.
+    """
     try:
-        opened = can.Bus(interface=bus.interface, channel=bus.channel, bitrate=bus.bitrate)
+        opened = can.Bus(interface=interface, channel=channel, bitrate=bitrate)
     except (can.CanError, OSError, ValueError) as error:
         raise BusError(
-            f"bus {bus.interface}:{bus.channel} cannot be opened: {error}. Check the interface's name and that it is up"
+            f"bus {interface}:{channel} cannot be opened: {error}. Check the interface's name and that it is up"
         ) from error
     try:
         yield opened

@@ -8,30 +8,34 @@ form: counts, the bus load, and whether the joints can hold the payloads it name
 from __future__ import annotations
 
 import hashlib
-import math
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 from pydantic import ValidationError
 
+from armload_controller.drive_tables import BusTable, drive_settings, read_descriptions, require_scales
+from armload_controller.envelope import following_speed_of, require_consistent, torque_limits_of, workspace_of
 from armload_controller.errors import ConfigurationError
 from armload_controller.limits import MotionLimits
-from armload_controller.schema import BusTable, PayloadTable, RobotFile, SimulationTable, explained
-from armload_drivers.arm import ArmSettings, DriveSettings, EffortFeedback, Identity, OperationMode
+from armload_controller.schema import RobotFile, SimulationTable, explained
+from armload_controller.table_types import PayloadTable
+from armload_drivers.arm import ArmSettings
 from armload_drivers.bus_budget import require_room
+from armload_drivers.eds import DeviceDescription
 from armload_drivers.errors import BusOverload
 from armload_drivers.plant_spec import PlantJoint, PlantSpec, PlantVariant
 from armload_drivers.servos import FloatArray
 from armload_identification.chain import Chain, pose_from_xyz_rpy
-from armload_identification.excitation import ExcitationLimits
+from armload_identification.envelope import Envelope, ExcitationLimits
 from armload_identification.fourier import Excitation, read_excitation
 from armload_identification.payload import InertialParameters
 from armload_identification.recording import CsvColumns
 from armload_identification.regressor import payload_torque
 from armload_identification.signals import Transmission
+from armload_identification.workspace import Workspace
 
 HARSH_GAIN_ERROR = 0.02
 """The harsh twin's torque gains are off by up to this share, the same in every run."""
@@ -47,12 +51,14 @@ class Robot:
         file: Where it was read from, for messages.
         text: The file's text, kept for the recordings.
         excitations: Excitation by role ("identification", "validation"); empty where the file names none.
+        descriptions: Device description by joint, where the file names one.
     """
 
     file: str
     text: str
     excitations: dict[str, Excitation]
     _model: RobotFile
+    descriptions: dict[str, DeviceDescription] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -173,13 +179,41 @@ class Robot:
         )
 
     def excitation_limits(self) -> ExcitationLimits:
-        """The limits that an excitation is designed within."""
+        """What an excitation's joints may do; a drive whose lag is known keeps its following error."""
         limits = self.motion_limits()
         return ExcitationLimits(
             limits.position_min_rad,
             limits.position_max_rad,
-            limits.velocity_max_rad_s,
+            np.minimum(limits.velocity_max_rad_s, following_speed_of(self._model)),
             limits.acceleration_max_rad_s2,
+            limits.jerk_max_rad_s3,
+        )
+
+    def workspace(self) -> Workspace:
+        """What the arm must not touch; without a `[workspace]` in the file there is nothing."""
+        return workspace_of(self.file, self._model, self.chain())
+
+    @property
+    def knows_workspace(self) -> bool:
+        """Whether the file has a `[workspace]`."""
+        return self._model.workspace is not None
+
+    def envelope(self, position_margin_rad: float, rate_share: float, torque_share: float) -> Envelope:
+        """All limits that an excitation is designed within.
+
+        Args:
+            position_margin_rad: Taken off at both ends of every joint's range.
+            rate_share: Share of the joints' speed, acceleration and jerk.
+            torque_share: Share of the joints' torque.
+
+        Raises:
+            ConfigurationError: the file tells neither the arm's body nor its share of the torque.
+            ExcitationError: nothing is left of a range.
+        """
+        return Envelope(
+            self.excitation_limits().reduced(position_margin_rad, rate_share),
+            torque_limits_of(self.file, self._model, self.chain(), self.heaviest_payload(), torque_share),
+            self.workspace(),
         )
 
     def torque_max_nm(self) -> FloatArray:
@@ -199,6 +233,19 @@ class Robot:
         if self._model.expected_payload is None:
             raise ConfigurationError(self.file, "expected_payload", None, "needed to design an excitation")
         return self._model.expected_payload.inertial()
+
+    def heaviest_payload(self) -> InertialParameters:
+        """The heaviest payload that an excitation must be safe with; the expected one where the file names none.
+
+        Raises:
+            ConfigurationError: the file names neither.
+        """
+        heaviest = self._model.heaviest_payload
+        return self.expected_payload() if heaviest is None else heaviest.inertial()
+
+    def payload_set(self) -> tuple[InertialParameters, ...]:
+        """The payloads that a robust excitation is designed for; empty where the file names none."""
+        return tuple(payload.inertial() for payload in self._model.payload_set.values())
 
     def csv_columns(self) -> CsvColumns | None:
         """Column map of foreign logs, or None where the file has no `[log]`."""
@@ -221,28 +268,9 @@ class Robot:
                 raise ConfigurationError(
                     self.file, f"joints[{i + 1}].drive", None, "an arm on a bus needs one per joint"
                 )
-            identity = drive.identity
-            drives.append(
-                DriveSettings(
-                    joint=joint.name,
-                    node_id=drive.node_id,
-                    mode=OperationMode.CYCLIC_SYNCHRONOUS_POSITION
-                    if drive.mode == "csp"
-                    else OperationMode.INTERPOLATED_POSITION,
-                    feedback=EffortFeedback.CURRENT if drive.feedback == "current" else EffortFeedback.TORQUE,
-                    counts_per_rad=drive.counts_per_axis_turn / (2 * math.pi),
-                    rated_current_a=drive.rated_current_a,
-                    rated_torque_nm=drive.rated_torque_nm,
-                    max_torque_permille=drive.max_torque_permille,
-                    following_error_rad=drive.following_error_rad,
-                    position_min_rad=joint.position_min_rad,
-                    position_max_rad=joint.position_max_rad,
-                    has_brake=drive.has_brake,
-                    identity=Identity(identity.vendor_id, identity.product_code, identity.revision)
-                    if identity
-                    else Identity(None, None),
-                )
-            )
+            limits = (joint.position_min_rad, joint.position_max_rad)
+            described = self.descriptions.get(joint.name)
+            drives.append(drive_settings(drive, joint.name, limits, joint.gear_ratio, described))
         return ArmSettings(
             drives=tuple(drives),
             coupling=self.coupling(),
@@ -250,7 +278,15 @@ class Robot:
             bitrate=bus.bitrate,
             heartbeat_s=bus.heartbeat_s,
             max_missing_cycles=bus.max_missing_cycles,
+            sync_counter=bus.sync_counter,
+            other_nodes=frozenset(bus.other_nodes),
         )
+
+    @property
+    def simulated_start_rad(self) -> FloatArray:
+        """(n,) where the simulated twin's axes are at first; zeros where there is no twin."""
+        simulation = self._model.simulation
+        return np.zeros(self.n) if simulation is None else np.array(simulation.start_position_rad)
 
     @property
     def simulated_payload_name(self) -> str:
@@ -365,7 +401,11 @@ def load_robot(name_or_path: str) -> Robot:
             role: read_excitation(path.parent / getattr(model.excitation, role))
             for role in ("identification", "validation")
         }
-    robot = Robot(file, text, excitations, model)
+    drives = {joint.name: joint.drive for joint in model.joints}
+    if model.simulation is not None:
+        require_scales(file, drives)
+    robot = Robot(file, text, excitations, model, read_descriptions(file, path.parent, drives))
+    robot.workspace()
     _check_excitations(robot)
     _check_strength(robot)
     if model.bus is not None:
@@ -408,6 +448,7 @@ def _check_counts(file: str, model: RobotFile) -> None:
         if model.simulation.payload not in model.simulation.payloads:
             known = ", ".join(sorted(model.simulation.payloads))
             raise ConfigurationError(file, "simulation.payload", model.simulation.payload, f"one of: {known}")
+    require_consistent(file, model)
     if model.bus is not None:
         nodes = [joint.drive.node_id for joint in model.joints if joint.drive is not None]
         if len(set(nodes)) != len(nodes):
@@ -427,6 +468,9 @@ def _check_strength(robot: Robot) -> None:
     payloads: dict[str, PayloadTable] = {}
     if model.expected_payload is not None:
         payloads["expected_payload"] = model.expected_payload
+    if model.heaviest_payload is not None:
+        payloads["heaviest_payload"] = model.heaviest_payload
+    payloads |= {f"payload_set.{name}": p for name, p in model.payload_set.items()}
     if model.simulation is not None:
         payloads |= {f"simulation.payloads.{name}": p for name, p in model.simulation.payloads.items()}
     chain, limits = robot.chain(), robot.motion_limits()

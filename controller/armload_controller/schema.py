@@ -9,72 +9,15 @@ from __future__ import annotations
 import difflib
 from typing import Annotated, Any, Literal, get_args
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
+from armload_controller.cell_tables import ArmBodyTable, WorkspaceTable
+from armload_controller.drive_tables import BusTable, DriveTable
 from armload_controller.errors import ConfigurationError
-from armload_drivers.plant_spec import RigidBody
-from armload_drivers.servos import FloatArray
-from armload_identification.payload import InertialParameters
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+from armload_controller.table_types import BodyTable, NonNegative, PayloadTable, PoseTable, Positive, Table, Vector3
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
-class InertiaTable(_Table):
-    """Tensor elements, kg m2."""
-
-    ixx: float
-    iyy: float
-    izz: float
-    ixy: float
-    ixz: float
-    iyz: float
-
-    def tensor(self) -> FloatArray:
-        """(3, 3) symmetric tensor."""
-        return np.array(
-            [[self.ixx, self.ixy, self.ixz], [self.ixy, self.iyy, self.iyz], [self.ixz, self.iyz, self.izz]]
-        )
-
-
-class BodyTable(_Table):
-    """A rigid body: mass, centre of mass, inertia about it."""
-
-    mass_kg: Positive
-    center_of_mass_m: Vector3
-    inertia_kg_m2: InertiaTable
-
-    def rigid_body(self) -> RigidBody:
-        """As the plant takes it."""
-        return RigidBody(self.mass_kg, np.array(self.center_of_mass_m), self.inertia_kg_m2.tensor())
-
-
-class PayloadTable(BodyTable):
-    """A body in the flange frame that some mass distribution can have."""
-
-    def inertial(self) -> InertialParameters:
-        """As the identification takes it."""
-        return InertialParameters.from_center_of_mass(
-            self.mass_kg, np.array(self.center_of_mass_m), self.inertia_kg_m2.tensor()
-        )
-
-    @model_validator(mode="after")
-    def _possible(self) -> PayloadTable:
-        if not self.inertial().is_physical:
-            raise ValueError(
-                "no mass distribution has this inertia about its centre of mass: the principal moments must be "
-                "positive and each at most the sum of the other two"
-            )
-        return self
-
-
-class RobotTable(_Table):
+class RobotTable(Table):
     """What the arm is."""
 
     name: str
@@ -83,14 +26,7 @@ class RobotTable(_Table):
     gravity_m_s2: Vector3
 
 
-class PoseTable(_Table):
-    """A frame in another."""
-
-    xyz_m: Vector3
-    rpy_rad: Vector3
-
-
-class DhRowTable(_Table):
+class DhRowTable(Table):
     """One Denavit-Hartenberg row."""
 
     alpha_rad: float
@@ -105,7 +41,7 @@ class OriginTable(PoseTable):
     axis: Vector3
 
 
-class KinematicsTable(_Table):
+class KinematicsTable(Table):
     """Rows or origins, and the flange in the last frame."""
 
     convention: Literal["modified-dh", "standard-dh", "joint-origins"]
@@ -126,31 +62,20 @@ class KinematicsTable(_Table):
         return len(self.rows or self.origins or ())
 
 
-class TransmissionTable(_Table):
+class TransmissionTable(Table):
     """Coupled motors: q_joint = C q_axis."""
 
     coupling: list[list[float]]
 
 
-class ExcitationTable(_Table):
+class ExcitationTable(Table):
     """Excitation files beside this one."""
 
     identification: str
     validation: str
 
 
-class BusTable(_Table):
-    """The CANopen bus."""
-
-    interface: str
-    channel: str
-    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
-    cycle_hz: Annotated[float, Field(gt=0, le=1000)]
-    heartbeat_s: Positive
-    max_missing_cycles: Annotated[int, Field(ge=0)]
-
-
-class LogTable(_Table):
+class LogTable(Table):
     """Columns of foreign logs, counted from 0."""
 
     time_column: Annotated[int, Field(ge=0)]
@@ -159,36 +84,7 @@ class LogTable(_Table):
     current_columns: list[int]
 
 
-class IdentityTable(_Table):
-    """What object 1018 has to say."""
-
-    vendor_id: int
-    product_code: int
-    revision: int | None = None
-
-
-class DriveTable(_Table):
-    """One joint's drive."""
-
-    node_id: Annotated[int, Field(ge=1, le=127)]
-    mode: Literal["csp", "ip"]
-    feedback: Literal["current", "torque"]
-    counts_per_axis_turn: Positive
-    rated_current_a: Positive | None = None
-    rated_torque_nm: Positive
-    max_torque_permille: Annotated[int, Field(ge=1, le=65535)]
-    following_error_rad: Positive
-    has_brake: bool
-    identity: IdentityTable | None = None
-
-    @model_validator(mode="after")
-    def _rated_current(self) -> DriveTable:
-        if self.feedback == "current" and self.rated_current_a is None:
-            raise ValueError('feedback = "current" needs rated_current_a: 6078 is per mille of it')
-        return self
-
-
-class JointTable(_Table):
+class JointTable(Table):
     """One joint and its limits."""
 
     name: str
@@ -198,6 +94,7 @@ class JointTable(_Table):
     acceleration_max_rad_s2: Positive
     jerk_max_rad_s3: Positive
     torque_max_nm: Positive
+    arm_torque_share: Annotated[float, Field(ge=0, lt=1)] | None = None
     torque_noise_nm: Positive
     gear_ratio: Positive | None = None
     torque_constant_nm_a: Positive | None = None
@@ -213,7 +110,7 @@ class JointTable(_Table):
         return self
 
 
-class SimulatedJointTable(_Table):
+class SimulatedJointTable(Table):
     """The truth about one simulated joint."""
 
     link: BodyTable
@@ -227,7 +124,7 @@ class SimulatedJointTable(_Table):
     ripple_per_motor_turn: Annotated[int, Field(ge=1)]
 
 
-class SimulationTable(_Table):
+class SimulationTable(Table):
     """The simulated twin."""
 
     seed: int
@@ -238,13 +135,17 @@ class SimulationTable(_Table):
     joints: list[SimulatedJointTable]
 
 
-class RobotFile(_Table):
+class RobotFile(Table):
     """The whole file."""
 
     robot: RobotTable
     kinematics: KinematicsTable
     transmission: TransmissionTable | None = None
     expected_payload: PayloadTable | None = None
+    heaviest_payload: PayloadTable | None = None
+    payload_set: dict[str, PayloadTable] = Field(default={})
+    body: ArmBodyTable | None = None
+    workspace: WorkspaceTable | None = None
     excitation: ExcitationTable | None = None
     bus: BusTable | None = None
     log: LogTable | None = None

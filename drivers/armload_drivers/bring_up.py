@@ -10,12 +10,14 @@ References:
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from armload_drivers import objects as od
 from armload_drivers.arm import ArmSettings, DriveSettings, Identity
-from armload_drivers.cia402 import POWERED, State, decode
+from armload_drivers.bus_link import BusLink
+from armload_drivers.cia402 import POWERED, MasterMachine, State, decode
 from armload_drivers.drive_objects import (
     HEARTBEAT_TOLERANCE,
     DriveObjects,
@@ -28,17 +30,21 @@ from armload_drivers.drive_scale import ToldScale, resolve
 from armload_drivers.emergency import describe
 from armload_drivers.errors import (
     CommandError,
-    SdoRefused,
+    ServoError,
     ServoFault,
     ServoTimeout,
     StatuswordError,
+    TransitionError,
     WrongDevice,
 )
+from armload_drivers.objects import Entry
 from armload_drivers.pdo_setup import map_pdo, switch_others_off
-from armload_drivers.process_image import DriveImage
+from armload_drivers.process_image import DriveImage, drive_image
 from armload_drivers.sdo_channel import SdoChannel
 from armload_drivers.timeouts import Timeouts
-from armload_drivers.units import ArmUnits, milliseconds
+from armload_drivers.units import ArmUnits, AxisUnits, milliseconds
+
+HIGHEST_NODE_ID = 127
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +215,25 @@ class DriveSetup:
             missing=tuple(str(entry) for entry in self._objects.missing),
         )
 
+    def refusal(self, what: str, remedy: str) -> ServoError:
+        """Error about this drive at this step."""
+        return self._sdo.failure(what, remedy)
+
+    def read_units(self) -> AxisUnits:
+        """The drive's scale, of the configuration and of what the drive tells. Only reads.
+
+        Raises:
+            WrongDevice: the two contradict each other.
+            ServoError: an SDO failed.
+        """
+        self._read_scale()
+        return AxisUnits.of(self.settings, self._polarity)
+
+    def read_values(self, entries: tuple[Entry, ...]) -> list[int | None]:
+        """Objects as the drive has them now; None for what it does not have."""
+        self._sdo.step = "reading actual values"
+        return [self._sdo.read_if_there(entry) for entry in entries]
+
     def _wrong(self, what: str, remedy: str) -> WrongDevice:
         """Error about this drive at this step."""
         return WrongDevice(self.settings.node_id, self.settings.joint, self._sdo.step, what, remedy)
@@ -216,10 +241,7 @@ class DriveSetup:
     def _read_name(self) -> str:
         """Device name."""
         self._sdo.step = "reading the name"
-        try:
-            return self._sdo.read_text(od.DEVICE_NAME)
-        except SdoRefused:
-            return ""
+        return self._sdo.read_text_if_there(od.DEVICE_NAME)
 
     def _check_mode(self) -> None:
         """The configured mode has to be among 6502."""
@@ -321,6 +343,31 @@ class DriveSetup:
         except StatuswordError as error:
             raise self._sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
 
+    def reset_fault(self) -> State:
+        """Reset a fault by SDO, by a bounded number of rising edges; nothing is enabled.
+
+        Returns:
+            The state that the drive is in then.
+
+        Raises:
+            ServoFault: it stays in FAULT: the cause is still there.
+            ServoError: it is not in FAULT, or an SDO failed.
+        """
+        self._sdo.step = "resetting the fault"
+        machine = MasterMachine()
+        try:
+            machine.receive(self._sdo.read(od.STATUSWORD), 0.0)
+            machine.request_fault_reset()
+        except (StatuswordError, TransitionError) as error:
+            raise self._sdo.failure(str(error), "There is nothing to reset") from error
+        begun_s = time.monotonic()
+        while machine.state is State.FAULT and time.monotonic() - begun_s < self._timeouts.fault_reset_s:
+            self._sdo.write(od.CONTROLWORD, machine.controlword(time.monotonic() - begun_s))
+            machine.receive(self._sdo.read(od.STATUSWORD), time.monotonic() - begun_s)
+        self._sdo.write(od.CONTROLWORD, 0)
+        self.require_no_fault()
+        return self.read_state()
+
     def remove_torque(self) -> None:
         """Take the torque of a drive that has left the cycle, by SDO.
 
@@ -338,6 +385,26 @@ class DriveSetup:
         self._sdo.step = "setting the heartbeat to watch"
         time_ms = milliseconds(HEARTBEAT_TOLERANCE * self._arm.heartbeat_s) if on else 0
         self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, self._master_node_id << 16 | time_ms)
+
+
+def master_node_id(arm: ArmSettings) -> int:
+    """Node id that the master's heartbeat carries: the highest that no drive has."""
+    return max(set(range(1, HIGHEST_NODE_ID + 1)) - {drive.node_id for drive in arm.drives} - arm.other_nodes)
+
+
+def arm_setups(arm: ArmSettings, link: BusLink, timeouts: Timeouts) -> list[DriveSetup]:
+    """Bring-up of every drive of an arm."""
+    return [
+        DriveSetup(
+            drive,
+            arm,
+            image=drive_image(drive),
+            sdo=SdoChannel(drive.node_id, drive.joint, link, timeouts.sdo_s),
+            timeouts=timeouts,
+            master_node_id=master_node_id(arm),
+        )
+        for drive in arm.drives
+    ]
 
 
 def arm_with(arm: ArmSettings, setups: list[DriveSetup]) -> ArmSettings:

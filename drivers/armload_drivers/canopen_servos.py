@@ -19,23 +19,21 @@ from enum import Enum, auto
 import can
 
 from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, Identity
-from armload_drivers.bring_up import DriveReport, DriveSetup, arm_with
+from armload_drivers.bring_up import DriveReport, arm_setups, arm_with, master_node_id
 from armload_drivers.bus_budget import require_room
 from armload_drivers.bus_link import BusErrors, BusLink
 from armload_drivers.canopen_cycle import CanopenCycle
 from armload_drivers.cia402 import State
 from armload_drivers.drive_node import DriveNode
-from armload_drivers.errors import BusError, DriverError, StateError
+from armload_drivers.errors import BusError, DriverError, ServoTimeout, StateError
 from armload_drivers.objects import NmtCommand
 from armload_drivers.process_image import drive_image
 from armload_drivers.scan import require_no_strangers
-from armload_drivers.sdo_channel import SdoChannel
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.sync import SyncSource
 from armload_drivers.timeouts import Timeouts
 from armload_drivers.units import ArmUnits
 
-HIGHEST_NODE_ID = 127
 STILL_CYCLES = 3
 """An axis stands when it has stood for this many cycles."""
 
@@ -85,33 +83,20 @@ class CanopenServos:
         self._timeouts = timeouts or Timeouts()
         self._phase = _Phase.NEW
         self._link = link = BusLink(bus)
-        taken = {drive.node_id for drive in arm.drives}
-        self._master_node_id = max(set(range(1, HIGHEST_NODE_ID + 1)) - taken)
-        self._nodes: list[DriveNode] = []
-        self._setups: list[DriveSetup] = []
-        for drive in arm.drives:
-            image = drive_image(drive)
-            self._nodes.append(
-                DriveNode(
-                    drive,
-                    image,
-                    link,
-                    sync,
-                    cycle_s=arm.cycle_s,
-                    heartbeat_s=arm.heartbeat_s,
-                    max_missing_cycles=arm.max_missing_cycles,
-                )
+        self._master_node_id = master_node_id(arm)
+        self._setups = arm_setups(arm, link, self._timeouts)
+        self._nodes = [
+            DriveNode(
+                drive,
+                drive_image(drive),
+                link,
+                sync,
+                cycle_s=arm.cycle_s,
+                heartbeat_s=arm.heartbeat_s,
+                max_missing_cycles=arm.max_missing_cycles,
             )
-            self._setups.append(
-                DriveSetup(
-                    drive,
-                    arm,
-                    image=image,
-                    sdo=SdoChannel(drive.node_id, drive.joint, link, self._timeouts.sdo_s),
-                    timeouts=self._timeouts,
-                    master_node_id=self._master_node_id,
-                )
-            )
+            for drive in arm.drives
+        ]
         self._running: CanopenCycle | None = None
 
     # Bring-up ------------------------------------------------------------------------------------------------
@@ -248,9 +233,14 @@ class CanopenServos:
         step, limit_s = "removing torque", self._timeouts.disable_s
         self._cycle.run_until(lambda node: node.still_for(STILL_CYCLES), "waiting for standstill", limit_s)
         self._cycle.ask(State.SWITCH_ON_DISABLED, step, lambda node: not node.lost)
-        self._cycle.run_until(
-            lambda node: node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty), step, limit_s
-        )
+        try:
+            self._cycle.run_until(
+                lambda node: node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty), step, limit_s
+            )
+        except ServoTimeout:
+            # A drive that ignores requests is good enough where it stands, as long as it carries no torque.
+            if not all(node.lost or node.state in _WITHOUT_TORQUE for node in self._nodes):
+                raise
         self._end_cycles()
         for node, setup in zip(self._nodes, self._setups, strict=True):
             if node.lost and setup.is_up():
@@ -301,6 +291,7 @@ class CanopenServos:
             raise
         finally:
             self._phase = _Phase.CLOSED
+            self._sync.end(self._link)
 
     @property
     def bus_load(self) -> float:

@@ -122,6 +122,13 @@ class SdoChannel:
         """Value of a string object; bytes that are no text are replaced. Raises as `read`."""
         return self._transfer(entry, None).decode("utf-8", errors="replace").rstrip("\0")
 
+    def read_text_if_there(self, entry: Entry) -> str:
+        """As `read_text`, but empty where the node refuses to tell."""
+        try:
+            return self.read_text(entry)
+        except SdoRefused:
+            return ""
+
     def write(self, entry: Entry, value: int) -> None:
         """Write an integer object. Raises as `read`."""
         self._transfer(entry, struct.pack("<" + entry.type.code, value))

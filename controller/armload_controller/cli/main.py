@@ -9,6 +9,7 @@ import typer
 
 from armload_controller.cli.commission import commission
 from armload_controller.cli.design import design
+from armload_controller.cli.drives import drives
 from armload_controller.cli.export import export
 from armload_controller.cli.identify import identify
 from armload_controller.cli.screen import Screen
@@ -24,6 +25,8 @@ app = typer.Typer(
 )
 for command in (commission, identify, validate, simulate, design, export):
     app.command()(command)
+
+app.add_typer(drives, name="drives")
 
 
 def _print_version(wanted: bool) -> None:

@@ -1,0 +1,308 @@
+"""Looking at drives without a cycle: who is there, what bring-up would say, how they fare. Nothing is energised.
+
+`check` does everything of bring-up short of enabling, goes on after an error, and keeps the answer of every step.
+It resets the nodes and writes their configuration, as bring-up does, so it refuses drives that carry torque.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from enum import Enum
+
+import can
+
+from armload_drivers import objects as od
+from armload_drivers.arm import ArmSettings, EffortFeedback, Identity
+from armload_drivers.bring_up import DriveSetup, arm_setups, arm_with
+from armload_drivers.bus_link import BusLink
+from armload_drivers.cia402 import POWERED, State
+from armload_drivers.drive_objects import SAFETY
+from armload_drivers.errors import DriverError, ServoError
+from armload_drivers.objects import NmtCommand
+from armload_drivers.process_image import effort_entry
+from armload_drivers.scan import NODE_IDS, scan
+from armload_drivers.sdo_channel import SdoChannel
+from armload_drivers.timeouts import Timeouts
+from armload_drivers.units import ArmUnits
+
+LISTEN_S = 1.0
+"""The bus load is measured over this time."""
+
+
+class Verdict(Enum):
+    """What a step of the check ended in."""
+
+    OK = "ok"
+    MISSING = "missing"
+    WRONG = "wrong"
+    NOT_DONE = "not done"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One step on one drive.
+
+    Attributes:
+        joint: Name of the joint.
+        node_id: Node id.
+        step: What was checked.
+        verdict: How it ended.
+        detail: What is missing or wrong, and what to do; empty where all is well.
+    """
+
+    joint: str
+    node_id: int
+    step: str
+    verdict: Verdict
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class FoundNode:
+    """Somebody on the bus.
+
+    Attributes:
+        node_id: Node id.
+        device_type: 1000; None where the node refuses to tell.
+        name: 1008; empty where it does not tell.
+        identity: 1018.
+        modes: Numbers of the modes of 6502.
+        missing: Objects that safety rests on and that the drive lacks, as "6007".
+    """
+
+    node_id: int
+    device_type: int | None
+    name: str
+    identity: Identity
+    modes: tuple[int, ...]
+    missing: tuple[str, ...]
+
+    @property
+    def is_drive(self) -> bool:
+        """Whether it follows CiA 402."""
+        return self.device_type is not None and self.device_type & 0xFFFF == od.DEVICE_TYPE_SERVO & 0xFFFF
+
+
+@dataclass(frozen=True, slots=True)
+class DriveStatus:
+    """How one drive fares.
+
+    Attributes:
+        joint: Name of the joint.
+        node_id: Node id.
+        state: Power state; None where the drive does not answer.
+        position_rad: Axis position; None where it or its scale is not told.
+        effort: Motor current in A, or axis torque in N m, as `effort_unit` says; None where it is not told.
+        effort_unit: "A" or "N m".
+        error_code: 603F; None where it is not told.
+        trouble: Why nothing is known, in words.
+    """
+
+    joint: str
+    node_id: int
+    state: State | None
+    position_rad: float | None
+    effort: float | None
+    effort_unit: str
+    error_code: int | None
+    trouble: str
+
+
+@dataclass(frozen=True, slots=True)
+class ArmStatus:
+    """How an arm and its bus fare.
+
+    Attributes:
+        drives: One entry per joint.
+        bus_load: Measured share of the bus, every frame at its worst-case length.
+        error_frames: Error frames seen meanwhile.
+        error_passive: The controller is error passive.
+    """
+
+    drives: tuple[DriveStatus, ...]
+    bus_load: float
+    error_frames: int
+    error_passive: bool
+
+
+def find_nodes(bus: can.BusABC, timeouts: Timeouts | None = None) -> list[FoundNode]:
+    """Everybody who answers on a bus. Only reads.
+
+    Raises:
+        ServoError: a node stops answering meanwhile.
+        BusError: the bus failed.
+    """
+    limits = timeouts or Timeouts()
+    link = BusLink(bus)
+    return [
+        _describe(SdoChannel(node_id, "unknown joint", link, limits.sdo_s), node_id, device_type)
+        for node_id, device_type in scan(link, NODE_IDS, limits.scan_s).items()
+    ]
+
+
+def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNode:
+    """What one node tells of itself."""
+    sdo.step = "scanning"
+    modes = sdo.read_if_there(od.SUPPORTED_MODES) or 0
+    entries = {entry.index: entry for entry in _SAFETY_ENTRIES}
+    return FoundNode(
+        node_id=node_id,
+        device_type=device_type,
+        name=sdo.read_text_if_there(od.DEVICE_NAME),
+        identity=Identity(
+            sdo.read_if_there(od.VENDOR_ID), sdo.read_if_there(od.PRODUCT_CODE), sdo.read_if_there(od.REVISION)
+        ),
+        modes=tuple(number + 1 for number in range(32) if modes >> number & 1),
+        missing=tuple(f"{index:04X}" for index in sorted(SAFETY) if sdo.read_if_there(entries[index]) is None),
+    )
+
+
+_SAFETY_ENTRIES = (
+    od.HEARTBEAT_CONSUMER,
+    od.HEARTBEAT_PRODUCER_MS,
+    od.ABORT_CONNECTION_OPTION,
+    od.QUICK_STOP_OPTION,
+    od.FAULT_REACTION_OPTION,
+    od.FOLLOWING_ERROR_WINDOW,
+    od.POSITION_LIMIT_MIN,
+    od.MAX_TORQUE,
+)
+
+
+def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -> list[Check]:
+    """Everything of bring-up short of enabling, every step of every drive.
+
+    Raises:
+        BusError: the bus failed.
+    """
+    link, limits = BusLink(bus), timeouts or Timeouts()
+    setups = arm_setups(arm, link, limits)
+    rows: list[Check] = []
+    sound = [_check_alone(setup, link, limits, rows) for setup in setups]
+    if not all(sound):
+        what = "needs the scale of every drive, and not all are in order"
+        rows += [_row(setup, "limits", Verdict.NOT_DONE, what) for setup in setups]
+        return _by_joint(rows, arm)
+    units = ArmUnits(arm_with(arm, setups), [setup.report().polarity for setup in setups])
+    for axis, setup in enumerate(setups):
+        try:
+            setup.write_limits(units, axis)
+        except ServoError as error:
+            rows.append(_row(setup, "limits", Verdict.WRONG, str(error)))
+            continue
+        missing = setup.report().missing
+        rows.append(_row(setup, "limits", Verdict.OK, ""))
+        rows += [_row(setup, "objects", Verdict.MISSING, name) for name in missing]
+    return _by_joint(rows, arm)
+
+
+def _by_joint(rows: list[Check], arm: ArmSettings) -> list[Check]:
+    """All rows of a joint together."""
+    order = [drive.node_id for drive in arm.drives]
+    return sorted(rows, key=lambda row: order.index(row.node_id))
+
+
+def _check_alone(setup: DriveSetup, link: BusLink, limits: Timeouts, rows: list[Check]) -> bool:
+    """Everything that needs one drive alone; True where nothing is wrong."""
+    sound = True
+    if not setup.is_up():
+        rows.append(
+            _row(setup, "answers", Verdict.WRONG, "no answer: is it supplied and connected, with this node id?")
+        )
+        return False
+    rows.append(_row(setup, "answers", Verdict.OK, ""))
+    try:
+        setup.check_identity()
+        if setup.read_state() in POWERED:
+            raise setup.refusal("the drive carries torque", "Another master is at work: end it first")
+    except ServoError as error:
+        rows.append(_row(setup, "identity", Verdict.WRONG, str(error)))
+        return False
+    rows.append(_row(setup, "identity", Verdict.OK, ""))
+    _reset(setup, link, limits)
+    for name, step in setup.steps():
+        try:
+            step()
+        except ServoError as error:
+            sound = False
+            rows.append(_row(setup, name, Verdict.WRONG, str(error)))
+        else:
+            rows.append(_row(setup, name, Verdict.OK, ""))
+    return sound
+
+
+def _reset(setup: DriveSetup, link: BusLink, limits: Timeouts) -> None:
+    """NMT reset of one node, until its boot-up message or time is over."""
+    booted: list[bytes] = []
+    cob_id = od.HEARTBEAT_BASE + setup.settings.node_id
+    link.subscribe(cob_id, lambda data: booted.append(bytes(data)))
+    link.command(NmtCommand.RESET_NODE, setup.settings.node_id)
+    link.pump_until(lambda: b"\0" in booted, limits.boot_s)
+    link.unsubscribe(cob_id)
+
+
+def _row(setup: DriveSetup, step: str, verdict: Verdict, detail: str) -> Check:
+    """One row of the table."""
+    return Check(setup.settings.joint, setup.settings.node_id, step, verdict, detail)
+
+
+def show(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None, listen_s: float = LISTEN_S) -> ArmStatus:
+    """How the drives of an arm fare. Only reads, so it may be used while another program moves the arm.
+
+    Raises:
+        BusError: the bus failed.
+    """
+    link, limits = BusLink(bus), timeouts or Timeouts()
+    begun_s = time.monotonic()
+    while (left_s := begun_s + listen_s - time.monotonic()) > 0.0:
+        link.pump(left_s)
+    bits, listened_s = link.bits, time.monotonic() - begun_s
+    drives = tuple(_status(setup, limits) for setup in arm_setups(arm, link, limits))
+    return ArmStatus(drives, bits / (arm.bitrate * listened_s), link.error_frames, link.error_passive)
+
+
+def _status(setup: DriveSetup, limits: Timeouts) -> DriveStatus:
+    """How one drive fares."""
+    joint, node_id = setup.settings.joint, setup.settings.node_id
+    unit = "A" if setup.settings.feedback is EffortFeedback.CURRENT else "N m"
+    try:
+        if not setup.is_up():
+            return DriveStatus(joint, node_id, None, None, None, unit, None, f"no answer within {limits.probe_s} s")
+        scale = setup.read_units()
+        values = setup.read_values((od.POSITION_ACTUAL, effort_entry(setup.settings), od.ERROR_CODE))
+        position, effort, code = values
+        return DriveStatus(
+            joint,
+            node_id,
+            setup.read_state(),
+            None if position is None else position / scale.counts_per_rad,
+            None if effort is None else effort * scale.effort_per_unit,
+            unit,
+            code,
+            "",
+        )
+    except DriverError as error:
+        return DriveStatus(joint, node_id, None, None, None, unit, None, str(error))
+
+
+def reset(arm: ArmSettings, joint: str, bus: can.BusABC, timeouts: Timeouts | None = None) -> State:
+    """Reset the fault of one drive, by a bounded number of rising edges. Nothing is enabled.
+
+    Args:
+        arm: The arm.
+        joint: Name of the joint.
+        bus: An open bus.
+        timeouts: Limits of all waits.
+
+    Returns:
+        The state that the drive is in then.
+
+    Raises:
+        ServoError: the drive is not in FAULT, or stays there.
+        BusError: the bus failed.
+    """
+    setups = arm_setups(arm, BusLink(bus), timeouts or Timeouts())
+    setup = next(setup for setup in setups if setup.settings.joint == joint)
+    setup.check_identity()
+    return setup.reset_fault()
