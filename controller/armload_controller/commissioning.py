@@ -24,7 +24,7 @@ from typing import Protocol
 
 from armload_controller.config import Robot
 from armload_controller.control import MotionControl
-from armload_controller.cycle import Cycle
+from armload_controller.cycle import Cycle, require_going
 from armload_controller.errors import CommissioningError
 from armload_controller.limits import MotionLimits
 from armload_controller.monitor import CycleSummary, FollowingMonitor, TorqueWindow
@@ -121,7 +121,7 @@ def record_half(
     consent: Consent,
     created: str,
 ) -> list[CycleSummary]:
-    """Run both excitations with one load and record them.
+    """Run the excitations that have not been recorded with one load, and record them.
 
     Args:
         robot: The arm.
@@ -134,22 +134,22 @@ def record_half(
         created: Date and time of the commissioning, for the recordings.
 
     Raises:
-        CommissioningError: a recording exists already, the robot has no excitations, or the operator does not
-            agree; nothing is switched on.
+        CommissioningError: the robot has no excitations, or the operator does not agree; nothing is switched on.
         LimitViolation: an excitation breaks a limit; nothing was switched on.
         InfeasibleMotion: there is no way onto an excitation within the limits; nothing was switched on.
-        MotionError: the motion was stopped.
+        MotionError: the motion was stopped, or a stop was asked for before anything was switched on.
         DriverError: the arm could not be brought up.
     """
     cycle_s = 1 / robot.bus.cycle_hz
-    excitations = [require_excitation(robot, role) for role in ROLES]
+    roles = missing_roles(directory, load)
+    excitations = [require_excitation(robot, role) for role in roles]
     limits = robot.motion_limits()
     summaries = []
     runs = [plan_legs(excitation, limits, cycle_s) for excitation in excitations]
-    for role, legs in zip(ROLES, runs, strict=True):
-        require_new(recording_path(directory, load, role))
+    for legs in runs:
         for leg in (legs.slow, legs.measured):
             check_leg(leg, limits, cycle_s)
+    require_going(control)
     with open_servos(load) as servos:
         watcher.step(f"{load}: connecting to {servos.n} drives")
         servos.connect()
@@ -159,7 +159,7 @@ def record_half(
             "cell clear and the emergency stop at hand?",
             always=load is Load.LOADED,
         )
-        for role, excitation, legs in zip(ROLES, excitations, runs, strict=True):
+        for role, excitation, legs in zip(roles, excitations, runs, strict=True):
             run = {
                 "armload_version": version("armload"),
                 "robot": robot.name,
@@ -219,14 +219,9 @@ def torque_window(robot: Robot, cycle_s: float) -> TorqueWindow:
     return TorqueWindow(robot.joint_names, robot.transmission(), robot.torque_max_nm(), cycle_s, model=None)
 
 
-def require_new(path: Path) -> None:
-    """Refuse to record over a recording.
-
-    Raises:
-        CommissioningError: the file exists.
-    """
-    if path.exists():
-        raise CommissioningError(f"{path} exists: recordings are never overwritten, choose another --output")
+def missing_roles(directory: Path, load: Load) -> tuple[str, ...]:
+    """Excitations that have not been recorded with a load; what was stopped on the way does not count."""
+    return tuple(role for role in ROLES if not recording_path(directory, load, role).is_file())
 
 
 def require_excitation(robot: Robot, role: str) -> Excitation:
@@ -267,11 +262,11 @@ def require_recordings(directory: Path, load: Load) -> None:
     """Refuse to go on without the recordings of one half.
 
     Raises:
-        CommissioningError: naming the first that is missing, and how to make it.
+        CommissioningError: naming what is missing, and how to make it.
     """
-    for role in ROLES:
-        path = recording_path(directory, load, role)
-        if not path.is_file():
-            raise CommissioningError(
-                f"{path} is missing: make it with `armload commission ... --runs {load} --output {directory}`"
-            )
+    missing = missing_roles(directory, load)
+    if missing:
+        path = recording_path(directory, load, missing[0])
+        raise CommissioningError(
+            f"{path} is missing: make it with `armload commission ... --runs {load} --output {directory}`"
+        )

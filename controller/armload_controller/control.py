@@ -96,6 +96,15 @@ class MotionControl:
             raise SpeedOutOfRange(f"speed {share * 100:g} %: choose 1 to 100 %; a checked path is never run faster")
         self._share = share
 
+    def require_no_stop(self) -> None:
+        """Go on only if nobody asked for a stop.
+
+        Raises:
+            StopRequested: the reason that was given.
+        """
+        if self._stop is not None:
+            raise self._stop
+
     def stop(self, reason: StopRequested) -> None:
         """Come to rest on the path and end; the first reason counts."""
         if self._stop is None:

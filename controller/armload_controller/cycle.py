@@ -79,9 +79,7 @@ class Cycle:
             MotionError: the motion was stopped; the arm is at rest and disabled. Or a stop was asked for before:
                 then nothing was switched on.
         """
-        stop = self._control.goal.stop
-        if stop is not None:
-            raise MotionError(f"Nothing was switched on: {cause_of(stop).value}: {stop}", ())
+        require_going(self._control)
         self._gate.close()
         feedback = self._servos.enable()
         arm = PoweredArm(self._servos, self._limits, self._gate, self._control, self._host, feedback)
@@ -94,6 +92,17 @@ class Cycle:
             arm.bring_to_rest(error)
         self._servos.stop()
         self._servos.disable()
+
+
+def require_going(control: MotionControl) -> None:
+    """Refuse to switch anything on after a stop was asked for.
+
+    Raises:
+        MotionError: it was; its cause is the reason.
+    """
+    stop = control.goal.stop
+    if stop is not None:
+        raise MotionError(f"Nothing was switched on: {cause_of(stop).value}: {stop}", ()) from stop
 
 
 class PoweredArm:
@@ -139,7 +148,7 @@ class PoweredArm:
             self._exchange(reference)
             progress(stream.done)
         self._stream = None
-        self._require_no_stop()
+        self._control.require_no_stop()
 
     def hold(self, done: Callable[[], bool]) -> None:
         """Stand still until something is over; plug-ins go on.
@@ -149,7 +158,7 @@ class PoweredArm:
         """
         while not done():
             self._exchange(self._standing())
-            self._require_no_stop()
+            self._control.require_no_stop()
 
     def release_torque(self) -> None:
         """Ramp added torque to zero, standing, and let the plug-ins see the last feedback."""
@@ -202,11 +211,6 @@ class PoweredArm:
         while stream is not None and (reference := stream.take()) is not None:
             self._exchange(reference)
         self.release_torque()
-
-    def _require_no_stop(self) -> None:
-        stop = self._control.goal.stop
-        if stop is not None:
-            raise stop
 
     def _standing(self) -> Reference:
         """A reference that stays where the arm was told to be last."""

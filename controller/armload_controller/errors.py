@@ -4,6 +4,7 @@ ControlError
  +-- ConfigurationError   a file, its key, the value found and what was expected
  +-- UnsafeBus            a bus that this version does not drive
  +-- MotionError          the motion was stopped: cause, joint, value, bound; carries the last feedback
+ +-- RecordingFailed      the disk is full, or another error of the file
  +-- CommissioningError   a step of the commissioning cannot be done as asked
  +-- ExportError          a payload that must not be written for others, or a file in the way
 """
@@ -42,6 +43,10 @@ class ConfigurationError(ControlError):
 
 class UnsafeBus(ControlError):
     """A bus that this version does not drive."""
+
+
+class RecordingFailed(ControlError):
+    """What was measured could not be written."""
 
 
 class CommissioningError(ControlError):

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from armload_controller.control import OperatorStop, PluginStop, StopRequested, TerminationStop
-from armload_controller.errors import ControlError
+from armload_controller.errors import ControlError, RecordingFailed
 from armload_controller.limits import LimitViolation
 from armload_controller.monitor import FollowingError, LateCycle, StaleFeedback, TorqueError
 from armload_controller.paths import InfeasibleMotion
@@ -63,6 +63,7 @@ class Cause(Enum):
     PLUGIN_REQUEST = "a plug-in asked for a stop"
     PLUGIN_FAILED = "a plug-in failed"
     PLUGIN_TOO_SLOW = "a plug-in is too slow"
+    RECORDING = "the run cannot be recorded"
     LIMIT = "a setpoint breaks a limit"
     DEVIATION = "the motion would leave the checked path"
     FOLLOWING_ERROR = "a joint does not follow"
@@ -99,6 +100,7 @@ DECISIONS: dict[Cause, Decision] = {
     Cause.PLUGIN_REQUEST: Decision(_ALONG, "see what the plug-in says, then start again"),
     Cause.PLUGIN_FAILED: Decision(_ALONG, "correct the plug-in or run without it"),
     Cause.PLUGIN_TOO_SLOW: Decision(_ALONG, "make it faster, move its work to another process, or lower --cycle-hz"),
+    Cause.RECORDING: Decision(_QUICK, "make room on the disk, or choose another --output"),
     Cause.LIMIT: Decision(_QUICK, "correct the excitation or the limits in the configuration"),
     Cause.DEVIATION: Decision(
         _QUICK, "the reference asks for more than the joints' limits allow: design a slower excitation"
@@ -130,6 +132,7 @@ _CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (StopRequested, Cause.OPERATOR),
     (PluginTooSlow, Cause.PLUGIN_TOO_SLOW),
     (PluginFailed, Cause.PLUGIN_FAILED),
+    (RecordingFailed, Cause.RECORDING),
     (LimitViolation, Cause.LIMIT),
     (PathDeviation, Cause.DEVIATION),
     (InfeasibleMotion, Cause.DEVIATION),

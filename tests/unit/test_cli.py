@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,10 +14,14 @@ import pytest
 from typer.testing import CliRunner
 
 from armload_controller.cli.main import app
+from armload_controller.config import load_robot
 from armload_identification.fourier import Excitation, FourierTrajectory, read_excitation, write_excitation
 from armload_identification.payload import InertialParameters
 from armload_identification.payload_file import read_payload, write_payload
+from armload_identification.recording import read_recording
+from armload_identification.validation import validate
 
+PROGRAM = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
 CONFIGS = Path(str(resources.files("armload_configs")))
 
 
@@ -131,7 +136,7 @@ def test_recordings_are_not_overwritten(commissioned, armload, short_robot):
     before = (output / "unloaded_identification.mcap").read_bytes()
     result = armload("commission", short_robot, "--output", output)
     assert result.exit_code == 1
-    assert "never overwritten" in str(result.exception)
+    assert "none is overwritten" in str(result.exception)
     assert (output / "unloaded_identification.mcap").read_bytes() == before
 
 
@@ -142,6 +147,78 @@ def test_an_excitation_beyond_the_limits_switches_nothing_on(armload, short_robo
     result = armload("commission", tight, "--output", tmp_path / "run")
     assert "prbt_joint_3: position" in str(result.exception)
     assert "connecting" not in result.output
+
+
+def test_a_stopped_run_does_not_count_and_is_made_again(armload, short_robot, commissioned, tmp_path):
+    """What a stop leaves: three whole recordings and a partial one."""
+    complete, _ = commissioned
+    output = tmp_path / "stopped"
+    shutil.copytree(complete, output)
+    (output / "loaded_validation.mcap").rename(output / "loaded_validation.partial.mcap")
+    (output / "payload.toml").unlink()
+    result = armload("commission", short_robot, "--output", output)
+    assert result.exit_code == 0, result.output
+    assert "unloaded: recorded already" in result.output
+    assert "identification run" not in result.output
+    assert (output / "loaded_validation.mcap").exists()
+    assert (output / "loaded_validation.partial.mcap").exists()
+    assert (output / "payload.toml").exists()
+
+
+def test_the_verdict_is_about_the_validation_runs(commissioned, short_robot):
+    output, printed = commissioned
+    robot = load_robot(str(short_robot))
+    loaded, unloaded = (read_recording(output / f"{load}_validation.mcap") for load in ("loaded", "unloaded"))
+    model = read_payload(output / "payload.toml").model
+    judged = validate(loaded, unloaded, robot.chain(), robot.transmission(), model)
+    for name, residual in zip(robot.joint_names, judged.residual_rms_nm, strict=True):
+        row = next(line for line in printed.splitlines() if name in line)
+        assert f"{residual:.3f}" in row
+
+
+def test_an_output_that_is_a_file_is_refused(armload, short_robot, tmp_path):
+    file = tmp_path / "file.txt"
+    file.write_text("precious")
+    result = armload("commission", short_robot, "--output", file)
+    assert "cannot be made" in str(result.exception)
+    assert file.read_text() == "precious"
+
+
+def test_recordings_of_another_robot_are_refused(commissioned, armload):
+    output, _ = commissioned
+    pair = ["--loaded", output / "loaded_identification.mcap", "--unloaded", output / "unloaded_identification.mcap"]
+    result = armload("identify", "er50", *pair)
+    assert "recorded on prbt, not on er50" in str(result.exception)
+
+
+def test_a_payload_in_another_frame_is_refused(commissioned, armload, short_robot, tmp_path):
+    output, _ = commissioned
+    file = tmp_path / "wrist.toml"
+    file.write_text((output / "payload.toml").read_text().replace('frame = "flange"', 'frame = "wrist"'))
+    pair = ["--loaded", output / "loaded_validation.mcap", "--unloaded", output / "unloaded_validation.mcap"]
+    result = armload("validate", short_robot, file, *pair)
+    assert "'wrist'" in str(result.exception)
+
+
+@pytest.mark.parametrize(("signal_name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
+def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, status):
+    output = tmp_path / "run"
+    running = subprocess.Popen(
+        [*PROGRAM, "commission", str(short_robot), "--output", str(output)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    for line in running.stdout:
+        if "connecting" in line:
+            break
+    while not list(output.glob("*.mcap")):
+        assert running.poll() is None
+    running.send_signal(getattr(signal, signal_name))
+    _, errors = running.communicate(timeout=60)
+    assert running.returncode == status, errors
+    assert "Traceback" not in errors
+    assert not list(output.glob("unloaded_identification.mcap"))
 
 
 @pytest.mark.parametrize("interface", ["socketcan", "slcan"])
@@ -187,12 +264,7 @@ def test_design_writes_an_excitation_and_how_it_was_made(armload, tmp_path):
 
 
 def program(*words):
-    return subprocess.run(
-        [sys.executable, "-c", "from armload_controller.cli.entry import main; main()", *words],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return subprocess.run([*PROGRAM, *words], capture_output=True, text=True, check=False)
 
 
 def test_errors_are_one_line_with_the_fix_and_no_traceback():

@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from armload_controller.errors import CommissioningError
+from armload_controller.errors import CommissioningError, RecordingFailed
 from armload_controller.recorder import Recorder
 from armload_controller.setpoints import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
@@ -76,19 +77,54 @@ def test_recordings_are_never_overwritten(tmp_path):
     assert path.read_bytes() == b"precious"
 
 
+def test_a_second_attempt_keeps_what_the_first_left(tmp_path):
+    path = tmp_path / "a.mcap"
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError), Recorder(path, {}) as recorder:  # noqa: PT012
+            for cycle in range(30):
+                recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
+            raise ZeroDivisionError
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.partial-2.mcap", "a.partial.mcap"]
+
+
+def test_cycles_without_feedback_are_told_from_measured_ones(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, {}) as recorder:
+        for cycle in range(60):
+            missing = np.array([False, cycle in {20, 21}, False])
+            recorder.write(feedback(cycle, missing=missing), COMMAND, Segment.APPROACH, None)
+    recording = read_recording(path)
+    assert recording.source.reasons == {"feedback missing": 2}
+    assert len(recording.time_s) == 58
+
+
+def test_a_full_disk_is_named(tmp_path):
+    path = tmp_path / "a.mcap"
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limit[1]))
+    try:
+        with pytest.raises(RecordingFailed, match="too large"), Recorder(path, {}) as recorder:  # noqa: PT012
+            for cycle in range(10_000):
+                recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert not path.exists()
+
+
 def test_a_run_of_which_nothing_was_recorded_leaves_no_file(tmp_path):
     with Recorder(tmp_path / "a.mcap", {"run.json": "{}"}):
         pass
     assert not list(tmp_path.iterdir())
 
 
-def test_an_exception_leaves_a_whole_file(tmp_path):
+def test_a_run_that_ends_with_an_error_stays_partial_and_whole(tmp_path):
     path = tmp_path / "a.mcap"
     with pytest.raises(ZeroDivisionError), Recorder(path, {}) as recorder:  # noqa: PT012
         for cycle in range(30):
             recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
         raise ZeroDivisionError
-    recording = read_recording(path)
+    assert not path.exists()
+    recording = read_recording(tmp_path / "a.partial.mcap")
     assert len(recording.time_s) == 30
     assert not recording.source.truncated
 
@@ -120,7 +156,7 @@ def test_kill_minus_nine_loses_at_most_a_quarter_of_a_second(tmp_path):
     written = [int(line), *(int(rest) for rest in writer.stdout if rest.strip())][-1]
     writer.stdout.close()
     writer.wait(timeout=10)
-    recording = read_recording(path)
+    recording = read_recording(tmp_path / "killed.partial.mcap")
     assert recording.source.truncated
     lost_s = (feedback(written).time_s) - recording.time_s[-1]
     assert -CYCLE_S * 1.5 <= lost_s <= 0.25

@@ -22,9 +22,18 @@ from armload_controller.cli.options import (
     RobotArgument,
     YesOption,
 )
+from armload_controller.cli.output import make_folder
 from armload_controller.cli.screen import Screen, listening
 from armload_controller.cli.tables import payload_table, possibility, validation_table, verdict
-from armload_controller.commissioning import ROLES, Consent, Load, read_pair, record_half, require_recordings
+from armload_controller.commissioning import (
+    ROLES,
+    Consent,
+    Load,
+    missing_roles,
+    read_pair,
+    record_half,
+    require_recordings,
+)
 from armload_controller.config import Robot, load_robot
 from armload_controller.control import MotionControl
 from armload_controller.errors import CommissioningError
@@ -72,18 +81,26 @@ def commission(
         if output is None:
             raise CommissioningError("--runs loaded needs --output: the folder that --runs unloaded recorded into")
         require_recordings(directory, Load.UNLOADED)
-    directory.mkdir(parents=True, exist_ok=True)
+    make_folder(directory)
     screen = Screen()
     halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
+    todo = [load for load in halves[runs] if missing_roles(directory, load)]
+    if not todo:
+        raise CommissioningError(
+            f"{directory} holds these recordings already, none is overwritten: choose another --output"
+        )
     in_this_process = arm.bus.interface == VIRTUAL
 
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
-        return simulated_arm(arm, load) if in_this_process else arm_on_bus(arm)
+        return simulated_arm(arm, load) if in_this_process else arm_on_bus(arm, screen.step)
 
     control = MotionControl()
     consent = Consent(screen.confirm, given=yes)
     with listening(control):
         for load in halves[runs]:
+            if load not in todo:
+                screen.step(f"{load}: recorded already in {directory}, taken up")
+                continue
             if load is Load.LOADED and runs is Runs.BOTH:
                 _mount(arm, screen, in_this_process, yes)
             begun_s = time.monotonic()

@@ -9,6 +9,7 @@ import sys
 
 EXIT_REFUSED = 1
 EXIT_INTERRUPTED = 130
+EXIT_TERMINATED = 143
 
 
 def main() -> None:
@@ -23,10 +24,22 @@ def main() -> None:
         try:
             app()
         except (ControlError, DriverError, IdentificationError) as error:
-            stopped = isinstance(error.__cause__, KeyboardInterrupt)
-            text = str(error) if stopped else f"error: {error}"
+            status = _exit_status(error)
+            text = f"error: {error}" if status == EXIT_REFUSED else str(error)
             Screen().errors.print(text, style="bold red", markup=False, soft_wrap=True)
-            sys.exit(EXIT_INTERRUPTED if stopped else EXIT_REFUSED)
+            sys.exit(status)
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
         sys.exit(EXIT_INTERRUPTED)
+
+
+def _exit_status(error: Exception) -> int:
+    """A shell's own status for a stop that was asked for, else that of a refusal."""
+    from armload_controller.control import OperatorStop, TerminationStop
+
+    for reason in (error, error.__cause__):
+        if isinstance(reason, OperatorStop | KeyboardInterrupt):
+            return EXIT_INTERRUPTED
+        if isinstance(reason, TerminationStop):
+            return EXIT_TERMINATED
+    return EXIT_REFUSED
