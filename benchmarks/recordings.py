@@ -1,0 +1,111 @@
+"""Recordings of a seed: whole periods of a steady motion with the noise, the units and the gains of its drives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_drivers.arm import ArmSettings, EffortFeedback
+from armload_drivers.plant import NOISE_CYCLE_S
+from armload_drivers.units import ArmUnits
+from armload_identification.fourier import Excitation
+from armload_identification.recording import Recording, RecordingSource
+from benchmarks.steady_state import SteadyPeriod
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DriveScales:
+    """Units of the drives of the first n axes of an arm, which no other axis is coupled to.
+
+    Attributes:
+        coupling: (n, n) C with q_joint = C q_axis.
+        counts_per_rad: (n,) of the axes.
+        effort_units_per_nm: (n,) units of what the drives tell that one N m at the axis makes.
+        effort_per_unit: (n,) what one such unit means: motor current in A, or axis torque in N m.
+        feedback: Which of the two.
+        noise_nm: (n,) standard deviation of one raw sample of axis torque at 100 Hz.
+    """
+
+    coupling: FloatArray
+    counts_per_rad: FloatArray
+    effort_units_per_nm: FloatArray
+    effort_per_unit: FloatArray
+    feedback: EffortFeedback
+    noise_nm: FloatArray
+
+    @classmethod
+    def of(cls, arm: ArmSettings, noise_nm: FloatArray, joints: int) -> DriveScales:
+        """Scales of the first axes.
+
+        Raises:
+            ValueError: a later axis moves an earlier joint or loads it.
+        """
+        coupling = arm.coupling[:joints, :joints]
+        if arm.coupling[:joints, joints:].any() or arm.coupling[joints:, :joints].any():
+            raise ValueError(f"the first {joints} axes are coupled with the others and cannot be taken alone")
+        units = ArmUnits(arm)
+        axes = units.axes[:joints]
+        return cls(
+            coupling=coupling,
+            counts_per_rad=np.array([axis.counts_per_rad for axis in axes]),
+            effort_units_per_nm=np.array([axis.effort_units_per_nm for axis in axes]),
+            effort_per_unit=np.array([axis.effort_per_unit for axis in axes]),
+            feedback=units.feedback,
+            noise_nm=noise_nm[:joints],
+        )
+
+    @property
+    def n(self) -> int:
+        """Number of axes."""
+        return int(self.noise_nm.size)
+
+
+def record(
+    period: SteadyPeriod,
+    scales: DriveScales,
+    periods: int,
+    rng: np.random.Generator,
+    gain_error: FloatArray,
+    noise_scale: float = 1.0,
+) -> Recording:
+    """A run of whole periods.
+
+    Args:
+        period: The steady motion.
+        scales: Units and noise of the drives.
+        periods: M.
+        rng: Draws the noise, white, sigma = noise at 100 Hz * sqrt(rate / 100 Hz).
+        gain_error: (n,) e; the motor gives 1 + e times the torque that the drive believes in and reports.
+        noise_scale: Factor on the noise and on the drives' unit of effort, to look at what is left without them.
+            Both, because it is the noise that makes quantisation average out.
+
+    Returns:
+        The recording, as it would be read from a file.
+    """
+    n, samples = scales.n, period.samples * periods
+    sigma = noise_scale * scales.noise_nm * np.sqrt(NOISE_CYCLE_S / period.sample_s)
+    torque = rng.standard_normal((samples, n))
+    torque *= sigma
+    torque += np.tile(period.axis_torque_nm[:, :n] / (1.0 + gain_error), (periods, 1))
+    effort = np.rint(torque * (scales.effort_units_per_nm / noise_scale)) * noise_scale * scales.effort_per_unit
+    counts = np.rint(period.axis_position_rad[:, :n] * scales.counts_per_rad)
+    position = (counts / scales.counts_per_rad) @ scales.coupling.T
+    tells_current = scales.feedback is EffortFeedback.CURRENT
+    time_s = np.arange(samples) * period.sample_s
+    # Nothing is read back from a file, so a name of its own is all the hash that a recording needs.
+    name = f"seeded {rng.integers(2**62):x}"
+    return Recording(
+        time_s=time_s,
+        position_rad=np.tile(position, (periods, 1)),
+        velocity_rad_s=None,
+        current_a=effort if tells_current else None,
+        torque_nm=None if tells_current else effort @ np.linalg.inv(scales.coupling),
+        phase_s=time_s + period.sample_s,
+        excitation=Excitation(period.trajectory, periods),
+        source=RecordingSource(Path(name), name, "mcap", samples, 0, {}),
+    )

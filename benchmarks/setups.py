@@ -1,0 +1,182 @@
+"""The setups that are tried: arm, twin, excitation, payload.
+
+Twins of one arm:
+
+- CLEAN: MuJoCo's torque on the trajectory itself, no servo, no friction: whatever is left is noise.
+- NORMATIVE: ROBOTS.md's first plant, as configured.
+- GEARS: its second, `harsh`, with the same friction in both runs.
+- HARSH: all of it, 3 % more friction in the loaded run; gains within 2 % come per seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_controller.config import HARSH_SECOND_RUN_FRICTION, Robot
+from armload_drivers.plant_spec import PlantSpec, PlantVariant, RigidBody
+from armload_identification.envelope import Envelope, ExcitationLimits
+from armload_identification.excitation import design
+from armload_identification.fourier import FourierTrajectory
+from armload_identification.information import named_criterion
+from armload_identification.payload import InertialParameters
+from armload_identification.signals import Transmission
+from armload_identification.strength import TorqueLimits
+from armload_identification.workspace import Workspace
+from benchmarks.bodies import Cuboid
+from benchmarks.recordings import DriveScales
+from benchmarks.steady_state import SteadyPeriod, Streaming, ideal_period, steady_period
+from benchmarks.trials import CalibrationLoad, Setup
+
+FloatArray = NDArray[np.float64]
+
+PAPER_JOINTS = 3
+PAPER_PERIODS = 50
+PAPER_BASE_HZ = 0.05
+PAPER_HARMONICS = 5
+PAPER_RATE_HZ = 1000.0
+PAPER_KEPT = 10
+PAPER_DESIGN_SEED = 1
+PAPER_RESTARTS = 8
+
+
+class Twin(StrEnum):
+    """Which simulated arm."""
+
+    CLEAN = "white noise alone"
+    NORMATIVE = "normative"
+    GEARS = "harsh, the same friction in both runs"
+    HARSH = "harsh"
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A trajectory and how it is streamed and identified from.
+
+    Attributes:
+        trajectory: What all axes do.
+        streaming: At which cycle, and which samples are kept.
+        joints: Joints, from the base, that the payload is identified from.
+        periods: M of either run.
+    """
+
+    trajectory: FourierTrajectory
+    streaming: Streaming
+    joints: int
+    periods: int
+
+
+def paper_motion(robot: Robot, criterion: str) -> Motion:
+    """The paper's: joints 4 to 6 held at zero, five harmonics of 0.05 Hz, 1 kHz, every tenth sample kept.
+
+    Args:
+        robot: er50, whose limits of joints 1 to 3 are METHOD's.
+        criterion: What the excitation is designed for.
+    """
+    n, limits = PAPER_JOINTS, robot.excitation_limits()
+    head = ExcitationLimits(
+        limits.position_min_rad[:n],
+        limits.position_max_rad[:n],
+        limits.velocity_max_rad_s[:n],
+        limits.acceleration_max_rad_s2[:n],
+        limits.jerk_max_rad_s3[:n],
+    )
+    chain, payload = robot.chain().head(n), in_frame(robot, robot.expected_payload(), n)
+    strong = TorqueLimits.from_share(chain, np.zeros(n), payload, robot.torque_max_nm()[:n])
+    found = design(
+        named_criterion(criterion, chain, robot.torque_noise_nm()[:n], payload),
+        Envelope(head, strong, Workspace(chain)),
+        harmonics=PAPER_HARMONICS,
+        base_frequency_hz=PAPER_BASE_HZ,
+        seed=PAPER_DESIGN_SEED,
+        restarts=PAPER_RESTARTS,
+    ).trajectory
+    held = np.zeros((robot.n - n, PAPER_HARMONICS))
+    trajectory = FourierTrajectory(
+        found.base_frequency_hz,
+        np.concatenate([found.offset_rad, held[:, 0]]),
+        np.vstack([found.sin_rad, held]),
+        np.vstack([found.cos_rad, held]),
+    )
+    arm = replace(robot.arm_settings(), cycle_s=1.0 / PAPER_RATE_HZ)
+    return Motion(trajectory, Streaming(arm, robot.motion_limits(), PAPER_KEPT), n, PAPER_PERIODS)
+
+
+def shipped_motion(robot: Robot, keep_every: int = 1, periods: int | None = None) -> Motion:
+    """The robot's own excitation with all its joints, at its own cycle.
+
+    Args:
+        robot: The arm.
+        keep_every: Every how manieth cycle is kept.
+        periods: M; None takes the file's.
+    """
+    excitation = robot.excitations["identification"]
+    streaming = Streaming(robot.arm_settings(), robot.motion_limits(), keep_every)
+    return Motion(excitation.trajectory, streaming, robot.n, periods or excitation.periods)
+
+
+def in_frame(robot: Robot, payload: InertialParameters, joints: int) -> InertialParameters:
+    """A payload of the flange frame in the frame that the first joints' chain reports in, the others at zero."""
+    if joints == robot.n:
+        return payload
+    poses = robot.chain().forward(np.zeros(robot.n))
+    return payload.transformed(np.linalg.inv(poses[joints - 1]) @ poses[-1])
+
+
+def twin_spec(robot: Robot, twin: Twin, payload: RigidBody | None) -> PlantSpec:
+    """The simulated arm with a payload on its flange."""
+    spec = replace(robot.plant_spec(None), payload=payload)
+    if twin in {Twin.GEARS, Twin.HARSH}:
+        scale = 1.0 if payload is None or twin is Twin.GEARS else HARSH_SECOND_RUN_FRICTION
+        return replace(spec, variant=PlantVariant.HARSH, friction_scale=scale)
+    return spec
+
+
+def setup_of(
+    name: str,
+    robot: Robot,
+    twin: Twin,
+    motion: Motion,
+    payload: RigidBody,
+    *,
+    gain_spread: float = 0.0,
+    calibration: Cuboid | None = None,
+) -> Setup:
+    """A setup, with its periods from MuJoCo or the cache.
+
+    Args:
+        name: What is printed, and part of every seed.
+        robot: The arm.
+        twin: Its plant.
+        motion: What it does.
+        payload: Truth, in the flange frame.
+        gain_spread: Gain errors are uniform within this.
+        calibration: Weighed payload that the gains are calibrated with.
+    """
+    n, arm = motion.joints, motion.streaming.arm
+    nominal = robot.transmission()
+
+    def period(body: RigidBody | None) -> SteadyPeriod:
+        make = ideal_period if twin is Twin.CLEAN else steady_period
+        return make(twin_spec(robot, twin, body), motion.streaming, motion.trajectory)
+
+    chain = robot.chain() if n == robot.n else robot.chain().head(n)
+    known = None
+    if calibration is not None:
+        truth = in_frame(robot, calibration.inertial(), n)
+        known = CalibrationLoad(period(calibration.rigid_body()), truth)
+    truth = InertialParameters.from_center_of_mass(payload.mass_kg, payload.center_of_mass_m, payload.inertia_kg_m2)
+    return Setup(
+        name=name,
+        loaded=period(payload),
+        unloaded=period(None),
+        scales=DriveScales.of(arm, robot.torque_noise_nm(), n),
+        chain=chain,
+        transmission=Transmission(nominal.gain_nm_a[:n], nominal.coupling[:n, :n]),
+        truth=in_frame(robot, truth, n),
+        periods=motion.periods,
+        calibration=known,
+    ).with_gains(gain_spread)

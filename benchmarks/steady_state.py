@@ -1,0 +1,185 @@
+"""One period of an excitation as the simulated arm drives it when it has driven it before: MuJoCo, without noise.
+
+The arm is streamed as in a commissioning: setpoints from `plan_run` in the drives' counts, latched at SYNC and
+reached one cycle later, through the servo loops of the plant. The first period is thrown away, the second kept;
+how far the two are apart is kept with it. Noise, quantisation of torque and gain errors are added per seed by
+`recordings`, which is exact for the first two. A gain error leaves the motion as it is within the loops'
+stiffness, so the drive believes in 1 / (1 + e) of the torque.
+
+Two things in it are no noise and no friction, and show all the same. The torque that a drive tells at SYNC is that
+of the servo step which has just ended, 0.8 ms older than the position: on the paper's arm it moves I_yz by 1.8 and
+c_z by 1.0 standard deviations of the noise of 50 periods. And the load bends the motion by some 3e-6 rad, which the
+arm's own inertia turns into 0.1 N m above 2 Hz. `ideal_period` has neither.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import armload_controller.setpoints
+import armload_drivers.plant
+import armload_drivers.plant_model
+import armload_drivers.plant_servo
+import armload_drivers.units
+import armload_identification.fourier
+from armload_controller.limits import MotionLimits
+from armload_controller.setpoints import Segment, plan_path, plan_run
+from armload_drivers.arm import ArmSettings
+from armload_drivers.plant import ArmPlant
+from armload_drivers.plant_model import build_model
+from armload_drivers.plant_spec import PlantSpec
+from armload_drivers.servos import JointCommand
+from armload_drivers.units import ArmUnits
+from armload_identification.fourier import Excitation, FourierTrajectory
+from benchmarks.cache import cache_directory, cached, fingerprint
+
+FloatArray = NDArray[np.float64]
+
+_MODULES = (
+    armload_drivers.plant,
+    armload_drivers.plant_model,
+    armload_drivers.plant_servo,
+    armload_drivers.units,
+    armload_controller.setpoints,
+    armload_identification.fourier,
+)
+_SOURCES = (Path(__file__), *(Path(str(module.__file__)) for module in _MODULES))
+_LIBRARIES = ("mujoco", "numpy", "numba", "ruckig")
+_SETTLED = 0.25
+"""Share of the first period in which the start may still show; only what comes behind is compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyPeriod:
+    """K samples of one period, n axes; a sample every `sample_s`.
+
+    Attributes:
+        trajectory: What was streamed.
+        sample_s: Time between samples.
+        axis_position_rad: (K, n) encoders.
+        axis_torque_nm: (K, n) torque that the drives believe to give.
+        unrepeated_nm: (n,) greatest change of that torque from the period before to this one.
+        greatest_share: (n,) greatest torque as a share of what the drive can give; 1 is saturated.
+    """
+
+    trajectory: FourierTrajectory
+    sample_s: float
+    axis_position_rad: FloatArray
+    axis_torque_nm: FloatArray
+    unrepeated_nm: FloatArray
+    greatest_share: FloatArray
+
+    @property
+    def samples(self) -> int:
+        """K."""
+        return int(self.axis_torque_nm.shape[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Streaming:
+    """How a trajectory is streamed and sampled.
+
+    Attributes:
+        arm: Drives and their cycle.
+        limits: Of the joints, for approach and ramp.
+        keep_every: Every how manieth cycle is recorded.
+    """
+
+    arm: ArmSettings
+    limits: MotionLimits
+    keep_every: int = 1
+
+
+def steady_period(
+    spec: PlantSpec, streaming: Streaming, trajectory: FourierTrajectory, directory: Path | None = None
+) -> SteadyPeriod:
+    """The period, from the cache where it is there.
+
+    Args:
+        spec: The arm with its load; noise, seed and gain errors do not matter.
+        streaming: Drives, cycle and sampling.
+        trajectory: What to drive.
+        directory: The cache; None is the user's.
+    """
+    quiet = noiseless(spec)
+    key = period_key(quiet, streaming, trajectory)
+    arrays = cached(key, directory or cache_directory(), lambda: _simulate(quiet, streaming, trajectory))
+    return SteadyPeriod(trajectory, streaming.arm.cycle_s * streaming.keep_every, **arrays)
+
+
+def ideal_period(spec: PlantSpec, streaming: Streaming, trajectory: FourierTrajectory) -> SteadyPeriod:
+    """The torque of links and payload on the trajectory itself, by MuJoCo: no servo, no friction, no rotors.
+
+    Args:
+        spec: The arm with its load.
+        streaming: Which samples are kept.
+        trajectory: What the arm does, exactly.
+    """
+    built = build_model(spec)
+    sample_s = streaming.arm.cycle_s * streaming.keep_every
+    state = trajectory.evaluate(np.arange(round(trajectory.period_s / sample_s)) * sample_s)
+    torque = np.empty_like(state.position_rad)
+    for row, torque_row in enumerate(torque):
+        built.data.qpos[:] = state.position_rad[row]
+        built.data.qvel[:] = state.velocity_rad_s[row]
+        built.data.qacc[:] = state.acceleration_rad_s2[row]
+        built.mujoco.mj_fwdPosition(built.model, built.data)
+        built.mujoco.mj_fwdVelocity(built.model, built.data)
+        built.mujoco.mj_rne(built.model, built.data, 1, torque_row)
+    nothing = np.zeros(trajectory.n)
+    to_axis = np.linalg.inv(spec.coupling)
+    return SteadyPeriod(trajectory, sample_s, state.position_rad @ to_axis.T, torque @ spec.coupling, nothing, nothing)
+
+
+def noiseless(spec: PlantSpec) -> PlantSpec:
+    """The same arm without what `recordings` adds."""
+    joints = tuple(replace(joint, torque_noise_nm=0.0) for joint in spec.joints)
+    return replace(spec, joints=joints, seed=0, torque_gain_error=None, torque_gain_drift_per_s=None)
+
+
+def period_key(spec: PlantSpec, streaming: Streaming, trajectory: FourierTrajectory) -> str:
+    """Hash of everything that a period depends on, code and libraries included."""
+    arm = streaming.arm
+    counts = tuple(axis.counts_per_rad for axis in ArmUnits(arm).axes)
+    streamed = (arm.cycle_s, arm.coupling, counts, streaming.limits, streaming.keep_every)
+    return fingerprint(spec, streamed, trajectory, _SOURCES, tuple(version(name) for name in _LIBRARIES))
+
+
+def _simulate(spec: PlantSpec, streaming: Streaming, trajectory: FourierTrajectory) -> dict[str, FloatArray]:
+    """Stream two periods and keep the second."""
+    arm, n = streaming.arm, len(spec.joints)
+    cycle_s, units = arm.cycle_s, ArmUnits(arm)
+    start = trajectory.evaluate(0.0).position_rad
+    plant = ArmPlant(replace(spec, start_position_rad=start))
+    for axis in range(n):
+        plant.set_powered(axis, True)
+    plan = plan_run(start, plan_path(Excitation(trajectory, 2), streaming.limits, cycle_s), streaming.limits, cycle_s)
+    rows = np.flatnonzero([segment is Segment.PERIODS for segment in plan.segment])
+    cycles = rows.size // 2
+    nothing = np.zeros(n)
+    position, torque = np.empty((2, 2 * cycles, n))
+    for row in range(int(rows[-1]) + 1):
+        plant.advance((row + 1) * cycle_s)
+        # Rows count from the first period on; what is sampled at a SYNC belongs to the row that it latches.
+        kept = row - int(rows[0])
+        if kept >= 0 and kept % streaming.keep_every == 0:
+            sample = plant.sample(cycle_s)
+            position[kept], torque[kept] = sample.axis_position_rad, sample.axis_torque_nm
+        target = units.targets(JointCommand(plan.position_rad[row], nothing, nothing))
+        for axis in range(n):
+            plant.set_target(axis, target.position_counts[axis] / units.axes[axis].counts_per_rad, cycle_s)
+    first = slice(0, cycles, streaming.keep_every)
+    second = slice(cycles, 2 * cycles, streaming.keep_every)
+    settled = int(_SETTLED * len(torque[first]))
+    greatest = np.array([joint.max_torque_nm for joint in spec.joints])
+    return {
+        "axis_position_rad": position[second],
+        "axis_torque_nm": torque[second],
+        "unrepeated_nm": np.abs(torque[second] - torque[first])[settled:].max(axis=0),
+        "greatest_share": np.abs(torque[second]).max(axis=0) / greatest,
+    }

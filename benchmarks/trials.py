@@ -1,0 +1,213 @@
+"""Many seeded commissionings of one setup, spread over the cores.
+
+A trial is one seed: an unloaded and a loaded recording of the setup's steady periods with noise, quantisation and
+gain errors of that seed, identified through the public `identify`. What a seed draws depends on the seed and the
+setup's name alone, never on the order or the number of processes.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.chain import Chain
+from armload_identification.errors import IdentificationError, PayloadFileError
+from armload_identification.gains import calibrate_gains
+from armload_identification.identification import Identification, identify, payload_result
+from armload_identification.known import KnownPayload
+from armload_identification.payload import InertialParameters
+from armload_identification.payload_file import format_payload, parse_payload
+from armload_identification.recording import Recording
+from armload_identification.signals import Transmission
+from benchmarks.recordings import DriveScales, record
+from benchmarks.steady_state import SteadyPeriod
+
+FloatArray = NDArray[np.float64]
+
+_SEEDS_PER_TASK = 5
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationLoad:
+    """Another payload, weighed, that the gains are calibrated with before the payload is identified.
+
+    Attributes:
+        loaded: The arm with it.
+        truth: Its ten parameters in the frame of the setup's chain, all of them known.
+    """
+
+    loaded: SteadyPeriod
+    truth: InertialParameters
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """An arm, its excitation and its payload, ready to be recorded with a seed.
+
+    Attributes:
+        name: What is printed, and part of every seed.
+        loaded: Steady period with the payload.
+        unloaded: Steady period without.
+        scales: Units and noise of the drives.
+        chain: The arm; its flange is the frame of the result.
+        transmission: Gains and coupling, marked as calibrated where the gains are exact and as nominal where not.
+        truth: The payload in the chain's flange frame.
+        periods: M of either run.
+        gain_spread: Gain errors are uniform within this, one per axis and seed.
+        noise_scale: Factor on noise and quantisation of the torque.
+        calibration: Payload that the gains are calibrated with; None takes them as they are.
+    """
+
+    name: str
+    loaded: SteadyPeriod
+    unloaded: SteadyPeriod
+    scales: DriveScales
+    chain: Chain
+    transmission: Transmission
+    truth: InertialParameters
+    periods: int
+    gain_spread: float = 0.0
+    noise_scale: float = 1.0
+    calibration: CalibrationLoad | None = None
+
+    def rng(self, seed: int) -> np.random.Generator:
+        """Everything that is random about a seed."""
+        return np.random.default_rng([zlib.crc32(self.name.encode()), seed])
+
+    def without_noise(self) -> Setup:
+        """A thousandth of noise and quantisation, so that the weights stay and only model error is left."""
+        return replace(self.with_gains(0.0), name=f"{self.name}, without noise", noise_scale=1e-3)
+
+    def with_gains(self, spread: float) -> Setup:
+        """Gains that are nominal and off by up to a spread, uniformly; with 0 they are exact and known to be."""
+        exact = np.full(self.scales.n, spread == 0.0)
+        transmission = Transmission(self.transmission.gain_nm_a, self.transmission.coupling, exact)
+        return replace(self, gain_spread=spread, transmission=transmission)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What came out of one seed.
+
+    Attributes:
+        seed: The seed.
+        refused: Why there is no result; empty where there is one.
+        theta: (10,) of the reported estimate; NaN where refused, like all below.
+        half_width_95: (10,) of mass, centre of mass and inertia about it.
+        determined: (10,) likewise.
+        margin: Smallest eigenvalue of the pseudo-inertia over its trace, after reading the payload's file back;
+            -inf where the file is refused.
+        residual_nm: (n,) RMS of raw single-sample differences minus prediction.
+        noise_nm: (n,) noise of such a difference.
+    """
+
+    seed: int
+    refused: str
+    theta: FloatArray
+    half_width_95: FloatArray
+    determined: NDArray[np.bool_]
+    margin: float
+    residual_nm: FloatArray
+    noise_nm: FloatArray
+
+    @property
+    def parameters(self) -> InertialParameters:
+        """The estimate."""
+        return InertialParameters(self.theta)
+
+
+def pair(setup: Setup, seed: int) -> tuple[Recording, Recording, Transmission]:
+    """Loaded and unloaded recording of a seed, and the gains to identify with.
+
+    Raises:
+        IdentificationError: the gains cannot be calibrated.
+    """
+    rng = setup.rng(seed)
+    gain_error = setup.gain_spread * rng.uniform(-1.0, 1.0, setup.scales.n)
+
+    def run(period: SteadyPeriod) -> Recording:
+        return record(period, setup.scales, setup.periods, rng, gain_error, setup.noise_scale)
+
+    transmission = setup.transmission
+    if setup.calibration is not None:
+        known = KnownPayload.weighed(setup.calibration.truth)
+        heavy, empty = run(setup.calibration.loaded), run(setup.unloaded)
+        transmission = calibrate_gains(heavy, empty, setup.chain, transmission, known).transmission
+    return run(setup.loaded), run(setup.unloaded), transmission
+
+
+def identified(setup: Setup, seed: int) -> Identification:
+    """The identification of one seed.
+
+    Raises:
+        IdentificationError: it was refused.
+    """
+    loaded, unloaded, transmission = pair(setup, seed)
+    return identify(loaded, unloaded, setup.chain, transmission)
+
+
+def trial(setup: Setup, seed: int) -> Trial:
+    """One seed; a refusal is a result too."""
+    try:
+        result = identified(setup, seed)
+    except IdentificationError as error:
+        nothing = np.full(10, np.nan)
+        none = np.full(setup.scales.n, np.nan)
+        return Trial(seed, str(error), nothing, nothing, np.zeros(10, dtype=bool), np.nan, none, none)
+    return Trial(
+        seed=seed,
+        refused="",
+        theta=result.parameters.theta,
+        half_width_95=result.uncertainty.half_width_95,
+        determined=result.uncertainty.determined,
+        margin=_margin_in_file(result),
+        residual_nm=result.residual_rms_nm,
+        noise_nm=result.signal.noise_nm,
+    )
+
+
+@contextmanager
+def workers() -> Iterator[Executor]:
+    """One process per core, each with one thread: the linear algebra here is too small to share."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
+        yield pool
+
+
+def run_trials(pool: Executor, setup: Setup, seeds: int, progress: Callable[[int], None]) -> list[Trial]:
+    """Seeds 0 to `seeds` - 1 of a setup, in order.
+
+    Args:
+        pool: From `workers`.
+        setup: What to run.
+        seeds: How many.
+        progress: Called with the number of seeds that are done.
+    """
+    trials: list[Trial] = []
+    starts = range(0, seeds, _SEEDS_PER_TASK)
+    tasks = [pool.submit(_some, setup, range(start, min(start + _SEEDS_PER_TASK, seeds))) for start in starts]
+    for task in tasks:
+        trials.extend(task.result())
+        progress(len(trials))
+    return trials
+
+
+def _margin_in_file(result: Identification) -> float:
+    """Margin of what somebody reads from the file that would be written."""
+    try:
+        return parse_payload(format_payload(payload_result(result, "benchmark", "0" * 64))).model.margin
+    except PayloadFileError:
+        return -np.inf
+
+
+def _some(setup: Setup, seeds: Sequence[int]) -> list[Trial]:
+    return [trial(setup, seed) for seed in seeds]
