@@ -3,7 +3,7 @@ PYTHON ?= python3
 ROBOT  ?= er50
 BIN    := .venv/bin
 
-.PHONY: commission test env lint bench lock
+.PHONY: commission test env lint bench paper accuracy lock
 
 commission: env
 	$(BIN)/armload commission $(ROBOT)
@@ -27,6 +27,13 @@ lint: env
 
 bench: env
 	$(BIN)/python -m benchmarks
+
+# Exit status 1 where a criterion is not met. The periods from MuJoCo are cached under ~/.cache/armload.
+paper: env
+	$(BIN)/python -m benchmarks.paper
+
+accuracy: env
+	$(BIN)/python -m benchmarks.accuracy
 
 # Resolves the pinned versions anew; needs pip-tools in the environment that runs it.
 lock:

@@ -1,0 +1,65 @@
+"""One minute instead of the paper's seventeen: all six joints, three periods of ten seconds, loaded and unloaded."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+
+import numpy as np
+
+from armload_controller.config import Robot
+from benchmarks.bound import bound_of
+from benchmarks.over_canopen import commissioned, motion_seconds
+from benchmarks.paper_tables import print_values
+from benchmarks.setups import Twin, setup_of, shipped_motion
+from benchmarks.statistics import EXACT, Census, Errors
+from benchmarks.trials import Setup, identified, run_trials
+from benchmarks.verdict import Tally, progress_line
+
+SEEDS = 100
+MASS_SHARE = 0.01
+CENTER_M = 0.003
+OF_SEEDS = 0.95
+
+
+def run(tally: Tally, pool: Executor, robot: Robot, census: Census) -> None:
+    """Table and criteria, then the same seed's experiment complete over CANopen."""
+    tally.heading(f"2. One minute instead of seventeen: six joints, {motion_seconds(robot):.0f} s of periods in all")
+    payload = robot.plant_spec(robot.simulated_payload_name).payload
+    if payload is None:
+        raise ValueError(f"{robot.name} names no payload to simulate")
+    setup = setup_of("one minute", robot, Twin.NORMATIVE, shipped_motion(robot), payload)
+    with progress_line("one minute", SEEDS) as progress:
+        trials = run_trials(pool, setup, SEEDS, progress)
+    census.add(trials, setup.truth, EXACT)
+    errors = Errors.of(trials, setup.truth)
+    print_values(trials, setup.truth, bound_of(setup))
+    for what, good in (
+        (f"mass within {MASS_SHARE:.0%}", np.abs(errors.mass_share) <= MASS_SHARE),
+        (f"centre of mass within {CENTER_M * 1e3:.0f} mm", errors.center_m <= CENTER_M),
+    ):
+        share = errors.share(good)
+        tally.judge(f"one minute: {what} on {OF_SEEDS:.0%} of seeds", f"{share:.0%} of {SEEDS}", share >= OF_SEEDS)
+    print(
+        f"  mass: median {np.median(np.abs(errors.mass_share)):.2%}, worst {np.abs(errors.mass_share).max():.2%}; "
+        f"centre of mass: median {np.median(errors.center_m) * 1e3:.2f} mm, worst {errors.center_m.max() * 1e3:.2f} mm"
+    )
+    _compare_with_canopen(tally, pool, robot, setup)
+
+
+def _compare_with_canopen(tally: Tally, pool: Executor, robot: Robot, setup: Setup) -> None:
+    """The expectation of the seeds has to lie in the interval of a run over the bus."""
+    with progress_line("the same over CANopen", 1):
+        over_bus = commissioned(pool, robot.name, setup.transmission)
+    expected = identified(setup.without_noise(), 0).parameters.values
+    half = over_bus.uncertainty.half_width_95
+    known = over_bus.uncertainty.determined
+    off = np.abs(over_bus.parameters.values - expected) / half
+    print(
+        f"  over CANopen: {over_bus.parameters.mass_kg:.4f} kg +- {half[0]:.4f}, "
+        f"the seeds' expectation {expected[0]:.4f} kg; periods averaged: {over_bus.signal.periods}"
+    )
+    tally.judge(
+        "a run complete over CANopen agrees with the seeds' expectation within its interval, determined values",
+        f"{np.count_nonzero(off[known] <= 1.0)} of {np.count_nonzero(known)}, at most {off[known].max():.2f} of it",
+        bool((off[known] <= 1.0).all()),
+    )

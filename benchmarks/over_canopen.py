@@ -1,0 +1,70 @@
+"""One seed complete over CANopen: master and simulated drives on the virtual bus, recorder, files, identification."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from armload_controller.arms import simulated_arm
+from armload_controller.commissioning import Consent, Load, read_pair, record_half
+from armload_controller.config import Robot, load_robot
+from armload_controller.control import MotionControl
+from armload_identification.fourier import Excitation
+from armload_identification.identification import Identification, identify
+from armload_identification.signals import Transmission
+
+
+class Silence:
+    """A watcher that says nothing."""
+
+    def step(self, text: str) -> None:
+        """Something begins."""
+
+    @contextmanager
+    def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
+        """Something of known length begins."""
+        yield lambda done: None
+
+
+def commissioned(pool: Executor, robot_name: str, transmission: Transmission) -> Identification:
+    """Both halves of a commissioning over CANopen, each in a process of its own, and what is identified from them.
+
+    Args:
+        pool: Processes.
+        robot_name: Of a shipped robot.
+        transmission: Gains to identify with.
+    """
+    with tempfile.TemporaryDirectory() as directory:
+        halves = [pool.submit(_record, robot_name, load, directory) for load in Load]
+        for half in halves:
+            half.result()
+        robot = load_robot(robot_name)
+        runs = read_pair(robot, Path(directory), "identification")
+        return identify(runs.loaded, runs.unloaded, robot.chain(), transmission)
+
+
+def _record(robot_name: str, load: Load, directory: str) -> None:
+    """One half; the validation run, which is not needed here, is a single period."""
+    robot = load_robot(robot_name)
+    short = Excitation(robot.excitations["validation"].trajectory, 1)
+    robot = replace(robot, excitations=robot.excitations | {"validation": short})
+    # Both halves run at once: each in its own process, whose virtual bus nobody else sees.
+    record_half(
+        robot,
+        load,
+        lambda which: simulated_arm(robot, which),
+        Path(directory),
+        Silence(),
+        MotionControl(),
+        Consent(lambda question: False, given=False),
+        "benchmark",
+    )
+
+
+def motion_seconds(robot: Robot) -> float:
+    """Time in the measured periods of both runs."""
+    return 2.0 * robot.excitations["identification"].duration_s
