@@ -1,0 +1,29 @@
+"""`make accuracy`: real currents, other payloads, both plants, coverage of the intervals, and speed."""
+
+from __future__ import annotations
+
+import sys
+
+from benchmarks import coverage, other_payloads, real_currents, speed
+from benchmarks.setups import Twin
+from benchmarks.statistics import Census
+from benchmarks.trials import workers
+from benchmarks.verdict import Tally
+
+
+def main() -> int:
+    """Run everything; the exit status is 1 where a criterion is not met."""
+    tally, census = Tally(), Census()
+    real_currents.run(tally, census)
+    with workers() as pool:
+        speed.run(tally, pool)
+        other_payloads.run(tally, pool, Twin.NORMATIVE, census)
+        other_payloads.run(tally, pool, Twin.HARSH, census)
+        coverage.run(tally, pool, census)
+    tally.heading("6. Physically possible, and honest")
+    census.judge(tally)
+    return tally.finish()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,58 @@
+"""Do 95 % intervals hold the truth in 95 % of commissionings? Counted over thousands, with white noise."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+
+import numpy as np
+
+from armload_controller.config import load_robot
+from armload_identification.payload import PARAMETER_NAMES
+from benchmarks.setups import Twin, setup_of, shipped_motion
+from benchmarks.statistics import EXACT, NOMINAL, Census, Errors
+from benchmarks.trials import run_trials
+from benchmarks.verdict import Tally, progress_line
+
+SEEDS = 2000
+MODEL_ERROR_SEEDS = 100
+PERIODS = (3, 10, 50)
+LEAST, MOST = 0.93, 0.98
+KEPT = 5
+"""Every fifth of 250 cycles a second is kept: 50 Hz, noise scaled as METHOD says; five times the seeds a minute."""
+
+
+def run(tally: Tally, pool: Executor, census: Census) -> None:
+    """A table of coverage per value and number of periods, then the same with model error."""
+    robot = load_robot("er50")
+    payload = robot.plant_spec("paper").payload
+    if payload is None:
+        raise ValueError("er50 has no payload of the name 'paper'")
+    tally.heading(f"Coverage of the 95 % intervals: er50, six joints, white noise, {SEEDS} commissionings each")
+    print("  periods | " + "  ".join(f"{name:>5s}" for name in PARAMETER_NAMES))
+    for periods in PERIODS:
+        motion = shipped_motion(robot, KEPT, periods)
+        setup = setup_of(f"coverage, {periods} periods", robot, Twin.CLEAN, motion, payload)
+        with progress_line(setup.name, SEEDS) as progress:
+            trials = run_trials(pool, setup, SEEDS, progress)
+        census.add(trials, setup.truth, None)
+        held = Errors.of(trials, setup.truth).inside.mean(axis=0)
+        print(f"  {periods:7d} | " + "  ".join(f"{share:5.1%}" for share in held))
+        tally.judge(
+            f"white noise, {periods} periods: every interval holds the truth in {LEAST:.0%} to {MOST:.0%}",
+            f"{held.min():.1%} to {held.max():.1%}",
+            bool(held.min() >= LEAST and held.max() <= MOST),
+        )
+    print(f"  with model error, as it is, {MODEL_ERROR_SEEDS} each:")
+    for twin, spread in ((Twin.NORMATIVE, 0.0), (Twin.NORMATIVE, 0.02), (Twin.HARSH, 0.02)):
+        for periods in PERIODS:
+            motion = shipped_motion(robot, KEPT, periods)
+            name = f"coverage, {twin}, gains within {spread:.0%}, {periods} periods"
+            setup = setup_of(name, robot, twin, motion, payload, gain_spread=spread)
+            with progress_line(name, MODEL_ERROR_SEEDS) as progress:
+                trials = run_trials(pool, setup, MODEL_ERROR_SEEDS, progress)
+            census.add(trials, setup.truth, EXACT if spread == 0.0 else NOMINAL if twin is Twin.NORMATIVE else None)
+            held = Errors.of(trials, setup.truth).inside.mean(axis=0)
+            label = f"{twin}{', gains' if spread else ''}"
+            print(f"  {periods:7d} | " + "  ".join(f"{share:5.0%}" for share in held) + f"  {label}")
+    if np.isnan(held).any():
+        raise ValueError("no commissioning had a result")
