@@ -30,6 +30,7 @@ from armload_drivers.plant_spec import PlantJoint, PlantSpec, PlantVariant
 from armload_drivers.servos import FloatArray
 from armload_identification.chain import Chain, pose_from_xyz_rpy
 from armload_identification.envelope import Envelope, ExcitationLimits
+from armload_identification.errors import IdentificationError
 from armload_identification.fourier import Excitation, read_excitation
 from armload_identification.payload import InertialParameters
 from armload_identification.recording import CsvColumns
@@ -117,7 +118,7 @@ class Robot:
         except ValidationError as error:
             raise explained("command line", error, prefix="bus") from error
         robot = replace(self, _model=self._model.model_copy(update={"bus": bus}))
-        _check_bus_load(robot)
+        _check_bus_load(robot, "command line")
         return robot
 
     def chain(self) -> Chain:
@@ -382,25 +383,20 @@ def load_robot(name_or_path: str) -> Robot:
         ConfigurationError: naming file, key, the value found and what was expected.
     """
     path = _find(name_or_path)
-    file = str(path) if path.suffix == ".toml" and not _is_shipped(name_or_path) else f"{name_or_path}.toml"
+    file = f"{name_or_path}.toml" if _is_shipped(name_or_path) else str(path)
     try:
         text = path.read_text("utf-8")
         values = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(file, "(syntax)", str(error), "a TOML file, UTF-8") from error
+        raise ConfigurationError(file, "syntax", str(error), "expected TOML in UTF-8") from error
     except OSError as error:
-        raise ConfigurationError(file, "(file)", error.strerror, "a readable file") from error
+        raise ConfigurationError(file, "file", error.strerror, "expected a readable file") from error
     try:
         model = RobotFile.model_validate(values)
     except ValidationError as error:
         raise explained(file, error) from error
     _check_counts(file, model)
-    excitations: dict[str, Excitation] = {}
-    if model.excitation is not None:
-        excitations = {
-            role: read_excitation(path.parent / getattr(model.excitation, role))
-            for role in ("identification", "validation")
-        }
+    excitations = _read_excitations(file, path.parent, model)
     drives = {joint.name: joint.drive for joint in model.joints}
     if model.simulation is not None:
         require_scales(file, drives)
@@ -408,8 +404,9 @@ def load_robot(name_or_path: str) -> Robot:
     robot.workspace()
     _check_excitations(robot)
     _check_strength(robot)
+    robot.transmission()
     if model.bus is not None:
-        _check_bus_load(robot)
+        _check_bus_load(robot, file)
     return robot
 
 
@@ -423,7 +420,7 @@ def _find(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if not path.is_file():
         known = ", ".join(shipped_robots())
-        raise ConfigurationError(name_or_path, "ROBOT", name_or_path, f"a shipped robot ({known}) or a TOML file")
+        raise ConfigurationError("command line", "ROBOT", name_or_path, f"no such file, and no shipped robot: {known}")
     return path
 
 
@@ -433,7 +430,9 @@ def _check_counts(file: str, model: RobotFile) -> None:
     if len(set(names)) != n:
         raise ConfigurationError(file, "joints", names, "every joint a name of its own")
     if model.kinematics.n != n:
-        raise ConfigurationError(file, "kinematics", model.kinematics.n, f"one row per joint, {n} in this file")
+        raise ConfigurationError(
+            file, "kinematics", f"{model.kinematics.n} rows", f"the file has {n} [[joints]]; give one row per joint"
+        )
     if model.transmission is not None:
         coupling = model.transmission.coupling
         if len(coupling) != n or any(len(row) != n for row in coupling):
@@ -443,8 +442,16 @@ def _check_counts(file: str, model: RobotFile) -> None:
     if model.simulation is not None:
         for key in ("joints", "start_position_rad"):
             if len(getattr(model.simulation, key)) != n:
-                found = len(getattr(model.simulation, key))
-                raise ConfigurationError(file, f"simulation.{key}", found, f"one entry per joint, {n} in this file")
+                found = f"{len(getattr(model.simulation, key))} entries"
+                raise ConfigurationError(file, f"simulation.{key}", found, f"give one per joint, {n} in this file")
+        for joint, start in zip(model.joints, model.simulation.start_position_rad, strict=True):
+            if not joint.position_min_rad <= start <= joint.position_max_rad:
+                raise ConfigurationError(
+                    file,
+                    "simulation.start_position_rad",
+                    start,
+                    f"{joint.name} may stand between {joint.position_min_rad} and {joint.position_max_rad}",
+                )
         if model.simulation.payload not in model.simulation.payloads:
             known = ", ".join(sorted(model.simulation.payloads))
             raise ConfigurationError(file, "simulation.payload", model.simulation.payload, f"one of: {known}")
@@ -452,7 +459,24 @@ def _check_counts(file: str, model: RobotFile) -> None:
     if model.bus is not None:
         nodes = [joint.drive.node_id for joint in model.joints if joint.drive is not None]
         if len(set(nodes)) != len(nodes):
-            raise ConfigurationError(file, "joints.drive.node_id", nodes, "a node id of its own for every drive")
+            shared = next(node for node in nodes if nodes.count(node) > 1)
+            both = " and ".join(j.name for j in model.joints if j.drive is not None and j.drive.node_id == shared)
+            raise ConfigurationError(file, "joints.drive.node_id", shared, f"{both} share it; give each its own")
+
+
+def _read_excitations(file: str, folder: Path, model: RobotFile) -> dict[str, Excitation]:
+    """The excitation files that a robot's file names, by role."""
+    if model.excitation is None:
+        return {}
+    excitations = {}
+    for role, name in model.excitation:
+        try:
+            excitations[role] = read_excitation(folder / name)
+        except IdentificationError as error:
+            raise ConfigurationError(
+                file, f"excitation.{role}", name, f"{error}. Make one with `armload design`, or leave [excitation] out"
+            ) from error
+    return excitations
 
 
 def _check_excitations(robot: Robot) -> None:
@@ -495,8 +519,8 @@ def _check_strength(robot: Robot) -> None:
             )
 
 
-def _check_bus_load(robot: Robot) -> None:
+def _check_bus_load(robot: Robot, where: str) -> None:
     try:
         require_room(robot.arm_settings())
     except BusOverload as error:
-        raise ConfigurationError(robot.file, "bus.cycle_hz", robot.bus.cycle_hz, str(error)) from error
+        raise ConfigurationError(where, "bus.cycle_hz", robot.bus.cycle_hz, str(error)) from error

@@ -28,13 +28,19 @@ class ConfigurationError(ControlError):
 
     Attributes:
         file: The file it stands in.
-        key: Dotted path of the key.
-        found: The value found.
+        key: Dotted path of the key; the first joint is joints[1].
+        found: The value found; None where there is none, a dict or a list of tables is not repeated.
         expected: What would have been accepted.
     """
 
     def __init__(self, file: str, key: str, found: object, expected: str) -> None:
-        super().__init__(f"{file}: {key} = {found!r}: {expected}")
+        if found is None:
+            value = " is missing"
+        elif isinstance(found, dict):
+            value = ""
+        else:
+            value = f" = {found!r}"
+        super().__init__(f"{file}: {key}{value}: {expected}")
         self.file = file
         self.key = key
         self.found = found

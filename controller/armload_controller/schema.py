@@ -162,11 +162,9 @@ def explained(file: str, error: ValidationError, prefix: str = "") -> Configurat
     expected = first["msg"].removeprefix("Value error, ")
     match first["type"]:
         case "missing":
-            found, expected = None, "this key is required; nothing is assumed in its place"
+            found, expected = None, "it is required, nothing is assumed in its place"
         case "extra_forbidden":
             found, expected = first["input"], "unknown key" + _nearest(first["loc"])
-        case kind if isinstance(found, dict | list) and kind == "value_error":
-            found = "(table)"
     if len(problems) > 1:
         expected += f" (and {len(problems) - 1} more problems in this file)"
     return ConfigurationError(file, key, found, expected)

@@ -121,7 +121,10 @@ def test_every_assumed_number_is_marked():
         ('convention = "modified-dh"', 'convention = "joint-origins"', "kinematics", "origins"),
         ("    [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],\n", "", "transmission.coupling", "6 rows of 6"),
         ('payload = "paper"', 'payload = "crate"', "simulation.payload", "paper"),
-        ("[robot]", "[robot", "(syntax)", "TOML"),
+        ("[robot]", "[robot", "syntax", "TOML"),
+        ("torque_constant_nm_a = 0.9 ", "", "joints[1].torque_constant_nm_a", "missing"),
+        ("start_position_rad = [0.0,", "start_position_rad = [5.0,", "simulation.start_position_rad", "-2.9 and 2.9"),
+        ('validation = "er50_validation.toml"', 'validation = "nope.toml"', "excitation.validation", "armload design"),
     ],
 )
 def test_what_is_wrong_is_named(edited, old, new, key, words):

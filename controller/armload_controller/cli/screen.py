@@ -26,7 +26,7 @@ class Screen:
 
     def step(self, text: str) -> None:
         """One line: something begins."""
-        self.console.print(text, markup=False)
+        self.console.print(text, markup=False, soft_wrap=not self.console.is_terminal)
 
     @contextmanager
     def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:

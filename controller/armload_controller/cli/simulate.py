@@ -24,7 +24,8 @@ def simulate(
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
     payload: Annotated[
-        str | None, typer.Option(help="A payload of [simulation.payloads], or 'none'; the configured one if not given.")
+        str | None,
+        typer.Option(help="A payload named under simulation.payloads, or 'none'; the configured one if not given."),
     ] = None,
 ) -> None:
     """Serve simulated CiA 402 drives with an arm behind them, until Ctrl-C."""

@@ -21,9 +21,9 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
     What is not determined is said to be so and not printed as a number.
     """
     table = Table(title=f"Payload in the {payload.frame} frame, inertia about its centre of mass", title_justify="left")
-    table.add_column("parameter")
+    table.add_column("parameter", no_wrap=True)
     for column in ("estimate", "95 % interval"):
-        table.add_column(column, justify="right")
+        table.add_column(column, justify="right", no_wrap=True)
     table.add_column("unit")
     if truth is not None:
         for column in ("truth", "error"):
