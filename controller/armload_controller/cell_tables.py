@@ -5,11 +5,19 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, PlainValidator, field_validator, model_validator
 
 from armload_controller.table_types import BodyTable, NonNegative, PoseTable, Positive, Table, Vector3
 
-Link = Annotated[int, Field(ge=0)] | Literal["tool"]
+
+def _link(value: object) -> object:
+    """One message for all that is no link."""
+    if value == "tool" or (isinstance(value, int) and not isinstance(value, bool) and value >= 0):
+        return value
+    raise ValueError('0 for the base, the number of a joint for the link that turns with it, or "tool"')
+
+
+Link = Annotated[int | Literal["tool"], PlainValidator(_link)]
 """0 the base, i the link that turns with joint i, "tool" what is on the flange, payload included."""
 
 
@@ -75,6 +83,7 @@ class InsideTable(Table):
 class WorkspaceTable(Table):
     """Where the arm may be."""
 
+    keep_m: NonNegative
     floor_height_m: float | None = None
     inside: InsideTable | None = None
     spheres: list[SphereTable]

@@ -83,6 +83,7 @@ def workspace_of(file: str, model: RobotFile, chain: Chain) -> Workspace:
                 for b in table.boxes
             ),
             tuple((_number(a, n), _number(b, n)) for a, b in table.apart),
+            table.keep_m,
         )
     except ModelError as error:
         raise ConfigurationError(file, "workspace", "(table)", str(error)) from error

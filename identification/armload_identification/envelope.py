@@ -2,7 +2,7 @@
 
 Every limit is a row k of one form, the relative excess
 
-    e_k(t) <= 0,   e_k = |value - centre| / room - 1   or   -clearance / CLEARANCE_SCALE_M,
+    e_k(t) <= 0,   e_k = |value - centre| / room - 1   or   (keep - clearance) / CLEARANCE_SCALE_M,
 
 so that an optimiser need not know what it means. `worst` bounds every row for all times, between the samples too;
 how that is proven stands in `fourier` (joints), `strength` (torque) and `workspace` (clearances).
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from armload_identification.errors import ExcitationError
 from armload_identification.fourier import FourierTrajectory
+from armload_identification.limit_margins import LimitMargins
 from armload_identification.strength import TorqueLimits
 from armload_identification.workspace import Workspace
 
@@ -95,33 +96,6 @@ class ExcitationLimits:
         )
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class LimitMargins:
-    """How much room a motion leaves at any time; positive inside.
-
-    Attributes:
-        position_rad: (n,) to the nearer of the two position limits.
-        velocity_rad_s: (n,) to the speed limit.
-        acceleration_rad_s2: (n,) to the acceleration limit.
-        jerk_rad_s3: (n,) to the jerk limit.
-        torque_nm: (n,) to the torque limit, in the worst case of load and speed.
-        clearance_m: To each obstacle, and between links that are kept apart, by name.
-    """
-
-    position_rad: FloatArray
-    velocity_rad_s: FloatArray
-    acceleration_rad_s2: FloatArray
-    jerk_rad_s3: FloatArray
-    torque_nm: FloatArray
-    clearance_m: dict[str, float]
-
-    @property
-    def smallest(self) -> float:
-        """The smallest number of all; above 0 where the motion is strictly feasible."""
-        arrays = (self.position_rad, self.velocity_rad_s, self.acceleration_rad_s2, self.jerk_rad_s3, self.torque_nm)
-        return min(*(float(a.min()) for a in arrays), *self.clearance_m.values())
-
-
 @dataclass(frozen=True, eq=False)
 class Envelope:
     """All limits of a motion.
@@ -178,7 +152,7 @@ class Envelope:
         """
         joints = np.abs(states - self._centre) / self._room - 1.0
         torque = self.torque.demand(*states[:3]) / self._available - 1.0
-        clearance = -self.workspace.clearances(states[0]) / CLEARANCE_SCALE_M
+        clearance = (self.workspace.keep_m - self.workspace.clearances(states[0])) / CLEARANCE_SCALE_M
         return np.concatenate([*joints, torque, clearance], axis=1)
 
     def slope(self, weight: FloatArray, states: FloatArray) -> FloatArray:
@@ -211,7 +185,8 @@ class Envelope:
         sizes = np.stack([furthest, reach.velocity_max_rad_s, reach.acceleration_max_rad_s2, reach.jerk_max_rad_s3])
         joints = (sizes / self._room[:, 0] - 1.0).ravel()
         torque = self.torque.greatest(trajectory) / self._available - 1.0
-        return np.concatenate([joints, torque, -self.workspace.least(trajectory) / CLEARANCE_SCALE_M])
+        clearance = (self.workspace.keep_m - self.workspace.least(trajectory)) / CLEARANCE_SCALE_M
+        return np.concatenate([joints, torque, clearance])
 
     def margins(self, trajectory: FourierTrajectory) -> LimitMargins:
         """Room that a trajectory leaves at any time, between samples too.
@@ -225,5 +200,6 @@ class Envelope:
         in_torque = (-torque * self._available).reshape(self.torque.cases, -1).min(axis=0)
         nearest: dict[str, float] = {}
         for name, excess in zip(self.workspace.names, clearance, strict=True):
-            nearest[name] = min(nearest.get(name, np.inf), float(-excess * CLEARANCE_SCALE_M))
+            distance_m = float(self.workspace.keep_m - excess * CLEARANCE_SCALE_M)
+            nearest[name] = min(nearest.get(name, np.inf), distance_m)
         return LimitMargins(room[0], room[1], room[2], room[3], in_torque, nearest)

@@ -16,11 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.envelope import Envelope, LimitMargins
+from armload_identification.envelope import Envelope
 from armload_identification.errors import ExcitationError
 from armload_identification.excitation_search import Attempt, PeriodRange, Search
 from armload_identification.fourier import Excitation, FourierTrajectory
 from armload_identification.information import Criterion, condition_number
+from armload_identification.limit_margins import LimitMargins
 
 FloatArray = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ class DesignResult:
             "command": command,
             "armload_version": armload_version,
         }
-        return Excitation(self.trajectory, periods, record)
+        return Excitation(self.trajectory, periods, record, tuple(float(c) for c in self.history), self.margins)
 
 
 def design(

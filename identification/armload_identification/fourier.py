@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armload_identification import toml_file
 from armload_identification.errors import ExcitationError, ModelError
+from armload_identification.limit_margins import LimitMargins
 
 FloatArray = NDArray[np.float64]
 
@@ -186,11 +187,15 @@ class Excitation:
         periods: Whole periods that are streamed and recorded.
         design: The file's `[design]`: criterion, cost, condition_number, seed, restarts, command,
             armload_version; empty for a trajectory that nobody designed.
+        history: Criterion per iteration of the design, to five digits in the file; empty where none is told.
+        margins: Room that the design left to each limit, or None.
     """
 
     trajectory: FourierTrajectory
     periods: int
     design: Mapping[str, str | int | float] = field(default_factory=dict)
+    history: tuple[float, ...] = ()
+    margins: LimitMargins | None = None
 
     def __post_init__(self) -> None:
         if self.periods < 1:
@@ -238,6 +243,7 @@ def parse_excitation(content: str, source: str = "excitation") -> Excitation:
     trajectory = FourierTrajectory(frequency_hz, offset, table.array("sin_rad", shape), table.array("cos_rad", shape))
     table.close()
     design: dict[str, str | int | float] = {}
+    history: tuple[float, ...] = ()
     if "design" in root:
         record = root.table("design")
         design = {
@@ -249,9 +255,12 @@ def parse_excitation(content: str, source: str = "excitation") -> Excitation:
             "command": record.text("command"),
             "armload_version": record.text("armload_version"),
         }
+        if "history" in record:
+            history = tuple(float(c) for c in record.array("history", None))
         record.close()
+    margins = LimitMargins.from_table(root.table("margins"), trajectory.n) if "margins" in root else None
     root.close()
-    return Excitation(trajectory, periods, design)
+    return Excitation(trajectory, periods, design, history, margins)
 
 
 def format_excitation(excitation: Excitation) -> str:
@@ -269,6 +278,10 @@ def format_excitation(excitation: Excitation) -> str:
     ]
     if excitation.design:
         lines += ["", "[design]", *(f"{key} = {_toml(value)}" for key, value in excitation.design.items())]
+        if excitation.history:
+            lines.append(f"history = [{', '.join(repr(float(f'{c:.5g}')) for c in excitation.history)}]")
+    if excitation.margins is not None:
+        lines += ["", *excitation.margins.lines()]
     return "\n".join(lines) + "\n"
 
 

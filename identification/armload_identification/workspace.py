@@ -96,6 +96,7 @@ class Workspace:
         half_spaces: Where it must not be.
         boxes: Where it must not be.
         apart: Pairs of links, as `Sphere.link`, whose spheres must not touch each other.
+        keep_m: Distance that a motion is to keep from everything.
         names: (K,) what each clearance is a distance from.
 
     Raises:
@@ -108,6 +109,7 @@ class Workspace:
     half_spaces: tuple[HalfSpace, ...] = ()
     boxes: tuple[Box, ...] = ()
     apart: tuple[tuple[int, int], ...] = ()
+    keep_m: float = 0.0
     names: tuple[str, ...] = field(init=False)
     _packed: tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, IntArray, IntArray] = field(
         init=False, repr=False
@@ -141,6 +143,18 @@ class Workspace:
         )
         object.__setattr__(self, "names", tuple(names))
         object.__setattr__(self, "_packed", packed)
+
+    def centres(self, q: FloatArray) -> FloatArray:
+        """Where the spheres are.
+
+        Args:
+            q: (n,) configuration in rad.
+
+        Returns:
+            (S, 3) centres in the base frame.
+        """
+        poses = np.concatenate([np.eye(4)[None], self.chain.forward(q)])  # base, links, flange
+        return np.array([poses[s.link, :3, :3] @ s.center_m + poses[s.link, :3, 3] for s in self.spheres])
 
     def clearances(self, q: FloatArray) -> FloatArray:
         """Distance of every sphere from all that it must not touch.
@@ -238,6 +252,8 @@ class Workspace:
         for sphere in self.spheres:
             if not sphere.radius_m > 0.0:
                 raise ModelError(f"workspace: a radius of {sphere.radius_m} m; expected a number above 0")
+        if not 0.0 <= self.keep_m < np.inf:
+            raise ModelError(f"workspace: a distance of {self.keep_m} m to keep; expected 0 or above")
         for box in self.boxes:
             if not np.all(box.size_m > 0.0):
                 raise ModelError(f"workspace: {box.name!r} has the size {box.size_m.tolist()} m; expected above 0")

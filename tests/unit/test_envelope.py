@@ -93,6 +93,17 @@ def test_the_slope_is_the_finite_difference_of_the_excess(envelope):
         assert np.sum(slope * direction) == pytest.approx((ahead - behind) / 2e-7, rel=1e-5)
 
 
+def test_a_distance_to_keep_is_part_of_the_limit_and_of_the_clearance_told(envelope):
+    path, free = trajectory(3, 0.1), envelope.workspace
+    kept = Workspace(free.chain, free.spheres, free.half_spaces, free.boxes, free.apart, keep_m=0.05)
+    wider = Envelope(envelope.joints, envelope.torque, kept)
+    rows = len(free.names)
+    np.testing.assert_allclose(wider.worst(path)[-rows:], envelope.worst(path)[-rows:] + 0.05 / CLEARANCE_SCALE_M)
+    at = states(path, np.linspace(0.0, 3.0, 5))
+    np.testing.assert_allclose(wider.excess(at)[:, -rows:], envelope.excess(at)[:, -rows:] + 0.05 / CLEARANCE_SCALE_M)
+    assert wider.margins(path).clearance_m == pytest.approx(envelope.margins(path).clearance_m)
+
+
 def test_reduced_limits_leave_the_room_asked_for():
     reduced = JOINTS.reduced(0.1, 0.7)
     np.testing.assert_allclose(reduced.position_min_rad, [-2.8, -0.9, -1.1])

@@ -17,6 +17,7 @@ from armload_identification.fourier import (
     read_excitation,
     write_excitation,
 )
+from armload_identification.limit_margins import LimitMargins
 
 pytestmark = pytest.mark.pure
 
@@ -143,7 +144,33 @@ def test_a_file_without_a_design_reads_back(tmp_path):
     assert parse_excitation(format_excitation(Excitation(trajectory(), 1))).design == {}
 
 
-GOOD = format_excitation(Excitation(trajectory(), 3, DESIGN))
+MARGINS = LimitMargins(
+    np.array([0.1, 0.2, 0.3]),
+    np.array([1.0, 2.0, 0.0]),
+    np.array([4.0, 5.0, 6.0]),
+    np.array([70.0, 80.0, 90.0]),
+    np.array([123.4567891, 1e-5, -2.3456789]),
+    {"floor": 0.25, "link 1 to tool": 0.0301239},
+)
+
+
+def test_a_file_tells_how_the_design_went_and_what_room_is_left():
+    got = parse_excitation(format_excitation(Excitation(trajectory(), 3, DESIGN, (0.0212345678, 0.004), MARGINS)))
+    assert got.history == (0.021235, 0.004)
+    assert got.margins.clearance_m == {"floor": 0.25, "link 1 to tool": 0.0301239}
+    np.testing.assert_array_equal(got.margins.position_rad, MARGINS.position_rad)
+    np.testing.assert_array_equal(got.margins.velocity_rad_s, MARGINS.velocity_rad_s)
+    # rounded to six digits, and never up
+    np.testing.assert_array_equal(got.margins.torque_nm, [123.456, 1e-5, -2.34568])
+    assert got.margins.smallest == -2.34568
+
+
+def test_a_file_without_margins_or_history_has_none():
+    got = parse_excitation(format_excitation(Excitation(trajectory(), 3, DESIGN)))
+    assert (got.history, got.margins) == ((), None)
+
+
+GOOD = format_excitation(Excitation(trajectory(), 3, DESIGN, (0.02, 0.004), MARGINS))
 
 
 @pytest.mark.parametrize(
@@ -172,6 +199,10 @@ GOOD = format_excitation(Excitation(trajectory(), 3, DESIGN))
         ("offset_rad = [", "offset_rad = [0.0, ", ("excitation.sin_rad", "4 lists of 4")),
         ('criterion = "a-optimal"', 'criterion = "best"', ("design.criterion", "'best'", "condition-number")),
         ("seed = 3", "seed = -1", ("design.seed", "-1")),
+        ("history = [0.02, ", 'history = ["low", ', ("design.history", "list of finite numbers")),
+        ("[margins]\nposition_rad = [0.1, ", "[margins]\nposition_rad = [", ("margins.position_rad", "3 finite")),
+        ("clearance_m = {", "clearance = {", ("margins.clearance", "no such key")),
+        ('"floor" = 0.25', '"floor" = "far"', ("margins.clearance_m.floor", "'far'", "number")),
         ("[design]", "[designs]", ("designs", "no such key")),
         ("[excitation]", "[excitement]", ("excitation", "missing", "table")),
         ("[excitation]", "[excitation", ("no TOML",)),

@@ -128,6 +128,7 @@ def test_a_sphere_on_the_axis_of_a_lone_joint_stays_where_it_is():
         ({"half_spaces": (HalfSpace("floor", NORMAL, 0.0, (2,)),)}, "nothing can ever touch 'floor'"),
         ({"apart": ((1, 3),)}, "nothing can ever touch 'link 1 to link 3'"),
         ({"apart": ((1, 9),)}, "link 9"),
+        ({"keep_m": -0.01}, "-0.01 m to keep"),
     ],
 )
 def test_what_makes_no_sense_is_refused(workspace, arguments, words):

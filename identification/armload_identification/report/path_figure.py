@@ -1,0 +1,181 @@
+"""The picture of an excitation: where the joints and the tool go, and how near to every limit.
+
+Drawn without pyplot and its global state. Colours are Okabe and Ito's, which the colour-blind can tell apart.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import matplotlib.style
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.patches import Circle, Polygon
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from armload_identification.envelope import Envelope
+from armload_identification.errors import ExcitationError
+from armload_identification.fourier import Excitation, FourierTrajectory
+from armload_identification.workspace import Box, Workspace
+
+FloatArray = NDArray[np.float64]
+
+COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1a1a1a")
+_INK: Final = "#1a1a1a"
+_GREY: Final = "#8c8c8c"
+_FORBIDDEN: Final = "#e8d5d0"
+_WALL: Final = "#a0522d"
+_STYLE: Final = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "armload",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.titlelocation": "left",
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": _GREY,
+    "axes.labelcolor": _INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.5,
+    "xtick.color": _GREY,
+    "ytick.color": _GREY,
+    "xtick.labelcolor": _INK,
+    "ytick.labelcolor": _INK,
+    "lines.linewidth": 1.1,
+}
+_SAMPLES: Final = 600
+_POSTURES: Final = 8
+_NEAREST: Final = 5
+_SIZE_IN: Final = (11.7, 8.3)
+
+
+def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[str, ...]) -> Figure:
+    """One page about an excitation.
+
+    Left: every joint's position over a period, between its limits. Right: the tool's path and some postures from the
+    side and from above, with what the arm must not touch. Below: how much of each limit is used, and the criterion
+    over the iterations of the design.
+
+    Args:
+        excitation: The motion; its history is drawn where the file tells it.
+        envelope: The limits that it was designed within.
+        joint_names: Names of the joints, from the base to the flange.
+
+    Raises:
+        ExcitationError: numbers of joints that differ.
+    """
+    if not excitation.trajectory.n == envelope.n == len(joint_names):
+        raise ExcitationError(
+            f"a trajectory of {excitation.trajectory.n} joints, limits of {envelope.n}, {len(joint_names)} names"
+        )
+    with matplotlib.style.context(["default", _STYLE]):
+        figure = Figure(figsize=_SIZE_IN, layout="constrained")
+        left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(0.42, 0.58)))
+        _joints(left, excitation.trajectory, envelope, joint_names)
+        views = right.subplots(2, 2, height_ratios=(0.6, 0.4))
+        _view(views[0, 0], excitation.trajectory, envelope.workspace, (0, 2), "from the side: x to the right, z up, m")
+        _view(views[0, 1], excitation.trajectory, envelope.workspace, (0, 1), "from above: x to the right, y up, m")
+        _use(views[1, 0], excitation.trajectory, envelope, joint_names)
+        _history(views[1, 1], excitation)
+    return figure
+
+
+def _joints(figure: SubFigure, trajectory: FourierTrajectory, envelope: Envelope, names: tuple[str, ...]) -> None:
+    """Position over a period, a row per joint."""
+    times_s = np.linspace(0.0, trajectory.period_s, _SAMPLES)
+    position = trajectory.evaluate(times_s).position_rad
+    rows = figure.subplots(trajectory.n, 1, sharex=True, squeeze=False)[:, 0]
+    limits = envelope.joints
+    for i, axes in enumerate(rows):
+        low, high = limits.position_min_rad[i], limits.position_max_rad[i]
+        room = 0.08 * (high - low)
+        for edge, outside in ((low, low - room), (high, high + room)):
+            axes.axhspan(edge, outside, color=_FORBIDDEN, linewidth=0.0)
+        axes.plot(times_s, position[:, i], color=COLORS[i % len(COLORS)])
+        axes.set_ylim(low - room, high + room)
+        axes.set_xlim(0.0, trajectory.period_s)
+        axes.set_title(f"{names[i]}, rad", pad=2.0)
+    rows[-1].set_xlabel(f"time in the period of {trajectory.period_s:g} s, s")
+
+
+def _view(axes: Axes, trajectory: FourierTrajectory, workspace: Workspace, plane: tuple[int, int], title: str) -> None:
+    """Path of the flange, postures with their spheres, and obstacles, projected along an axis of the base."""
+    chain = workspace.chain
+    positions = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _SAMPLES)).position_rad
+    points = np.array([chain.forward(q)[:, :3, 3] for q in positions])[:, :, plane]
+    for box in workspace.boxes:
+        axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=_GREY))
+        x, y = box.pose[list(plane), 3]
+        axes.text(x, y, box.name, ha="center", va="center", color=_GREY)
+    for q, joints in zip(positions[:: _SAMPLES // _POSTURES], points[:: _SAMPLES // _POSTURES], strict=True):
+        axes.plot(*np.vstack([np.zeros(2), joints]).T, color=_GREY, linewidth=0.8, alpha=0.7)
+        for center, sphere in zip(workspace.centres(q), workspace.spheres, strict=True):
+            if sphere.link > 0:
+                axes.add_patch(Circle(center[list(plane)], sphere.radius_m, color=_GREY, alpha=0.06, linewidth=0.0))
+    axes.plot(*points[:, -1].T, color=COLORS[0], linewidth=1.6)
+    axes.plot(*points[0, -1], marker="o", color=COLORS[0], markersize=4)
+    axes.autoscale_view()
+    axes.set_aspect("equal", adjustable="datalim")
+    _walls(axes, workspace, plane)
+    axes.set_title(title)
+
+
+def _walls(axes: Axes, workspace: Workspace, plane: tuple[int, int]) -> None:
+    """Half-spaces that are seen edge on, as lines with a name."""
+    for wall in workspace.half_spaces:
+        normal = wall.normal[list(plane)]
+        if abs(np.linalg.norm(normal) - 1.0) > 1e-6:
+            continue
+        foot = wall.offset_m * normal
+        axes.axline((foot[0], foot[1]), (foot[0] - normal[1], foot[1] + normal[0]), color=_WALL, linewidth=1.4)
+        x, y = foot - 0.04 * normal
+        axes.text(x, y, wall.name, ha="center", va="top", color=_WALL, clip_on=True)
+
+
+def _outline(box: Box, plane: tuple[int, int]) -> FloatArray:
+    """(M, 2) corners of a box's shadow, in order."""
+    signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+    shadow = ((signs * box.size_m) @ box.pose[:3, :3].T + box.pose[:3, 3])[:, plane]
+    return np.asarray(shadow[ConvexHull(shadow).vertices])
+
+
+def _use(axes: Axes, trajectory: FourierTrajectory, envelope: Envelope, names: tuple[str, ...]) -> None:
+    """How much of every limit is used, in per cent, and the clearances."""
+    joints, room = envelope.joints, envelope.margins(trajectory)
+    half = 0.5 * (joints.position_max_rad - joints.position_min_rad)
+    limits = {
+        "range": (room.position_rad, half),
+        "speed": (room.velocity_rad_s, joints.velocity_max_rad_s),
+        "accel.": (room.acceleration_rad_s2, joints.acceleration_max_rad_s2),
+        "jerk": (room.jerk_rad_s3, joints.jerk_max_rad_s3),
+        "torque": (room.torque_nm, envelope.torque.available_nm),
+    }
+    share = np.array([100.0 * (1.0 - left / limit) for left, limit in limits.values()]).T
+    axes.imshow(share, cmap="Blues", vmin=0.0, vmax=160.0, aspect="auto")
+    for (row, column), value in np.ndenumerate(share):
+        axes.text(column, row, f"{value:.0f}", ha="center", va="center", color=_INK)
+    axes.set_xticks(range(len(limits)), list(limits))
+    axes.set_yticks(range(len(names)), names)
+    axes.tick_params(length=0.0)
+    axes.grid(visible=False)
+    axes.set_title("used of each limit at most, %")
+    if room.clearance_m:
+        nearest = sorted(room.clearance_m.items(), key=lambda item: item[1])[:_NEAREST]
+        text = "clearance at least, m\n" + "\n".join(f"{name}: {value:.3f}" for name, value in nearest)
+        axes.set_xlabel(text, loc="left", linespacing=1.4)
+
+
+def _history(axes: Axes, excitation: Excitation) -> None:
+    """The criterion over the iterations."""
+    if excitation.history:
+        axes.semilogy(np.arange(1, len(excitation.history) + 1), excitation.history, color=COLORS[0])
+        axes.set_xlabel("iteration of the start that won")
+    cost = excitation.design.get("cost")
+    told = f", {cost:.4g} in the end" if isinstance(cost, float) else ""
+    axes.set_title(f"{excitation.design.get('criterion', 'criterion')}{told}")
