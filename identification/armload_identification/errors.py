@@ -4,6 +4,8 @@ IdentificationError
  +-- ModelError         chain, payload or trajectory parameters that make no sense
  +-- RecordingError     a recording that cannot be read or does not fit the arm
  +-- EstimationError    data that do not determine what was asked
+ +-- BodyFileError      a body.toml that is incomplete or inconsistent
+ +-- GainsFileError     a gains.toml that is incomplete or inconsistent
  +-- PayloadFileError   a payload.toml that is incomplete, inconsistent or physically impossible
  +-- ExcitationError    no trajectory within the limits
  +-- ReportError        a report that cannot be written
@@ -26,6 +28,14 @@ class RecordingError(IdentificationError):
 
 class EstimationError(IdentificationError):
     """Data that do not determine what was asked of them."""
+
+
+class BodyFileError(IdentificationError):
+    """A body file that is incomplete or inconsistent."""
+
+
+class GainsFileError(IdentificationError):
+    """A gains file that is incomplete or inconsistent."""
 
 
 class PayloadFileError(IdentificationError):

@@ -23,7 +23,7 @@ from armload_identification.load_signal import LoadSignal, load_signal
 from armload_identification.notes import notes_on
 from armload_identification.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.physical import PhysicalEstimate, make_physical
-from armload_identification.recording import Recording, RecordingSource, check_joints
+from armload_identification.recording import Recording, RecordingSource, check_joints, hashes_by_name
 from armload_identification.regressor import payload_regressor
 from armload_identification.sanity import check_pair, check_run, check_signs, explain_negative_mass
 from armload_identification.signals import Transmission
@@ -195,14 +195,6 @@ def payload_result(
         provenance=Provenance(
             armload_version=armload_version,
             configuration_sha256=configuration_sha256,
-            recordings_sha256=_hashes(result.sources),
+            recordings_sha256=hashes_by_name(result.sources),
         ),
     )
-
-
-def _hashes(sources: tuple[RecordingSource, ...]) -> dict[str, str]:
-    """Hash by file name, with the folder in front where two files have one name."""
-    short = {source.path.name for source in sources}
-    if len(short) == len(sources):
-        return {source.path.name: source.sha256 for source in sources}
-    return {f"{source.path.parent.name}/{source.path.name}": source.sha256 for source in sources}

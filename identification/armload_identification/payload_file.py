@@ -68,12 +68,9 @@ def format_payload(result: PayloadResult) -> str:
         f"rms_nm = {toml_file.array(result.residual_rms_nm)}",
         f"noise_nm = {toml_file.array(result.noise_nm)}",
         "",
-        "[provenance]",
-        f"armload_version = {toml_file.text(provenance.armload_version)}",
-        f"configuration_sha256 = {toml_file.text(provenance.configuration_sha256)}",
-        "",
-        "[provenance.recordings_sha256]",
-        *(f"{toml_file.text(k)} = {toml_file.text(v)}" for k, v in provenance.recordings_sha256.items()),
+        *toml_file.provenance_lines(
+            provenance.armload_version, provenance.configuration_sha256, provenance.recordings_sha256
+        ),
     ]
     return "\n".join(lines) + "\n"
 
@@ -166,14 +163,7 @@ def parse_payload(content: str, source: str = "payload") -> PayloadResult:
     noise = residual.array("noise_nm", (len(rms),))
     residual.close()
 
-    origin = root.table("provenance")
-    files = origin.table("recordings_sha256")
-    provenance = Provenance(
-        origin.text("armload_version"),
-        origin.text("configuration_sha256"),
-        {name: files.text(name) for name in files.names()},
-    )
-    origin.close()
+    provenance = Provenance(*toml_file.read_provenance(root))
     root.close()
     return PayloadResult(frame, body, determined, np.array(intervals), rms, noise, provenance)
 

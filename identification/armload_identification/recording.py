@@ -283,6 +283,17 @@ def check_joints(recording: Recording, n: int) -> None:
         )
 
 
+def hashes_by_name(sources: Sequence[RecordingSource]) -> dict[str, str]:
+    """Hash by file name, with the folder in front where two files have one name.
+
+    Args:
+        sources: Of the recordings.
+    """
+    if len({source.path.name for source in sources}) == len(sources):
+        return {source.path.name: source.sha256 for source in sources}
+    return {f"{source.path.parent.name}/{source.path.name}": source.sha256 for source in sources}
+
+
 def _bytes_of(path: Path) -> bytes:
     try:
         data = path.read_bytes()

@@ -155,6 +155,33 @@ def inline(values: Mapping[str, str]) -> str:
     return "{ " + ", ".join(f"{key} = {value}" for key, value in values.items()) + " }"
 
 
+def provenance_lines(
+    armload_version: str, configuration_sha256: str, recordings_sha256: Mapping[str, str]
+) -> list[str]:
+    """The lines of `[provenance]`, which every file of this package ends with."""
+    return [
+        "[provenance]",
+        f"armload_version = {text(armload_version)}",
+        f"configuration_sha256 = {text(configuration_sha256)}",
+        "",
+        "[provenance.recordings_sha256]",
+        *(f"{text(name)} = {text(value)}" for name, value in recordings_sha256.items()),
+    ]
+
+
+def read_provenance(root: TomlTable) -> tuple[str, str, dict[str, str]]:
+    """Version, hash of the configuration and hashes of the recordings from `[provenance]`."""
+    origin = root.table("provenance")
+    files = origin.table("recordings_sha256")
+    told = (
+        origin.text("armload_version"),
+        origin.text("configuration_sha256"),
+        {name: files.text(name) for name in files.names()},
+    )
+    origin.close()
+    return told
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 

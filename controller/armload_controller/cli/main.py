@@ -7,11 +7,14 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.calibrate_gains import calibrate_gains
 from armload_controller.cli.commission import commission
+from armload_controller.cli.compare import compare
 from armload_controller.cli.design import design
 from armload_controller.cli.drives import drives
 from armload_controller.cli.export import export
 from armload_controller.cli.identify import identify
+from armload_controller.cli.identify_body import identify_body
 from armload_controller.cli.screen import Screen
 from armload_controller.cli.simulate import simulate
 from armload_controller.cli.validate import validate
@@ -23,7 +26,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (commission, identify, validate, simulate, design, export):
+for command in (commission, identify, validate, compare, identify_body, calibrate_gains, simulate, design, export):
     app.command()(command)
 
 app.add_typer(drives, name="drives")

@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.config import Robot
+from armload_identification.gains_file import read_gains
+from armload_identification.signals import Transmission
+
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or the path of a robot's TOML.")]
 InterfaceOption = Annotated[
     str | None, typer.Option("--interface", help="python-can interface, instead of the configured one.")
@@ -22,3 +26,11 @@ YesOption = Annotated[
         "--yes", help="Skip prompts. Never the slow round, nor the first question with a payload on a real arm."
     ),
 ]
+GainsOption = Annotated[
+    Path | None, typer.Option("--gains", help="Gains file of `armload calibrate-gains`, in place of nominal gains.")
+]
+
+
+def transmission_of(robot: Robot, gains: Path | None) -> Transmission:
+    """The robot's transmission, with calibrated gains where a file of them is given."""
+    return robot.transmission() if gains is None else read_gains(gains, robot.coupling())

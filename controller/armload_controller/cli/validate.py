@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.options import LoadedOption, RobotArgument, UnloadedOption
+from armload_controller.cli.options import GainsOption, LoadedOption, RobotArgument, UnloadedOption, transmission_of
 from armload_controller.cli.screen import Screen
 from armload_controller.cli.tables import validation_table, verdict
 from armload_controller.config import load_robot
@@ -25,6 +25,7 @@ def validate(
     payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file to judge (TOML).")],
     loaded: LoadedOption,
     unloaded: UnloadedOption,
+    gains: GainsOption = None,
 ) -> None:
     """Judge a payload file: residual beside the noise per joint. Exit status 2 where it fails."""
     arm = load_robot(robot)
@@ -35,7 +36,7 @@ def validate(
             f"{payload}: frame is {judged.frame!r}; expected {FLANGE!r}, the frame that the robot's kinematics end in"
         )
     result = validate_payload(
-        read_of(arm, loaded), read_of(arm, unloaded), arm.chain(), arm.transmission(), judged.model
+        read_of(arm, loaded), read_of(arm, unloaded), arm.chain(), transmission_of(arm, gains), judged.model
     )
     screen.console.print(validation_table(result, arm.joint_names))
     screen.step(verdict(result, arm.joint_names))
