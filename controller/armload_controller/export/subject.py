@@ -6,9 +6,9 @@ import re
 from dataclasses import dataclass
 
 from armload_controller.errors import ExportError
+from armload_controller.payload_use import why_not_usable
 from armload_identification.chain import Chain
-from armload_identification.identification import FLANGE
-from armload_identification.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
+from armload_identification.payload import PayloadResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,34 +38,9 @@ class ExportSubject:
     armload_version: str
 
     def __post_init__(self) -> None:
-        file, payload = self.payload_file, self.payload
-        if not payload.feedforward_ready:
-            missing = ", ".join(
-                n for n, known in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not known
-            )
-            raise ExportError(
-                file,
-                f"not determined: {missing}; a payload is exported only with its mass and centre of mass. "
-                "Identify it again on a longer or wider excitation (`armload design`)",
-            )
-        if payload.frame != FLANGE:
-            raise ExportError(
-                file,
-                f"the payload is told in the frame {payload.frame!r}; expected {FLANGE!r}. "
-                "Identify it with the whole arm's kinematics",
-            )
-        if len(payload.residual_rms_nm) != self.chain.n:
-            raise ExportError(
-                file,
-                f"identified on {len(payload.residual_rms_nm)} joints, but {self.robot} has {self.chain.n}; "
-                "give --robot the arm that the payload was identified on",
-            )
-        if payload.model.margin < SMALLEST_MARGIN:
-            raise ExportError(
-                file,
-                f"no body has these parameters: margin {payload.model.margin:.3g}, at least {SMALLEST_MARGIN:g} is "
-                "needed. Identify it again",
-            )
+        problem = why_not_usable(self.payload, self.chain, self.robot, "exported")
+        if problem is not None:
+            raise ExportError(self.payload_file, problem)
 
     @property
     def identifier(self) -> str:
