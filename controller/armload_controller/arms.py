@@ -8,7 +8,7 @@ write anything to a node, so that anything else is refused unconfigured and unmo
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 
@@ -17,6 +17,7 @@ import can
 from armload_controller.commissioning import Load
 from armload_controller.config import Robot
 from armload_controller.errors import UnsafeBus
+from armload_controller.realtime import tuned_for_cycles
 from armload_drivers.arm import SIMULATION_IDENTITY
 from armload_drivers.bcm_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen_servos import CanopenServos
@@ -67,15 +68,19 @@ def simulated_arm(robot: Robot, load: Load) -> Iterator[JointServos]:
 
 
 @contextmanager
-def arm_on_bus(robot: Robot) -> Iterator[JointServos]:
-    """Simulated drives that another process serves.
+def arm_on_bus(robot: Robot, tell: Callable[[str], None]) -> Iterator[JointServos]:
+    """Simulated drives that another process serves; this process is tuned for the cycle meanwhile.
+
+    Args:
+        robot: The arm.
+        tell: Is told what of the tuning was not permitted.
 
     Raises:
         BusError: the interface cannot be opened.
     """
     arm = robot.arm_settings()
     simulated = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
-    with _bus(robot) as bus:
+    with _bus(robot) as bus, tuned_for_cycles(tell):
         servos = CanopenServos(replace(arm, drives=simulated), bus, sync_for(robot))
         try:
             yield servos

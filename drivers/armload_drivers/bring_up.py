@@ -368,6 +368,11 @@ class DriveSetup:
         self.require_no_fault()
         return self.read_state()
 
+    def read_position(self) -> int:
+        """Actual position in the drive's units, by SDO."""
+        self._sdo.step = "waiting for standstill"
+        return self._sdo.read(od.POSITION_ACTUAL)
+
     def remove_torque(self) -> None:
         """Take the torque of a drive that has left the cycle, by SDO.
 

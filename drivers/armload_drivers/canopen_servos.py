@@ -19,7 +19,7 @@ from enum import Enum, auto
 import can
 
 from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, Identity
-from armload_drivers.bring_up import DriveReport, arm_setups, arm_with, master_node_id
+from armload_drivers.bring_up import DriveReport, DriveSetup, arm_setups, arm_with, master_node_id
 from armload_drivers.bus_budget import require_room
 from armload_drivers.bus_link import BusErrors, BusLink
 from armload_drivers.canopen_cycle import CanopenCycle
@@ -241,10 +241,30 @@ class CanopenServos:
             # A drive that ignores requests is good enough where it stands, as long as it carries no torque.
             if not all(node.lost or node.state in _WITHOUT_TORQUE for node in self._nodes):
                 raise
-        self._end_cycles()
         for node, setup in zip(self._nodes, self._setups, strict=True):
-            if node.lost and setup.is_up():
-                setup.remove_torque()
+            if node.lost:
+                # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and obeys no late setpoint.
+                self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+                if setup.is_up():
+                    self._await_rest(node, setup)
+                    setup.remove_torque()
+        self._end_cycles()
+
+    def _await_rest(self, node: DriveNode, setup: DriveSetup) -> None:
+        """Wait until a drive that has left the cycle stands, by SDO.
+
+        Raises:
+            ServoTimeout: it goes on moving.
+        """
+        before, still = setup.read_position(), 0
+        for _ in range(self._cycle.count(self._timeouts.stop_s)):
+            self._cycle.run()
+            counts = setup.read_position()
+            still = still + 1 if node.is_still(counts - before) else 0
+            if still >= STILL_CYCLES:
+                return
+            before = counts
+        raise node.not_in_time("waiting for standstill", self._timeouts.stop_s, self._sync.now_s())
 
     def reset_faults(self) -> None:
         """Reset the faults of all drives that are in FAULT, by a bounded number of rising edges.

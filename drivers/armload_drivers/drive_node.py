@@ -193,7 +193,7 @@ class DriveNode:
         else:
             statusword, counts = self._unpack(self._frame)
             (self.effort,) = self._unpack_effort(self._effort_frame)
-        still = abs(counts - self.position_counts) <= self._still_counts
+        still = self.is_still(counts - self.position_counts)
         self._still_cycles = self._still_cycles + 1 if still else 0
         self.position_counts = counts
         machine = self.machine
@@ -307,6 +307,10 @@ class DriveNode:
             f"the drive reports a fault: {cause}; it is in {self._state_text}",
             "Remove the cause, then reset the fault by name and enable anew",
         )
+
+    def is_still(self, moved_counts: int) -> bool:
+        """Whether an axis that moved so far in a cycle stands."""
+        return abs(moved_counts) <= self._still_counts
 
     def still_for(self, cycles: int) -> bool:
         """Whether the axis has stood for so many cycles."""

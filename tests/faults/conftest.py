@@ -30,11 +30,12 @@ class FaultArm:
         arm: The master's settings.
         traits: In what drives differ, by node id.
         drives_arm: The drives' settings, where they are not the master's.
+        plant: What they move.
     """
 
-    def __init__(self, vcan, arm, traits=None, drives_arm=None):
+    def __init__(self, vcan, arm, traits=None, drives_arm=None, plant=None):
         self.vcan, self.arm = vcan, arm
-        self.plant = IdealPlant(np.linspace(0.1, 0.3, len((drives_arm or arm).drives)))
+        self.plant = plant or IdealPlant(np.linspace(0.1, 0.3, len((drives_arm or arm).drives)))
         self._stack = ExitStack()
         channel = {"interface": "socketcan", "channel": "vcan0"}
         if not vcan:

@@ -26,6 +26,7 @@ from armload_drivers.errors import (
 from armload_drivers.objects import DataType
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulated_dictionary import SILENCE, DriveTraits
+from armload_drivers.simulated_plant import IdealPlant
 
 ZERO = np.zeros(3)
 
@@ -512,3 +513,27 @@ def test_scales_that_are_not_configured_come_from_the_drives(fault_arm, arm_sett
     assert start == pytest.approx(settings.coupling @ [0.1, 0.2, 0.3], abs=1e-4)
     arm.move(5)
     arm.comes_to_rest()
+
+
+class _Witness(IdealPlant):
+    """Remembers how fast an axis was when its torque went."""
+
+    def __init__(self, position_rad):
+        super().__init__(position_rad)
+        self.speeds = []
+
+    def set_powered(self, axis, on):
+        if self.powered[axis] and not on:
+            self.speeds.append(abs(float(self.velocity_rad_s[axis])))
+        super().set_powered(axis, on)
+
+
+def test_torque_goes_at_standstill_only_even_where_another_master_stopped_the_nodes(fault_arm):
+    arm = fault_arm(plant=_Witness([0.1, 0.2, 0.3]))
+    arm.enable()
+    arm.move()
+    arm.send(0x000, b"\x02\x00")
+    arm.failure(DriverError)
+    arm.servos.close()
+    arm.has_no_torque()
+    assert arm.plant.speeds == pytest.approx([0.0] * 3, abs=1e-3)

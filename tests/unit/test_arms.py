@@ -35,7 +35,7 @@ def bench():
 
 def test_a_foreign_drive_is_refused_before_anything_is_written(bench):
     robot, listener = bench
-    with arm_on_bus(robot) as servos, pytest.raises(WrongDevice, match="node 6"):
+    with arm_on_bus(robot, print) as servos, pytest.raises(WrongDevice, match="node 6"):
         servos.connect()
     while (message := listener.recv(0.0)) is not None:
         assert message.arbitration_id != 0, f"NMT command {message}"

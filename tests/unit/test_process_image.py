@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from armload_drivers import objects as od
-from armload_drivers.arm import DriveSettings, EffortFeedback, Identity, OperationMode
-from armload_drivers.objects import PdoDirection
+from armload_drivers.arm import DriveSettings, EffortFeedback, Identity, OperationMode, VendorEffort
+from armload_drivers.objects import DataType, PdoDirection
 from armload_drivers.process_image import drive_image, effort_entry, target_entry
 
 pytestmark = pytest.mark.pure
@@ -79,3 +79,14 @@ def test_parameters_of_the_pre_defined_connection_set():
     assert [transmit.default_cob_id(n, 3) for n in range(4)] == [0x183, 0x283, 0x383, 0x483]
     assert str(receive.cob_id_entry(1)) == "1401:1 COB-ID of the PDO"
     assert transmit.map_entry(0, 3).key == 0x1A0003
+
+
+@pytest.mark.parametrize(("kind", "frames"), [(DataType.I16, 1), (DataType.I32, 2)])
+def test_a_vendors_effort_gets_a_frame_of_its_own_where_there_is_no_room(kind, frames):
+    image = drive_image(replace(DRIVE, vendor_effort=VendorEffort(0x30D1, 2, kind, 1e-3)))
+    assert len(image.layouts) == 1 + frames
+    last = image.layouts[-1]
+    assert last.entries[-1].mapping == 0x30D1_0200 | kind.bits
+    assert (last.number, last.cob_id) == ((1, 0x285) if frames == 2 else (0, 0x185))
+    assert sum(layout.length for layout in image.layouts) == 8 + 6 + kind.bits // 8
+    assert (image.effort is None) == (frames == 1)

@@ -1,13 +1,14 @@
 """Drive units to and from SI: coupling, signs, rounding, and what does not fit."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armload_drivers.arm import ArmSettings, DriveSettings, EffortFeedback, Identity, OperationMode
+from armload_drivers.arm import ArmSettings, DriveSettings, EffortFeedback, Identity, OperationMode, VendorEffort
 from armload_drivers.errors import CommandError
 from armload_drivers.objects import DataType
 from armload_drivers.servos import JointCommand
@@ -181,3 +182,20 @@ def test_times_of_the_communication_profile():
 )
 def test_saturation(value, kind, held):
     assert saturate(value, kind) == held
+
+
+@pytest.mark.parametrize("key", ["counts_per_rad", "rated_torque_nm", "rated_current_a"])
+def test_a_scale_that_only_the_drive_knows_is_not_there_before_connecting(key):
+    with pytest.raises(CommandError, match=r"joint_1: .* known before it is connected"):
+        AxisUnits.of(replace(drive(1), **{key: None}))
+
+
+def test_a_vendors_effort_has_its_own_scale():
+    vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
+    units = AxisUnits.of(replace(drive(1), vendor_effort=vendor), 0x20)
+    assert units.effort_per_unit == -1e-3
+    # 100 N m are 1000 per mille of torque, and of current: 10 A.
+    assert units.effort_units_per_nm * 100.0 == pytest.approx(-10.0 / 1e-3)
+    unrated = AxisUnits.of(replace(drive(1), vendor_effort=vendor, rated_current_a=None))
+    assert unrated.effort_per_unit == 1e-3
+    assert np.isnan(unrated.effort_units_per_nm)

@@ -1,0 +1,202 @@
+"""What one cycle of six joints costs its own thread, part by part, beside the same cycle with canopen's PDO objects.
+
+Master and simulated drives share the process and the virtual bus, in lockstep. Thread CPU time counts what the
+master's threads did themselves; wall time includes the drives' thread, which computes an ideal plant.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from statistics import median
+
+import can
+import canopen
+import numpy as np
+from canopen.objectdictionary import ODRecord, ODVariable, datatypes
+
+from armload_controller.config import load_robot
+from armload_controller.limits import check_setpoints
+from armload_controller.phase import Segment
+from armload_controller.realtime import SWITCH_INTERVAL_S
+from armload_controller.recorder import Recorder
+from armload_controller.setpoints import RuckigFollower
+from armload_drivers.canopen_servos import CanopenServos
+from armload_drivers.clock import VirtualClock
+from armload_drivers.servos import JointCommand
+from armload_drivers.simulated_drives import SimulatedDrives
+from armload_drivers.simulated_plant import IdealPlant
+from armload_drivers.sync import LockstepSync
+
+ROBOT = "er50"
+QUIET_CYCLES, BUSY_CYCLES, WARM_UP = 1500, 300, 50
+PARTS = ("Ruckig", "limits", "servos", "recorder")
+LIMIT_US = 400
+
+
+def run() -> None:
+    """Print the table, without and with a busy second thread."""
+    print(f"One cycle of six joints ({ROBOT}) on the virtual bus, medians in us; at most {LIMIT_US} us of own CPU time")
+    print(f"{'':<34}{'CPU':>7}{'wall':>9}   " + "".join(f"{part:>10}" for part in PARTS))
+    for label, busy, cycles in (("alone", False, QUIET_CYCLES), ("beside a busy thread", True, BUSY_CYCLES)):
+        with _company() if busy else ExitStack():
+            rows = _ours(cycles)
+            cpu, wall = rows[:, :-1].sum(axis=1), rows[:, -1]
+            parts = "".join(f"{median(column):10.0f}" for column in rows[:, :-1].T)
+            print(f"{'armload, ' + label:<34}{median(cpu):7.0f}{median(wall):9.0f}   {parts}")
+            cpu, wall = _theirs(cycles).T
+            print(f"{'canopen PDO objects, ' + label:<34}{median(cpu):7.0f}{median(wall):9.0f}   (PDOs and SYNC alone)")
+    print(
+        f"Switch interval beside the busy thread: {SWITCH_INTERVAL_S * 1e3:g} ms, as the program sets it for its cycle."
+    )
+
+
+@contextmanager
+def _company() -> Iterator[None]:
+    """A second Python thread that never rests."""
+    stop = threading.Event()
+
+    def spin() -> None:
+        count = 0
+        while not stop.is_set():
+            count += 1
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    thread = threading.Thread(target=spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+        sys.setswitchinterval(before)
+
+
+def _ours(cycles: int) -> np.ndarray:
+    """(cycles, 5) CPU time of each part and wall time of the whole, us."""
+    robot = load_robot(ROBOT)
+    arm, limits, clock = robot.arm_settings(), robot.motion_limits(), VirtualClock()
+    plant, channel = IdealPlant(np.zeros(robot.n)), uuid.uuid4().hex
+    zero, rows = np.zeros(robot.n), np.zeros((cycles, len(PARTS) + 1))
+    with ExitStack() as stack:
+        bus, drives_bus = (stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(2))
+        stack.enter_context(SimulatedDrives(arm, plant, drives_bus, clock))
+        recorder = Recorder(Path(stack.enter_context(tempfile.TemporaryDirectory())) / "cycle.mcap", {})
+        stack.enter_context(recorder)
+        servos = CanopenServos(arm, bus, LockstepSync(clock))
+        servos.connect()
+        start = servos.enable().position_rad
+        follower = RuckigFollower(start, limits, servos.cycle_s)
+        now = time.thread_time_ns
+        for cycle in range(-WARM_UP, cycles):
+            phase = (cycle + WARM_UP) * servos.cycle_s
+            target = start + 0.05 * (1 - np.cos(phase))
+            velocity, acceleration = np.full(robot.n, 0.05 * np.sin(phase)), np.full(robot.n, 0.05 * np.cos(phase))
+            begun = time.perf_counter_ns()
+            t0 = now()
+            position, speed, change = follower.follow(target, velocity, acceleration)
+            t1 = now()
+            check_setpoints(position, speed, change, limits)
+            t2 = now()
+            command = JointCommand(position, speed, zero)
+            feedback = servos.exchange(command)
+            t3 = now()
+            recorder.write(feedback, command, Segment.PERIODS, phase)
+            t4 = now()
+            if cycle >= 0:
+                rows[cycle] = (t1 - t0, t2 - t1, t3 - t2, t4 - t3, time.perf_counter_ns() - begun)
+        servos.close()
+    return rows * 1e-3
+
+
+def _description() -> canopen.ObjectDictionary:
+    """As much of a device description as the peer needs."""
+    od = canopen.ObjectDictionary()
+
+    def variable(index: int, subindex: int, kind: int) -> ODVariable:
+        entry = ODVariable(f"{index:04X}:{subindex}", index, subindex)
+        entry.data_type, entry.access_type, entry.pdo_mappable = kind, "rw", index >= 0x6000
+        return entry
+
+    signed, word, byte, double = datatypes.INTEGER16, datatypes.UNSIGNED16, datatypes.UNSIGNED8, datatypes.UNSIGNED32
+    for index, kind in (
+        (0x6040, word), (0x6041, word), (0x6060, datatypes.INTEGER8), (0x6064, datatypes.INTEGER32),
+        (0x6078, signed), (0x607A, datatypes.INTEGER32), (0x60B2, signed),
+    ):  # fmt: skip
+        od.add_object(variable(index, 0, kind))
+    for base in (0x1400, 0x1800, 0x1600, 0x1A00):
+        entry = ODRecord(f"{base:04X}", base)
+        kinds = {0: byte, 1: double, 2: byte, 3: word, 5: word} if base & 0x200 == 0 else {0: byte}
+        kinds |= dict.fromkeys(range(1, 9), double) if base & 0x200 else {}
+        for subindex, kind in kinds.items():
+            entry.add_member(variable(base, subindex, kind))
+        od.add_object(entry)
+    return od
+
+
+def _theirs(cycles: int) -> np.ndarray:
+    """(cycles, 2) CPU time of canopen's threads and wall time, us: setpoints set and sent, SYNC, feedback decoded."""
+    robot = load_robot(ROBOT)
+    arm, clock = robot.arm_settings(), VirtualClock()
+    plant, channel = IdealPlant(np.zeros(robot.n)), uuid.uuid4().hex
+    rows = np.zeros((cycles, 2))
+    with ExitStack() as stack:
+        bus, drives_bus = (stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(2))
+        stack.enter_context(SimulatedDrives(arm, plant, drives_bus, clock))
+        network = canopen.Network(bus)
+        network.NOTIFIER_CYCLE = 0.02
+        before = set(threading.enumerate())
+        network.connect()
+        stack.callback(network.disconnect)
+        receivers = [t.ident for t in set(threading.enumerate()) - before if t.ident is not None]
+        nodes = [network.add_node(drive.node_id, _description()) for drive in arm.drives]
+        pairs = [_mapped(node) for node in nodes]
+        for node in nodes:
+            node.nmt.send_command(1)
+        arrived = threading.Semaphore(0)
+        for _, feedback in pairs:
+            feedback.add_callback(lambda _: arrived.release())
+        cpu = _cpu_of([threading.get_ident(), *receivers])
+        for cycle in range(-WARM_UP, cycles):
+            begun, used = time.perf_counter_ns(), cpu()
+            for setpoints, _ in pairs:
+                setpoints[0x6040].raw = 0x06
+                setpoints[0x607A].raw = cycle
+                setpoints[0x60B2].raw = 0
+                setpoints.transmit()
+            clock.advance(arm.cycle_s)
+            network.sync.transmit()
+            for _ in pairs:
+                arrived.acquire(timeout=5.0)
+            for _, feedback in pairs:
+                _ = feedback[0x6041].raw, feedback[0x6064].raw, feedback[0x6078].raw
+            if cycle >= 0:
+                rows[cycle] = (cpu() - used, (time.perf_counter_ns() - begun))
+    return rows * 1e-3
+
+
+def _mapped(node: canopen.RemoteNode) -> tuple[canopen.pdo.PdoMap, canopen.pdo.PdoMap]:
+    """RPDO and TPDO of a node, mapped as armload maps them."""
+    node.tpdo.read()
+    node.rpdo.read()
+    setpoints, feedback = node.rpdo[1], node.tpdo[1]
+    for pdo, objects in ((setpoints, (0x6040, 0x607A, 0x60B2)), (feedback, (0x6041, 0x6064, 0x6078))):
+        pdo.clear()
+        for index in objects:
+            pdo.add_variable(index)
+        pdo.trans_type, pdo.enabled = 1, True
+        pdo.save()
+    return setpoints, feedback
+
+
+def _cpu_of(threads: list[int]) -> Callable[[], int]:
+    """CPU time of some threads together, ns."""
+    clocks = [time.pthread_getcpuclockid(ident) for ident in threads]
+    return lambda: sum(time.clock_gettime_ns(clock) for clock in clocks)

@@ -1,0 +1,66 @@
+"""`armload drives` on vcan0."""
+
+import time
+
+import can
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from armload_controller.cli.main import app
+from armload_controller.config import load_robot
+from armload_drivers.errors import ServoFault
+from armload_drivers.simulated_drives import SimulatedDrives
+from armload_drivers.simulated_plant import IdealPlant
+
+pytestmark = pytest.mark.vcan
+
+BUS = ["--interface", "socketcan", "--channel", "vcan0"]
+
+
+@pytest.fixture
+def drives():
+    robot = load_robot("prbt").with_bus("socketcan", "vcan0", None, 50.0)
+    with (
+        can.Bus(interface="socketcan", channel="vcan0") as bus,
+        SimulatedDrives(robot.arm_settings(), IdealPlant(np.zeros(6)), bus, time.monotonic) as simulated,
+    ):
+        yield simulated
+
+
+def armload(*arguments):
+    return CliRunner().invoke(app, ["drives", *arguments], env={"COLUMNS": "160"})
+
+
+def test_scan(drives):
+    done = armload("scan", *BUS)
+    assert done.exit_code == 0, done.output
+    assert [f"│ {node} " in done.output for node in range(3, 9)] == [True] * 6
+    assert "IP" in done.output
+
+
+def test_check(drives):
+    done = armload("check", "prbt", *BUS, "--cycle-hz", "50")
+    assert done.exit_code == 0, done.output
+    assert "0 missing, 0 wrong" in done.output
+    wrong = armload("check", "er50", *BUS, "--cycle-hz", "50")
+    assert wrong.exit_code == 1
+    assert "no answer" in wrong.output
+
+
+def test_show(drives):
+    done = armload("show", "prbt", *BUS, "--once")
+    assert done.exit_code == 0, done.output
+    assert done.output.count("SWITCH ON DISABLED") == 6
+    assert "bus load" in done.output
+
+
+def test_reset(drives):
+    drives.fail(4, 0x4310)
+    time.sleep(0.2)
+    done = armload("reset", "prbt", "prbt_joint_2", *BUS)
+    assert done.exit_code == 0, done.output
+    assert "prbt_joint_2: SWITCH ON DISABLED" in done.output
+    drives.fail(4, 0x4310, persistent=True)
+    time.sleep(0.2)
+    assert isinstance(armload("reset", "prbt", "prbt_joint_2", *BUS).exception, ServoFault)

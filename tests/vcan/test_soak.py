@@ -1,0 +1,82 @@
+"""Ten minutes of streaming six joints at 50 Hz on vcan0: no frame and no recorder row is lost.
+
+Not in `make test`: `pytest -m soak tests/vcan/test_soak.py`, on a machine with vcan0. ARMLOAD_SOAK_S shortens it.
+"""
+
+import os
+import subprocess
+import sys
+import time
+
+import can
+import numpy as np
+import pytest
+
+from armload_controller.config import load_robot
+from armload_controller.phase import Segment
+from armload_controller.recorder import Recorder
+from armload_drivers.bcm_sync import BcmSync, BroadcastManager
+from armload_drivers.canopen_servos import CanopenServos
+from armload_drivers.servos import JointCommand
+from armload_identification.recording import read_recording
+
+pytestmark = pytest.mark.soak
+
+CYCLE_HZ = 50
+SECONDS = float(os.environ.get("ARMLOAD_SOAK_S", "600"))
+DRIVES = """
+import sys, time
+import can, numpy as np
+from armload_controller.config import load_robot
+from armload_drivers.simulated_drives import SimulatedDrives
+from armload_drivers.simulated_plant import IdealPlant
+
+robot = load_robot("er50").with_bus("socketcan", "vcan0", None, 50.0)
+with can.Bus(interface="socketcan", channel="vcan0") as bus:
+    with SimulatedDrives(robot.arm_settings(), IdealPlant(np.zeros(6)), bus, time.monotonic) as drives:
+        print("ready", flush=True)
+        sys.stdin.readline()
+        print(drives.frames_lost, flush=True)
+"""
+
+
+@pytest.fixture
+def drives():
+    process = subprocess.Popen([sys.executable, "-c", DRIVES], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    yield process
+    if process.poll() is None:
+        process.communicate("\n", timeout=20)
+
+
+def test_ten_minutes_lose_nothing(drives, tmp_path):
+    robot = load_robot("er50").with_bus("socketcan", "vcan0", None, float(CYCLE_HZ))
+    arm = robot.arm_settings()
+    cycles, zero, path = round(SECONDS * CYCLE_HZ), np.zeros(6), tmp_path / "soak.mcap"
+    missing = skipped = 0
+    with can.Bus(interface="socketcan", channel="vcan0") as bus, Recorder(path, {}) as recorder:
+        servos = CanopenServos(arm, bus, BcmSync(BroadcastManager("vcan0")))
+        servos.connect()
+        start = servos.enable().position_rad
+        begun_s = time.monotonic()
+        for cycle in range(cycles):
+            target = start + 0.1 * np.sin(0.5 * cycle / CYCLE_HZ)
+            command = JointCommand(target, zero, zero)
+            feedback = servos.exchange(command)
+            missing += int(feedback.missing.sum())
+            skipped += feedback.skipped_cycles
+            recorder.write(feedback, command, Segment.PERIODS, cycle / CYCLE_HZ)
+        took_s = time.monotonic() - begun_s
+        errors, load = servos.bus_errors, servos.bus_load
+        servos.close()
+    lost, _ = drives.communicate("\n", timeout=20)
+    recording = read_recording(path)
+    print(  # noqa: T201 - the figures of the run
+        f"\n{cycles} cycles in {took_s:.1f} s: {missing} feedbacks missing, {skipped} cycles skipped, "
+        f"{recording.source.rows_read} rows recorded, bus load {load:.1%}, queue full {errors.queue_full} times"
+    )
+    assert missing == 0
+    assert lost.strip() == "0"
+    assert errors.error_frames == 0
+    assert recording.source.rows_read == cycles
+    assert recording.source.rows_dropped == 0
