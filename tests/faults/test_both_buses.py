@@ -11,8 +11,9 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.arm import VendorEffort
+from armload_drivers.arm import Identity, VendorEffort
 from armload_drivers.cia402 import State
+from armload_drivers.eds import DeviceDescription
 from armload_drivers.errors import (
     BusError,
     DriverError,
@@ -537,3 +538,11 @@ def test_torque_goes_at_standstill_only_even_where_another_master_stopped_the_no
     arm.servos.close()
     arm.has_no_torque()
     assert arm.plant.speeds == pytest.approx([0.0] * 3, abs=1e-3)
+
+
+def test_without_a_configured_identity_the_device_description_is_asked(fault_arm, arm_settings):
+    described = DeviceDescription("servo.eds", "", "", 0x1AB, None, None, None, {}, ())
+    settings = arm_settings(cycle_s=0.02, identity=Identity(None, None), description=described)
+    arm = fault_arm(settings)
+    with pytest.raises(WrongDevice, match=r"vendor id \(1018\) is 0x41524D4C instead of 0x000001AB"):
+        arm.servos.connect()
