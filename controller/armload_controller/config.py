@@ -294,6 +294,16 @@ class Robot:
         """Name of the payload that a simulated commissioning mounts."""
         return self._simulation().payload
 
+    def with_simulated_payload(self, name: str) -> Robot:
+        """The same robot with another of its payloads mounted in simulation.
+
+        Raises:
+            ConfigurationError: the file has no simulation, or no payload of that name.
+        """
+        self._payload(name)
+        simulation = self._simulation().model_copy(update={"payload": name})
+        return replace(self, _model=self._model.model_copy(update={"simulation": simulation}))
+
     def simulated_payload(self, name: str) -> InertialParameters:
         """One of the payloads of `[simulation.payloads]`, in the flange frame.
 

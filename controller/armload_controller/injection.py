@@ -15,8 +15,10 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_controller.cycle import PoweredArm
 from armload_controller.errors import ControlError
 from armload_controller.feedforward import NOTHING, PayloadFeedforward
+from armload_controller.offset_check import OffsetCheck, OffsetVerdict
 from armload_controller.payload_use import why_not_usable
 from armload_controller.plugins import CycleStep
 from armload_drivers.servos import FloatArray
@@ -25,6 +27,8 @@ from armload_identification.payload import PayloadResult
 
 LONGEST_LAG_S = 0.2
 """A servo that follows later than this is no servo; the lag is taken to be at most this."""
+FADE_IN_S = 0.5
+"""Time in which the torque is faded in once it is allowed."""
 LAG_MEMORY_S = 5.0
 """The lag is that of about the last so many seconds of motion."""
 _MOVED_RAD2 = 1e-4
@@ -69,13 +73,12 @@ class FollowingLag:
 
 
 class FeedforwardPlugin:
-    """Adds a payload's torque.
+    """Adds a payload's torque, once it is allowed to.
 
     Args:
         chain: The arm.
         robot: Its name, for messages.
         payload: The payload at its flange.
-        joints: (n,) True where torque may be added, as `OffsetCheck` found.
         cycle_s: Duration of a cycle.
 
     Raises:
@@ -84,21 +87,34 @@ class FeedforwardPlugin:
 
     name = "feed-forward"
 
-    def __init__(
-        self, chain: Chain, robot: str, payload: PayloadResult, joints: NDArray[np.bool_], cycle_s: float
-    ) -> None:
+    def __init__(self, chain: Chain, robot: str, payload: PayloadResult, cycle_s: float) -> None:
         self._chain, self._robot, self._cycle_s = chain, robot, cycle_s
         self._require(payload)
-        self._feedforward = PayloadFeedforward(chain, payload.model)
-        self._joints = joints.astype(np.float64)
+        self._payload = payload.model
+        self._feedforward = PayloadFeedforward(chain, NOTHING)
+        self._joints = np.zeros(chain.n)
         self._lag = FollowingLag(chain.n, cycle_s)
         length = int(np.ceil(LONGEST_LAG_S / cycle_s)) + 2
         self._states: deque[FloatArray] = deque(maxlen=length)
 
     @property
+    def fade_in_cycles(self) -> int:
+        """Cycles from `allow` until the whole torque is added."""
+        return round(FADE_IN_S / self._cycle_s) + 1
+
+    @property
     def lag_s(self) -> float:
         """The arm's lag as measured so far."""
         return self._lag.lag_s
+
+    def allow(self, joints: NDArray[np.bool_]) -> None:
+        """Begin to add torque, faded in.
+
+        Args:
+            joints: (n,) True where torque may be added, as `OffsetCheck` found.
+        """
+        self._joints = joints.astype(np.float64)
+        self._feedforward.set_payload(self._payload, FADE_IN_S, self._cycle_s)
 
     def set_payload(self, payload: PayloadResult, transition_s: float) -> None:
         """Change the payload while running, without a step; from any thread.
@@ -138,3 +154,39 @@ class FeedforwardPlugin:
         problem = why_not_usable(payload, self._chain, self._robot, "fed forward")
         if problem is not None:
             raise PayloadRefused(f"payload: {problem}")
+
+
+class CheckedFeedforward:
+    """The feed-forward and the check that has to come before it, as one plug-in.
+
+    Args:
+        feedforward: Adds nothing until `use` allows it.
+        check: Tries the torque offset while `check` has it try.
+    """
+
+    name = "feed-forward"
+
+    def __init__(self, feedforward: FeedforwardPlugin, check: OffsetCheck) -> None:
+        self.feedforward = feedforward
+        self._check = check
+        self._checking = False
+
+    def on_cycle(self, step: CycleStep) -> FloatArray | None:
+        """The check's torque while it runs, else the payload's."""
+        torque = self.feedforward.on_cycle(step)
+        return self._check.on_cycle(step) if self._checking else torque
+
+    def begin(self, arm: PoweredArm) -> OffsetVerdict:
+        """Try the offset of a standing arm, then fade the payload's torque in.
+
+        Raises:
+            OffsetRefused: a drive makes something else of its offset; no torque is added.
+        """
+        self._checking = True
+        arm.hold(self._check.done)
+        self._checking = False
+        verdict = self._check.verdict()
+        self.feedforward.allow(verdict.require())
+        cycles = iter(range(self.feedforward.fade_in_cycles))
+        arm.hold(lambda: next(cycles, None) is None)
+        return verdict

@@ -35,9 +35,10 @@ def payload(body=BODY, determined=None, frame="flange", joints=6):
     return PayloadResult(frame, body, known, values, noise, noise, Provenance("0", "0", {}))
 
 
-def plugin(**changes):
-    arguments = {"chain": ROBOT.chain(), "robot": "prbt", "payload": payload(), "joints": ALL, "cycle_s": CYCLE_S}
-    return FeedforwardPlugin(**(arguments | changes))
+def plugin(the_payload=None, joints=ALL):
+    added = FeedforwardPlugin(ROBOT.chain(), "prbt", the_payload or payload(), CYCLE_S)
+    added.allow(joints)
+    return added
 
 
 class Lagging:
@@ -94,6 +95,11 @@ def test_joints_that_were_not_found_usable_get_nothing(ideal_servos):
     assert (np.abs(torque[:, usable]).max(axis=0) > 1.0).all()
 
 
+def test_nothing_is_added_until_it_is_allowed(ideal_servos):
+    _, torque = run(ideal_servos(6, CYCLE_S), FeedforwardPlugin(ROBOT.chain(), "prbt", payload(), CYCLE_S))
+    assert not torque.any()
+
+
 def test_the_payload_is_changed_in_motion_without_a_step(ideal_servos):
     added = plugin()
     heavier = payload(InertialParameters(1.5 * BODY.theta))
@@ -111,7 +117,7 @@ def test_a_payload_without_mass_or_centre_is_refused_in_the_words_of_export(miss
     known = np.ones(10, bool)
     known[missing] = False
     with pytest.raises(PayloadRefused) as fed:
-        plugin(payload=payload(determined=known))
+        plugin(payload(determined=known))
     names = tuple(f"j{i}" for i in range(6))
     with pytest.raises(ExportError) as exported:
         ExportSubject("prbt", names, ROBOT.chain(), payload(determined=known), "payload", "0", "0")

@@ -13,6 +13,7 @@ from armload_controller.cli.compare import compare
 from armload_controller.cli.design import design
 from armload_controller.cli.drives import drives
 from armload_controller.cli.export import export
+from armload_controller.cli.feedforward import feedforward
 from armload_controller.cli.identify import identify
 from armload_controller.cli.identify_body import identify_body
 from armload_controller.cli.screen import Screen
@@ -26,7 +27,18 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (commission, identify, validate, compare, identify_body, calibrate_gains, simulate, design, export):
+for command in (
+    commission,
+    identify,
+    validate,
+    compare,
+    identify_body,
+    calibrate_gains,
+    simulate,
+    design,
+    export,
+    feedforward,
+):
     app.command()(command)
 
 app.add_typer(drives, name="drives")

@@ -1,0 +1,142 @@
+"""`armload feedforward`: the payload's torque in the loop, and what it does to the following error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from armload_controller.arms import VIRTUAL, arm_on_bus, require_safe_bus, simulated_arm
+from armload_controller.cli.options import (
+    BitrateOption,
+    ChannelOption,
+    CycleOption,
+    InterfaceOption,
+    RobotArgument,
+    YesOption,
+)
+from armload_controller.cli.screen import Screen, listening
+from armload_controller.commissioning import Consent, Load, require_excitation
+from armload_controller.comparison import Comparison, ComparisonRuns, FollowingRun
+from armload_controller.comparison_figure import draw, require_picture
+from armload_controller.config import Robot, load_robot
+from armload_controller.control import MotionControl
+from armload_controller.injection import PayloadRefused
+from armload_controller.offset_check import OffsetVerdict
+from armload_controller.payload_use import why_not_usable
+from armload_identification.fourier import Excitation, read_excitation
+from armload_identification.payload import InertialParameters, PayloadResult
+from armload_identification.payload_file import read_payload
+
+IDENTIFIED, IDEAL = "identified payload", "true payload"
+PERIODS = 1
+
+
+def feedforward(
+    robot: RobotArgument,
+    payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML) to feed forward.")],
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Run one trajectory without and with; else only try the torque offset.")
+    ] = False,
+    excitation: Annotated[
+        Path | None, typer.Option(help="Trajectory to run; the robot's validation excitation if not given.")
+    ] = None,
+    mounted: Annotated[
+        str | None, typer.Option("--mounted", help="Payload of [simulation.payloads] on the simulated flange.")
+    ] = None,
+    picture: Annotated[Path, typer.Option(help="Picture of the comparison, .svg or .png.")] = Path("feedforward.svg"),
+    interface: InterfaceOption = None,
+    channel: ChannelOption = None,
+    bitrate: BitrateOption = None,
+    cycle_hz: CycleOption = None,
+    simulated_drives: Annotated[
+        bool, typer.Option("--simulated-drives", help="The drives on that bus are simulated; each node is asked.")
+    ] = False,
+    yes: YesOption = False,
+) -> None:
+    """Add a payload's torque to the drives' own (60B2), after trying it at standstill."""
+    arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    require_safe_bus(arm, simulated_drives)
+    if mounted is not None:
+        arm = arm.with_simulated_payload(mounted)
+    require_picture(picture)
+    screen, control = Screen(), MotionControl()
+    result = read_payload(payload)
+    problem = why_not_usable(result, arm.chain(), arm.name, "fed forward")
+    if problem is not None:
+        raise PayloadRefused(f"{payload}: {problem}")
+    chosen = require_excitation(arm, "validation") if excitation is None else read_excitation(excitation)
+    chosen = Excitation(chosen.trajectory, PERIODS)
+    runs = ComparisonRuns(arm, chosen, screen, control, Consent(screen.confirm, given=yes))
+    with listening(control):
+        if not compare:
+            _try(arm, runs, result, screen)
+            return
+        comparison = _compare(arm, runs, result, screen)
+    screen.console.print(comparison_table(comparison))
+    draw(comparison, arm.name, picture)
+    screen.step(f"picture: {picture}")
+
+
+def _try(arm: Robot, runs: ComparisonRuns, payload: PayloadResult, screen: Screen) -> None:
+    """The check at standstill alone."""
+    opened = simulated_arm(arm, Load.LOADED) if arm.bus.interface == VIRTUAL else arm_on_bus(arm, screen.step)
+    with opened as servos:
+        servos.connect()
+        screen.step(_account(runs.check_only(servos, payload)))
+
+
+def _compare(arm: Robot, runs: ComparisonRuns, payload: PayloadResult, screen: Screen) -> Comparison:
+    """All runs; in simulation the empty arm's and the true payload's too."""
+    in_this_process = arm.bus.interface == VIRTUAL
+    empty: FollowingRun | None = None
+    if in_this_process:
+        with simulated_arm(arm, Load.UNLOADED) as servos:
+            servos.connect()
+            empty = runs.plain(servos, "empty", with_payload=False)
+    with simulated_arm(arm, Load.LOADED) if in_this_process else arm_on_bus(arm, screen.step) as servos:
+        servos.connect()
+        without = runs.plain(servos, "loaded, without feed-forward", with_payload=True)
+        fed, verdict = runs.with_feedforward(servos, payload, "loaded, with feed-forward")
+        screen.step(_account(verdict))
+        results = {IDENTIFIED: fed}
+        if in_this_process:
+            truth = arm.simulated_payload(arm.simulated_payload_name)
+            results[IDEAL], _ = runs.with_feedforward(servos, _as_result(payload, truth), "loaded, with the true one")
+    return runs.compare(without, results, empty, payload)
+
+
+def _as_result(payload: PayloadResult, truth: InertialParameters) -> PayloadResult:
+    return replace(payload, model=truth, determined=np.ones(10, dtype=np.bool_))
+
+
+def _account(verdict: OffsetVerdict) -> str:
+    """What the check found, in a line."""
+    used = [
+        f"{name} {100 * gain:.0f} %"
+        for name, gain, usable in zip(verdict.joint_names, verdict.gain, verdict.usable, strict=True)
+        if usable
+    ]
+    left = [name for name, usable in zip(verdict.joint_names, verdict.usable, strict=True) if not usable]
+    text = f"torque offset tried at standstill, answered with: {', '.join(used)}"
+    return text + (f"; no torque is added on {', '.join(left)}: too little weight to tell" if left else "")
+
+
+def comparison_table(comparison: Comparison) -> Table:
+    """RMS of the error per joint, and how much less it is with feed-forward."""
+    what = "What the payload adds to the following error" if comparison.empty_known else "Following error"
+    table = Table(title=f"{what}, RMS over time", title_justify="left")
+    table.add_column("joint")
+    for column in ("weight N m", "without mrad", *(f"with, {label}" for label in comparison.with_rad)):
+        table.add_column(column, justify="right")
+    for i, name in enumerate(comparison.joint_names):
+        shares = [f"{100 * comparison.reduction(label)[i]:.1f} % less" for label in comparison.with_rad]
+        mark = " *" if i in comparison.gravity_loaded else ""
+        weight, before = comparison.weight_nm[i], 1e3 * comparison.without_rms_rad[i]
+        table.add_row(name + mark, f"{weight:.1f}", f"{before:.3f}", *shares)
+    table.caption = "* carries the payload's weight"
+    return table

@@ -1,0 +1,242 @@
+"""One trajectory without and with feed-forward: what becomes of the following error.
+
+    e = target - measured           what the payload does to it: e_loaded - e_unloaded, at the same phase
+
+The empty arm's error is the servo's lag, the arm's own weight and friction; feed-forward of the payload cannot touch
+that. Where the empty arm is not at hand (an arm on a bus, with its payload on), the errors themselves are compared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_controller.commissioning import BAR, Consent, Watcher, run_leg, torque_window
+from armload_controller.config import Robot
+from armload_controller.control import MotionControl
+from armload_controller.cycle import Cycle
+from armload_controller.errors import CommissioningError
+from armload_controller.injection import CheckedFeedforward, FeedforwardPlugin
+from armload_controller.monitor import FollowingMonitor
+from armload_controller.offset_check import OffsetCheck, OffsetVerdict, tried_torque
+from armload_controller.phase import Segment
+from armload_controller.plugins import CyclePlugin, CycleStep
+from armload_controller.setpoints import RunLegs, check_leg, plan_approach, plan_legs
+from armload_controller.torque_gate import TorqueGate
+from armload_drivers.servos import FloatArray, JointServos
+from armload_identification.fourier import Excitation
+from armload_identification.payload import PayloadResult
+from armload_identification.regressor import payload_torque
+
+LOADED_SHARE = 0.2
+"""A joint is gravity-loaded whose weight torque of the payload is at least this share of the most loaded one's."""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowingRun:
+    """Following error of one run, in its measured periods.
+
+    Attributes:
+        phase_s: (N,) phase along the path.
+        error_rad: (N, n) target minus measured position.
+    """
+
+    phase_s: FloatArray
+    error_rad: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What feed-forward makes of the following error.
+
+    Attributes:
+        joint_names: Names.
+        phase_s: (N,) phase along the path.
+        without_rad: (N, n) error without feed-forward, the empty arm's taken off where it is known.
+        with_rad: Label and (N, n) error with feed-forward, of one or more payloads.
+        weight_nm: (n,) greatest torque of the payload's weight along the path.
+        empty_known: Whether the empty arm's error was taken off.
+    """
+
+    joint_names: tuple[str, ...]
+    phase_s: FloatArray
+    without_rad: FloatArray
+    with_rad: dict[str, FloatArray]
+    weight_nm: FloatArray
+    empty_known: bool
+
+    @property
+    def gravity_loaded(self) -> tuple[int, ...]:
+        """Joints that carry the payload's weight, from 0."""
+        return tuple(int(i) for i in np.flatnonzero(self.weight_nm >= LOADED_SHARE * self.weight_nm.max()))
+
+    @property
+    def without_rms_rad(self) -> FloatArray:
+        """(n,) RMS over time without feed-forward."""
+        return rms(self.without_rad)
+
+    def reduction(self, label: str) -> FloatArray:
+        """(n,) share of the RMS that feed-forward takes away."""
+        return np.asarray(1.0 - rms(self.with_rad[label]) / self.without_rms_rad + 0.0)
+
+
+def rms(error_rad: FloatArray) -> FloatArray:
+    """(n,) root mean square over time of (N, n)."""
+    return np.asarray(np.sqrt(np.mean(error_rad**2, axis=0)))
+
+
+class Follower:
+    """Plug-in that keeps the following error of the measured periods."""
+
+    name = "following error"
+
+    def __init__(self) -> None:
+        self._phase: list[float] = []
+        self._error: list[FloatArray] = []
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Keep one cycle."""
+        reference = step.sent_reference
+        if step.sent is not None and reference is not None and reference.segment is Segment.PERIODS:
+            self._phase.append(reference.state.phase_s)
+            self._error.append(step.sent.position_rad - step.feedback.position_rad)
+
+    def run(self) -> FollowingRun:
+        """What was kept.
+
+        Raises:
+            CommissioningError: nothing was; the run was not at full speed.
+        """
+        if not self._phase:
+            raise CommissioningError("no cycle at full speed: nothing to compare. Run without pause and override")
+        return FollowingRun(np.array(self._phase), np.array(self._error))
+
+
+class ComparisonRuns:
+    """The runs of a comparison on one arm.
+
+    Args:
+        robot: The arm.
+        excitation: Path and periods.
+        watcher: Is told what happens.
+        control: The operator's hand.
+        consent: The operator's agreement.
+
+    Raises:
+        LimitViolation: the excitation breaks a limit.
+        InfeasibleMotion: it cannot be run at this cycle.
+    """
+
+    def __init__(
+        self, robot: Robot, excitation: Excitation, watcher: Watcher, control: MotionControl, consent: Consent
+    ) -> None:
+        self._robot, self._watcher, self._control, self._consent = robot, watcher, control, consent
+        self._limits = robot.motion_limits()
+        cycle_s = 1 / robot.bus.cycle_hz
+        self._legs: RunLegs = plan_legs(excitation, self._limits, cycle_s)
+        for leg in (self._legs.slow, self._legs.measured):
+            check_leg(leg, self._limits, cycle_s)
+        path = excitation.trajectory
+        self._path_rad = path.evaluate(np.linspace(0.0, path.period_s, 512)).position_rad
+
+    def plain(self, servos: JointServos, text: str, *, with_payload: bool) -> FollowingRun:
+        """A slow round, consent, and a run without feed-forward.
+
+        Raises:
+            CommissioningError: the operator does not agree.
+            MotionError: the motion was stopped.
+        """
+        self._consent.require(
+            servos, f"{text}: the arm will move, slowly first. Is the cell clear?", always=with_payload
+        )
+        kept = Follower()
+        cycle = self._cycle(servos, [kept])
+        with self._watcher.track(f"{text}, slow round", BAR) as progress:
+            run_leg(cycle, self._legs.slow, self._limits, progress)
+        self._consent.require(servos, f"{text}: run at full speed?", always=False)
+        with self._watcher.track(text, BAR) as progress:
+            run_leg(cycle, self._legs.measured, self._limits, progress)
+        return kept.run()
+
+    def with_feedforward(
+        self, servos: JointServos, payload: PayloadResult, text: str
+    ) -> tuple[FollowingRun, OffsetVerdict]:
+        """A run with feed-forward, after the torque offset was tried where the run begins; no other way.
+
+        Raises:
+            PayloadRefused: the payload must not be fed forward; nothing has moved.
+            MotionError: the motion was stopped, for a torque offset that is wrong too.
+        """
+        robot = self._robot
+        added = checked_feedforward(robot, payload, self._path_rad, servos.cycle_s)
+        kept = Follower()
+        cycle = self._cycle(servos, [kept, added])
+        with self._watcher.track(text, BAR) as progress, cycle.powered() as arm:
+            leg = self._legs.measured
+            approach = plan_approach(arm.position_rad, self._legs.start_rad, self._limits)
+            if approach is not None:
+                arm.follow(approach, lambda share: None)
+            verdict = added.begin(arm)
+            arm.follow(leg, lambda share: progress(round(BAR * share)))
+        return kept.run(), verdict
+
+    def check_only(self, servos: JointServos, payload: PayloadResult) -> OffsetVerdict:
+        """Try the torque offset where the arm stands; it is held in position and goes nowhere.
+
+        Raises:
+            PayloadRefused: the payload must not be fed forward.
+            MotionError: the torque offset is wrong, or the check was stopped.
+        """
+        self._consent.require(servos, "The arm will hold its position with torque on. Is the cell clear?", always=True)
+        added = checked_feedforward(self._robot, payload, self._path_rad, servos.cycle_s)
+        with self._cycle(servos, [added]).powered() as arm:
+            return added.begin(arm)
+
+    def compare(
+        self,
+        without: FollowingRun,
+        with_feedforward: dict[str, FollowingRun],
+        empty: FollowingRun | None,
+        payload: PayloadResult,
+    ) -> Comparison:
+        """Put runs beside each other, at the phases that all of them have."""
+        runs = [without, *with_feedforward.values(), *([] if empty is None else [empty])]
+        keys = [np.round(run.phase_s * self._robot.bus.cycle_hz).astype(np.int64) for run in runs]
+        common = keys[0]
+        for key in keys[1:]:
+            common = np.intersect1d(common, key)
+        rows = [run.error_rad[np.searchsorted(key, common)] for run, key in zip(runs, keys, strict=True)]
+        nothing = rows[-1] if empty is not None else np.zeros_like(rows[0])
+        still = np.zeros_like(self._path_rad)
+        weight = payload_torque(self._robot.chain(), payload.model.theta, self._path_rad, still, still)
+        return Comparison(
+            joint_names=self._robot.joint_names,
+            phase_s=common / self._robot.bus.cycle_hz,
+            without_rad=rows[0] - nothing,
+            with_rad={label: row - nothing for label, row in zip(with_feedforward, rows[1:], strict=False)},
+            weight_nm=np.abs(weight).max(axis=0),
+            empty_known=empty is not None,
+        )
+
+    def _cycle(self, servos: JointServos, plugins: list[CyclePlugin]) -> Cycle:
+        """A cycle with monitors, and what a run adds."""
+        robot = self._robot
+        monitor = FollowingMonitor(self._limits, robot.bus.max_missing_cycles)
+        gate = TorqueGate(robot.torque_max_nm(), servos.cycle_s)
+        watching: list[CyclePlugin] = [monitor, torque_window(robot, servos.cycle_s)]
+        return Cycle(servos, self._limits, gate, self._control, [*watching, *plugins])
+
+
+def checked_feedforward(
+    robot: Robot, payload: PayloadResult, path_rad: FloatArray, cycle_s: float
+) -> CheckedFeedforward:
+    """The feed-forward of a payload for one path, and the check that comes before it.
+
+    Raises:
+        PayloadRefused: the payload must not be fed forward.
+    """
+    chain = robot.chain()
+    added = FeedforwardPlugin(chain, robot.name, payload, cycle_s)
+    tried = tried_torque(chain, payload.model, path_rad)
+    return CheckedFeedforward(added, OffsetCheck(robot.joint_names, robot.transmission(), tried, cycle_s))

@@ -1,0 +1,99 @@
+"""`armload feedforward` as its user meets it."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from armload_controller.cli.main import app
+from armload_controller.config import load_robot
+from armload_identification.fourier import Excitation, FourierTrajectory, write_excitation
+from armload_identification.payload import PayloadResult, Provenance
+from armload_identification.payload_file import write_payload
+
+REACH_RAD = np.array([[0.3], [0.9], [0.9], [0.4], [0.8], [0.5]])
+
+
+@pytest.fixture(scope="module")
+def armload():
+    def armload(*words):
+        return CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
+
+    return armload
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A sweep of one harmonic in 4 s, and the simulated payload as a payload file."""
+    folder = tmp_path_factory.mktemp("feedforward")
+    offset = np.array([0.0, 0.5, 1.2, 0.0, 0.6, 0.0])
+    sweep = FourierTrajectory(0.25, offset, REACH_RAD, 0.0 * REACH_RAD)
+    write_excitation(folder / "sweep.toml", Excitation(sweep, 1))
+    body = load_robot("prbt").simulated_payload("block")
+    values = np.stack([body.values, body.values], axis=1)
+    known = np.ones(10, dtype=bool)
+    result = PayloadResult("flange", body, known, values, np.ones(6), np.ones(6), Provenance("0", "0", {}))
+    write_payload(folder / "payload.toml", result)
+    unknown = known.copy()
+    unknown[1] = False
+    interval = np.where(unknown[:, None], values, np.nan)
+    write_payload(folder / "unknown.toml", replace(result, determined=unknown, interval_95=interval))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def compared(armload, folder):
+    words = ["feedforward", "prbt", folder / "payload.toml", "--compare", "--mounted", "block"]
+    result = armload(*words, "--excitation", folder / "sweep.toml", "--picture", folder / "ff.svg")
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_the_payloads_share_of_the_following_error_falls(compared, folder):
+    lines = [line for line in compared.splitlines() if "% less" in line]
+    rows = {re.search(r"prbt_joint_\d", line)[0]: re.findall(r"(-?[\d.]+) % less", line) for line in lines}
+    assert set(rows) == {f"prbt_joint_{i}" for i in range(1, 7)}
+    starred = re.findall(r"(prbt_joint_\d) \*", compared)
+    assert {"prbt_joint_2", "prbt_joint_3", "prbt_joint_5"} == set(starred)
+    for joint in ("prbt_joint_2", "prbt_joint_3"):
+        identified, ideal = (float(share) for share in rows[joint])
+        assert identified > 60.0
+        assert ideal == pytest.approx(identified, abs=3.0)
+    svg = (folder / "ff.svg").read_text()
+    assert svg.lstrip().startswith("<?xml")
+
+
+def test_the_offset_is_tried_and_what_is_left_out_is_said(compared):
+    assert re.search(r"torque offset tried at standstill, answered with: prbt_joint_2 \d+ %", compared)
+    assert "no torque is added on prbt_joint_1" in compared
+
+
+def test_without_compare_the_offset_is_tried_and_nothing_else(armload, folder):
+    result = armload("feedforward", "prbt", folder / "payload.toml", "--mounted", "block")
+    assert result.exit_code == 0, result.output
+    assert "tried at standstill" in result.output
+    assert "less" not in result.output
+
+
+def test_a_payload_that_is_not_determined_switches_nothing_on(armload, folder):
+    result = armload("feedforward", "prbt", folder / "unknown.toml", "--compare")
+    assert result.exit_code == 1
+    assert "not determined: cx; a payload is fed forward only with" in str(result.exception)
+    assert "slow round" not in result.output
+
+
+def test_an_unknown_payload_to_mount_is_refused(armload, folder):
+    assert "block, gripper" in str(armload("feedforward", "prbt", folder / "payload.toml", "--mounted", "x").exception)
+
+
+def test_a_picture_that_is_no_picture_is_refused_before_anything_moves(armload, folder):
+    result = armload("feedforward", "prbt", folder / "payload.toml", "--compare", "--picture", folder / "ff.pdf")
+    assert ".svg or .png" in str(result.exception)
+    assert "slow round" not in result.output
+
+
+def test_any_other_bus_is_refused(armload, folder):
+    result = armload("feedforward", "prbt", folder / "payload.toml", "--interface", "socketcan", "--channel", "can0")
+    assert "--simulated-drives" in str(result.exception)
