@@ -12,7 +12,7 @@ from armload_identification.body import BodyModel
 from armload_identification.body_fit import reversal_weights
 from armload_identification.chain import Chain
 from armload_identification.estimate import Estimate, Prior, estimate, estimate_reweighted, estimate_robust
-from armload_identification.friction_difference import FrictionDifference, fit_with_friction, unloaded_body
+from armload_identification.friction_difference import FrictionDifference, fit_with_friction
 from armload_identification.load_signal import SCATTER, LoadSignal
 
 FloatArray = NDArray[np.float64]
@@ -48,11 +48,9 @@ def fit_payload(
     signal: LoadSignal,
     regressor: FloatArray,
     chain: Chain,
-    coupling: FloatArray,
+    body: BodyModel,
     estimator: Estimator,
-    *,
     prior: Prior | None = None,
-    body: BodyModel | None = None,
 ) -> tuple[Estimate, FrictionDifference | None]:
     """Fit a payload.
 
@@ -60,10 +58,9 @@ def fit_payload(
         signal: Torque difference and unloaded torque.
         regressor: (K, n, 10) of the payload.
         chain: The arm.
-        coupling: (n, n) C of its motors.
+        body: The arm's body.
         estimator: How.
         prior: What is known beforehand.
-        body: The arm's body; from the unloaded run if not given.
 
     Returns:
         The fit, and the friction beside it where the estimator looks for some.
@@ -83,5 +80,4 @@ def fit_payload(
         case Estimator.ROBUST:
             return estimate_robust(regressor, signal.torque_nm, signal.valid, least, steady, prior), None
         case Estimator.FRICTION:
-            arm = unloaded_body(signal, chain, coupling) if body is None else body
-            return fit_with_friction(signal, regressor, chain, arm, solve)
+            return fit_with_friction(signal, regressor, chain, body, solve)

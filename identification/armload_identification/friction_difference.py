@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.body import BodyModel, smooth_sign
-from armload_identification.body_fit import ArmSamples, fit_body, reversal_speed
+from armload_identification.body_fit import ArmSamples, BodyFit, fit_body, reversal_speed
 from armload_identification.chain import Chain
 from armload_identification.estimate import Estimate
 from armload_identification.load_signal import LoadSignal
@@ -71,7 +71,7 @@ class FrictionDifference:
     torque_nm: FloatArray
 
 
-def unloaded_body(signal: LoadSignal, chain: Chain, coupling: FloatArray) -> BodyModel:
+def unloaded_body(signal: LoadSignal, chain: Chain, coupling: FloatArray) -> BodyFit:
     """Body and friction of the arm by the unloaded half of a pair of runs.
 
     Args:
@@ -87,7 +87,7 @@ def unloaded_body(signal: LoadSignal, chain: Chain, coupling: FloatArray) -> Bod
         signal.valid,
         signal.averaged_noise_nm,
     )
-    return fit_body([run], chain, coupling).model
+    return fit_body([run], chain, coupling)
 
 
 def load_column(empty_nm: FloatArray, payload_nm: FloatArray, direction: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from armload_identification.body import smooth_sign
-from armload_identification.body_fit import ArmSamples, fit_body, reversal_speed, reversal_weights
+from armload_identification.body_fit import reversal_speed, reversal_weights
 from armload_identification.chain import Chain
 from armload_identification.errors import EstimationError
 from armload_identification.estimate import Estimate, Prior, estimate_reweighted
@@ -171,7 +171,7 @@ class _Problem:
             torque_nm=self._by_gains(self._signal.torque_nm, log_h),
             unloaded_nm=self._by_gains(self._signal.unloaded_nm, log_h),
         )
-        body = unloaded_body(signal, self._chain, coupling)
+        body = unloaded_body(signal, self._chain, coupling).model
 
         def weighted(columns: FloatArray) -> Estimate:
             return self._fit(columns, signal.torque_nm, prior)
@@ -227,18 +227,9 @@ class _Problem:
 
     def _links(self, log_h: FloatArray) -> FloatArray:
         """(K, n) torque of the empty arm's links, by the unloaded run and the present gains."""
-        signal = self._signal
-        torque = self._by_gains(signal.unloaded_nm, log_h)
-        run = ArmSamples(
-            signal.position_rad,
-            signal.velocity_rad_s,
-            signal.acceleration_rad_s2,
-            torque,
-            signal.valid,
-            signal.averaged_noise_nm,
-        )
-        body = fit_body([run], self._chain, self._coupling).model
-        return body.link_torque(self._chain, run.position_rad, run.velocity_rad_s, run.acceleration_rad_s2)
+        signal = replace(self._signal, unloaded_nm=self._by_gains(self._signal.unloaded_nm, log_h))
+        body = unloaded_body(signal, self._chain, self._coupling).model
+        return body.link_torque(self._chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
 
     def _fit(self, columns: FloatArray, target: FloatArray, prior: Prior | None) -> Estimate:
         signal = self._signal

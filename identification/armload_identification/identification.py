@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from armload_identification.arm_motion import arm_motion, without_body
 from armload_identification.body import BodyModel
+from armload_identification.body_fit import BodyFit
 from armload_identification.chain import Chain
 from armload_identification.errors import EstimationError, ModelError
 from armload_identification.estimate import Estimate
 from armload_identification.estimators import Estimator, fit_payload
-from armload_identification.friction_difference import FrictionDifference
+from armload_identification.friction_difference import FrictionDifference, unloaded_body
 from armload_identification.known import KnownPayload
 from armload_identification.load_signal import LoadSignal, load_signal
 from armload_identification.notes import notes_on
@@ -117,7 +118,11 @@ def identify(
     signal = _signal(loaded, unloaded, chain, transmission, body)
     regressor = payload_regressor(chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
     prior = None if known is None else known.prior()
-    fit, friction = fit_payload(signal, regressor, chain, transmission.coupling, estimator, prior=prior, body=body)
+    arm: BodyFit | None = None
+    if body is None:
+        arm = unloaded_body(signal, chain, transmission.coupling)
+        body = arm.model
+    fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior)
     check_signs(signal, regressor, fit)
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
@@ -137,7 +142,7 @@ def identify(
         predicted_nm=predicted,
         residual_rms_nm=raw_residual_rms(signal, predicted),
         sources=tuple(run.source for run in runs),
-        notes=tuple(notes_on(runs, transmission, signal, fit, friction, physical, uncertainty)),
+        notes=tuple(notes_on(runs, transmission, signal, arm, fit, friction, physical, uncertainty)),
     )
 
 

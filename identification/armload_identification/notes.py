@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_identification.body_fit import BodyFit
 from armload_identification.estimate import Estimate
 from armload_identification.friction_difference import FrictionDifference
 from armload_identification.load_signal import LoadSignal
@@ -18,12 +19,19 @@ from armload_identification.uncertainty import Uncertainty
 
 _POOR_FIT: Final = 0.5
 _FEW_PERIODS: Final = 2
+_LOUD: Final = 5.0
+"""A joint's torque says something about the arm from this multiple of its noise."""
+_STRANGE: Final = 0.3
+"""Share of a joint's torque that an arm's own model does not leave; 0.24 is the most on the UR10e, at a wrist."""
+_PUSHES: Final = 0.02
+"""Friction that pushes by more than this share of the torque."""
 
 
 def notes_on(
     runs: Sequence[Recording],
     transmission: Transmission,
     signal: LoadSignal,
+    arm: BodyFit | None,
     fit: Estimate,
     friction: FrictionDifference | None,
     physical: PhysicalEstimate,
@@ -35,6 +43,7 @@ def notes_on(
         runs: The loaded and, where there is one, the unloaded recording.
         transmission: Gains and which of them are calibrated.
         signal: The torque difference.
+        arm: The body fitted to the unloaded run, or None.
         fit: The plain estimate.
         friction: Friction that was fitted, or None.
         physical: The physically possible estimate.
@@ -45,6 +54,7 @@ def notes_on(
         *_on_gains(runs[0], transmission),
         *_on_signal(signal),
         *_on_result(fit, friction, physical, uncertainty),
+        *_on_arm(signal, arm),
         *_on_misfit(signal, fit),
     ]
 
@@ -120,17 +130,47 @@ def _on_result(
         )
     if physical.changed and physical.plain_margin <= 0.0:
         notes.append("The plain estimate is physically impossible; the nearest possible one is reported.")
-    if uncertainty.undetermined_names:
+    if not uncertainty.determined[:4].any():
+        notes.append(
+            "Not even the mass is determined: the motion is too small or too slow, the runs are too short, or the "
+            "payload is too light for the noise. Design an excitation with `armload design` and record more periods."
+        )
+    elif uncertainty.undetermined_names:
         notes.append("Not determined by these data: " + ", ".join(uncertainty.undetermined_names) + ".")
     return notes
 
 
-def _on_misfit(signal: LoadSignal, fit: Estimate) -> list[str]:
-    measured = np.mean((signal.torque_nm[signal.valid] * fit.weight_1_nm) ** 2)
-    left = np.mean((fit.residual_nm[signal.valid] * fit.weight_1_nm) ** 2)
-    if left <= _POOR_FIT * measured:
+def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
+    """Whether the unloaded run can be this arm's: its joints carry its own links and rub."""
+    if arm is None:
+        return []
+    loud = arm.torque_rms_nm > _LOUD * signal.averaged_noise_nm
+    speed = np.sqrt(np.mean(signal.velocity_rad_s**2, axis=0))
+    pushes = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed < -_PUSHES * arm.torque_rms_nm
+    strange = loud & ((arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm) | pushes)
+    if not strange.any():
         return []
     return [
-        f"A payload explains only {1.0 - left / measured:.0%} of the torque difference: it is very light, or "
-        "columns, joint order or configuration do not belong to this arm."
+        f"The unloaded run's torque of joint {joint_list(strange)} is not that of this arm's links and friction: check "
+        "the joint order of positions and currents, and that the configuration belongs to this arm."
+    ]
+
+
+def _on_misfit(signal: LoadSignal, fit: Estimate) -> list[str]:
+    """Whether a payload explains the torque difference, of all joints and of each."""
+    torque, left = signal.torque_nm[signal.valid], fit.residual_nm[signal.valid]
+    measured = np.mean((torque * fit.weight_1_nm) ** 2)
+    misfit = np.mean((left * fit.weight_1_nm) ** 2)
+    if misfit > _POOR_FIT * measured:
+        return [
+            f"A payload explains only {1.0 - misfit / measured:.0%} of the torque difference: it is very light, or "
+            "columns, joint order or configuration do not belong to this arm."
+        ]
+    size, rest = np.sqrt(np.mean(torque**2, axis=0)), np.sqrt(np.mean(left**2, axis=0))
+    strange = (size > _LOUD * signal.averaged_noise_nm) & (rest > _POOR_FIT * size)
+    if not strange.any():
+        return []
+    return [
+        f"A payload does not explain the torque difference of joint {joint_list(strange)}: check the joint order of "
+        "positions and currents, and that the configuration belongs to this arm."
     ]

@@ -22,6 +22,10 @@ _FEEDS_ENERGY: Final = -0.3
 _EXPLAINED: Final = 0.9
 _OPPOSED: Final = -0.8
 _CLEAR: Final = 5.0
+_STAYS: Final = 7
+"""A signal with any noise does not repeat its greatest value this often on end by chance."""
+_RATHER_THAN_CHANCE: Final = 3
+"""Nor where a coarse resolution lets it repeat other values, so much longer than these."""
 
 
 def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmission) -> None:
@@ -54,7 +58,7 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
 
 
 def check_run(run: Recording, transmission: Transmission) -> None:
-    """Refuse a run with a torque column that stands still or feeds energy in.
+    """Refuse a run with a torque column that stands still, is cut off at a bound, or feeds energy in.
 
     Args:
         run: The run.
@@ -72,6 +76,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
             f"{run.source.path}: joint {still[0] + 1} moves, but its current or torque is always "
             f"{measured[0, still[0]]:g}. Check the mapping of its 6077 or 6078, or the column map."
         )
+    _refuse_saturation(run, measured, moves)
     rows = _closed_part(run)
     step = np.diff(run.position_rad[rows], axis=0)
     work = 0.5 * (torque[rows][1:] + torque[rows][:-1]) * step
@@ -85,6 +90,28 @@ def check_run(run: Recording, transmission: Transmission) -> None:
             "gain energy where friction should cost it. The sign of the current or torque is flipped: correct "
             "it in the configuration or the log."
         )
+
+
+def _refuse_saturation(run: Recording, measured: FloatArray, moves: NDArray[np.bool_]) -> None:
+    """Refuse a run in which a joint that moves stays at its greatest value, and nowhere else so long."""
+    for joint in np.flatnonzero(moves):
+        values = measured[:, joint]
+        bound = float(np.abs(values).max())
+        at_bound = np.abs(values) >= bound * (1.0 - 1e-9)
+        repeated = np.diff(values, prepend=np.nan) == 0.0
+        stays = _longest(at_bound & repeated)
+        if stays >= _STAYS and stays >= _RATHER_THAN_CHANCE * _longest(repeated & ~at_bound):
+            raise RecordingError(
+                f"{run.source.path}: joint {joint + 1} stays at its greatest value of {bound:.4g} for {stays + 1} "
+                "samples on end: the drive or the measurement is saturated, and the torque beyond is lost. "
+                "Record a slower run, or raise the drive's current limit."
+            )
+
+
+def _longest(flags: NDArray[np.bool_]) -> int:
+    """Length of the longest stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _closed_part(run: Recording) -> NDArray[np.intp]:
