@@ -21,6 +21,7 @@ from __future__ import annotations
 import socket
 import struct
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Protocol
 
@@ -42,9 +43,12 @@ _SETTIMER, _STARTTIMER = 0x0001, 0x0002
 
 _OVERDUE_PERIODS = 1.5
 """A renewed credit that brings no SYNC within this many periods came too late for the timer."""
-_SOON_PERIODS = 0.8
-_MOST_SOON = 3
-"""So many intervals shorter than that many periods, and somebody else sends SYNC as well: BCM is never early."""
+_RHYTHM = 32
+_SHORTEST_RHYTHM = 0.85
+"""So many SYNCs in less than this share of their time, and somebody else sends SYNC as well. BCM is never early, but
+the stamp of a single frame may be late."""
+_OLDEST_PERIODS = CREDIT + 1
+"""A frame is not older than this when it is looked at: SYNC would have stopped. It bounds the error of a clock step."""
 
 
 class SyncProducer(Protocol):
@@ -146,7 +150,7 @@ class BcmSync:
         self._credit_left = 0
         self._used_s: float | None = None
         self._last_s: float | None = None
-        self._soon = 0
+        self._rhythm: deque[float] = deque(maxlen=_RHYTHM)
         self._told = False
         self._waiting = False
         self._on_sync: Callable[[], None] = _nothing
@@ -160,7 +164,7 @@ class BcmSync:
         self._cycle_s, self._counter = cycle_s, counter
         self._credit_left = 0
         self._used_s = self._last_s = None
-        self._soon = 0
+        self._rhythm.clear()
         self._told = self._waiting = False
         link.subscribe(SYNC_DEFAULT_COB_ID, lambda _: self._take_sync(link))
 
@@ -186,7 +190,7 @@ class BcmSync:
             if not self._await(link):
                 self._waiting = False
                 raise BusError("no SYNC came back from the bus. Is the interface up? Has its queue room?")
-        if self._soon >= _MOST_SOON and not self._told:
+        if self._in_company() and not self._told:
             # Told once, so that the arm can still be stopped and disabled in that company.
             self._told = True
             raise ForeignMaster("SYNC comes more often than this master lets it leave: another node produces SYNC")
@@ -216,12 +220,17 @@ class BcmSync:
         """Pump until SYNC is there, which ends the waiting."""
         return link.pump_until(lambda: not self._waiting, _OVERDUE_PERIODS * self._cycle_s)
 
+    def _in_company(self) -> bool:
+        """Whether SYNC comes more often than the kernel lets it leave."""
+        rhythm = self._rhythm
+        shortest_s = _SHORTEST_RHYTHM * (_RHYTHM - 1) * self._cycle_s
+        return len(rhythm) == _RHYTHM and rhythm[-1] - rhythm[0] < shortest_s
+
     def _take_sync(self, link: BusLink) -> None:
         """A SYNC: the one that is waited for, or one that nobody used."""
-        age_s = min(max(self._stamp_clock() - link.stamp_s, 0.0), self._cycle_s)
+        age_s = min(max(self._stamp_clock() - link.stamp_s, 0.0), _OLDEST_PERIODS * self._cycle_s)
         time_s = self._clock() - age_s
-        if self._last_s is not None and time_s - self._last_s < _SOON_PERIODS * self._cycle_s:
-            self._soon += 1
+        self._rhythm.append(time_s)
         self._last_s = time_s
         self._credit_left -= 1
         if self._waiting:

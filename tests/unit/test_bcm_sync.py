@@ -93,8 +93,8 @@ def sync(kernel, clock):
     return source
 
 
-def ten_times(action):
-    for _ in range(10):
+def twenty_times(action):
+    for _ in range(20):
         action()
 
 
@@ -162,8 +162,16 @@ def test_another_producer_is_told_once(sync, kernel):
 
     sync.next(kernel, nothing)
     with pytest.raises(ForeignMaster):
-        ten_times(with_company)
-    ten_times(with_company)
+        twenty_times(with_company)
+    twenty_times(with_company)
+
+
+def test_a_single_late_stamp_is_no_company(sync, kernel):
+    """A process that was not run looks at frames late; that shortens the next interval."""
+    for cycle in range(200):
+        sync.next(kernel, nothing)
+        if cycle % 5 == 0:
+            kernel.pass_time(0.9 * PERIOD_S)
 
 
 def test_feedback_belongs_to_the_sync_it_follows(sync, kernel):
