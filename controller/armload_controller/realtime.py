@@ -13,6 +13,7 @@ Not for lockstep simulations, where nothing waits for a clock and a real-time th
 from __future__ import annotations
 
 import ctypes
+import errno
 import gc
 import os
 import sys
@@ -52,7 +53,9 @@ def tuned_for_cycles(tell: Callable[[str], None]) -> Iterator[None]:
 
 
 def _real_time() -> Callable[[], None]:
-    """SCHED_FIFO for the calling thread."""
+    """SCHED_FIFO for the calling thread, unless there is but one CPU, which others need as well."""
+    if len(os.sched_getaffinity(0)) == 1:
+        raise OSError(errno.EBUSY, "there is only one CPU")
     policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     return lambda: os.sched_setscheduler(0, policy, parameters)

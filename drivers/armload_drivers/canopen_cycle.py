@@ -74,7 +74,7 @@ class CanopenCycle:
             data=[NmtState.OPERATIONAL.value],
             is_extended_id=False,
         )
-        self._heartbeat_due_s = 0.0
+        self._heartbeat_due_s = self._looked_s = 0.0
 
     def begin(self) -> None:
         """Start the nodes and begin to count periods; what arrived before is over."""
@@ -84,7 +84,7 @@ class CanopenCycle:
             self._link.command(NmtCommand.START, node.settings.node_id)
         self.foreign.forget()
         self._sync.begin(self._link, self._cycle_s, self._sync_counter)
-        self._heartbeat_due_s = self._sync.now_s()
+        self._heartbeat_due_s = self._looked_s = self._sync.now_s()
 
     def end(self) -> None:
         """End PDO communication."""
@@ -111,9 +111,14 @@ class CanopenCycle:
             self._heartbeat_due_s = now_s + self._heartbeat_s
         tick = sync.next(link, self._expect_feedback)
         link.pump_until(self._complete, sync.feedback_limit_s())
-        if sync.now_s() - now_s > _STALLED_CYCLES * self._cycle_s:
-            # This process did not run. What the drives said meanwhile is heard before they are judged.
+        away_s = sync.now_s() - self._looked_s
+        if away_s > _STALLED_CYCLES * self._cycle_s:
+            # This process did not run, and perhaps nobody else on this computer did. What the drives said meanwhile is
+            # heard before they are judged, and silence during that time is not held against them.
             link.drain()
+            for node in nodes:
+                node.excuse_silence(away_s)
+        self._looked_s = sync.now_s()
         self.number += 1
         for node in nodes:
             node.evaluate(tick.time_s)

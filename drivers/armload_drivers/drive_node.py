@@ -158,6 +158,10 @@ class DriveNode:
         self._nmt_state = None
         self._emergency = self._undefined = None
 
+    def excuse_silence(self, away_s: float) -> None:
+        """Nobody listened for a while: the wait for the next heartbeat is that much longer."""
+        self._heard_s += away_s
+
     def ask(self, goal: State, step: str) -> None:
         """Request a state.
 

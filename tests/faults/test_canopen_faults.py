@@ -479,3 +479,21 @@ def test_a_closed_bus_is_a_bus_error(virtual_arm):
         arm.servos.close()
     assert any("emergency stop" in note for note in raised.value.__notes__)
     arm.servos.close()
+
+
+def test_silence_while_this_process_did_not_run_is_not_held_against_a_drive(virtual_arm, arm_settings):
+    """Time jumps; the drives, on the same computer, had no chance to send their heartbeats either."""
+    arm = virtual_arm(replace(arm_settings(), max_missing_cycles=30))
+    start = enabled(arm)
+    move(arm, start, 9)
+    arm.clock.advance(0.24)
+    arm.servos.exchange(JointCommand(start, ZERO, ZERO))
+
+
+def test_a_drive_that_was_silent_for_longer_is_lost_all_the_same(virtual_arm):
+    arm = virtual_arm()
+    start = enabled(arm)
+    arm.monitor.send(can.Message(arbitration_id=0x603, data=bytes.fromhex("2b17100000000000"), is_extended_id=False))
+    arm.clock.advance(0.05)
+    error = move_until_error(arm, start, ServoTimeout)
+    assert "heartbeat" in str(error)
