@@ -22,7 +22,7 @@ from armload_controller.errors import MotionError
 from armload_controller.limits import MotionLimits, check_setpoints
 from armload_controller.monitor import LateCycle
 from armload_controller.phase import Leg, PhaseState, Segment
-from armload_controller.plugins import CyclePlugin, CycleStep, PluginError, PluginHost, PluginTiming
+from armload_controller.plugins import CyclePlugin, CycleStep, PluginHost, PluginTiming
 from armload_controller.safety import DECISIONS, PathDeviation, StopStep, cause_of
 from armload_controller.setpoints import RuckigFollower
 from armload_controller.stream import PhaseStream, Reference
@@ -176,8 +176,8 @@ class PoweredArm:
         """
         cause = cause_of(error)
         decision = DECISIONS[cause]
-        if isinstance(error, PluginError):
-            self._host.detach(error.plugin)
+        if self._host.failed:
+            self._host.detach(self._host.failed)
         steps = {
             StopStep.RAMP_DOWN: self._ramp_down,
             StopStep.QUICK_STOP: self._servos.stop,

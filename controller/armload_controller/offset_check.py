@@ -43,8 +43,10 @@ FADES = 4
 LEAST_FITS = 8
 MOST_FITS = 30
 """After so many a joint that is still not certain is left without feed-forward."""
-_MEDIAN_TO_SIGMA = 1.4826 * 1.2533
-"""From a median absolute deviation to the standard error of a median, per root of the number."""
+_MEDIAN_TO_SIGMA = 1.4826
+"""From a median absolute deviation to a standard deviation."""
+_MEDIAN_EFFICIENCY = 1.2533
+"""Standard error of a median in terms of a mean's."""
 
 
 class OffsetRefused(ControlError):
@@ -87,13 +89,18 @@ class OffsetVerdict:
         """(n,) where torque may be added: known well enough, and right."""
         return self.certain & (np.abs(self.gain - 1.0) <= TOLERANCE)
 
+    @property
+    def wrong(self) -> NDArray[np.bool_]:
+        """(n,) where the answer is wrong without doubt; one that slips now and then is no such proof."""
+        return (self.sigma <= CERTAINTY / 2.0) & (np.abs(self.gain - 1.0) > TOLERANCE)
+
     def require(self) -> NDArray[np.bool_]:
-        """Joints that torque may be added on; the others are too weak a payload's lever to tell.
+        """Joints that torque may be added on; on the others the answer cannot be told, and nothing is added.
 
         Raises:
             OffsetRefused: a drive makes something else of its offset, or no joint is usable.
         """
-        wrong = np.flatnonzero(self.certain & ~self.usable)
+        wrong = np.flatnonzero(self.wrong)
         if wrong.size or not self.usable.any():
             found = [self._account(int(i)) for i in wrong] or ["no joint's answer can be told from the noise"]
             raise OffsetRefused(
@@ -161,14 +168,15 @@ class OffsetCheck:
         fits = len(self._gains)
         if fits < LEAST_FITS:
             return False
-        return fits >= MOST_FITS or bool(self.verdict().certain[self._told].all())
+        verdict = self.verdict()
+        return fits >= MOST_FITS or bool(verdict.usable[self._told].all() or verdict.wrong.any())
 
     def verdict(self) -> OffsetVerdict:
         """What was found so far."""
         gains = np.array(self._gains)
         gain = np.median(gains, axis=0)
-        spread = np.median(np.abs(gains - gain), axis=0)
-        sigma = _MEDIAN_TO_SIGMA * spread / np.sqrt(len(gains))
+        spread = np.maximum(_MEDIAN_TO_SIGMA * np.median(np.abs(gains - gain), axis=0), gains.std(axis=0))
+        sigma = _MEDIAN_EFFICIENCY * spread / np.sqrt(len(gains))
         return OffsetVerdict(self._joint_names, self._tried, gain, np.where(self._told, sigma, np.inf), len(gains))
 
     def _evaluate(self) -> None:

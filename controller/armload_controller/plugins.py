@@ -131,6 +131,7 @@ class PluginHost:
 
     Attributes:
         calling: Name of the plug-in called last.
+        failed: Name of the plug-in whose call ended in an error; empty while none did.
     """
 
     def __init__(self, plugins: Sequence[CyclePlugin], n: int, cycle_s: float, stopwatch: Callable[[], float]) -> None:
@@ -141,6 +142,7 @@ class PluginHost:
         self._budget_s = BUDGET_SHARE * cycle_s
         self._stopwatch = stopwatch
         self.calling = ""
+        self.failed = ""
 
     @property
     def timings(self) -> tuple[PluginTiming, ...]:
@@ -170,7 +172,7 @@ class PluginHost:
         self._torque[:] = 0.0
         begun_s = self._stopwatch()
         for plugin, timing in self._entries:
-            self.calling = timing.name
+            self.calling = self.failed = timing.name
             try:
                 torque = plugin.on_cycle(step)
             except ControlError:
@@ -187,6 +189,7 @@ class PluginHost:
                 )
             if torque is not None:
                 self._add(timing.name, torque)
+        self.failed = ""
         return self._torque
 
     def _add(self, name: str, torque: FloatArray) -> None:

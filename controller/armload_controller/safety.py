@@ -102,7 +102,7 @@ DECISIONS: dict[Cause, Decision] = {
     Cause.PLUGIN_REQUEST: Decision(_ALONG, "see what the plug-in says, then start again"),
     Cause.PLUGIN_FAILED: Decision(_ALONG, "correct the plug-in or run without it"),
     Cause.PLUGIN_TOO_SLOW: Decision(_ALONG, "make it faster, move its work to another process, or lower --cycle-hz"),
-    Cause.RECORDING: Decision(_QUICK, "make room on the disk, or choose another --output"),
+    Cause.RECORDING: Decision(_ALONG, "make room on the disk, or choose another --output"),
     Cause.LIMIT: Decision(_QUICK, "correct the excitation or the limits in the configuration"),
     Cause.DEVIATION: Decision(
         _QUICK, "the reference asks for more than the joints' limits allow: design a slower excitation"

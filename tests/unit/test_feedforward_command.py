@@ -13,7 +13,7 @@ from armload_identification.fourier import Excitation, FourierTrajectory, write_
 from armload_identification.payload import PayloadResult, Provenance
 from armload_identification.payload_file import write_payload
 
-REACH_RAD = np.array([[0.3], [0.9], [0.9], [0.4], [0.8], [0.5]])
+SWING_RAD = np.array([[0.2, 0.9, 0.0, 0.0, 0.3, 0.2], [0.0, 0.0, 0.9, 0.2, -0.7, 0.0]])[:, :, None]
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def folder(tmp_path_factory):
     """A sweep of one harmonic in 4 s, and the simulated payload as a payload file."""
     folder = tmp_path_factory.mktemp("feedforward")
     offset = np.array([0.0, 0.5, 1.2, 0.0, 0.6, 0.0])
-    sweep = FourierTrajectory(0.25, offset, REACH_RAD, 0.0 * REACH_RAD)
+    sweep = FourierTrajectory(0.25, offset, *SWING_RAD)
     write_excitation(folder / "sweep.toml", Excitation(sweep, 1))
     body = load_robot("prbt").simulated_payload("block")
     values = np.stack([body.values, body.values], axis=1)
@@ -59,7 +59,7 @@ def test_the_payloads_share_of_the_following_error_falls(compared, folder):
     assert {"prbt_joint_2", "prbt_joint_3", "prbt_joint_5"} == set(starred)
     for joint in ("prbt_joint_2", "prbt_joint_3"):
         identified, ideal = (float(share) for share in rows[joint])
-        assert identified > 60.0
+        assert identified > 40.0
         assert ideal == pytest.approx(identified, abs=3.0)
     svg = (folder / "ff.svg").read_text()
     assert svg.lstrip().startswith("<?xml")

@@ -123,7 +123,7 @@ def _account(verdict: OffsetVerdict) -> str:
     ]
     left = [name for name, usable in zip(verdict.joint_names, verdict.usable, strict=True) if not usable]
     text = f"torque offset tried at standstill, answered with: {', '.join(used)}"
-    return text + (f"; no torque is added on {', '.join(left)}: too little weight to tell" if left else "")
+    return text + (f"; no torque is added on {', '.join(left)}: too little weight, or an uneven answer" if left else "")
 
 
 def comparison_table(comparison: Comparison) -> Table:

@@ -1,0 +1,286 @@
+"""Every row of the decision table on the simulated arm: how far off the path it gets, how long until it stands.
+
+The loaded arm runs its validation excitation; in the middle of the motion the cause comes about. Positions are the
+plant's own, behind the drives' lag, so even an undisturbed run is off the path by what the lag bends it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_controller.config import Robot, load_robot
+from armload_controller.control import MotionControl, OperatorStop, TerminationStop
+from armload_controller.cycle import Cycle
+from armload_controller.errors import MotionError, RecordingFailed
+from armload_controller.limits import MotionLimits
+from armload_controller.monitor import FollowingMonitor, TorqueWindow
+from armload_controller.offset_check import OffsetRefused
+from armload_controller.paths import Path
+from armload_controller.phase import Segment
+from armload_controller.plugins import CyclePlugin, CycleStep
+from armload_controller.safety import DECISIONS, Cause, cause_of
+from armload_controller.setpoints import plan_legs
+from armload_controller.torque_gate import TorqueGate
+from armload_drivers.arm import ArmSettings
+from armload_drivers.errors import BusError, CommandError, ServoError
+from armload_drivers.fake_servos import FailureKind, FakeServos, ScriptedFailure
+from armload_drivers.plant import ArmPlant
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.fourier import Excitation, FourierState, FourierTrajectory
+
+FloatArray = NDArray[np.float64]
+
+AT_S = 1.3
+"""Phase at which the cause comes about."""
+STILL_RAD_S = 2e-3
+"""Slower than this a joint stands."""
+GRID_S = 5e-4
+OVER = float("inf")
+
+
+@dataclass(frozen=True)
+class Stop:
+    """What one stop was like.
+
+    Attributes:
+        cause: Why.
+        deviation_rad: Greatest distance of any joint from the path, from the cause on.
+        standstill_s: Time from the cause until every joint stands for good.
+        message: What the operator was told.
+    """
+
+    cause: Cause
+    deviation_rad: float
+    standstill_s: float
+    message: str
+
+
+class WatchedPlant(ArmPlant):
+    """A plant that remembers where it was."""
+
+    def __init__(self, spec: object) -> None:
+        super().__init__(spec)  # type: ignore[arg-type]
+        self.time: list[float] = []
+        self.position: list[FloatArray] = []
+        self.speed: list[float] = []
+
+    def advance(self, time_s: float) -> None:
+        """Advance, and keep the truth."""
+        super().advance(time_s)
+        sample = self.sample(OVER)
+        self.time.append(self.time_s)
+        self.position.append(sample.joint_position_rad)
+        self.speed.append(float(np.abs(sample.joint_velocity_rad_s).max()))
+
+
+class Disturbed(FakeServos):
+    """Drives whose answer is tampered with in one cycle."""
+
+    def __init__(self, arm: ArmSettings, plant: ArmPlant, failures: Sequence[ScriptedFailure]) -> None:
+        super().__init__(arm, plant, failures)
+        self.at = -1
+        self.event: BaseException | Callable[[JointFeedback], JointFeedback] | None = None
+        self.count = 0
+        self.acted_s: float | None = None
+        self._arm_plant = plant
+
+    def exchange(self, command: JointCommand) -> JointFeedback:
+        """As the fake, but for the one cycle."""
+        self.count += 1
+        if self.count != self.at or self.event is None:
+            return super().exchange(command)
+        self.acted_s = self._arm_plant.time_s
+        if isinstance(self.event, BaseException):
+            raise self.event
+        return self.event(super().exchange(command))
+
+
+@dataclass(frozen=True)
+class Bumped:
+    """The excitation with a step in it, as a defect would make it."""
+
+    trajectory: FourierTrajectory
+
+    def evaluate(self, t_s: object) -> FourierState:
+        """The path, and the step."""
+        phase = np.asarray(t_s, dtype=np.float64)
+        state = self.trajectory.evaluate(phase)
+        return replace(state, position_rad=state.position_rad + 0.01 * (phase > AT_S)[..., None])
+
+
+class Culprit:
+    """A plug-in that does something at a phase, once."""
+
+    name = "culprit"
+
+    def __init__(self, act: Callable[[CycleStep], object]) -> None:
+        self._act = act
+        self.acted_s: float | None = None
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Do it."""
+        reference = step.reference
+        if self.acted_s is None and reference.segment is Segment.PERIODS and reference.state.phase_s >= AT_S:
+            self.acted_s = step.feedback.time_s
+            self._act(step)
+
+
+class Sluggish:
+    """A plug-in that takes its time from a phase on, and the stopwatch that it is measured with."""
+
+    name = "sluggish"
+
+    def __init__(self, cycle_s: float) -> None:
+        self._cycle_s = cycle_s
+        self.now_s = 0.0
+        self.acted_s: float | None = None
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Take nine tenths of a cycle."""
+        if step.reference.segment is Segment.PERIODS and step.reference.state.phase_s >= AT_S:
+            self.now_s += 0.9 * self._cycle_s
+            self.acted_s = step.feedback.time_s
+
+
+def run() -> None:
+    """Print the table."""
+    robot = load_robot("er50")
+    print(f"Stops of {robot.name}, loaded, at phase {AT_S} s of its validation excitation")
+    print(f"  {'cause':44s} {'category':15s} {'off the path':>12s} {'stands after':>13s}")
+    undisturbed = measure(robot, None)
+    print(f"  {'(none: the drives lag)':44s} {'':15s} {undisturbed.deviation_rad * 1e3:9.2f} mrad")
+    for cause in Cause:
+        stop = measure(robot, cause)
+        print(
+            f"  {cause.value:44s} {DECISIONS[cause].category.value:15s} "
+            f"{stop.deviation_rad * 1e3:9.2f} mrad {stop.standstill_s:11.2f} s"
+        )
+
+
+def measure(robot: Robot, cause: Cause | None) -> Stop:
+    """Bring a cause about, and look at the arm.
+
+    Raises:
+        RuntimeError: another cause was found, or none.
+    """
+    limits, cycle_s = robot.motion_limits(), 1 / robot.bus.cycle_hz
+    trajectory = robot.excitations["validation"].trajectory
+    legs = plan_legs(Excitation(trajectory, 1), limits, cycle_s)
+    spec = replace(robot.plant_spec(robot.simulated_payload_name), start_position_rad=legs.start_rad)
+    lead_in = round(-legs.measured.start_s / cycle_s * 2) + round(AT_S / cycle_s)
+    plant = WatchedPlant(spec)
+    failures = _failures(cause, lead_in)
+    servos = Disturbed(robot.arm_settings(), plant, failures)
+    servos.at, servos.event = lead_in, _event(cause, cycle_s)
+    control = MotionControl()
+    monitors: list[CyclePlugin] = [FollowingMonitor(_limits(cause, limits, trajectory), robot.bus.max_missing_cycles)]
+    if cause is Cause.TORQUE:
+        window = 0.5 * robot.torque_max_nm()
+        window[1] = 300.0
+        monitors.append(TorqueWindow(robot.joint_names, robot.transmission(), window, cycle_s, None))
+    act = _act(cause, control)
+    sluggish = Sluggish(cycle_s)
+    witnesses: list[Disturbed | Culprit | Sluggish] = [servos, sluggish]
+    if cause is Cause.PLUGIN_TOO_SLOW:
+        monitors.append(sluggish)
+    elif act is not None:
+        culprit = Culprit(act)
+        monitors.append(culprit)
+        witnesses.append(culprit)
+    gate = TorqueGate(robot.torque_max_nm(), cycle_s)
+    path: Path = Bumped(trajectory) if cause is Cause.DEVIATION else trajectory
+    cycle = Cycle(servos, _limits(cause, limits, trajectory), gate, control, monitors, stopwatch=lambda: sluggish.now_s)
+    servos.connect()
+    message = ""
+    try:
+        with cycle.powered() as arm:
+            arm.follow(replace(legs.measured, path=path), lambda share: None)
+    except MotionError as error:
+        message = str(error)
+        found = cause_of(error.__cause__) if error.__cause__ is not None else None
+        if found is not cause:
+            raise RuntimeError(f"asked for {cause}, found {found}: {error}") from error
+        acted = [witness.acted_s for witness in witnesses if witness.acted_s is not None]
+        begin_s = acted[0] if acted else error.last_feedback[-1].time_s
+    else:
+        if cause is not None:
+            raise RuntimeError(f"{cause} stopped nothing")
+        begin_s = AT_S
+    finally:
+        servos.close()
+    return _look(plant, trajectory, cause or Cause.OPERATOR, begin_s, message)
+
+
+def _look(plant: WatchedPlant, trajectory: FourierTrajectory, cause: Cause, begin_s: float, message: str) -> Stop:
+    """Distance from the path and time to stand still, from a time on."""
+    path = trajectory.evaluate(np.arange(0.0, trajectory.period_s, GRID_S)).position_rad
+    time = np.array(plant.time)
+    rows = np.flatnonzero(time >= begin_s)
+    distance = max(float(np.abs(path - plant.position[row]).max(axis=1).min()) for row in rows)
+    moving = rows[np.array(plant.speed)[rows] > STILL_RAD_S]
+    stands_s = float(time[moving[-1]] - begin_s) if moving.size else 0.0
+    return Stop(cause, distance, stands_s, message)
+
+
+def _limits(cause: Cause | None, limits: MotionLimits, trajectory: FourierTrajectory) -> MotionLimits:
+    """Limits that the undisturbed motion breaks, for two causes."""
+    if cause is Cause.FOLLOWING_ERROR:
+        return replace(limits, following_error_rad=np.full_like(limits.following_error_rad, 0.07))
+    if cause is Cause.LIMIT:
+        state = trajectory.evaluate(AT_S)
+        joint = int(np.argmax(np.abs(state.velocity_rad_s)))
+        low, high = limits.position_min_rad.copy(), limits.position_max_rad.copy()
+        (high if state.velocity_rad_s[joint] > 0 else low)[joint] = state.position_rad[joint]
+        return replace(limits, position_min_rad=low, position_max_rad=high)
+    return limits
+
+
+def _failures(cause: Cause | None, cycle: int) -> tuple[ScriptedFailure, ...]:
+    """What the fake is told to do wrong."""
+    if cause is Cause.DRIVE_FAULT:
+        return (ScriptedFailure(FailureKind.FAULT, 2, cycle),)
+    if cause is Cause.MISSING_FEEDBACK:
+        return (ScriptedFailure(FailureKind.MISSING_FEEDBACK, 2, cycle, 20),)
+    return ()
+
+
+def _event(cause: Cause | None, cycle_s: float) -> BaseException | Callable[[JointFeedback], JointFeedback] | None:
+    """What the servos answer in the cycle of the cause."""
+    events: dict[Cause, BaseException | Callable[[JointFeedback], JointFeedback]] = {
+        Cause.STALE: lambda feedback: replace(feedback, time_s=feedback.time_s - cycle_s),
+        Cause.LATE: lambda feedback: replace(feedback, skipped_cycles=10),
+        Cause.DRIVE: ServoError(3, "joint_3", "streaming", "it left its state by itself", "Look at it"),
+        Cause.REFUSED: CommandError("joint_3: the drive takes no torque offset"),
+        Cause.BUS: BusError("bus-off"),
+        Cause.PROGRAM: RuntimeError("a defect"),
+    }
+    return None if cause is None else events.get(cause)
+
+
+def _act(cause: Cause | None, control: MotionControl) -> Callable[[CycleStep], object] | None:
+    """What a plug-in does at the phase of the cause."""
+
+    def raising(error: BaseException) -> Callable[[CycleStep], object]:
+        def act(step: CycleStep) -> object:
+            raise error
+
+        return act
+
+    acts: dict[Cause, Callable[[CycleStep], object]] = {
+        Cause.OPERATOR: lambda step: control.stop(OperatorStop("Ctrl-C")),
+        Cause.TERMINATION: lambda step: control.stop(TerminationStop("SIGTERM")),
+        Cause.OPERATOR_AGAIN: raising(KeyboardInterrupt()),
+        Cause.PLUGIN_REQUEST: lambda step: step.ask_to_stop("a light barrier"),
+        Cause.PLUGIN_FAILED: raising(ZeroDivisionError("division by zero")),
+        Cause.RECORDING: raising(RecordingFailed("run.mcap could not be written: no space left on device")),
+        Cause.OFFSET: raising(OffsetRefused(("joint_3",), "joint_3: the sign is wrong")),
+    }
+    return None if cause is None else acts.get(cause)
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,32 @@
+"""Every row of the decision table on the simulated arm: it stays near its path and comes to stand."""
+
+import pytest
+from benchmarks.stops import measure
+
+from armload_controller.config import load_robot
+from armload_controller.safety import DECISIONS, Cause, StopCategory
+
+BOUNDS = {
+    # Distance from the path in rad (the lag of the drives alone is 7e-3), time to stand still in s.
+    StopCategory.ALONG_PATH: (7e-3, 1.4),
+    StopCategory.QUICK_STOP: (9e-3, 0.6),
+    StopCategory.TORQUE_OFF: (9e-3, 0.6),
+}
+BRAKED = (50e-3, 0.6)
+"""A drive in FAULT has no torque: its brake stops one joint while the others slow down."""
+
+
+@pytest.fixture(scope="module")
+def er50():
+    return load_robot("er50")
+
+
+@pytest.mark.parametrize("cause", Cause, ids=lambda cause: cause.name.lower())
+def test_the_arm_stays_near_its_path_and_stands(er50, cause):
+    stop = measure(er50, cause)
+    deviation_rad, standstill_s = BRAKED if cause is Cause.DRIVE_FAULT else BOUNDS[DECISIONS[cause].category]
+    assert stop.deviation_rad < deviation_rad
+    assert 0.0 < stop.standstill_s < standstill_s
+    assert stop.message.startswith(f"Motion stopped ({DECISIONS[cause].category.value}): {cause.value}")
+    assert DECISIONS[cause].advice in stop.message
+    assert "While stopping" not in stop.message
