@@ -42,7 +42,7 @@ def run(tally: Tally, pool: Executor, census: Census) -> None:
             f"{held.min():.1%} to {held.max():.1%}",
             bool(held.min() >= LEAST and held.max() <= MOST),
         )
-    print(f"  with model error, as it is, {MODEL_ERROR_SEEDS} each; at this rate the motors' ripple folds into the band:")
+    print(f"  with model error, as it is, {MODEL_ERROR_SEEDS} each; at 50 Hz ripple folds into the motion's band:")
     for twin, spread in ((Twin.NORMATIVE, 0.0), (Twin.NORMATIVE, 0.02), (Twin.HARSH, 0.02)):
         for periods in PERIODS:
             motion = shipped_motion(robot, KEPT, periods)
