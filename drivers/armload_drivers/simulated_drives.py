@@ -31,7 +31,7 @@ from armload_drivers.simulated_plant import Plant
 WAKE_S = 0.002
 """On a wall clock the plant is advanced at least this often."""
 
-LONGEST_GAP_S = 0.01
+LONGEST_GAP_S = 0.05
 """On a wall clock, time that passed between two looks at the bus counts for the drives' timers up to this much: a
 simulator that its computer did not let run must not take that for a silent master. The plant gets all of it."""
 
