@@ -27,6 +27,4 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise CommissioningError(
-            f"{folder} cannot be made: {error.strerror}; choose another output"
-        ) from error
+        raise CommissioningError(f"{folder} cannot be made: {error.strerror}; choose another output") from error
