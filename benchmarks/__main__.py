@@ -3,7 +3,7 @@
 These figures are this machine's, now: compare within a run, not between runs.
 """
 
-from benchmarks import cycle, export_c, regressor
+from benchmarks import cycle, export_c, following, regressor, stops
 
-for benchmark in (regressor, cycle, export_c):
+for benchmark in (regressor, cycle, export_c, stops, following):
     benchmark.run()

@@ -160,9 +160,15 @@ class ComparisonRuns:
         return kept.run()
 
     def with_feedforward(
-        self, servos: JointServos, payload: PayloadResult, text: str
+        self, servos: JointServos, payload: PayloadResult, text: str, tried: OffsetVerdict | None
     ) -> tuple[FollowingRun, OffsetVerdict]:
         """A run with feed-forward, after the torque offset was tried where the run begins; no other way.
+
+        Args:
+            servos: The arm, connected.
+            payload: What is fed forward.
+            text: What the run is called.
+            tried: What a trial of these drives found before, since they were connected; None tries now.
 
         Raises:
             PayloadRefused: the payload must not be fed forward; nothing has moved.
@@ -177,9 +183,12 @@ class ComparisonRuns:
             approach = plan_approach(arm.position_rad, self._legs.start_rad, self._limits)
             if approach is not None:
                 arm.follow(approach, lambda share: None)
-            verdict = added.begin(arm)
+            if tried is None:
+                tried = added.begin(arm)
+            else:
+                added.fade_in(arm, tried)
             arm.follow(leg, lambda share: progress(round(BAR * share)))
-        return kept.run(), verdict
+        return kept.run(), tried
 
     def check_only(self, servos: JointServos, payload: PayloadResult) -> OffsetVerdict:
         """Try the torque offset where the arm stands; it is held in position and goes nowhere.

@@ -186,7 +186,15 @@ class CheckedFeedforward:
         arm.hold(self._check.done)
         self._checking = False
         verdict = self._check.verdict()
+        self.fade_in(arm, verdict)
+        return verdict
+
+    def fade_in(self, arm: PoweredArm, verdict: OffsetVerdict) -> None:
+        """Fade the payload's torque in on a standing arm whose offset was tried before.
+
+        Raises:
+            OffsetRefused: the trial said no; no torque is added.
+        """
         self.feedforward.allow(verdict.require())
         cycles = iter(range(self.feedforward.fade_in_cycles))
         arm.hold(lambda: next(cycles, None) is None)
-        return verdict

@@ -41,7 +41,7 @@ FADE_S = 0.25
 FADES = 4
 """Fades that a gain is fitted to; drift is slower, a slip spoils one of many fits."""
 LEAST_FITS = 8
-MOST_FITS = 30
+MOST_FITS = 20
 """After so many a joint that is still not certain is left without feed-forward."""
 _MEDIAN_TO_SIGMA = 1.4826
 """From a median absolute deviation to a standard deviation."""

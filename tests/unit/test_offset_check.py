@@ -84,6 +84,6 @@ def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(ideal_servos):
     cycle = Cycle(servos, limits, TorqueGate(np.full(2, 50.0), 0.01), MotionControl(), [check])
     with cycle.powered() as arm:
         arm.hold(check.done)
-    assert check.verdict().fits == 30
+    assert check.verdict().fits == 20
     with pytest.raises(OffsetRefused, match="no joint's answer can be told from the noise"):
         check.verdict().require()

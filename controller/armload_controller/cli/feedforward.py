@@ -101,12 +101,13 @@ def _compare(arm: Robot, runs: ComparisonRuns, payload: PayloadResult, screen: S
     with simulated_arm(arm, Load.LOADED) if in_this_process else arm_on_bus(arm, screen.step) as servos:
         servos.connect()
         without = runs.plain(servos, "loaded, without feed-forward", with_payload=True)
-        fed, verdict = runs.with_feedforward(servos, payload, "loaded, with feed-forward")
+        fed, verdict = runs.with_feedforward(servos, payload, "loaded, with feed-forward", None)
         screen.step(_account(verdict))
         results = {IDENTIFIED: fed}
         if in_this_process:
             truth = arm.simulated_payload(arm.simulated_payload_name)
-            results[IDEAL], _ = runs.with_feedforward(servos, _as_result(payload, truth), "loaded, with the true one")
+            true = _as_result(payload, truth)
+            results[IDEAL], _ = runs.with_feedforward(servos, true, "loaded, with the true one", verdict)
     return runs.compare(without, results, empty, payload)
 
 
