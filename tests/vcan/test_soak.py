@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import can
 import numpy as np
@@ -51,7 +52,8 @@ def drives():
 
 def test_ten_minutes_lose_nothing(drives, tmp_path):
     robot = load_robot("er50").with_bus("socketcan", "vcan0", None, float(CYCLE_HZ))
-    arm = robot.arm_settings()
+    # A guest on a busy machine may not run for a while, which is not what is tested here.
+    arm = replace(robot.arm_settings(), heartbeat_s=0.5)
     cycles, zero, path = round(SECONDS * CYCLE_HZ), np.zeros(6), tmp_path / "soak.mcap"
     missing = skipped = 0
     with can.Bus(interface="socketcan", channel="vcan0") as bus, Recorder(path, {}) as recorder:
