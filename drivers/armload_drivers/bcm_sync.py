@@ -45,8 +45,8 @@ _OVERDUE_PERIODS = 1.5
 """A renewed credit that brings no SYNC within this many periods came too late for the timer."""
 _RHYTHM = 32
 _SHORTEST_RHYTHM = 0.85
-"""So many SYNCs in less than this share of their time, and somebody else sends SYNC as well. BCM is never early, but
-the stamp of a single frame may be late."""
+"""So many SYNCs in less than this share of their time, by the kernel's own stamps, and somebody else sends SYNC as
+well: BCM is never early. When this process looked at them says nothing about that."""
 _OLDEST_PERIODS = CREDIT + 1
 """A frame is not older than this when it is looked at: SYNC would have stopped. It bounds the error of a clock step."""
 
@@ -230,7 +230,10 @@ class BcmSync:
         """A SYNC: the one that is waited for, or one that nobody used."""
         age_s = min(max(self._stamp_clock() - link.stamp_s, 0.0), _OLDEST_PERIODS * self._cycle_s)
         time_s = self._clock() - age_s
-        self._rhythm.append(time_s)
+        if self._rhythm and link.stamp_s < self._rhythm[-1]:
+            # The clock of the stamps was set back.
+            self._rhythm.clear()
+        self._rhythm.append(link.stamp_s)
         self._last_s = time_s
         self._credit_left -= 1
         if self._waiting:

@@ -20,6 +20,7 @@ class Kernel:
         self.calls, self.sent_s, self.queue = [], [], []
         self.handlers, self.stamp_s = {}, 0.0
         self.mute = False
+        self.stamp_shift_s = 0.0
 
     # What the source calls.
     def start(self, period_s, counter, credit):
@@ -53,14 +54,14 @@ class Kernel:
 
     def drain(self):
         while self.queue:
-            self.stamp_s = self.queue.pop(0)
+            self.stamp_s = self.queue.pop(0) + self.stamp_shift_s
             self.handlers[0x080](b"")
 
     def pump_until(self, done, timeout_s):
         end_s = self.clock() + timeout_s
         while not done():
             if self.queue:
-                self.stamp_s = self.queue.pop(0)
+                self.stamp_s = self.queue.pop(0) + self.stamp_shift_s + self.stamp_shift_s
                 self.handlers[0x080](b"")
                 continue
             if self.clock() >= end_s:
@@ -166,12 +167,20 @@ def test_another_producer_is_told_once(sync, kernel):
     twenty_times(with_company)
 
 
-def test_a_single_late_stamp_is_no_company(sync, kernel):
-    """A process that was not run looks at frames late; that shortens the next interval."""
+def test_a_process_that_is_not_run_again_and_again_is_no_company(sync, kernel):
+    """It looks at several frames at once, late."""
     for cycle in range(200):
         sync.next(kernel, nothing)
-        if cycle % 5 == 0:
-            kernel.pass_time(0.9 * PERIOD_S)
+        kernel.pass_time((0.9 if cycle % 2 else 7.3) * PERIOD_S)
+
+
+def test_a_clock_that_is_set_back_is_no_company(kernel, clock):
+    source = BcmSync(kernel, clock=clock, stamp_clock=lambda: clock() + kernel.stamp_shift_s)
+    source.begin(kernel, PERIOD_S, 0)
+    for cycle in range(100):
+        source.next(kernel, nothing)
+        if cycle == 50:
+            kernel.stamp_shift_s = -5.0
 
 
 def test_feedback_belongs_to_the_sync_it_follows(sync, kernel):
