@@ -3,7 +3,7 @@
     minimise  criterion(q, dq, ddq)                                             Chen 2016, eq. (7)
     subject to  joints, torque and workspace within `Envelope`, at every time
 
-Each start is random and seeded; the best one wins. Starts do not know of each other, so any executor may run them,
+Each start is random and seeded; the best one wins. Starts do not know of each other, so processes may run them,
 and whichever does, the result is the same.
 """
 
@@ -95,7 +95,8 @@ def design(
             time of measuring. Faster tells more until a limit stops it: speed, acceleration, jerk or torque.
         seed: Of the random starts.
         restarts: How many starts.
-        executor: Runs the starts, such as a process pool; None runs them here, one after the other.
+        executor: Runs the starts in processes; threads share the number of BLAS's threads, so that a start may then
+            come to another local optimum. None runs them here, one after the other.
         progress: Called after each start with starts done, starts in all, best cost so far.
 
     Returns:
