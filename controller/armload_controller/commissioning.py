@@ -135,6 +135,7 @@ def record_half(
 
     Raises:
         CommissioningError: the robot has no excitations, or the operator does not agree; nothing is switched on.
+        ConfigurationError: an excitation touches something or asks for too much torque; nothing was switched on.
         LimitViolation: an excitation breaks a limit; nothing was switched on.
         InfeasibleMotion: there is no way onto an excitation within the limits; nothing was switched on.
         MotionError: the motion was stopped, or a stop was asked for before anything was switched on.
@@ -143,6 +144,8 @@ def record_half(
     cycle_s = 1 / robot.bus.cycle_hz
     roles = missing_roles(directory, load)
     excitations = [require_excitation(robot, role) for role in roles]
+    for role in roles:
+        robot.require_drivable(role)
     limits = robot.motion_limits()
     summaries = []
     runs = [plan_legs(excitation, limits, cycle_s) for excitation in excitations]

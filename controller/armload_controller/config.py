@@ -17,7 +17,13 @@ import numpy as np
 from pydantic import ValidationError
 
 from armload_controller.drive_tables import BusTable, drive_settings, read_descriptions, require_scales
-from armload_controller.envelope import following_speed_of, require_consistent, torque_limits_of, workspace_of
+from armload_controller.envelope import (
+    following_speed_of,
+    require_consistent,
+    require_drivable,
+    torque_limits_of,
+    workspace_of,
+)
 from armload_controller.errors import ConfigurationError
 from armload_controller.limits import MotionLimits
 from armload_controller.schema import RobotFile, SimulationTable, explained
@@ -216,6 +222,17 @@ class Robot:
             torque_limits_of(self.file, self._model, self.chain(), self.heaviest_payload(), torque_share),
             self.workspace(),
         )
+
+    def require_drivable(self, role: str) -> None:
+        """Refuse one of the excitations where the file's cell, arm or heaviest payload do not allow it any more.
+
+        Args:
+            role: "identification" or "validation"; the file must name it.
+
+        Raises:
+            ConfigurationError: naming what would be touched, or the joint that is too weak.
+        """
+        require_drivable(self.file, self._model, self.chain(), role, self.excitations[role].trajectory)
 
     def torque_max_nm(self) -> FloatArray:
         """(n,) greatest torque of each joint."""

@@ -14,6 +14,7 @@ from armload_drivers.servos import FloatArray
 from armload_identification.chain import Chain, pose_from_xyz_rpy
 from armload_identification.dynamics import ArmBody
 from armload_identification.errors import ModelError
+from armload_identification.fourier import FourierTrajectory
 from armload_identification.payload import InertialParameters
 from armload_identification.strength import TorqueLimits
 from armload_identification.workspace import Box, HalfSpace, Sphere, Workspace
@@ -128,6 +129,39 @@ def torque_limits_of(
             )
         shares.append(joint.arm_torque_share)
     return TorqueLimits.from_share(chain, np.array(shares), payload, usable)
+
+
+def require_drivable(file: str, model: RobotFile, chain: Chain, role: str, path: FourierTrajectory) -> None:
+    """Refuse an excitation that the tables of today do not allow, whatever it was designed for.
+
+    Checked at any time and any steady speed, between samples too: that nothing of `[workspace]` is touched, and that
+    the torque for arm and heaviest payload is there, as far as the file tells of either.
+
+    Raises:
+        ConfigurationError: naming what would be touched, or the joint that is too weak.
+    """
+    workspace = workspace_of(file, model, chain)
+    least = workspace.least(path)
+    if least.size and least.min() <= 0.0:
+        name = workspace.names[int(least.argmin())]
+        raise ConfigurationError(
+            file, f"excitation.{role}", f"comes within {least.min():.3f} m of {name!r}", "one designed for this cell"
+        )
+    heaviest = model.heaviest_payload or model.expected_payload
+    told = model.body is not None or all(joint.arm_torque_share is not None for joint in model.joints)
+    if heaviest is None or not told:
+        return
+    limits = torque_limits_of(file, model, chain, heaviest.inertial(), 1.0)
+    needed = limits.greatest(path).reshape(limits.cases, -1).max(axis=0)
+    weakest = int(np.argmax(needed / limits.available_nm))
+    if needed[weakest] > limits.available_nm[weakest]:
+        joint = model.joints[weakest]
+        raise ConfigurationError(
+            file,
+            f"excitation.{role}",
+            f"asks {needed[weakest]:.0f} N m of {joint.name}, which has {limits.available_nm[weakest]:.0f} N m for it",
+            "one designed for this arm and its heaviest payload",
+        )
 
 
 def arm_body_of(model: RobotFile) -> ArmBody:

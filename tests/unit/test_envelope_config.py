@@ -153,3 +153,28 @@ def test_friction_that_leaves_no_torque_to_move_with_is_named(edited):
     arm = load_robot(edited("coulomb_nm = 7.0\nviscous", "coulomb_nm = 17.0\nviscous", "prbt"))
     with pytest.raises(ConfigurationError, match=r"body\.links\[6\]\.coulomb_nm.*less than the 16\.08 N m"):
         arm.envelope(0.1, 0.7, 0.8)
+
+
+@pytest.mark.parametrize("robot", ["er50", "prbt"])
+@pytest.mark.parametrize("role", ["identification", "validation"])
+def test_the_shipped_excitations_may_be_driven(robot, role):
+    load_robot(robot).require_drivable(role)
+
+
+@pytest.mark.parametrize(
+    ("robot", "old", "new", "words"),
+    [
+        ("er50", "floor_height_m = -1.0", "floor_height_m = -0.6", "of 'floor'"),
+        ("prbt", "torque_max_nm = 20.1", "torque_max_nm = 12.0", "N m of prbt_joint_6, which has 5 N m for it"),
+        ("er50", "torque_max_nm = 4788", "torque_max_nm = 600", "N m of joint_2, which has 330 N m for it"),
+    ],
+)
+def test_an_excitation_of_another_cell_or_arm_is_not_driven(edited, robot, old, new, words):
+    arm = load_robot(edited(old, new, robot))
+    with pytest.raises(ConfigurationError, match=r"excitation\.identification") as caught:
+        arm.require_drivable("identification")
+    assert words in str(caught.value)
+
+
+def test_an_arm_whose_strength_is_not_told_is_judged_by_its_cell_alone(edited):
+    load_robot(edited("arm_torque_share = 0.35", "#", "er50", count=2)).require_drivable("identification")
