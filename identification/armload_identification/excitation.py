@@ -3,18 +3,19 @@
     minimise  criterion(q, dq, ddq)                                             Chen 2016, eq. (7)
     subject to  joints, torque and workspace within `Envelope`, at every time
 
-Each start is random and seeded; the best one wins. Starts do not know of each other, so processes may run them,
+Each start is random and seeded; the best one wins. Starts do not know of each other, so any executor may run them,
 and whichever does, the result is the same.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from armload_identification.envelope import Envelope
 from armload_identification.errors import ExcitationError
@@ -95,8 +96,7 @@ def design(
             time of measuring. Faster tells more until a limit stops it: speed, acceleration, jerk or torque.
         seed: Of the random starts.
         restarts: How many starts.
-        executor: Runs the starts in processes; threads share the number of BLAS's threads, so that a start may then
-            come to another local optimum. None runs them here, one after the other.
+        executor: Runs the starts, such as a process pool; None runs them here, one after the other.
         progress: Called after each start with starts done, starts in all, best cost so far.
 
     Returns:
@@ -121,10 +121,11 @@ def design(
     search = Search(criterion, envelope, harmonics, periods)
     sources = np.random.SeedSequence(seed).spawn(restarts)
     attempts: dict[int, Attempt] = {}
-    for number, attempt in _attempts(search, sources, executor):
-        attempts[number] = attempt
-        if progress is not None:
-            progress(len(attempts), restarts, min(a.cost for a in attempts.values()))
+    with threadpool_limits(1):  # here too: threads that share a process would lift each other's limit
+        for number, attempt in _attempts(search, sources, executor):
+            attempts[number] = attempt
+            if progress is not None:
+                progress(len(attempts), restarts, min(a.cost for a in attempts.values()))
     ended = [attempts[number] for number in range(restarts)]
     best = min(ended, key=lambda attempt: attempt.score)
     if best.trajectory is None or not np.isfinite(best.cost):
@@ -157,6 +158,10 @@ def _attempts(
     try:
         for future in as_completed(futures):
             yield futures[future], future.result()
+    except BrokenExecutor as error:
+        raise ExcitationError(
+            "a process that ran a start was ended from outside, perhaps for want of memory; design again"
+        ) from error
     finally:
         for future in futures:
             future.cancel()

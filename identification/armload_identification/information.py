@@ -67,7 +67,11 @@ class Criterion:
         A-optimal: sum of the squared relative standard deviations after one period sampled at NOISE_RATE_HZ.
         D-optimal: geometric mean of the squared relative standard deviations along the ellipsoid's axes.
         """
-        costs = [self._cost_and_gain(self._reduced(basis, q, dq, ddq, period_s))[0] for basis in self.bases]
+        reduced = [self._reduced(basis, q, dq, ddq, period_s) for basis in self.bases]
+        values = [np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64) for matrix in reduced]
+        if not all(_tells_everything(value) for value in values):
+            return np.inf
+        costs = [self._cost(value) for value in values]
         return max(costs) if self.name == "a-optimal-max" else float(np.mean(costs))
 
     def cost_and_slope(
@@ -75,28 +79,31 @@ class Criterion:
     ) -> tuple[float, FloatArray]:
         """The criterion and its derivative by the samples.
 
-        The greatest cost of a set has corners. In its place stands (sum_p cost_p^k)^(1/k), k = SHARPNESS, which is
-        smooth and above it by at most P^(1/k), 2 % for three payloads.
+        The greatest of several numbers, and the least, have corners at which an optimiser stands still. In their place
+        stand (sum x^k)^(1/k) and (sum x^-k)^(-1/k), k = SHARPNESS: smooth, and at most P^(1/k) too large or too
+        small for P numbers. So the greatest cost of three payloads is at most 2 % too large here, and the condition
+        number, from ten eigenvalues of the information each way, at most 5 %.
 
         Returns:
             The cost, and (3, N, n) its derivative by q, dq and ddq.
         """
         q, dq, ddq = (np.ascontiguousarray(a) for a in (q, dq, ddq))
-        parts = [self._cost_and_gain(self._reduced(basis, q, dq, ddq, period_s)) for basis in self.bases]
-        costs = np.array([cost for cost, _ in parts])
         slope = np.zeros((3, *q.shape))
-        if not np.all(np.isfinite(costs)):
-            return np.inf, slope
+        costs, gains = [], []
+        for basis in self.bases:
+            value, vector = np.linalg.eigh(self._reduced(basis, q, dq, ddq, period_s))
+            if not _tells_everything(value):
+                return np.inf, slope
+            cost, by_value = self._smooth_cost(np.asarray(value, dtype=np.float64))
+            costs.append(cost)
+            gains.append(basis @ (vector * by_value) @ vector.T @ basis.T)
         if self.name == "a-optimal-max":
-            relative = (costs / costs.max()) ** SHARPNESS
-            cost = float(costs.max() * np.sum(relative) ** (1.0 / SHARPNESS))
-            shares = relative / np.sum(relative) * cost / costs
+            total, shares = _smooth_greatest(np.array(costs), SHARPNESS)
         else:
-            cost = float(np.mean(costs))
-            shares = np.full(len(costs), 1.0 / len(costs))
-        gain = sum(s * basis @ g @ basis.T for s, basis, (_, g) in zip(shares, self.bases, parts, strict=True))
-        slope_into(self.chain.packed, self._weight(period_s, len(q)), np.ascontiguousarray(gain), q, dq, ddq, slope)
-        return cost, slope
+            total, shares = float(np.mean(costs)), np.full(len(costs), 1.0 / len(costs))
+        gain = np.ascontiguousarray(sum(share * part for share, part in zip(shares, gains, strict=True)))
+        slope_into(self.chain.packed, self._weight(period_s, len(q)), gain, q, dq, ddq, slope)
+        return total, slope
 
     def _weight(self, period_s: float, samples: int) -> FloatArray:
         """(n,) weight of one sample: as many of them as NOISE_RATE_HZ gives in a period."""
@@ -111,19 +118,22 @@ class Criterion:
         information_into(self.chain.packed, self._weight(period_s, len(q)), *states, information)
         return np.asarray(basis.T @ information @ basis)
 
-    def _cost_and_gain(self, reduced: FloatArray) -> tuple[float, FloatArray]:
-        """The criterion of one reduced information, and its derivative by it."""
-        value, vector = np.linalg.eigh(reduced)
-        if not value[0] > 1e-14 * value[-1]:
-            return np.inf, np.zeros_like(reduced)
+    def _cost(self, value: FloatArray) -> float:
+        """The criterion of one information's eigenvalues (r,)."""
         if self.name == "condition-number":
-            condition = float(np.sqrt(value[-1] / value[0]))
-            high, low = vector[:, -1], vector[:, 0]
-            return condition, 0.5 * condition * (np.outer(high, high) / value[-1] - np.outer(low, low) / value[0])
+            return float(np.sqrt(value[-1] / value[0]))
+        return self._smooth_cost(value)[0]
+
+    def _smooth_cost(self, value: FloatArray) -> tuple[float, FloatArray]:
+        """The same without corners, and its derivative by the eigenvalues."""
+        if self.name == "condition-number":
+            (greatest, up), (least, down) = _smooth_greatest(value, SHARPNESS), _smooth_greatest(1.0 / value, SHARPNESS)
+            condition = float(np.sqrt(greatest * least))
+            return condition, 0.5 * condition * (up / greatest - down / (least * value**2))
         if self.name == "d-optimal":
             mean = float(np.exp(-np.mean(np.log(value))))
-            return mean, -mean / len(value) * (vector / value) @ vector.T
-        return float(np.sum(1.0 / value)), -(vector / value**2) @ vector.T
+            return mean, -mean / (len(value) * value)
+        return float(np.sum(1.0 / value)), -1.0 / value**2
 
 
 def named_criterion(
@@ -171,6 +181,19 @@ def condition_number(chain: Chain) -> Criterion:
         Chen 2016, eq. (7).
     """
     return _criterion("condition-number", chain, np.ones(chain.n), (np.ones(10),))
+
+
+def _tells_everything(value: FloatArray) -> bool:
+    """Whether no eigenvalue (ascending) of an information is zero to within rounding."""
+    return bool(value[0] > 1e-14 * value[-1])
+
+
+def _smooth_greatest(values: FloatArray, sharpness: int) -> tuple[float, FloatArray]:
+    """(sum x^k)^(1/k) of positive numbers, and its derivative by each."""
+    greatest = values.max()
+    relative = (values / greatest) ** sharpness
+    total = float(greatest * np.sum(relative) ** (1.0 / sharpness))
+    return total, np.asarray(relative / np.sum(relative) * total / values)
 
 
 def _scale(payload: InertialParameters) -> FloatArray:

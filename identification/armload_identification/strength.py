@@ -36,6 +36,8 @@ FloatArray = NDArray[np.float64]
 
 SURPLUS_SHARE = 0.002
 """What the bound between the samples may add, as a share of a joint's torque; it sets the number of samples."""
+MOST_SAMPLES = 65536
+"""With no more than these a motion far beyond the limits, which nobody wants, is bounded more coarsely."""
 _FEWEST_SAMPLES = 256
 
 
@@ -163,7 +165,8 @@ class TorqueLimits:
         friction = self.body.viscous_nm_s_rad * rates[2]
         curvature = np.concatenate([np.tile(torque_curvature(m, rates) + friction, 2) for m in self._models])
         allowed = 8.0 * SURPLUS_SHARE * np.tile(self.available_nm, self.cases)
-        samples = max(_FEWEST_SAMPLES, ceil(trajectory.period_s * float(np.sqrt(np.max(curvature / allowed)))))
+        wanted = ceil(trajectory.period_s * float(np.sqrt(np.max(curvature / allowed))))
+        samples = min(max(_FEWEST_SAMPLES, wanted), MOST_SAMPLES)
         step_s = trajectory.period_s / samples
         state = trajectory.evaluate(np.arange(samples) * step_s)
         demand = self.demand(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2).max(axis=0)

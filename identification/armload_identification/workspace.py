@@ -33,6 +33,9 @@ IntArray = NDArray[np.int64]
 
 SURPLUS_M = 0.003
 """What the bound between the samples may take off a sphere's clearance; it sets the number of samples."""
+MOST_SAMPLES = 65536
+"""With no more than these a motion far beyond the limits, which nobody wants, is bounded more coarsely."""
+_FEWEST_SAMPLES = 64
 _AT_ONCE = 8192
 _UNIT_TOLERANCE = 1e-9
 
@@ -200,7 +203,8 @@ class Workspace:
             return np.zeros(0)
         rates = rate_bounds(trajectory)
         speed = np.array([self._speed(s, rates) for s in self.spheres])
-        samples = max(64, ceil(trajectory.period_s * float(speed.max()) / (2.0 * SURPLUS_M)))
+        wanted = ceil(trajectory.period_s * float(speed.max()) / (2.0 * SURPLUS_M))
+        samples = min(max(_FEWEST_SAMPLES, wanted), MOST_SAMPLES)
         step_s = trajectory.period_s / samples
         smallest = np.full(len(self.names), np.inf)
         for first in range(0, samples, _AT_ONCE):

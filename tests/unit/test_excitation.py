@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
@@ -259,8 +259,13 @@ def test_the_limits_are_used_to_the_full(crowded):
     assert sum(binding) >= 2, room
 
 
-def test_processes_that_run_the_starts_come_to_the_same_result(crowded):
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+@pytest.mark.parametrize("kind", ["threads", "processes"])
+def test_whoever_runs_the_starts_the_result_is_the_same(crowded, kind):
+    pools = {
+        "threads": lambda: ThreadPoolExecutor(2),
+        "processes": lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")),
+    }
+    with pools[kind]() as executor:
         again = Crowded().designed(executor)
     assert np.array_equal(again.trajectory.sin_rad, crowded.trajectory.sin_rad)
     assert np.array_equal(again.trajectory.offset_rad, crowded.trajectory.offset_rad)

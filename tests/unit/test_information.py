@@ -96,7 +96,7 @@ def criteria() -> list[Criterion]:
 def test_the_slope_is_the_finite_difference_of_the_cost(criterion):
     x = states(criterion.chain.n)
     cost, slope = criterion.cost_and_slope(*x, PERIOD_S)
-    if criterion.name != "a-optimal-max":  # which has a smooth one in its place
+    if criterion.name not in ("a-optimal-max", "condition-number"):  # which have smooth ones in their place
         assert cost == pytest.approx(criterion.cost(*x, PERIOD_S), rel=1e-12)
     rng = np.random.default_rng(5)
     for order in range(3):
