@@ -19,7 +19,7 @@ from armload_controller.errors import MotionError, RecordingFailed
 from armload_controller.limits import MotionLimits
 from armload_controller.monitor import FollowingMonitor, TorqueWindow
 from armload_controller.offset_check import OffsetRefused
-from armload_controller.paths import Path
+from armload_controller.paths import BlockedWay, Path
 from armload_controller.phase import Segment
 from armload_controller.plugins import CyclePlugin, CycleStep
 from armload_controller.safety import DECISIONS, Cause, cause_of
@@ -278,6 +278,7 @@ def _act(cause: Cause | None, control: MotionControl) -> Callable[[CycleStep], o
         Cause.PLUGIN_FAILED: raising(ZeroDivisionError("division by zero")),
         Cause.RECORDING: raising(RecordingFailed("run.mcap could not be written: no space left on device")),
         Cause.OFFSET: raising(OffsetRefused(("joint_3",), "joint_3: the sign is wrong")),
+        Cause.BLOCKED: raising(BlockedWay("the arm comes within -0.010 m of 'floor'")),
     }
     return None if cause is None else acts.get(cause)
 

@@ -1,8 +1,14 @@
 """Opening an arm: the simulated one in this process, or drives on a bus.
 
-Until driver and motion layer are complete, a bus other than `virtual` is only driven when the caller asks for
-simulated drives and every node shows the simulation's identity; the drivers compare identities before they
-write anything to a node, so that anything else is refused unconfigured and unmoved.
+On any bus but `virtual` a real arm could be, and is taken to be. The rules, in the order in which they are asked:
+
+1. The configuration says who every drive is (1018), what the arm must not touch, and what its joints can give;
+   somebody sits at a terminal. Else the bus is not even opened.
+2. The drivers compare every node's identity with the configuration's before they write anything to it, and refuse
+   drives that lack what safety rests on: see `armload_drivers.bring_up`.
+3. Whatever does not carry the simulation's identity is moved with consent only, slowly first: see `commissioning`.
+
+With `--simulated-drives` the identity that is asked for is the simulation's, so that nothing real can be meant.
 """
 
 from __future__ import annotations
@@ -34,17 +40,42 @@ VIRTUAL = "virtual"
 SOCKETCAN = "socketcan"
 
 
-def require_safe_bus(robot: Robot, simulated_drives: bool) -> None:
-    """Refuse buses on which a real arm could be.
+def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> None:
+    """Refuse to open a bus on which a real arm could be, where something that a real arm needs is not there.
+
+    Args:
+        robot: The arm.
+        simulated_drives: Only drives with the simulation's identity are to be driven.
+        attended: Somebody sits at a terminal.
 
     Raises:
-        UnsafeBus: the bus is not virtual and the caller did not ask for simulated drives.
+        ConfigurationError: the file does not say who the drives are, or what a motion must not do.
+        UnsafeBus: nobody is there to be asked.
     """
-    if robot.bus.interface != VIRTUAL and not simulated_drives:
+    if robot.bus.interface == VIRTUAL or simulated_drives:
+        return
+    robot.require_told()
+    if not attended:
         raise UnsafeBus(
-            f"bus {robot.bus.interface}:{robot.bus.channel} is refused: this version drives simulated arms only. "
-            "Where `armload simulate` answers on that bus, say so with --simulated-drives"
+            f"bus {robot.bus.interface}:{robot.bus.channel}: a real arm is moved only with somebody at a terminal, "
+            "--yes or not. Run the command where its input is a terminal, within reach of the emergency stop"
         )
+
+
+def open_arm(
+    robot: Robot, load: Load, tell: Callable[[str], None], *, simulated_drives: bool
+) -> AbstractContextManager[JointServos]:
+    """The arm where its configuration says it is: in this process or on a bus.
+
+    Args:
+        robot: The arm, for which `require_rules` had no objection.
+        load: What hangs on the flange, for a simulation in this process.
+        tell: Is told what the operator should know.
+        simulated_drives: On a bus, every drive has to carry the simulation's identity.
+    """
+    if robot.bus.interface == VIRTUAL:
+        return simulated_arm(robot, load)
+    return arm_on_bus(robot, tell, simulated_drives=simulated_drives)
 
 
 @contextmanager
@@ -68,20 +99,23 @@ def simulated_arm(robot: Robot, load: Load) -> Iterator[JointServos]:
 
 
 @contextmanager
-def arm_on_bus(robot: Robot, tell: Callable[[str], None]) -> Iterator[JointServos]:
-    """Simulated drives that another process serves; this process is tuned for the cycle meanwhile.
+def arm_on_bus(robot: Robot, tell: Callable[[str], None], *, simulated_drives: bool) -> Iterator[JointServos]:
+    """Drives on a bus; this process is tuned for the cycle meanwhile.
 
     Args:
-        robot: The arm.
+        robot: The arm, for which `require_rules` had no objection.
         tell: Is told what of the tuning was not permitted.
+        simulated_drives: Every drive has to carry the simulation's identity, instead of the configured one.
 
     Raises:
         BusError: the interface cannot be opened.
     """
     arm = robot.arm_settings()
-    simulated = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
+    if simulated_drives:
+        drives = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
+        arm = replace(arm, drives=drives)
     with _bus(robot) as bus, tuned_for_cycles(tell):
-        servos = CanopenServos(replace(arm, drives=simulated), bus, sync_for(robot))
+        servos = CanopenServos(arm, bus, sync_for(robot))
         try:
             yield servos
         finally:

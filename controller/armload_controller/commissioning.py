@@ -24,15 +24,16 @@ from typing import Protocol
 
 from armload_controller.config import Robot
 from armload_controller.control import MotionControl
-from armload_controller.cycle import Cycle, require_going
+from armload_controller.cycle import Cycle, PoweredArm, require_going
 from armload_controller.errors import CommissioningError
 from armload_controller.limits import MotionLimits
 from armload_controller.monitor import CycleSummary, FollowingMonitor, TorqueWindow
+from armload_controller.paths import BlockedWay
 from armload_controller.phase import Leg
 from armload_controller.recorder import Recorder
 from armload_controller.setpoints import check_leg, plan_approach, plan_legs
 from armload_controller.torque_gate import TorqueGate
-from armload_drivers.servos import JointServos
+from armload_drivers.servos import FloatArray, JointServos
 from armload_identification.fourier import Excitation, format_excitation
 from armload_identification.recording import (
     CONFIGURATION_ATTACHMENT,
@@ -41,6 +42,7 @@ from armload_identification.recording import (
     Recording,
     read_recording,
 )
+from armload_identification.workspace import Workspace
 
 ROLES = ("identification", "validation")
 """Excitations of a commissioning: the first is identified from, the second judges the result."""
@@ -146,7 +148,7 @@ def record_half(
     excitations = [require_excitation(robot, role) for role in roles]
     for role in roles:
         robot.require_drivable(role)
-    limits = robot.motion_limits()
+    limits, workspace = robot.motion_limits(), robot.workspace()
     summaries = []
     runs = [plan_legs(excitation, limits, cycle_s) for excitation in excitations]
     for legs in runs:
@@ -156,6 +158,7 @@ def record_half(
     with open_servos(load) as servos:
         watcher.step(f"{load}: connecting to {servos.n} drives")
         servos.connect()
+        tell_weak_points(robot, servos, watcher)
         consent.require(
             servos,
             f"First motion {load}: the arm will go to the start of the excitation and round it once, slowly. Is the "
@@ -168,6 +171,7 @@ def record_half(
                 "robot": robot.name,
                 "load": load,
                 "role": role,
+                "simulated": servos.simulated,
                 "cycle_hz": 1 / servos.cycle_s,
                 "created": created,
             }
@@ -186,35 +190,64 @@ def record_half(
                     [recorder, monitor, torque_window(robot, servos.cycle_s)],
                 )
                 with watcher.track(f"{load}: {role}, slow round", BAR) as progress:
-                    run_leg(cycle, legs.slow, limits, progress)
+                    run_leg(cycle, legs.slow, limits, workspace, progress)
                 consent.require(
                     servos,
                     f"{load}, {role}: the slow round is over, the drives are off. Run it at full speed?",
                     always=False,
                 )
                 with watcher.track(f"{load}: {role} run", BAR) as progress:
-                    run_leg(cycle, legs.measured, limits, progress)
+                    run_leg(cycle, legs.measured, limits, workspace, progress)
                 summaries.append(monitor.summary())
     return summaries
 
 
-def run_leg(cycle: Cycle, leg: Leg, limits: MotionLimits, progress: Callable[[int], None]) -> None:
+def tell_weak_points(robot: Robot, servos: JointServos, watcher: Watcher) -> None:
+    """Before an arm moves that may be real: what its configuration admits to."""
+    for text in () if servos.simulated else robot.weak_points():
+        watcher.step(f"mind: {text}")
+
+
+def run_leg(
+    cycle: Cycle, leg: Leg, limits: MotionLimits, workspace: Workspace, progress: Callable[[int], None]
+) -> None:
     """Switch the arm on, bring it to where a leg begins, run the leg, switch it off.
 
     Args:
         cycle: Of a connected arm that is disabled.
         leg: The leg, checked.
         limits: Of the joints.
+        workspace: What the way there must not touch.
         progress: Told how much of `BAR` is done.
 
     Raises:
         MotionError: the motion was stopped.
     """
     with cycle.powered() as arm:
-        approach = plan_approach(arm.position_rad, leg.path.evaluate(leg.start_s).position_rad, limits)
-        if approach is not None:
-            arm.follow(approach, lambda share: None)
+        approach(arm, leg.path.evaluate(leg.start_s).position_rad, limits, workspace)
         arm.follow(leg, lambda share: progress(round(BAR * share)))
+
+
+def approach(arm: PoweredArm, goal_rad: FloatArray, limits: MotionLimits, workspace: Workspace) -> None:
+    """Go straight, in joint space, to where something begins.
+
+    Args:
+        arm: Standing.
+        goal_rad: (n,) where to.
+        limits: Of the joints.
+        workspace: What must not be touched on the way.
+
+    Raises:
+        BlockedWay: something would be; the arm has not moved.
+        StopRequested: somebody asked for a stop.
+    """
+    way = plan_approach(arm.position_rad, goal_rad, limits)
+    if way is None:
+        return
+    least = workspace.least_on_line(arm.position_rad, goal_rad)
+    if least.size and least.min() <= 0.0:
+        raise BlockedWay(f"the arm would come within {least.min():.3f} m of {workspace.names[int(least.argmin())]!r}")
+    arm.follow(way, lambda share: None)
 
 
 def torque_window(robot: Robot, cycle_s: float) -> TorqueWindow:

@@ -12,7 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_controller.commissioning import BAR, Consent, Watcher, run_leg, torque_window
+from armload_controller.commissioning import (
+    BAR,
+    Consent,
+    Watcher,
+    approach,
+    run_leg,
+    tell_weak_points,
+    torque_window,
+)
 from armload_controller.config import Robot
 from armload_controller.control import MotionControl
 from armload_controller.cycle import Cycle
@@ -22,7 +30,7 @@ from armload_controller.monitor import FollowingMonitor
 from armload_controller.offset_check import OffsetCheck, OffsetVerdict, tried_torque
 from armload_controller.phase import Segment
 from armload_controller.plugins import CyclePlugin, CycleStep
-from armload_controller.setpoints import RunLegs, check_leg, plan_approach, plan_legs
+from armload_controller.setpoints import RunLegs, check_leg, plan_legs
 from armload_controller.torque_gate import TorqueGate
 from armload_drivers.servos import FloatArray, JointServos
 from armload_identification.fourier import Excitation
@@ -132,7 +140,7 @@ class ComparisonRuns:
         self, robot: Robot, excitation: Excitation, watcher: Watcher, control: MotionControl, consent: Consent
     ) -> None:
         self._robot, self._watcher, self._control, self._consent = robot, watcher, control, consent
-        self._limits = robot.motion_limits()
+        self._limits, self._workspace = robot.motion_limits(), robot.workspace()
         cycle_s = 1 / robot.bus.cycle_hz
         self._legs: RunLegs = plan_legs(excitation, self._limits, cycle_s)
         for leg in (self._legs.slow, self._legs.measured):
@@ -147,16 +155,17 @@ class ComparisonRuns:
             CommissioningError: the operator does not agree.
             MotionError: the motion was stopped.
         """
+        tell_weak_points(self._robot, servos, self._watcher)
         self._consent.require(
             servos, f"{text}: the arm will move, slowly first. Is the cell clear?", always=with_payload
         )
         kept = Follower()
         cycle = self._cycle(servos, [kept])
         with self._watcher.track(f"{text}, slow round", BAR) as progress:
-            run_leg(cycle, self._legs.slow, self._limits, progress)
+            run_leg(cycle, self._legs.slow, self._limits, self._workspace, progress)
         self._consent.require(servos, f"{text}: run at full speed?", always=False)
         with self._watcher.track(text, BAR) as progress:
-            run_leg(cycle, self._legs.measured, self._limits, progress)
+            run_leg(cycle, self._legs.measured, self._limits, self._workspace, progress)
         return kept.run()
 
     def with_feedforward(
@@ -178,11 +187,10 @@ class ComparisonRuns:
         added = checked_feedforward(robot, payload, self._path_rad, servos.cycle_s)
         kept = Follower()
         cycle = self._cycle(servos, [kept, added])
+        self._consent.require(servos, f"{text}: run at full speed with torque added to the drives'?", always=False)
         with self._watcher.track(text, BAR) as progress, cycle.powered() as arm:
             leg = self._legs.measured
-            approach = plan_approach(arm.position_rad, self._legs.start_rad, self._limits)
-            if approach is not None:
-                arm.follow(approach, lambda share: None)
+            approach(arm, self._legs.start_rad, self._limits, self._workspace)
             if tried is None:
                 tried = added.begin(arm)
             else:

@@ -21,6 +21,7 @@ from armload_controller.envelope import (
     following_speed_of,
     require_consistent,
     require_drivable,
+    require_told,
     torque_limits_of,
     workspace_of,
 )
@@ -233,6 +234,38 @@ class Robot:
             ConfigurationError: naming what would be touched, or the joint that is too weak.
         """
         require_drivable(self.file, self._model, self.chain(), role, self.excitations[role].trajectory)
+
+    def require_told(self) -> None:
+        """Refuse to move an arm that may be real where the file leaves out what that takes.
+
+        Raises:
+            ConfigurationError: naming the key: who a drive is (1018), the workspace, or what the joints can give.
+        """
+        for i, (joint, drive) in enumerate(zip(self._model.joints, self.arm_settings().drives, strict=True)):
+            described = self.descriptions.get(joint.name)
+            known = drive.identity.vendor_id is not None or (
+                described is not None and described.vendor_id is not None and described.product_code is not None
+            )
+            if not known:
+                raise ConfigurationError(
+                    self.file,
+                    f"joints[{i + 1}].drive.identity",
+                    None,
+                    "a real arm is moved only where the file says who its drives are: give vendor_id and product_code "
+                    "(`armload drives scan` shows them). Where `armload simulate` answers on that bus, say so with "
+                    "--simulated-drives",
+                )
+        require_told(self.file, self._model)
+
+    def weak_points(self) -> tuple[str, ...]:
+        """What an operator has to know of the drives before the arm moves, in words."""
+        found = []
+        for drive in self.arm_settings().drives:
+            if not drive.has_brake:
+                found.append(f"{drive.joint} has no brake: it falls when torque is removed")
+            if drive.accept_missing:
+                found.append(f"{drive.joint} may lack {', '.join(sorted(drive.accept_missing))} (accept_missing)")
+        return tuple(found)
 
     def torque_max_nm(self) -> FloatArray:
         """(n,) greatest torque of each joint."""

@@ -131,6 +131,28 @@ def torque_limits_of(
     return TorqueLimits.from_share(chain, np.array(shares), payload, usable)
 
 
+def require_told(file: str, model: RobotFile) -> None:
+    """Refuse to move an arm that may be real where the file leaves out what keeps a motion from doing harm.
+
+    Raises:
+        ConfigurationError: naming the first key that is missing.
+    """
+    for i, joint in enumerate(model.joints):
+        if model.body is None and joint.arm_torque_share is None:
+            raise ConfigurationError(
+                file,
+                f"joints[{i + 1}].arm_torque_share",
+                None,
+                "a real arm is moved only where its joints are known to be strong enough: give it, or a [body]",
+            )
+    if model.workspace is None:
+        raise ConfigurationError(
+            file, "workspace", None, "a real arm is moved only where the file tells what it must not touch"
+        )
+    if model.heaviest_payload is None and model.expected_payload is None:
+        raise ConfigurationError(file, "heaviest_payload", None, "needed to know what a real arm may have to carry")
+
+
 def require_drivable(file: str, model: RobotFile, chain: Chain, role: str, path: FourierTrajectory) -> None:
     """Refuse an excitation that the tables of today do not allow, whatever it was designed for.
 

@@ -2,7 +2,7 @@
 
 ControlError
  +-- ConfigurationError   a file, its key, the value found and what was expected
- +-- UnsafeBus            a bus that this version does not drive
+ +-- UnsafeBus            a bus that must not be opened like this
  +-- MotionError          the motion was stopped: cause, joint, value, bound; carries the last feedback
  +-- RecordingFailed      the disk is full, or another error of the file
  +-- CommissioningError   a step of the commissioning cannot be done as asked
@@ -48,7 +48,7 @@ class ConfigurationError(ControlError):
 
 
 class UnsafeBus(ControlError):
-    """A bus that this version does not drive."""
+    """A bus that must not be opened like this: a real arm could be on it, or nobody could."""
 
 
 class RecordingFailed(ControlError):

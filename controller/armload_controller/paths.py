@@ -32,6 +32,10 @@ class InfeasibleMotion(ControlError):
     """Ruckig finds no motion between two states within the limits."""
 
 
+class BlockedWay(ControlError):
+    """Something stands between where the arm is and where it is to begin."""
+
+
 class Path(Protocol):
     """Joint positions over the phase."""
 

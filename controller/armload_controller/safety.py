@@ -22,7 +22,7 @@ from armload_controller.errors import ControlError, RecordingFailed
 from armload_controller.limits import LimitViolation
 from armload_controller.monitor import FollowingError, LateCycle, StaleFeedback, TorqueError
 from armload_controller.offset_check import OffsetRefused
-from armload_controller.paths import InfeasibleMotion
+from armload_controller.paths import BlockedWay, InfeasibleMotion
 from armload_controller.plugins import PluginFailed, PluginTooSlow
 from armload_drivers.errors import BusError, CommandError, DriverError, ServoError, ServoFault, ServoTimeout, StateError
 
@@ -70,6 +70,7 @@ class Cause(Enum):
     FOLLOWING_ERROR = "a joint does not follow"
     TORQUE = "a joint's torque is not what it should be"
     OFFSET = "added torque does not do what it should"
+    BLOCKED = "the way to the beginning is not free"
     STALE = "the drives' feedback stands still"
     LATE = "the program is late"
     MISSING_FEEDBACK = "a drive does not answer"
@@ -112,6 +113,7 @@ DECISIONS: dict[Cause, Decision] = {
     ),
     Cause.TORQUE: Decision(_QUICK, "look for a collision, a payload other than the expected one, or a wrong scale"),
     Cause.OFFSET: Decision(_ALONG, "correct the drive's or the configuration's scaling, or run without feed-forward"),
+    Cause.BLOCKED: Decision(_ALONG, "move the arm by its own controls to where the straight way is free"),
     Cause.STALE: Decision(_QUICK, "check the bus interface and its driver"),
     Cause.LATE: Decision(_QUICK, "close other programs, lower --cycle-hz, or give the process a real-time priority"),
     Cause.MISSING_FEEDBACK: Decision(_QUICK, "check the drive's supply, its cable and the bus load"),
@@ -142,6 +144,7 @@ _CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (FollowingError, Cause.FOLLOWING_ERROR),
     (TorqueError, Cause.TORQUE),
     (OffsetRefused, Cause.OFFSET),
+    (BlockedWay, Cause.BLOCKED),
     (StaleFeedback, Cause.STALE),
     (LateCycle, Cause.LATE),
     (ServoFault, Cause.DRIVE_FAULT),

@@ -3,9 +3,9 @@
 Obstacles are half-spaces (a floor, a wall) and boxes; links may also be kept apart from each other, sphere by
 sphere. A CLEARANCE is the distance of a sphere's surface from one of them, negative inside it.
 
-Between the samples. The distance from a half-space, from a box and from another sphere's centre each change at
-most as fast as the centres move: they are distances from convex sets, or norms, and so 1-Lipschitz. Every time t
-lies within half a step h of a sample t_j, hence
+Between the samples. The distance from a half-space, from a box and from
+another sphere's centre each change at most as fast as the centres move: they are distances from convex sets, or
+norms, and so 1-Lipschitz. Every time t lies within half a step h of a sample t_j, hence
 
     clearance(t) >= clearance(t_j) - V h / 2,
 
@@ -15,7 +15,7 @@ for `least` gets the smallest sample less V h / 2: a bound for every time, at mo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import ceil
 
@@ -199,17 +199,41 @@ class Workspace:
         Returns:
             (K,) in m, negative where the bound does not exclude a touch.
         """
+        rates, period_s = rate_bounds(trajectory), trajectory.period_s
+        return self._least(rates, period_s, 0.0, lambda t: trajectory.evaluate(t).position_rad)
+
+    def least_on_line(self, start_rad: FloatArray, goal_rad: FloatArray) -> FloatArray:
+        """What each clearance never falls below on the straight way between two configurations.
+
+        Args:
+            start_rad: (n,) where it begins.
+            goal_rad: (n,) where it ends.
+
+        Returns:
+            (K,) in m, negative where the bound does not exclude a touch.
+        """
+        way = goal_rad - start_rad
+        rates = np.zeros((4, len(way)))
+        rates[0] = np.abs(way)
+        return self._least(rates, 1.0, 0.5, lambda share: start_rad + way * share[:, None])
+
+    def _least(
+        self, rates: FloatArray, duration_s: float, first: float, position: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """(K,) the smallest clearance of a motion, from samples and the joints' greatest rates (4, n).
+
+        The first sample lies that many steps after the beginning: 0 where the end is the beginning, else 0.5.
+        """
         if not self.names:
             return np.zeros(0)
-        rates = rate_bounds(trajectory)
         speed = np.array([self._speed(s, rates) for s in self.spheres])
-        wanted = ceil(trajectory.period_s * float(speed.max()) / (2.0 * SURPLUS_M))
+        wanted = ceil(duration_s * float(speed.max()) / (2.0 * SURPLUS_M))
         samples = min(max(_FEWEST_SAMPLES, wanted), MOST_SAMPLES)
-        step_s = trajectory.period_s / samples
+        step_s = duration_s / samples
         smallest = np.full(len(self.names), np.inf)
-        for first in range(0, samples, _AT_ONCE):
-            times_s = np.arange(first, min(first + _AT_ONCE, samples)) * step_s
-            smallest = np.minimum(smallest, self.clearances(trajectory.evaluate(times_s).position_rad).min(axis=0))
+        for begin in range(0, samples, _AT_ONCE):
+            times_s = np.arange(begin + first, min(begin + _AT_ONCE, samples), 1.0, dtype=np.float64) * step_s
+            smallest = np.minimum(smallest, self.clearances(position(times_s)).min(axis=0))
         on_plane, on_box, pairs = self._packed[3], self._packed[5], self._packed[6]
         fastest = np.concatenate([speed[on_plane[:, 0]], speed[on_box[:, 0]], speed[pairs].sum(axis=1)])
         return np.asarray(smallest - 0.5 * step_s * fastest)

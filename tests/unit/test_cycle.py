@@ -17,9 +17,11 @@ from armload_controller.safety import DECISIONS, Cause, StopStep, cause_of
 from armload_controller.setpoints import plan_approach, plan_leg, plan_legs
 from armload_controller.torque_gate import TorqueGate
 from armload_drivers.errors import BusError, CommandError, ServoFault, ServoTimeout
+from armload_identification.chain import Chain
 from armload_identification.fourier import Excitation, FourierTrajectory, format_excitation
 from armload_identification.recording import EXCITATION_ATTACHMENT, read_recording
 from armload_identification.signals import Transmission
+from armload_identification.workspace import HalfSpace, Sphere, Workspace
 
 N = 2
 CYCLE_S = 0.01
@@ -40,6 +42,14 @@ LEGS = plan_legs(EXCITATION, LIMITS, CYCLE_S)
 START = np.full(N, 0.1)
 TORQUE_MAX_NM = np.full(N, 50.0)
 TRANSMISSION = Transmission(np.ones(N), np.eye(N))
+CHAIN = Chain.from_origins(
+    np.array([[0.0, 0.0, 0.2], [0.5, 0.0, 0.0]]),
+    np.zeros((N, 3)),
+    np.array([[0.0, 0.0, 1.0]] * N),
+    np.eye(4),
+    np.array([0.0, 0.0, -9.81]),
+)
+WORKSPACE = Workspace(CHAIN)
 
 
 class Bumped:
@@ -70,7 +80,7 @@ class Stranger:
 def run(tmp_path):
     """Approach and run the measured leg on some servos; the recording is closed whatever happens."""
 
-    def run(servos, control=None, plugins=(), leg=LEGS.measured, stopwatch=lambda: 0.0):
+    def run(servos, control=None, plugins=(), leg=LEGS.measured, stopwatch=lambda: 0.0, workspace=WORKSPACE):
         control = control or MotionControl()
         monitor = FollowingMonitor(LIMITS, max_skipped_cycles=3)
         gate = TorqueGate(TORQUE_MAX_NM, CYCLE_S)
@@ -78,7 +88,7 @@ def run(tmp_path):
         with Recorder(tmp_path / f"run{len(list(tmp_path.iterdir()))}.mcap", attachments) as recorder:
             window = TorqueWindow(LIMITS.joint_names, TRANSMISSION, TORQUE_MAX_NM, CYCLE_S, None)
             cycle = Cycle(servos, LIMITS, gate, control, [recorder, monitor, window, *plugins], stopwatch)
-            run_leg(cycle, leg, LIMITS, lambda done: None)
+            run_leg(cycle, leg, LIMITS, workspace, lambda done: None)
         return monitor.summary(), cycle
 
     return run
@@ -93,6 +103,18 @@ def first_of(segment):
 def distance_to_path(positions):
     grid = PATH.evaluate(np.linspace(0.0, 1.0, 20001)).position_rad
     return max(np.abs(grid - position).max(axis=1).min() for position in positions)
+
+
+def test_a_way_that_is_not_free_is_not_gone(ideal_servos, run):
+    elbow = CHAIN.forward(LEGS.start_rad)[1][:3, 3]
+    wall = HalfSpace("wall", np.array([0.0, -1.0, 0.0]), -elbow[1], (2,))
+    workspace = Workspace(CHAIN, (Sphere(2, np.zeros(3), 0.01),), (wall,))
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match=r"the way to the beginning is not free.*-0\.01. m of 'wall'") as raised:
+        run(servos, workspace=workspace)
+    assert cause_of(raised.value.__cause__) is Cause.BLOCKED
+    assert all((command.position_rad == START).all() for command in servos.sent)
+    assert servos.log[-2:] == ["stop", "disable"]
 
 
 def test_a_whole_leg_is_sent_and_recorded(ideal_servos, run, tmp_path):

@@ -69,6 +69,16 @@ def by_hand(workspace: Workspace, q: np.ndarray) -> list[float]:
     return found
 
 
+def test_a_straight_way_is_bounded_between_samples_too(workspace):
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        start, goal = rng.uniform(-np.pi, np.pi, (2, N))
+        found = workspace.least_on_line(start, goal)
+        dense = workspace.clearances(start + (goal - start) * np.linspace(0.0, 1.0, 20001)[:, None]).min(axis=0)
+        assert np.all(found <= dense)
+        assert np.all(found > dense - 0.01)
+
+
 def test_clearances_are_the_distances(workspace):
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (300, N))
     found = workspace.clearances(q)

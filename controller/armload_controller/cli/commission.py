@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.arms import VIRTUAL, arm_on_bus, require_safe_bus, simulated_arm
+from armload_controller.arms import VIRTUAL, open_arm, require_rules
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -23,7 +23,7 @@ from armload_controller.cli.options import (
     YesOption,
 )
 from armload_controller.cli.output import make_folder
-from armload_controller.cli.screen import Screen, listening
+from armload_controller.cli.screen import Screen, attended, listening
 from armload_controller.cli.tables import payload_table, possibility, validation_table, verdict
 from armload_controller.commissioning import (
     ROLES,
@@ -61,7 +61,7 @@ def commission(
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
     simulated_drives: Annotated[
-        bool, typer.Option("--simulated-drives", help="The drives on that bus are simulated; each node is asked.")
+        bool, typer.Option("--simulated-drives", help="Drive simulated drives only; each node is asked who it is.")
     ] = False,
     runs: Annotated[
         Runs, typer.Option(help="One half at a time; 'loaded' takes up the recordings that 'unloaded' left.")
@@ -74,7 +74,7 @@ def commission(
 ) -> None:
     """Run the arm empty and loaded, identify the payload, judge it, report."""
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
-    require_safe_bus(arm, simulated_drives)
+    require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
     if runs is Runs.LOADED:
@@ -92,7 +92,7 @@ def commission(
     in_this_process = arm.bus.interface == VIRTUAL
 
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
-        return simulated_arm(arm, load) if in_this_process else arm_on_bus(arm, screen.step)
+        return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
 
     control = MotionControl()
     consent = Consent(screen.confirm, given=yes)
@@ -156,7 +156,7 @@ def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParame
         joint_names=arm.joint_names,
         created=f"{now:%Y-%m-%d %H:%M} UTC",
         armload_version=version("armload"),
-        simulated=True,
+        simulated=all(r.source.run().get("simulated", False) for p in pairs.values() for r in (p.loaded, p.unloaded)),
         truth=truth,
         payload=payload,
     )

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from armload_controller.arms import VIRTUAL, arm_on_bus, require_safe_bus, simulated_arm
+from armload_controller.arms import VIRTUAL, open_arm, require_rules, simulated_arm
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -19,7 +19,7 @@ from armload_controller.cli.options import (
     RobotArgument,
     YesOption,
 )
-from armload_controller.cli.screen import Screen, listening
+from armload_controller.cli.screen import Screen, attended, listening
 from armload_controller.commissioning import Consent, Load, require_excitation
 from armload_controller.comparison import Comparison, ComparisonRuns, FollowingRun
 from armload_controller.comparison_figure import draw, require_picture
@@ -54,13 +54,13 @@ def feedforward(
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
     simulated_drives: Annotated[
-        bool, typer.Option("--simulated-drives", help="The drives on that bus are simulated; each node is asked.")
+        bool, typer.Option("--simulated-drives", help="Drive simulated drives only; each node is asked who it is.")
     ] = False,
     yes: YesOption = False,
 ) -> None:
     """Add a payload's torque to the drives' own (60B2), after trying it at standstill."""
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
-    require_safe_bus(arm, simulated_drives)
+    require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)
     require_picture(picture)
@@ -74,23 +74,19 @@ def feedforward(
     runs = ComparisonRuns(arm, chosen, screen, control, Consent(screen.confirm, given=yes))
     with listening(control):
         if not compare:
-            _try(arm, runs, result, screen)
+            with open_arm(arm, Load.LOADED, screen.step, simulated_drives=simulated_drives) as servos:
+                servos.connect()
+                screen.step(_account(runs.check_only(servos, result)))
             return
-        comparison = _compare(arm, runs, result, screen)
+        comparison = _compare(arm, runs, result, screen, simulated_drives)
     screen.console.print(comparison_table(comparison))
     draw(comparison, arm.name, picture)
     screen.step(f"picture: {picture}")
 
 
-def _try(arm: Robot, runs: ComparisonRuns, payload: PayloadResult, screen: Screen) -> None:
-    """The check at standstill alone."""
-    opened = simulated_arm(arm, Load.LOADED) if arm.bus.interface == VIRTUAL else arm_on_bus(arm, screen.step)
-    with opened as servos:
-        servos.connect()
-        screen.step(_account(runs.check_only(servos, payload)))
-
-
-def _compare(arm: Robot, runs: ComparisonRuns, payload: PayloadResult, screen: Screen) -> Comparison:
+def _compare(
+    arm: Robot, runs: ComparisonRuns, payload: PayloadResult, screen: Screen, simulated_drives: bool
+) -> Comparison:
     """All runs; in simulation the empty arm's and the true payload's too."""
     in_this_process = arm.bus.interface == VIRTUAL
     empty: FollowingRun | None = None
@@ -98,7 +94,7 @@ def _compare(arm: Robot, runs: ComparisonRuns, payload: PayloadResult, screen: S
         with simulated_arm(arm, Load.UNLOADED) as servos:
             servos.connect()
             empty = runs.plain(servos, "empty", with_payload=False)
-    with simulated_arm(arm, Load.LOADED) if in_this_process else arm_on_bus(arm, screen.step) as servos:
+    with open_arm(arm, Load.LOADED, screen.step, simulated_drives=simulated_drives) as servos:
         servos.connect()
         without = runs.plain(servos, "loaded, without feed-forward", with_payload=True)
         fed, verdict = runs.with_feedforward(servos, payload, "loaded, with feed-forward", None)

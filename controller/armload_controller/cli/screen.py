@@ -7,6 +7,7 @@ thread of its own would take the cycle's time at random.
 from __future__ import annotations
 
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -60,6 +61,11 @@ class Screen:
             self.step("")
             return False
         return answer.strip().lower() in {"y", "yes"}
+
+
+def attended() -> bool:
+    """Whether somebody sits at a terminal and can be asked."""
+    return sys.stdin is not None and sys.stdin.isatty()
 
 
 @contextmanager
