@@ -142,12 +142,13 @@ class VirtualArm:
         arm: The master's settings.
         traits: In what drives differ, by node id.
         drives_arm: The drives' settings, where they are not the master's.
+        plant: What they move.
         feedback_limit_s: How long the master waits for feedback that does not come, on the wall clock.
     """
 
-    def __init__(self, arm=None, traits=None, drives_arm=None, timeouts=None, feedback_limit_s=1.0):
+    def __init__(self, arm=None, traits=None, drives_arm=None, timeouts=None, plant=None, feedback_limit_s=1.0):
         self.arm = arm or small_arm()
-        self.plant = IdealPlant(np.array(START_RAD), np.array([20.0, -40.0, 60.0]))
+        self.plant = plant or IdealPlant(np.array(START_RAD), np.array([20.0, -40.0, 60.0]))
         self.clock = VirtualClock()
         channel = uuid.uuid4().hex
         self._stack = ExitStack()

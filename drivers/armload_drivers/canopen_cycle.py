@@ -20,6 +20,7 @@ from armload_drivers.drive_node import DriveNode
 from armload_drivers.errors import ForeignMaster, ServoFault
 from armload_drivers.foreign import ForeignTraffic
 from armload_drivers.objects import NmtCommand, NmtState
+from armload_drivers.offset_fade import OffsetFade
 from armload_drivers.servos import JointFeedback
 from armload_drivers.sync import SyncSource
 from armload_drivers.units import ArmUnits
@@ -75,10 +76,12 @@ class CanopenCycle:
             is_extended_id=False,
         )
         self._heartbeat_due_s = self._looked_s = 0.0
+        self._fade: OffsetFade | None = None
 
     def begin(self) -> None:
         """Start the nodes and begin to count periods; what arrived before is over."""
         self._link.drain()
+        self._fade = None
         for node, axis in zip(self.nodes, self.units.axes, strict=True):
             node.begin(axis.counts_per_rad)
             self._link.command(NmtCommand.START, node.settings.node_id)
@@ -92,6 +95,16 @@ class CanopenCycle:
         for node in self.nodes:
             self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
 
+    def fade_offsets(self) -> None:
+        """From the next cycle on, take all torque offsets to zero, whatever the drives are doing. Idempotent."""
+        if self._fade is None:
+            self._fade = OffsetFade([node.offset_permille for node in self.nodes], self._cycle_s)
+
+    @property
+    def _fading(self) -> bool:
+        """Whether torque offsets are on their way to zero."""
+        return self._fade is not None and not self._fade.done
+
     def count(self, limit_s: float) -> int:
         """A limit in cycles."""
         return max(1, math.ceil(limit_s / self._cycle_s))
@@ -104,6 +117,9 @@ class CanopenCycle:
         """
         link, sync, nodes = self._link, self._sync, self.nodes
         now_s = sync.now_s()
+        if self._fade is not None:
+            for node, permille in zip(nodes, self._fade.next(), strict=True):
+                node.offset_permille = permille
         for node in nodes:
             link.send(node.prepare(now_s))
         if now_s >= self._heartbeat_due_s:
@@ -169,7 +185,7 @@ class CanopenCycle:
         return feedback
 
     def run_until(self, done: Callable[[DriveNode], bool], step: str, limit_s: float) -> None:
-        """Run cycles until a condition holds of every drive that still answers.
+        """Run cycles until a condition holds of every drive that still answers, and no torque offset is fading.
 
         Raises:
             ServoTimeout: a drive stopped answering, or the condition does not hold in time; about the first one.
@@ -181,7 +197,7 @@ class CanopenCycle:
             self.run()
             gone += [node for node in self.nodes if node.is_gone and not node.lost and node not in gone]
             waiting = [node for node in self.nodes if not (done(node) or node.lost or node in gone)]
-            if not waiting:
+            if not waiting and not self._fading:
                 break
         problems = [node.gone(step) for node in gone]
         if problems:

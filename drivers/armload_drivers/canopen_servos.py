@@ -199,7 +199,9 @@ class CanopenServos:
     def stop(self) -> None:
         """Quick stop: decelerate every drive on its own ramp and hold, with torque on.
 
-        Without effect where no drive is enabled. Drives that have been reported as lost are not waited for.
+        Torque offsets go to zero meanwhile, evenly and within `OFFSET_FADE_S`, also those of drives that slow down
+        by themselves already. Without effect where no drive is enabled. Drives that have been reported as lost are
+        not waited for.
 
         Raises:
             StateError: not connected.
@@ -210,6 +212,7 @@ class CanopenServos:
         if self._phase is not _Phase.ENABLED:
             return
         step = "quick stop"
+        self._cycle.fade_offsets()
         self._cycle.ask(State.QUICK_STOP_ACTIVE, step, lambda node: node.state is State.OPERATION_ENABLED)
         self._phase = _Phase.STOPPED
         self._cycle.run_until(_stands_still, step, self._timeouts.stop_s)
@@ -231,6 +234,7 @@ class CanopenServos:
         if self._phase is _Phase.ENABLED and not all(node.still_for(STILL_CYCLES) for node in self._nodes):
             self.stop()
         step, limit_s = "removing torque", self._timeouts.disable_s
+        self._cycle.fade_offsets()
         self._cycle.run_until(lambda node: node.still_for(STILL_CYCLES), "waiting for standstill", limit_s)
         self._cycle.ask(State.SWITCH_ON_DISABLED, step, lambda node: not node.lost)
         try:

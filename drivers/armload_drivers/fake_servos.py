@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from armload_drivers.arm import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402 import State
 from armload_drivers.errors import ServoFault, ServoTimeout, SimulationError, StateError
+from armload_drivers.offset_fade import OffsetFade
 from armload_drivers.plant import ArmPlant, PlantSample
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.units import ArmUnits, RawAxes
@@ -105,6 +106,8 @@ class FakeServos:
         self._missed = np.zeros(self.n, dtype=np.int64)
         self._begin_s = 0.0
         self._cycle = 0
+        self._offset_permille = [0] * self.n
+        self._fade: OffsetFade | None = None
         self._last = self._reported(plant.sample(arm.cycle_s))
 
     def connect(self) -> None:
@@ -133,8 +136,9 @@ class FakeServos:
         if self._life is not _Life.CONNECTED:
             raise StateError("the servos must be connected and disabled before they are enabled")
         self._raise_fault("enabling")
+        self._fade = None
+        self._add_torque([0] * self.n)
         for axis in range(self.n):
-            self._plant.set_torque_offset(axis, 0.0)
             self._plant.set_powered(axis, True)
             self._states[axis] = State.OPERATION_ENABLED
         self._life = _Life.ENABLED
@@ -161,11 +165,13 @@ class FakeServos:
         feedback = self._sync("exchanging setpoints")
         for axis, units in enumerate(self._units.axes):
             self._plant.set_target(axis, raw.position_counts[axis] / units.counts_per_rad, self.cycle_s)
-            self._plant.set_torque_offset(axis, raw.effort[axis] * units.torque_nm_per_permille)
+        self._add_torque(raw.effort)
         return feedback
 
     def stop(self) -> None:
         """Quick stop: bring every setpoint to rest within `QUICK_STOP_S`, wait for standstill and hold.
+
+        Torque offsets go to zero meanwhile, evenly and within `OFFSET_FADE_S`.
 
         Raises:
             StateError: Not connected.
@@ -176,6 +182,7 @@ class FakeServos:
         if self._life is not _Life.ENABLED:
             return
         self._life = _Life.STOPPED
+        self._fade_offsets()
         self._pass_sync()
         for axis, state in enumerate(self._states):
             if state is State.OPERATION_ENABLED:
@@ -194,6 +201,7 @@ class FakeServos:
             raise StateError("the servos must be connected before they are disabled")
         if self._life is _Life.CONNECTED:
             return
+        self._fade_offsets()
         self._wait_for_standstill("disabling", 0.0)
         self._remove_torque()
 
@@ -216,19 +224,31 @@ class FakeServos:
         """Switch every axis off."""
         for axis, state in enumerate(self._states):
             self._plant.set_powered(axis, False)
-            self._plant.set_torque_offset(axis, 0.0)
             if state is not State.FAULT:
                 self._states[axis] = State.SWITCH_ON_DISABLED
+        self._add_torque([0] * self.n)
         self._life = _Life.CONNECTED
 
+    def _add_torque(self, permille: list[int]) -> None:
+        """Put torque offsets (n,) in force."""
+        self._offset_permille = permille
+        for axis, units in enumerate(self._units.axes):
+            self._plant.set_torque_offset(axis, permille[axis] * units.torque_nm_per_permille)
+
+    def _fade_offsets(self) -> None:
+        """From the next SYNC on, take torque offsets to zero. Idempotent."""
+        if self._fade is None:
+            self._fade = OffsetFade(self._offset_permille, self.cycle_s)
+
     def _wait_for_standstill(self, step: str, least_s: float) -> None:
-        """Let SYNCs pass until nothing moves, for `least_s` at least."""
+        """Let SYNCs pass until nothing moves and no torque offset is left, for `least_s` at least."""
         first = self._cycle
         while True:
             sample = self._pass_sync()
             elapsed_s = (self._cycle - first) * self.cycle_s
             speed = np.abs(sample.axis_velocity_rad_s)
-            if elapsed_s >= least_s and speed.max() < STANDSTILL_RAD_S:
+            faded = self._fade is None or self._fade.done
+            if elapsed_s >= least_s and faded and speed.max() < STANDSTILL_RAD_S:
                 return
             if elapsed_s > least_s + STANDSTILL_TIMEOUT_S:
                 drive = self._drive(int(speed.argmax()))
@@ -282,6 +302,8 @@ class FakeServos:
         self._cycle += 1
         self._plant.advance(self._begin_s + self._cycle * self.cycle_s)
         sample = self._plant.sample(self.cycle_s)
+        if self._fade is not None and not self._fade.done:
+            self._add_torque(self._fade.next())
         lag = np.abs(sample.axis_demand_rad - sample.axis_position_rad)
         for axis, drive in enumerate(self._arm.drives):
             powered = self._states[axis] in {State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE}

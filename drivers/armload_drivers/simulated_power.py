@@ -143,6 +143,8 @@ class PowerStage:
             self._obeyed = (word, machine.state)
         if machine.state is State.OPERATION_ENABLED:
             self._follow(word)
+        if machine.state in POWERED:
+            self._add_torque()
 
     def _make_transitions(self, word: int) -> None:
         """Let the state machine act on a controlword, and the plant on its transitions."""
@@ -181,7 +183,10 @@ class PowerStage:
         limited = min(max(counts, lower), upper) if lower < upper else counts
         self._limited = limited != counts
         self._plant.set_target(self._axis, limited / self._units.counts_per_rad, self._period_s)
-        offset = values[od.TORQUE_OFFSET.key]
+
+    def _add_torque(self) -> None:
+        """Hand the torque offset to the plant: the torque loop takes it on every ramp as well."""
+        offset = self._values[od.TORQUE_OFFSET.key]
         if offset != self._offset_permille:
             self._offset_permille = offset
             self._plant.set_torque_offset(self._axis, offset * self._units.torque_nm_per_permille)

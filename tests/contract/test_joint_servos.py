@@ -5,8 +5,9 @@ import pytest
 
 from armload_drivers.arm import OperationMode
 from armload_drivers.cia402 import State, decode
-from armload_drivers.errors import CommandError, StateError
-from armload_drivers.fake_servos import FakeServos
+from armload_drivers.errors import CommandError, ServoFault, StateError
+from armload_drivers.fake_servos import FailureKind, FakeServos, ScriptedFailure
+from armload_drivers.offset_fade import OFFSET_FADE_S
 from armload_drivers.servos import JointCommand, JointServos
 from armload_drivers.simulated_plant import IdealPlant
 
@@ -15,12 +16,25 @@ AXIS_TORQUE_NM = np.array([20.0, -40.0, 60.0])
 ZERO = np.zeros(3)
 
 
+class OffsetWatch(IdealPlant):
+    """Keeps every torque offset that an axis is given, and whether it had torque then."""
+
+    def __init__(self, position_rad, torque_nm):
+        super().__init__(position_rad, torque_nm)
+        self.given = []
+
+    def set_torque_offset(self, axis, torque_nm):
+        super().set_torque_offset(axis, torque_nm)
+        self.given.append((self.time_s, axis, torque_nm, self.powered[axis]))
+
+
 class Rig:
     """Servos and the plant they move."""
 
     def __init__(self, servos, plant, arm):
         self.servos, self.plant, self.arm = servos, plant, arm
         self.start_rad = arm.coupling @ START_AXIS_RAD
+        self.fail = lambda: None
         self.count_rad = 4e-6
         """A joint's position is known to a count or two."""
 
@@ -34,24 +48,40 @@ class Rig:
             feedback = self.servos.exchange(JointCommand(position_rad, ZERO, torque_offset_nm))
         return feedback
 
-    def move(self, cycles, speed_rad_s=0.5):
+    def move(self, cycles, speed_rad_s=0.5, torque_offset_nm=ZERO):
         for cycle in range(1, cycles + 1):
             position_rad = self.start_rad + cycle * self.arm.cycle_s * speed_rad_s
-            feedback = self.hold(1, position_rad)
+            feedback = self.hold(1, position_rad, torque_offset_nm)
         return position_rad, feedback
 
 
+FAULTY_CYCLE = 40
+"""SYNC at which the second drive fails, in tests that want it to."""
+
+
 @pytest.fixture(params=["fake", "canopen in CSP", "canopen in IP"])
-def rig(request, virtual_arm, arm_settings):
-    if request.param == "fake":
-        arm = arm_settings()
-        plant = IdealPlant(START_AXIS_RAD, AXIS_TORQUE_NM)
-        return Rig(FakeServos(arm, plant), plant, arm)
-    mode = OperationMode.CYCLIC_SYNCHRONOUS_POSITION
-    if request.param.endswith("IP"):
-        mode = OperationMode.INTERPOLATED_POSITION
-    bench = virtual_arm(arm_settings(mode=mode))
-    return Rig(bench.servos, bench.plant, bench.arm)
+def make_rig(request, virtual_arm, arm_settings):
+    def make(fails=False):
+        plant = OffsetWatch(START_AXIS_RAD, AXIS_TORQUE_NM)
+        if request.param == "fake":
+            arm = arm_settings()
+            failures = [ScriptedFailure(FailureKind.FAULT, 1, FAULTY_CYCLE, 1000)] if fails else []
+            return Rig(FakeServos(arm, plant, failures), plant, arm)
+        mode = OperationMode.CYCLIC_SYNCHRONOUS_POSITION
+        if request.param.endswith("IP"):
+            mode = OperationMode.INTERPOLATED_POSITION
+        bench = virtual_arm(arm_settings(mode=mode), plant=plant)
+        rig = Rig(bench.servos, bench.plant, bench.arm)
+        if fails:
+            rig.fail = lambda: bench.drives.fail(3, 0x2310)
+        return rig
+
+    return make
+
+
+@pytest.fixture
+def rig(make_rig):
+    return make_rig()
 
 
 def test_it_is_a_joint_servos(rig):
@@ -157,6 +187,58 @@ def test_torque_offsets_do_not_outlive_the_torque(rig):
     rig.hold(1, torque_offset_nm=np.array([10.0, 10.0, 10.0]))
     rig.servos.disable()
     rig.servos.enable()
+    assert rig.plant.torque_offset_nm == pytest.approx(ZERO)
+
+
+def faded(rig, axis, since_s):
+    """Offsets that a powered axis was given since then, one a cycle; the last is zero."""
+    steps = [nm for time_s, which, nm, powered in rig.plant.given if which == axis and time_s >= since_s and powered]
+    return np.array(steps)
+
+
+OFFSET_NM = np.array([60.0, -90.0, 120.0])
+
+
+def is_even_and_short(offsets_nm, first_nm, cycle_s, quantum_nm=0.2):
+    cycles = OFFSET_FADE_S / cycle_s
+    assert 0.1 <= OFFSET_FADE_S <= 0.2
+    steps_nm = np.diff([first_nm, *offsets_nm])
+    assert np.abs(steps_nm).max() <= abs(first_nm) / cycles + quantum_nm, "no step"
+    assert np.all(steps_nm * np.sign(first_nm) <= 0.0), "one way"
+    assert offsets_nm[-1] == 0.0
+    assert cycles - 1 <= len(offsets_nm) <= cycles + 1
+
+
+@pytest.mark.parametrize("end", ["stop", "disable", "close"])
+@pytest.mark.parametrize("moving", [False, True])
+def test_torque_offsets_fade_evenly_before_the_torque_goes(rig, moving, end):
+    rig.enable()
+    rig.move(20, 0.5 * moving, OFFSET_NM)
+    first_nm, since_s = rig.plant.torque_offset_nm.copy(), rig.plant.time_s + 1e-9
+    assert first_nm == pytest.approx(rig.arm.coupling.T @ OFFSET_NM, abs=0.1)
+    getattr(rig.servos, end)()
+    for axis in range(3):
+        is_even_and_short(faded(rig, axis, since_s), first_nm[axis], rig.arm.cycle_s)
+    assert rig.plant.torque_offset_nm == pytest.approx(ZERO)
+    if end == "stop":
+        assert all(rig.plant.powered)
+
+
+def test_torque_offsets_fade_while_a_drive_stops_by_itself(make_rig):
+    rig = make_rig(fails=True)
+    rig.enable()
+    rig.hold(20, rig.start_rad, OFFSET_NM)
+    rig.fail()
+    with pytest.raises(ServoFault):
+        rig.move(100, torque_offset_nm=OFFSET_NM)
+    first_nm, since_s = rig.plant.torque_offset_nm.copy(), rig.plant.time_s + 1e-9
+    rig.servos.stop()
+    for axis in (0, 2):
+        is_even_and_short(faded(rig, axis, since_s), first_nm[axis], rig.arm.cycle_s)
+    faulty = faded(rig, 1, since_s)
+    steps_nm = np.diff([first_nm[1], *faulty])
+    limit_nm = abs(first_nm[1]) * rig.arm.cycle_s / OFFSET_FADE_S + 0.2
+    assert np.abs(steps_nm).max(initial=0.0) <= limit_nm, "no step as long as it has torque"
     assert rig.plant.torque_offset_nm == pytest.approx(ZERO)
 
 
