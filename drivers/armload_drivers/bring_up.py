@@ -1,8 +1,9 @@
 """Booting, checking and configuring one drive by SDO, up to the point where it could be enabled.
 
 The order for a whole arm: `check_identity` of every node that is up already, so that a foreign arm is refused
-before anything is sent to it that changes something; NMT reset; `check_identity` again; `configure`. Nothing here
-energises a drive. What a drive lacks is reported, not guessed.
+before anything is sent to it that changes something; NMT reset; `check_identity` again; `configure`. A node that does
+not answer yet may be reset all the same, for that is how drives boot, but not where only a simulation is allowed: then
+every node has to prove itself first. Nothing here energises a drive. What a drive lacks is reported, not guessed.
 
 References:
     CiA 301, 7.5.2; CiA 402-2, 6 to 8.
@@ -15,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from armload_drivers import objects as od
-from armload_drivers.arm import ArmSettings, DriveSettings, Identity
+from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, DriveSettings, Identity
 from armload_drivers.bus_link import BusLink
 from armload_drivers.cia402 import POWERED, MasterMachine, State, decode
 from armload_drivers.drive_objects import (
@@ -107,6 +108,30 @@ class DriveSetup:
         """Whether the node answers at all; a short look."""
         self._sdo.step = "looking for the node"
         return self._sdo.answers(od.DEVICE_TYPE, self._timeouts.probe_s)
+
+    def identify_before_reset(self) -> None:
+        """Know who is there before anything is sent that changes something; only reads.
+
+        Raises:
+            ServoTimeout: only a simulation is allowed here, and the node does not answer: it could be anybody.
+            WrongDevice: it answers and is somebody else.
+            ServoError: an SDO failed.
+        """
+        simulation = is_simulation(self.settings.identity)
+        self._sdo.step = "looking for the node"
+        wait_s = self._timeouts.sdo_s if simulation else self._timeouts.probe_s
+        if self._sdo.answers(od.DEVICE_TYPE, wait_s):
+            self.check_identity()
+        elif simulation:
+            raise ServoTimeout(
+                self.settings.node_id,
+                self.settings.joint,
+                "looking for the node",
+                f"no answer within {wait_s} s; only simulated drives are allowed, so nothing is reset that has not "
+                "shown to be one",
+                "Is the simulated drive there, supplied and connected, with this node id? One that was stopped by NMT "
+                "answers nothing: start the simulation anew",
+            )
 
     def require_alive(self) -> None:
         """The node was reset and sent no boot-up message: it has to answer SDO.
@@ -415,6 +440,12 @@ def arm_setups(arm: ArmSettings, link: BusLink, timeouts: Timeouts) -> list[Driv
 def arm_with(arm: ArmSettings, setups: list[DriveSetup]) -> ArmSettings:
     """The arm's settings with the scales that its drives told."""
     return replace(arm, drives=tuple(setup.settings for setup in setups))
+
+
+def is_simulation(identity: Identity) -> bool:
+    """Whether an identity is that of a simulated drive."""
+    known = SIMULATION_IDENTITY
+    return identity.vendor_id == known.vendor_id and identity.product_code == known.product_code
 
 
 def _ratio(numerator: int | None, denominator: int | None) -> float | None:

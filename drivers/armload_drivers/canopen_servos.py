@@ -18,8 +18,8 @@ from enum import Enum, auto
 
 import can
 
-from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, Identity
-from armload_drivers.bring_up import DriveReport, DriveSetup, arm_setups, arm_with, master_node_id
+from armload_drivers.arm import ArmSettings
+from armload_drivers.bring_up import DriveReport, DriveSetup, arm_setups, arm_with, is_simulation, master_node_id
 from armload_drivers.bus_budget import require_room
 from armload_drivers.bus_link import BusErrors, BusLink
 from armload_drivers.canopen_cycle import CanopenCycle
@@ -108,14 +108,14 @@ class CanopenServos:
             StateError: connected already, or closed.
             BusOverload: the cycle does not fit the bus.
             WrongDevice: a node is not the configured drive.
+            ServoTimeout: a node that may only be a simulation does not answer; then no node has been reset.
             ServoError: a node failed at a step that the error names.
             BusError: the bus failed.
         """
         self._require(_Phase.NEW)
         require_room(self._arm)
         for setup in self._setups:
-            if setup.is_up():
-                setup.check_identity()
+            setup.identify_before_reset()
         require_no_strangers(self._link, self._arm, self._timeouts.scan_s)
         self._reset_nodes()
         identities = [setup.check_identity() for setup in self._setups]
@@ -125,7 +125,7 @@ class CanopenServos:
             setup.write_limits(units, axis)
         self.reports = tuple(setup.report() for setup in self._setups)
         self._running = CanopenCycle(self._arm, self._nodes, self._link, self._sync, self._master_node_id, units)
-        self.simulated = all(map(_is_simulated, identities))
+        self.simulated = all(map(is_simulation, identities))
         self._phase = _Phase.CONNECTED
 
     def _reset_nodes(self) -> None:
@@ -385,9 +385,3 @@ def _stands_still(node: DriveNode) -> bool:
     """Whether a drive has stopped, whichever state it stops in."""
     moving = {State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE}
     return node.state not in moving and node.still_for(STILL_CYCLES)
-
-
-def _is_simulated(identity: Identity) -> bool:
-    """Whether a node says that it is a simulation."""
-    known = SIMULATION_IDENTITY
-    return identity.vendor_id == known.vendor_id and identity.product_code == known.product_code

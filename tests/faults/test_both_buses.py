@@ -216,9 +216,12 @@ def test_the_steps_of_bring_up_are_these(fault_arm):
 
 @pytest.mark.parametrize("step", [*STEPS, *LATER])
 @pytest.mark.parametrize("verdict", [0x0800_0000, SILENCE], ids=["abort", "timeout"])
-def test_an_abort_or_a_timeout_at_every_step(fault_arm, step, verdict):
+def test_an_abort_or_a_timeout_at_every_step(fault_arm, arm_settings, step, verdict):
     requests = Requests(step, verdict)
-    arm = fault_arm(traits={3: DriveTraits(on_request=requests)})
+    # A node that is silent at first is reset only where it need not be a simulation.
+    anybody = step == "looking for the node" and verdict == SILENCE
+    settings = arm_settings(cycle_s=0.02, identity=Identity(None, None)) if anybody else None
+    arm = fault_arm(settings, traits={3: DriveTraits(on_request=requests)})
     requests.setup = arm.servos._setups[1]
     kind = ServoTimeout if verdict == SILENCE else SdoRefused
     if step in HARMLESS and not (step == "reading the name" and verdict == SILENCE):
@@ -236,6 +239,19 @@ def test_an_abort_or_a_timeout_at_every_step(fault_arm, step, verdict):
     assert (error.node_id, error.joint, error.step) == (3, "joint_3", step)
     assert "reading" in str(error) or "writing" in str(error)
     arm.has_no_torque()
+
+
+def test_where_only_simulations_are_allowed_nobody_silent_is_reset(fault_arm):
+    requests = Requests("looking for the node", SILENCE)
+    arm = fault_arm(traits={3: DriveTraits(on_request=requests)})
+    requests.setup = arm.servos._setups[1]
+    arm.heard()
+    with pytest.raises(ServoTimeout, match="only simulated drives are allowed") as raised:
+        arm.servos.connect()
+    assert (raised.value.node_id, raised.value.step) == (3, "looking for the node")
+    frames = arm.heard()
+    assert not [m for m in frames if m.arbitration_id == 0], "no NMT command to anybody"
+    assert not [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1], "nothing is written"
 
 
 def test_two_sdo_users_at_once(fault_arm):

@@ -1,5 +1,7 @@
 """Scripted failures of simulated drives on the virtual bus: what the master says, and what the arm does."""
 
+import struct
+import threading
 from dataclasses import replace
 
 import can
@@ -284,6 +286,57 @@ def test_a_wrong_identity_is_refused_before_anything_is_changed(virtual_arm, ide
     writes = [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1]
     assert not writes
     assert not any(arm.plant.powered)
+
+
+class SlowSlave:
+    """Somebody else's node that is slow to answer SDO: a real drive beside a simulation.
+
+    Args:
+        bus: Its own.
+        node_id: Its node id.
+        delay_s: From a request to its answer.
+    """
+
+    def __init__(self, bus, node_id, delay_s):
+        self._bus, self._node_id, self._delay_s = bus, node_id, delay_s
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self):
+        values = {0x1000: 0x0002_0192, 0x1018: 0x0000_02DC}
+        while not self._stop.is_set():
+            message = self._bus.recv(0.01)
+            if message is not None and message.arbitration_id == 0x600 + self._node_id and message.data[0] == 0x40:
+                self._stop.wait(self._delay_s)
+                index = int.from_bytes(message.data[1:3], "little")
+                answer = struct.pack("<B3sI", 0x43, bytes(message.data[1:4]), values.get(index, 0))
+                self._bus.send(can.Message(arbitration_id=0x580 + self._node_id, data=answer, is_extended_id=False))
+
+
+@pytest.mark.parametrize(("delay_s", "kind"), [(0.1, WrongDevice), (0.5, ServoTimeout)])
+def test_a_slow_foreign_node_is_not_reset_where_only_simulations_are_allowed(virtual_arm, arm_settings, delay_s, kind):
+    """Node 5 is not simulated, and needs longer than the first look lasts, or longer than any answer may take."""
+    settings = arm_settings()
+    arm = virtual_arm(settings, drives_arm=replace(settings, drives=settings.drives[:2], coupling=np.eye(2)))
+    with can.Bus(interface="virtual", channel=arm.bus.channel_id) as bus, SlowSlave(bus, 5, delay_s):
+        arm.frames(0)
+        with pytest.raises(kind) as raised:
+            arm.servos.connect()
+    assert raised.value.node_id == 5
+    frames = []
+    while (message := arm.monitor.recv(0.0)) is not None:
+        frames.append(message)
+    assert frames
+    assert not [m for m in frames if m.arbitration_id == 0], "no NMT command to anybody"
+    assert not [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1], "nothing is written"
 
 
 def test_a_device_of_another_kind_is_refused(virtual_arm):
