@@ -65,7 +65,7 @@ class _Arm:
             stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(3)
         )
         self.drives = stack.enter_context(SimulatedDrives(self.settings, self.plant, drives_bus, self.clock))
-        self.servos = CanopenServos(self.settings, bus, LockstepSync(self.clock, feedback_limit_s=0.05))
+        self.servos = CanopenServos(self.settings, bus, LockstepSync(self.clock))
         self.servos.connect()
         self.start = self.servos.enable().position_rad
         self.cycle = 0

@@ -143,10 +143,9 @@ class VirtualArm:
         traits: In what drives differ, by node id.
         drives_arm: The drives' settings, where they are not the master's.
         plant: What they move.
-        feedback_limit_s: How long the master waits for feedback that does not come, on the wall clock.
     """
 
-    def __init__(self, arm=None, traits=None, drives_arm=None, timeouts=None, plant=None, feedback_limit_s=1.0):
+    def __init__(self, arm=None, traits=None, drives_arm=None, timeouts=None, plant=None):
         self.arm = arm or small_arm()
         self.plant = plant or IdealPlant(np.array(START_RAD), np.array([20.0, -40.0, 60.0]))
         self.clock = VirtualClock()
@@ -157,7 +156,7 @@ class VirtualArm:
         )
         drives = SimulatedDrives(drives_arm or self.arm, self.plant, drives_bus, self.clock, traits)
         self.drives = self._stack.enter_context(drives)
-        sync = LockstepSync(self.clock, feedback_limit_s)
+        sync = LockstepSync(self.clock)
         timeouts = timeouts or Timeouts(probe_s=0.05, scan_s=0.01, boot_s=0.3, sdo_s=0.3, mode_s=0.1)
         self.servos = CanopenServos(self.arm, self.bus, sync, timeouts)
 

@@ -198,9 +198,9 @@ class BcmSync:
         skipped = 0 if before_s is None else max(0, round((time_s - before_s) / self._cycle_s) - 1)
         return SyncTick(time_s, skipped)
 
-    def feedback_limit_s(self) -> float:
-        """A share of the cycle."""
-        return self._feedback_share * self._cycle_s
+    def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
+        """Wait for a share of the cycle."""
+        link.pump_until(complete, self._feedback_share * self._cycle_s)
 
     def end(self, link: BusLink) -> None:
         """Stop SYNC."""

@@ -126,7 +126,7 @@ class CanopenCycle:
             link.send(self._heartbeat)
             self._heartbeat_due_s = now_s + self._heartbeat_s
         tick = sync.next(link, self._expect_feedback)
-        link.pump_until(self._complete, sync.feedback_limit_s())
+        sync.await_feedback(link, self._complete)
         away_s = sync.now_s() - self._looked_s
         if away_s > _STALLED_CYCLES * self._cycle_s:
             # This process did not run, and perhaps nobody else on this computer did. What the drives said meanwhile is

@@ -68,7 +68,8 @@ class SimulatedDrives:
     ) -> None:
         self.frames_lost = 0
         self._arm, self._plant, self._bus, self._clock = arm, plant, bus, clock
-        self._lockstep = isinstance(clock, VirtualClock)
+        self._virtual = clock if isinstance(clock, VirtualClock) else None
+        self._lockstep = self._virtual is not None
         self._wait_s = IDLE_S if self._lockstep else WAKE_S
         self._now_s = self._wall_s = clock()
         self._messages: dict[int, can.Message] = {}
@@ -102,12 +103,20 @@ class SimulatedDrives:
             raise StateError("the simulated drives are running already")
         self._stopping.clear()
         self._thread = threading.Thread(target=self._run, name="simulated-drives", daemon=True)
+        if self._virtual is not None:
+            self._virtual.follow(self._why_ended)
         self._thread.start()
 
     @property
     def running(self) -> bool:
         """Whether the drives' thread is alive; `stop` tells why it ended early."""
         return self._thread is not None and self._thread.is_alive()
+
+    def _why_ended(self) -> str:
+        """Why the drives' thread does not live any more; empty while it does."""
+        if self.running:
+            return ""
+        return "they have been stopped" if self._failure is None else f"their thread ended early: {self._failure!r}"
 
     def stop(self) -> None:
         """Switch the drives off and end their thread. Idempotent.
@@ -259,8 +268,9 @@ class SimulatedDrives:
         for drive, values in zip(self._drives.values(), columns, strict=True):
             drive.power.measure(*values)
             drive.sync(self._now_s, length)
-        if self._lockstep:
+        if self._virtual is not None:
             self._tick()
+            self._virtual.acted(time_s)
 
     def _tick(self) -> None:
         """Let timers act."""

@@ -22,7 +22,13 @@ import can
 
 from armload_drivers.bus_link import BusLink
 from armload_drivers.clock import Clock, VirtualClock
+from armload_drivers.errors import SimulationError
 from armload_drivers.objects import SYNC_DEFAULT_COB_ID
+
+UNTOLD_S = 1.0
+"""In lockstep, on the wall clock: how long to wait for drives that do not tell when they have acted."""
+LOOK_S = 2e-3
+"""In lockstep, on the wall clock: how often to look whether the drives have acted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +73,13 @@ class SyncSource(Protocol):
             on_sync: Called when all frames of earlier SYNCs have been handled, and none of this one.
         """
 
-    def feedback_limit_s(self) -> float:
-        """How long after SYNC feedback may arrive, on the wall clock."""
+    def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
+        """Pump the bus until the feedback of the last SYNC is complete, or until it may not be waited for any longer.
+
+        Raises:
+            BusError: the bus failed.
+            SimulationError: the simulated drives do not act any more.
+        """
 
     def end(self, link: BusLink) -> None:
         """No more SYNCs until the next `begin`. Idempotent."""
@@ -99,16 +110,19 @@ class _SentSync:
 class LockstepSync:
     """SYNC in virtual time: as fast as master and drives can compute.
 
+    Feedback is waited for as long as the drives' thread lives and has not acted on the SYNC, however long the machine
+    takes: only what it did not send is missing.
+
     Args:
         clock: The clock that the simulated drives have as well.
-        feedback_limit_s: On the wall clock; generous, for it only matters when feedback is missing.
+        patience_s: On the wall clock, for drives that live and never act.
     """
 
     heard = False
 
-    def __init__(self, clock: VirtualClock, feedback_limit_s: float = 1.0) -> None:
+    def __init__(self, clock: VirtualClock, patience_s: float = 60.0) -> None:
         self._clock = clock
-        self._feedback_limit_s = feedback_limit_s
+        self._patience_s = patience_s
         self._cycle_s = 0.0
         self._messages = _SentSync()
 
@@ -129,9 +143,29 @@ class LockstepSync:
         link.send(self._messages.take())
         return SyncTick(self._clock(), 0)
 
-    def feedback_limit_s(self) -> float:
-        """The wall clock's limit."""
-        return self._feedback_limit_s
+    def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
+        """Wait until the drives have acted; for drives that tell nothing, a while.
+
+        Raises:
+            SimulationError: the drives' thread has ended, or lives and does not act.
+        """
+        clock = self._clock
+        if not clock.followed:
+            link.pump_until(complete, UNTOLD_S)
+            return
+        deadline_s = time.monotonic() + self._patience_s
+        while not complete():
+            if clock.settled:
+                # All that is going to come is there.
+                link.drain()
+                return
+            clock.require_follower()
+            if time.monotonic() > deadline_s:
+                raise SimulationError(
+                    f"the simulated drives live and have not acted on a SYNC for {self._patience_s} s. Does the plant "
+                    "hang, or is this computer far too busy?"
+                )
+            link.pump(LOOK_S)
 
     def end(self, link: BusLink) -> None:
         """Nothing is running."""
@@ -178,9 +212,9 @@ class TimerSync:
         link.send(self._messages.take())
         return SyncTick(time_s, skipped)
 
-    def feedback_limit_s(self) -> float:
-        """A share of the cycle."""
-        return self._feedback_share * self._cycle_s
+    def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
+        """Wait for a share of the cycle."""
+        link.pump_until(complete, self._feedback_share * self._cycle_s)
 
     def end(self, link: BusLink) -> None:
         """Nothing is running."""

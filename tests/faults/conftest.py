@@ -56,7 +56,7 @@ class FaultArm:
         self.timeouts = Timeouts(
             probe_s=0.1 * scale, scan_s=0.03 * scale, boot_s=0.4 * scale, sdo_s=0.15 * scale, mode_s=0.1 * scale
         )
-        self.sync = BcmSync(BroadcastManager("vcan0")) if vcan else LockstepSync(clock, feedback_limit_s=0.2)
+        self.sync = BcmSync(BroadcastManager("vcan0")) if vcan else LockstepSync(clock)
         self.servos = CanopenServos(arm, self.bus, self.sync, self.timeouts)
 
     def send(self, cob_id, data=b"", **kind):

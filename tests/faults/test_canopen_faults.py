@@ -1,5 +1,6 @@
 """Scripted failures of simulated drives on the virtual bus: what the master says, and what the arm does."""
 
+import math
 import struct
 import threading
 from dataclasses import replace
@@ -15,25 +16,25 @@ from armload_drivers.drive_objects import SAFETY
 from armload_drivers.errors import (
     BusError,
     BusOverload,
+    DriverError,
     MissingSafety,
     SdoRefused,
     ServoError,
     ServoFault,
     ServoTimeout,
+    SimulationError,
     StateError,
     WrongDevice,
 )
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulated_dictionary import DriveTraits
+from armload_drivers.simulated_plant import IdealPlant
 from armload_drivers.sync import LockstepSync
 from armload_drivers.timeouts import Timeouts
 
 ZERO = np.zeros(3)
 QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
 """For tests in which somebody does not answer."""
-
-MISSING_LIMIT_S = 0.05
-"""Wall time that the master waits for feedback that does not come."""
 
 
 def enabled(arm):
@@ -145,7 +146,7 @@ def test_a_following_error_is_a_fault(virtual_arm, arm_settings):
 
 @pytest.mark.parametrize("cycles", [1, 3])
 def test_missing_feedback_is_counted_and_survived(virtual_arm, cycles):
-    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    arm = virtual_arm()
     start = enabled(arm)
     move(arm, start, 3)
     arm.drives.drop_feedback(5, cycles)
@@ -155,7 +156,7 @@ def test_missing_feedback_is_counted_and_survived(virtual_arm, cycles):
 
 
 def test_feedback_missing_for_longer_than_allowed_is_an_error(virtual_arm):
-    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    arm = virtual_arm()
     start = enabled(arm)
     arm.drives.drop_feedback(5, 4)
     error = move_until_error(arm, start, ServoTimeout)
@@ -165,7 +166,7 @@ def test_feedback_missing_for_longer_than_allowed_is_an_error(virtual_arm):
 
 
 def test_a_drive_that_loses_its_supply_in_motion(virtual_arm):
-    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S, timeouts=QUICK)
+    arm = virtual_arm(timeouts=QUICK)
     start = enabled(arm)
     move(arm, start, 10)
     arm.drives.switch_off(2)
@@ -178,7 +179,7 @@ def test_a_drive_that_loses_its_supply_in_motion(virtual_arm):
 
 
 def test_a_drive_that_reboots_in_motion(virtual_arm):
-    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S, timeouts=QUICK)
+    arm = virtual_arm(timeouts=QUICK)
     start = enabled(arm)
     arm.drives.switch_off(2)
     arm.drives.switch_on(2)
@@ -201,7 +202,7 @@ def test_a_lost_heartbeat_is_noticed_although_feedback_comes(virtual_arm):
 
 
 def test_another_master_taking_a_drive_out_of_operational(virtual_arm):
-    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    arm = virtual_arm()
     start = enabled(arm)
     move(arm, start, 5)
     arm.monitor.send(can.Message(arbitration_id=0x000, data=[0x80, 3], is_extended_id=False))
@@ -214,12 +215,36 @@ def test_another_master_taking_a_drive_out_of_operational(virtual_arm):
 
 @pytest.mark.parametrize("data", [b"", b"\x37\x12", b"\x37\x12\x00\x00\x00\x00\x00"])
 def test_feedback_of_the_wrong_length_is_not_feedback(virtual_arm, data):
-    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    arm = virtual_arm()
     start = enabled(arm)
     arm.monitor.send(can.Message(arbitration_id=0x183, data=data, is_extended_id=False))
     feedback = arm.servos.exchange(JointCommand(start, ZERO, ZERO))
     assert not feedback.missing.any()
     assert feedback.position_rad == pytest.approx(start, abs=1e-5)
+
+
+class Doomed(IdealPlant):
+    """A plant that breaks down at a time."""
+
+    end_s = math.inf
+
+    def advance(self, time_s):
+        if time_s > self.end_s:
+            raise RuntimeError("the floor gave way")
+        super().advance(time_s)
+
+
+def test_drives_whose_thread_has_died_are_not_waited_for(virtual_arm):
+    plant = Doomed(np.array([0.1, -0.2, 0.3]))
+    arm = virtual_arm(plant=plant)
+    start = enabled(arm)
+    plant.end_s = plant.time_s + 0.1
+    error = move_until_error(arm, start, SimulationError)
+    assert "their thread ended early: RuntimeError('the floor gave way')" in str(error)
+    with pytest.raises(DriverError):
+        arm.servos.close()
+    with pytest.raises(SimulationError, match="the floor gave way"):
+        arm.drives.stop()
 
 
 # The master lost --------------------------------------------------------------------------------------------
@@ -238,7 +263,7 @@ def run_without_master(arm, cycles):
 
 
 def test_drives_stop_by_themselves_without_setpoints_and_stay_stopped(virtual_arm):
-    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    arm = virtual_arm()
     start = enabled(arm)
     move(arm, start, 20)
     run_without_master(arm, 30)
@@ -251,7 +276,7 @@ def test_drives_stop_by_themselves_without_setpoints_and_stay_stopped(virtual_ar
 
 
 def test_a_lost_heartbeat_of_the_master_ends_pdo_communication(virtual_arm):
-    arm = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    arm = virtual_arm()
     enabled(arm)
     arm.frames(0)
     run_without_master(arm, 30)
@@ -481,7 +506,7 @@ def test_targets_before_enabling_are_fresh_positions(virtual_arm):
 
 def test_connecting_twice_as_somebody_new_takes_over_a_node_that_is_up(virtual_arm):
     """A second master after a first that vanished without closing."""
-    first = virtual_arm(feedback_limit_s=MISSING_LIMIT_S)
+    first = virtual_arm()
     enabled(first)
     second = CanopenServos(first.arm, first.bus, LockstepSync(first.clock))
     second.connect()

@@ -187,7 +187,9 @@ def test_feedback_belongs_to_the_sync_it_follows(sync, kernel):
     order = []
     sync.next(kernel, lambda: order.append(kernel.clock()))
     assert order == kernel.sent_s
-    assert sync.feedback_limit_s() == pytest.approx(0.6 * PERIOD_S)
+    begun_s = kernel.clock()
+    sync.await_feedback(kernel, lambda: False)
+    assert kernel.clock() - begun_s == pytest.approx(0.6 * PERIOD_S)
     sync.end(kernel)
     assert kernel.calls[-1] == "stop"
     assert 0x080 not in kernel.handlers
