@@ -25,7 +25,8 @@ from armload_drivers.bus_link import BusErrors, BusLink
 from armload_drivers.canopen_cycle import CanopenCycle
 from armload_drivers.cia402 import State
 from armload_drivers.drive_node import DriveNode
-from armload_drivers.errors import BusError, DriverError, ServoTimeout, StateError
+from armload_drivers.errors import AxisMoves, BusError, DriverError, ServoTimeout, StateError
+from armload_drivers.holding import HELD_RAD, HOLDING_WATCH_S, axis_moves
 from armload_drivers.objects import NmtCommand
 from armload_drivers.process_image import drive_image
 from armload_drivers.scan import require_no_strangers
@@ -220,12 +221,14 @@ class CanopenServos:
     def disable(self) -> None:
         """Engage brakes and remove torque, once the arm stands still.
 
-        A drive that has been reported as lost is asked by SDO. One that does not answer that either is left to
-        its own reaction (6007); the caller has been told.
+        Axes without a brake keep their torque until all others are held by theirs. Then all are watched for
+        `HOLDING_WATCH_S`. A drive that has been reported as lost is asked by SDO. One that does not answer that
+        either is left to its own reaction (6007); the caller has been told.
 
         Raises:
             StateError: not connected.
             ServoTimeout: a drive did not come to rest, or keeps its torque.
+            AxisMoves: an axis moves without torque. Everything else has been done.
             BusError: the bus failed.
         """
         self._require_connected()
@@ -233,18 +236,14 @@ class CanopenServos:
             return
         if self._phase is _Phase.ENABLED and not all(node.still_for(STILL_CYCLES) for node in self._nodes):
             self.stop()
-        step, limit_s = "removing torque", self._timeouts.disable_s
+        limit_s = self._timeouts.disable_s
         self._cycle.fade_offsets()
         self._cycle.run_until(lambda node: node.still_for(STILL_CYCLES), "waiting for standstill", limit_s)
-        self._cycle.ask(State.SWITCH_ON_DISABLED, step, lambda node: not node.lost)
-        try:
-            self._cycle.run_until(
-                lambda node: node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty), step, limit_s
-            )
-        except ServoTimeout:
-            # A drive that ignores requests is good enough where it stands, as long as it carries no torque.
-            if not all(node.lost or node.state in _WITHOUT_TORQUE for node in self._nodes):
-                raise
+        braked = [node for node in self._nodes if node.settings.has_brake]
+        for nodes in (braked, [node for node in self._nodes if node not in braked]):
+            if nodes:
+                self._switch_off(nodes)
+        moving = self._moving_without_torque()
         for node, setup in zip(self._nodes, self._setups, strict=True):
             if node.lost:
                 # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and obeys no late setpoint.
@@ -253,6 +252,34 @@ class CanopenServos:
                     self._await_rest(node, setup)
                     setup.remove_torque()
         self._end_cycles()
+        if moving is not None:
+            raise moving
+
+    def _switch_off(self, nodes: list[DriveNode]) -> None:
+        """Take the torque of some drives.
+
+        Raises:
+            ServoTimeout: one keeps it.
+        """
+        step = "removing torque"
+        self._cycle.ask(State.SWITCH_ON_DISABLED, step, lambda node: node in nodes and not node.lost)
+        try:
+            self._cycle.run_until(lambda node: node not in nodes or _is_off(node), step, self._timeouts.disable_s)
+        except ServoTimeout:
+            # A drive that ignores requests is good enough where it stands, as long as it carries no torque.
+            if not all(node.lost or node.state in _WITHOUT_TORQUE for node in nodes):
+                raise
+
+    def _moving_without_torque(self) -> AxisMoves | None:
+        """Watch where the axes go without torque; the error to be raised once everything else has been done."""
+        begun = [node.position_counts for node in self._nodes]
+        for _ in range(self._cycle.count(HOLDING_WATCH_S)):
+            self._cycle.run()
+        for node, counts, axis in zip(self._nodes, begun, self._cycle.units.axes, strict=True):
+            moved_rad = abs((node.position_counts - counts) / axis.counts_per_rad)
+            if moved_rad > HELD_RAD and not (node.lost or node.is_gone):
+                return axis_moves(node.settings, moved_rad)
+        return None
 
     def _await_rest(self, node: DriveNode, setup: DriveSetup) -> None:
         """Wait until a drive that has left the cycle stands, by SDO.
@@ -307,6 +334,8 @@ class CanopenServos:
             trouble = error
         try:
             self.disable()
+        except AxisMoves:
+            raise
         except DriverError as error:
             self._silence()
             error.add_note("A drive may still carry torque: use the emergency stop.")
@@ -385,3 +414,8 @@ def _stands_still(node: DriveNode) -> bool:
     """Whether a drive has stopped, whichever state it stops in."""
     moving = {State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE}
     return node.state not in moving and node.still_for(STILL_CYCLES)
+
+
+def _is_off(node: DriveNode) -> bool:
+    """Whether a drive carries no torque and has got where it was sent, or fails."""
+    return node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty)

@@ -7,6 +7,7 @@ DriverError
  |    +-- SdoRefused       ... and answered an SDO with an abort code
  |    +-- WrongDevice      ... but is not the configured device, or contradicts its configuration
  |    +-- MissingSafety    ... because it lacks an object that safety rests on
+ |    +-- AxisMoves        ... and its axis moves without torque: no brake holds it
  +-- BusError              the bus itself: not there, off, queue full
  |    +-- BusOverload      ... would have to carry more than its configured share
  +-- ForeignMaster         somebody else commands the same bus
@@ -133,3 +134,7 @@ class WrongDevice(ServoError):
 
 class MissingSafety(ServoError):
     """A drive lacks an object that safety rests on, and the configuration does not accept that."""
+
+
+class AxisMoves(ServoError):
+    """An axis moves although its drive gives no torque any more: it has no brake, or its brake does not hold."""

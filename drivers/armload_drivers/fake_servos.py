@@ -12,6 +12,7 @@ Rules:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from armload_drivers.arm import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402 import State
 from armload_drivers.errors import ServoFault, ServoTimeout, SimulationError, StateError
+from armload_drivers.holding import HELD_RAD, HOLDING_WATCH_S, axis_moves
 from armload_drivers.offset_fade import OffsetFade
 from armload_drivers.plant import ArmPlant, PlantSample
 from armload_drivers.servos import JointCommand, JointFeedback
@@ -193,9 +195,13 @@ class FakeServos:
     def disable(self) -> None:
         """Engage brakes and remove torque, once the arm stands still.
 
+        Axes without a brake keep their torque until the others have lost theirs. Then all are watched for
+        `HOLDING_WATCH_S`.
+
         Raises:
             StateError: Not connected.
             ServoTimeout: The arm does not come to rest; torque stays on.
+            AxisMoves: An axis moves without torque.
         """
         if self._life is _Life.CLOSED:
             raise StateError("the servos must be connected before they are disabled")
@@ -204,12 +210,14 @@ class FakeServos:
         self._fade_offsets()
         self._wait_for_standstill("disabling", 0.0)
         self._remove_torque()
+        self._require_rest()
 
     def close(self) -> None:
         """Stop and disable where that is still to be done, and let go of the drives. Idempotent.
 
         Raises:
             ServoTimeout: The arm does not come to rest; torque is off all the same.
+            AxisMoves: An axis moves without torque.
         """
         if self._life is _Life.CLOSED:
             return
@@ -221,13 +229,23 @@ class FakeServos:
             self._life = _Life.CLOSED
 
     def _remove_torque(self) -> None:
-        """Switch every axis off."""
-        for axis, state in enumerate(self._states):
+        """Switch every axis off, those without a brake last."""
+        for axis in sorted(range(self.n), key=lambda axis: not self._drive(axis).has_brake):
             self._plant.set_powered(axis, False)
-            if state is not State.FAULT:
+            if self._states[axis] is not State.FAULT:
                 self._states[axis] = State.SWITCH_ON_DISABLED
         self._add_torque([0] * self.n)
         self._life = _Life.CONNECTED
+
+    def _require_rest(self) -> None:
+        """Watch where the axes go without torque."""
+        begun_rad = self._plant.sample(self.cycle_s).axis_position_rad
+        for _ in range(math.ceil(HOLDING_WATCH_S / self.cycle_s)):
+            sample = self._pass_sync()
+        moved_rad = np.abs(sample.axis_position_rad - begun_rad)
+        if moved_rad.max() > HELD_RAD:
+            axis = int(moved_rad.argmax())
+            raise axis_moves(self._drive(axis), float(moved_rad[axis]))
 
     def _add_torque(self, permille: list[int]) -> None:
         """Put torque offsets (n,) in force."""

@@ -1,11 +1,13 @@
 """What every `JointServos` does: one suite over all implementations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from armload_drivers.arm import OperationMode
 from armload_drivers.cia402 import State, decode
-from armload_drivers.errors import CommandError, ServoFault, StateError
+from armload_drivers.errors import AxisMoves, CommandError, ServoFault, StateError
 from armload_drivers.fake_servos import FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.offset_fade import OFFSET_FADE_S
 from armload_drivers.servos import JointCommand, JointServos
@@ -17,11 +19,21 @@ ZERO = np.zeros(3)
 
 
 class OffsetWatch(IdealPlant):
-    """Keeps every torque offset that an axis is given, and whether it had torque then."""
+    """Keeps every torque offset that an axis is given, and whether it had torque then; axes may sink without it."""
 
     def __init__(self, position_rad, torque_nm):
         super().__init__(position_rad, torque_nm)
         self.given = []
+        self.off = []
+        self.sinks = ()
+
+    def set_powered(self, axis, on):
+        lost = self.powered[axis] and not on
+        super().set_powered(axis, on)
+        if lost:
+            self.off.append((axis, list(self.powered)))
+            if axis in self.sinks:
+                self._ramp(axis, self.position_rad[axis] - 1.0, 10.0)
 
     def set_torque_offset(self, axis, torque_nm):
         super().set_torque_offset(axis, torque_nm)
@@ -61,16 +73,22 @@ FAULTY_CYCLE = 40
 
 @pytest.fixture(params=["fake", "canopen in CSP", "canopen in IP"])
 def make_rig(request, virtual_arm, arm_settings):
-    def make(fails=False):
+    def make(fails=False, without_brake=None):
         plant = OffsetWatch(START_AXIS_RAD, AXIS_TORQUE_NM)
+
+        def settings(**changes):
+            arm = arm_settings(**changes)
+            drives = [replace(d, has_brake=axis != without_brake) for axis, d in enumerate(arm.drives)]
+            return replace(arm, drives=tuple(drives))
+
         if request.param == "fake":
-            arm = arm_settings()
+            arm = settings()
             failures = [ScriptedFailure(FailureKind.FAULT, 1, FAULTY_CYCLE, 1000)] if fails else []
             return Rig(FakeServos(arm, plant, failures), plant, arm)
         mode = OperationMode.CYCLIC_SYNCHRONOUS_POSITION
         if request.param.endswith("IP"):
             mode = OperationMode.INTERPOLATED_POSITION
-        bench = virtual_arm(arm_settings(mode=mode), plant=plant)
+        bench = virtual_arm(settings(mode=mode), plant=plant)
         rig = Rig(bench.servos, bench.plant, bench.arm)
         if fails:
             rig.fail = lambda: bench.drives.fail(3, 0x2310)
@@ -188,6 +206,40 @@ def test_torque_offsets_do_not_outlive_the_torque(rig):
     rig.servos.disable()
     rig.servos.enable()
     assert rig.plant.torque_offset_nm == pytest.approx(ZERO)
+
+
+def test_an_axis_without_a_brake_keeps_its_torque_until_the_others_are_held(make_rig):
+    rig = make_rig(without_brake=0)
+    rig.enable()
+    rig.move(10)
+    rig.servos.disable()
+    assert sorted(axis for axis, _ in rig.plant.off) == [0, 1, 2]
+    assert rig.plant.off[-1] == (0, [False, False, False])
+
+
+@pytest.mark.parametrize(("without_brake", "why"), [(1, "it has no brake"), (None, "its brake does not hold it")])
+def test_an_axis_that_nothing_holds_is_told_to_the_operator(make_rig, without_brake, why):
+    rig = make_rig(without_brake=without_brake)
+    rig.plant.sinks = (1,)
+    rig.enable()
+    rig.hold(2)
+    with pytest.raises(AxisMoves, match=why) as raised:
+        rig.servos.disable()
+    assert raised.value.joint == "joint_3"
+    assert "support it" in str(raised.value)
+    assert not any(rig.plant.powered), "nothing takes the torque back"
+    rig.servos.close()
+
+
+def test_closing_tells_it_as_well(make_rig):
+    rig = make_rig(without_brake=2)
+    rig.plant.sinks = (2,)
+    rig.enable()
+    with pytest.raises(AxisMoves, match="joint_5") as raised:
+        rig.servos.close()
+    assert not getattr(raised.value, "__notes__", []), "no drive carries torque"
+    rig.servos.close()
+    assert not any(rig.plant.powered)
 
 
 def faded(rig, axis, since_s):
