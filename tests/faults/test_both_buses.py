@@ -24,7 +24,7 @@ from armload_drivers.errors import (
     ServoTimeout,
     WrongDevice,
 )
-from armload_drivers.objects import DataType
+from armload_drivers.objects import DataType, NmtState
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulated_dictionary import SILENCE, DriveTraits
 from armload_drivers.simulated_plant import IdealPlant
@@ -252,6 +252,77 @@ def test_where_only_simulations_are_allowed_nobody_silent_is_reset(fault_arm):
     frames = arm.heard()
     assert not [m for m in frames if m.arbitration_id == 0], "no NMT command to anybody"
     assert not [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1], "nothing is written"
+
+
+def configured(arm, node_id):
+    """Objects of a drive that bring-up writes, as they are then."""
+    values = arm.drives._drives[node_id].dictionary.values
+    return {f"{key >> 8:04X}:{key & 0xFF}": value for key, value in values.items()}
+
+
+def test_what_bring_up_leaves_in_a_drive(fault_arm, arm_settings):
+    """In numbers, as a manual has them, so that no constant of the driver can be wrong on both sides."""
+    settings = replace(arm_settings(cycle_s=0.02), sync_counter=10)
+    arm = fault_arm(settings)
+    arm.servos.connect()
+    heartbeat_ms = round(arm.arm.heartbeat_s * 1e3)
+    # q_axis = C^-1 q_joint widens the joints' limits of 3 rad; 500 mrad of following error; 1e6 counts a turn.
+    inverse = np.abs(np.linalg.inv(settings.coupling)).sum(axis=1)
+    for axis, node_id in enumerate((2, 3, 5)):
+        found = configured(arm, node_id)
+        limit = 3.0 * inverse[axis] * 1e6 / (2 * np.pi)
+        expected = {
+            "1005:0": 0x80, "1006:0": 20_000, "1016:1": 0, "1017:0": heartbeat_ms, "1019:0": 10, "1029:1": 0,
+            "6007:0": 3, "605A:0": 6, "605B:0": 1, "605C:0": 1, "605D:0": 1, "605E:0": 2, "6060:0": 8,
+            "6065:0": 79577, "6066:0": 20, "6072:0": 3000,
+            "1400:1": 0x200 + node_id, "1400:2": 1, "1400:5": max(heartbeat_ms, 80),
+            "1600:0": 3, "1600:1": 0x6040_0010, "1600:2": 0x607A_0020, "1600:3": 0x60B2_0010,
+            "1800:1": 0x4000_0180 + node_id, "1800:2": 1,
+            "1A00:0": 3, "1A00:1": 0x6041_0010, "1A00:2": 0x6064_0020, "1A00:3": 0x6078_0010,
+        }  # fmt: skip
+        assert {name: found[name] for name in expected} == expected
+        assert found["60C2:1"] * 10.0 ** found["60C2:2"] == pytest.approx(0.02)
+        assert [found["607D:1"], found["607D:2"]] == pytest.approx([-limit, limit], abs=1.0)
+        assert all(found[f"{index:04X}:1"] & 0x8000_0000 for index in (0x1401, 0x1402, 0x1403, 0x1801, 0x1802, 0x1803))
+    arm.servos.enable()
+    watched = {configured(arm, node_id)["1016:1"] for node_id in (2, 3, 5)}
+    assert watched == {0x7F_0000 + round(2.5 * heartbeat_ms)}, "while drives may move, they watch the master"
+
+
+def power_states(arm):
+    return [drive.power.machine.state for drive in arm.drives._drives.values()]
+
+
+def nmt_states(arm):
+    return [drive.state for drive in arm.drives._drives.values()]
+
+
+def alone(arm, seconds):
+    """Time passes without the master; in lockstep with SYNC from elsewhere."""
+    if arm.vcan:
+        time.sleep(seconds)
+        return
+    for _ in range(round(seconds / arm.arm.cycle_s)):
+        arm.sync._clock.advance(arm.arm.cycle_s)
+        arm.send(0x080)
+    # An SDO answer proves that the drives have seen all of it.
+    arm.heard()
+
+
+def test_drives_without_their_master_stop_hold_and_leave_the_cycle(fault_arm):
+    """6007 and 1029, as bring-up set them: a quick stop that holds, and no PDO moves anything any more."""
+    arm = fault_arm()
+    arm.enable()
+    arm.move()
+    alone(arm, 4.0 * arm.arm.heartbeat_s)
+    assert power_states(arm) == [State.QUICK_STOP_ACTIVE] * 3
+    assert nmt_states(arm) == [NmtState.PRE_OPERATIONAL] * 3
+    assert all(arm.plant.powered)
+    stood = arm.plant.position_rad
+    for node_id in (2, 3, 5):
+        arm.send(0x200 + node_id, bytes.fromhex("0f00ffff7f000000"))
+    alone(arm, 5 * arm.arm.cycle_s)
+    assert arm.plant.position_rad == pytest.approx(stood, abs=1e-6)
 
 
 def test_two_sdo_users_at_once(fault_arm):

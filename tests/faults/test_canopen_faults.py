@@ -570,6 +570,38 @@ def test_silence_while_this_process_did_not_run_is_not_held_against_a_drive(virt
     assert node.problem("waiting", late_s, must_follow=True) is None
 
 
+class StalledSync(LockstepSync):
+    """This process stands still right after a SYNC has been answered; what came meanwhile lies in its queue."""
+
+    meanwhile = None
+
+    def await_feedback(self, link, complete):
+        super().await_feedback(link, complete)
+        if self.meanwhile is not None:
+            meanwhile, self.meanwhile = self.meanwhile, None
+            self._clock.advance(0.5)
+            meanwhile()
+
+
+def test_what_came_while_this_process_did_not_run_is_heard_before_drives_are_judged(virtual_arm):
+    arm = virtual_arm()
+    sync = StalledSync(arm.clock)
+    servos = CanopenServos(arm.arm, arm.bus, sync, QUICK)
+    servos.connect()
+    start = servos.enable().position_rad
+    hold = JointCommand(start, ZERO, ZERO)
+    servos.exchange(hold)
+    sync.meanwhile = lambda: None
+    servos.exchange(hold)
+    sync.meanwhile = lambda: arm.monitor.send(
+        can.Message(arbitration_id=0x083, data=bytes.fromhex("1023010000000000"), is_extended_id=False)
+    )
+    with pytest.raises(ServoFault, match="0x2310") as raised:
+        servos.exchange(hold)
+    assert raised.value.node_id == 3
+    servos.close()
+
+
 def test_a_drive_that_was_silent_for_longer_is_lost_all_the_same(virtual_arm):
     arm = virtual_arm()
     start = enabled(arm)
