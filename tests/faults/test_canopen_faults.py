@@ -583,23 +583,35 @@ class StalledSync(LockstepSync):
             meanwhile()
 
 
-def test_what_came_while_this_process_did_not_run_is_heard_before_drives_are_judged(virtual_arm):
+@pytest.fixture
+def stalled(virtual_arm):
+    """An enabled arm whose master can be made to stand still, and a setpoint that holds it."""
     arm = virtual_arm()
     sync = StalledSync(arm.clock)
     servos = CanopenServos(arm.arm, arm.bus, sync, QUICK)
     servos.connect()
-    start = servos.enable().position_rad
-    hold = JointCommand(start, ZERO, ZERO)
+    hold = JointCommand(servos.enable().position_rad, ZERO, ZERO)
     servos.exchange(hold)
-    sync.meanwhile = lambda: None
-    servos.exchange(hold)
+    yield arm, servos, sync, hold
+    servos.close()
+
+
+def test_what_came_while_this_process_did_not_run_is_heard_before_drives_are_judged(stalled):
+    arm, servos, sync, hold = stalled
     sync.meanwhile = lambda: arm.monitor.send(
         can.Message(arbitration_id=0x083, data=bytes.fromhex("1023010000000000"), is_extended_id=False)
     )
     with pytest.raises(ServoFault, match="0x2310") as raised:
         servos.exchange(hold)
     assert raised.value.node_id == 3
-    servos.close()
+
+
+def test_nobody_is_lost_because_this_process_did_not_run(stalled):
+    _, servos, sync, hold = stalled
+    sync.meanwhile = lambda: None
+    servos.exchange(hold)
+    with pytest.raises(ServoFault, match="0x8"):
+        servos.exchange(hold)
 
 
 def test_a_drive_that_was_silent_for_longer_is_lost_all_the_same(virtual_arm):
