@@ -155,6 +155,20 @@ def test_a_joint_torque_offset_reaches_the_axes(rig):
     assert rig.plant.torque_offset_nm == pytest.approx(expected, abs=0.1)
 
 
+def test_a_torque_offset_acts_from_the_sync_that_latched_it(rig):
+    """One cycle late or early, it would be the torque of another place."""
+    rig.enable()
+    own_a = rig.hold(2).current_a
+    offset_nm = np.array([10.0, -20.0, 30.0])
+    added_a = rig.arm.coupling.T @ offset_nm * 10.0 / 200.0
+    latched = rig.hold(1, torque_offset_nm=offset_nm)
+    assert latched.current_a == pytest.approx(own_a, abs=0.011)
+    # The drives tell what acted before the next SYNC, though nothing is added any more from that one on.
+    acted = rig.hold(1)
+    assert acted.current_a == pytest.approx(own_a + added_a, abs=0.011)
+    assert rig.hold(1).current_a == pytest.approx(own_a, abs=0.011)
+
+
 def test_a_setpoint_that_is_no_number_is_refused_and_moves_nothing(rig):
     rig.enable()
     rig.hold(2)

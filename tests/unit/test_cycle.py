@@ -10,13 +10,14 @@ from armload_controller.control import MotionControl, OperatorStop, SpeedOutOfRa
 from armload_controller.cycle import Cycle
 from armload_controller.errors import MotionError
 from armload_controller.limits import MotionLimits
-from armload_controller.monitor import FollowingMonitor, TorqueWindow
+from armload_controller.monitor import FollowingMonitor, JointTorque, TorqueWindow
 from armload_controller.phase import Segment
 from armload_controller.recorder import Recorder
 from armload_controller.safety import DECISIONS, Cause, StopStep, cause_of
 from armload_controller.setpoints import plan_approach, plan_leg, plan_legs
 from armload_controller.torque_gate import TorqueGate
 from armload_drivers.errors import BusError, CommandError, ServoFault, ServoTimeout
+from armload_drivers.servos import JointFeedback
 from armload_identification.chain import Chain
 from armload_identification.fourier import Excitation, FourierTrajectory, format_excitation
 from armload_identification.recording import EXCITATION_ATTACHMENT, read_recording
@@ -128,8 +129,11 @@ def test_a_whole_leg_is_sent_and_recorded(ideal_servos, run, tmp_path):
     assert summary.duration_s == pytest.approx(len(sent) * CYCLE_S)
     recording = read_recording(tmp_path / "run0.mcap")
     np.testing.assert_allclose(recording.position_rad, sent, atol=1e-12)
-    phase = recording.phase_s[~np.isnan(recording.phase_s)]
+    periods = ~np.isnan(recording.phase_s)
+    phase = recording.phase_s[periods]
     np.testing.assert_allclose(phase, np.arange(1, 201) * CYCLE_S, atol=1e-12)
+    # The arm is where its setpoint was, so every recorded place is the one that belongs to the recorded phase.
+    np.testing.assert_allclose(recording.position_rad[periods], PATH.evaluate(phase).position_rad, atol=1e-8)
     assert servos.log == ["enable", "stop", "disable"]
 
 
@@ -139,6 +143,37 @@ def test_a_jump_in_the_plan_stops_before_it_is_sent(ideal_servos, run):
         run(servos, leg=replace(LEGS.measured, path=Bumped(0.105)))
     assert len(servos.sent) == first_of(Segment.PERIODS) + 10
     assert servos.log[1:] == ["stop", "disable"]
+
+
+def follow_all(cycle, legs):
+    with cycle.powered() as arm:
+        for leg in legs:
+            arm.follow(leg, lambda done: None)
+
+
+def test_a_setpoint_beyond_a_limit_stops_before_it_is_sent(ideal_servos):
+    """The plan was checked; this is about what is on its way to the drives all the same."""
+    highest = PATH.evaluate(np.linspace(0.0, 1.0, 1001)).position_rad[:, 0].max()
+    narrow = replace(LIMITS, position_max_rad=np.array([highest - 0.01, 2.0]))
+    servos = ideal_servos(N, CYCLE_S)
+    cycle = Cycle(servos, narrow, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
+    legs = plan_approach(START, LEGS.start_rad, LIMITS), LEGS.measured
+    with pytest.raises(MotionError, match=r"base: position .* is beyond the limit of") as caught:
+        follow_all(cycle, legs)
+    assert cause_of(caught.value.__cause__) is Cause.LIMIT
+    sent = np.array([command.position_rad[0] for command in servos.sent])
+    assert highest - 0.02 < sent.max() <= highest - 0.01
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+def test_torque_windows_and_checks_see_coupled_motors_as_joints():
+    """Power is the same on both sides of the gears: tau_joint . dq_joint = tau_motor . dq_motor."""
+    coupling = np.array([[1.0, 0.0], [0.2, 1.0]])
+    gain = np.array([30.0, 20.0])
+    current, motor_speed = np.array([1.5, -0.7]), np.array([0.3, 1.1])
+    feedback = JointFeedback(1, 0.01, np.zeros(N), None, current, None, np.zeros(N, np.uint16), np.zeros(N, bool))
+    torque = JointTorque(Transmission(gain, coupling))(feedback)
+    assert torque @ (coupling @ motor_speed) == pytest.approx((gain * current) @ motor_speed)
 
 
 @pytest.mark.parametrize(

@@ -129,6 +129,26 @@ def test_a_run_that_ends_with_an_error_stays_partial_and_whole(tmp_path):
     assert not recording.source.truncated
 
 
+PROMISED_S = 0.25
+"""So much of a run may be lost with the process."""
+
+
+@pytest.mark.parametrize("cycle_s", [0.002, 0.004, 0.02, 0.03])
+def test_the_file_is_never_more_than_a_quarter_of_a_second_behind(tmp_path, cycle_s):
+    """What is in the file at a moment is what a kill -9 at that moment leaves."""
+    partial = tmp_path / "a.partial.mcap"
+    behind_s, size, held_s = [], 0, np.nan
+    with Recorder(tmp_path / "a.mcap", {}) as recorder:
+        for cycle in range(round(2.0 / cycle_s)):
+            recorder.write(feedback(cycle, time_s=cycle * cycle_s), COMMAND, Segment.APPROACH, None)
+            if partial.stat().st_size != size:
+                size = partial.stat().st_size
+                held_s = read_recording(partial).time_s[-1] if cycle * cycle_s > 1.0 else np.nan
+            behind_s.append(cycle * cycle_s - held_s)
+    assert np.count_nonzero(np.isfinite(behind_s)) > 20
+    assert np.nanmax(behind_s) <= PROMISED_S
+
+
 WRITER = """
 import sys
 from pathlib import Path

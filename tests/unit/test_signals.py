@@ -9,7 +9,7 @@ import pytest
 
 from armload_identification.alignment import fit_motion, time_shift
 from armload_identification.errors import ModelError, RecordingError
-from armload_identification.load_signal import ABOVE_BAND, SCATTER, load_signal
+from armload_identification.load_signal import ABOVE_BAND, SCATTER, load_signal, low_pass_cutoff
 from armload_identification.periods import fold, phases_per_period, whole_periods
 from armload_identification.signals import (
     Transmission,
@@ -44,6 +44,18 @@ def test_coupled_motors_and_joints_see_the_same_power():
     motor_power = np.sum(current * transmission.gain_nm_a * axis_speed, axis=1)
     joint_power = np.sum(transmission.joint_torque(current) * (axis_speed @ coupling.T), axis=1)
     np.testing.assert_allclose(joint_power, motor_power, rtol=1e-12)
+
+
+def test_the_shares_of_the_gains_add_up_to_the_torque_and_are_its_slope():
+    rng = np.random.default_rng(12)
+    gain, coupling = np.array([90.0, 50.0, 20.0]), np.eye(3) + 0.2 * rng.normal(size=(3, 3))
+    current = rng.normal(size=(7, 3))
+    torque = Transmission(gain, coupling).joint_torque(current)
+    shares = Transmission(gain, coupling).gain_shares(torque)
+    np.testing.assert_allclose(shares.sum(axis=0), torque, rtol=1e-10)
+    for axis in range(3):
+        more = Transmission(gain * (1.0 + 1e-3 * (np.arange(3) == axis)), coupling).joint_torque(current)
+        np.testing.assert_allclose((more - torque) / 1e-3, shares[axis], rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -223,6 +235,36 @@ def test_without_a_period_the_runs_are_laid_over_each_other(pinocchio_arm):
     np.testing.assert_allclose(signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.1)
     error = (signal.raw_nm - payload)[signal.valid] / signal.averaged_noise_nm
     assert 0.9 < np.sqrt(np.mean(error**2)) < 1.15
+
+
+@pytest.mark.parametrize("with_phase", [True, False])
+def test_both_runs_go_through_the_same_filter(pinocchio_arm, with_phase):
+    """Filters are linear: the difference of filtered runs is the filtered difference, if both were filtered alike."""
+    trajectory = pinocchio_arm.trajectory()
+    runs = [pinocchio_arm.run(trajectory, load, seed=61 + load, periods=2, with_phase=with_phase) for load in (1, 0)]
+    signal = load_signal(*runs, pinocchio_arm.transmission)
+    if with_phase:
+        filtered = smooth(signal.raw_nm)
+    else:
+        cutoff_hz = low_pass_cutoff(signal.velocity_rad_s, signal.interval_s)
+        filtered = low_pass(signal.raw_nm, signal.interval_s, cutoff_hz)
+    np.testing.assert_allclose(signal.torque_nm, filtered, atol=1e-9)
+
+
+@pytest.mark.parametrize("periods", [(1, 1), (3, 1), (1, 3)])
+def test_where_one_run_has_one_period_its_noise_is_that_above_the_band(pinocchio_arm, periods):
+    """One period does not scatter; nothing may be divided by the freedom of none, nor called certain for want of it."""
+    trajectory = pinocchio_arm.trajectory()
+    runs = [
+        pinocchio_arm.run(trajectory, load, seed=71 + load, periods=count)
+        for load, count in zip((True, False), periods, strict=True)
+    ]
+    signal = load_signal(*runs, pinocchio_arm.transmission)
+    assert signal.periods == periods
+    assert signal.noise_source == ABOVE_BAND
+    np.testing.assert_allclose(signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.2)
+    kept = np.sqrt((1.0 / periods[0] + 1.0 / periods[1]) / 2.0)
+    np.testing.assert_allclose(signal.averaged_noise_nm, kept * signal.noise_nm, rtol=0.1)
 
 
 def test_runs_that_do_not_belong_together_are_refused(pair, pinocchio_arm):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.stats import t as student
 
 from armload_identification.estimate import estimate, estimate_reweighted
 from armload_identification.payload import PARAMETER_NAMES, InertialParameters
@@ -55,6 +56,23 @@ def test_95_percent_intervals_cover(regressor, pinocchio_arm, periods, memory_s)
     assert share.min() >= 0.85, share
     if memory_s is not None:
         assert np.mean(textbook) < 0.8
+
+
+def test_the_quantile_is_students_with_the_freedom_that_the_variances_scatter_by(regressor, pinocchio_arm):
+    """A variance with f degrees of freedom scatters by 2/f of its square; few bins tell the weight's, so f is small."""
+    valid = np.ones(SAMPLES, dtype=bool)
+    variances, freedoms = [], []
+    for seed in range(100):
+        noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
+        fit = estimate(regressor, regressor @ pinocchio_arm.payload.theta + noise, valid, pinocchio_arm.noise_nm)
+        told = quantify(fit, InertialParameters(fit.theta))
+        quantile = told.half_width_95[0] / np.sqrt(told.covariance[0, 0])
+        assert quantile == pytest.approx(student.ppf(0.975, told.degrees_of_freedom[0]), rel=1e-9)
+        assert quantile > 1.98
+        variances.append(told.covariance[0, 0])
+        freedoms.append(told.degrees_of_freedom[0])
+    scatter = 2.0 * np.mean(variances) ** 2 / np.var(variances)
+    assert np.median(freedoms) == pytest.approx(scatter, rel=0.35)
 
 
 def test_derivatives_of_what_is_told_are_right(pinocchio_arm):
