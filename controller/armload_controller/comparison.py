@@ -1,17 +1,23 @@
-"""One trajectory without and with feed-forward: what becomes of the following error.
+"""One trajectory without and with feed-forward: what becomes of the following error e = target - measured.
 
-    e = target - measured           what the payload does to it: e_loaded - e_unloaded, at the same phase
+Nearly all of e is the servo's lag, which no torque changes: an arm that is at speed dq is behind by 40 ms of it. Two
+things are looked at in its place:
 
-The empty arm's error is the servo's lag, the arm's own weight and friction; feed-forward of the payload cannot touch
-that. Where the empty arm is not at hand (an arm on a bus, with its payload on), the errors themselves are compared.
+    what the payload adds       e_loaded - e_unloaded, at the same phase: for a payload's torque
+    what the lag leaves         e - (a_1 dq + a_2 d2q + a_3 d3q + a_4 d4q), fitted to each run and joint: for the arm's
+
+The first needs the empty arm on the same trajectory, as a simulation has it. The second needs nothing but the run: what
+is left is due to torque, the payload's and the arm's own (friction at reversals above all).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
+from armload_controller.arm_torque import ArmTerm
 from armload_controller.commissioning import (
     BAR,
     Consent,
@@ -33,12 +39,23 @@ from armload_controller.plugins import CyclePlugin, CycleStep
 from armload_controller.setpoints import RunLegs, check_leg, plan_legs
 from armload_controller.torque_gate import TorqueGate
 from armload_drivers.servos import FloatArray, JointServos
-from armload_identification.fourier import Excitation
+from armload_identification.fourier import Excitation, FourierTrajectory
 from armload_identification.payload import PayloadResult
 from armload_identification.regressor import payload_torque
 
 LOADED_SHARE = 0.2
 """A joint is gravity-loaded whose weight torque of the payload is at least this share of the most loaded one's."""
+
+
+_STEP_S = 1e-3
+"""Step in phase of the difference that makes the fourth derivative."""
+
+
+class Measure(StrEnum):
+    """What is looked at of the following error."""
+
+    ADDED = "what the payload adds to the following error"
+    TORQUES = "following error beyond the servo's lag"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,20 +76,20 @@ class Comparison:
     """What feed-forward makes of the following error.
 
     Attributes:
+        measure: What the errors are.
         joint_names: Names.
         phase_s: (N,) phase along the path.
-        without_rad: (N, n) error without feed-forward, the empty arm's taken off where it is known.
-        with_rad: Label and (N, n) error with feed-forward, of one or more payloads.
+        without_rad: (N, n) error without feed-forward.
+        with_rad: Label and (N, n) error with feed-forward, of one or more kinds.
         weight_nm: (n,) greatest torque of the payload's weight along the path.
-        empty_known: Whether the empty arm's error was taken off.
     """
 
+    measure: Measure
     joint_names: tuple[str, ...]
     phase_s: FloatArray
     without_rad: FloatArray
     with_rad: dict[str, FloatArray]
     weight_nm: FloatArray
-    empty_known: bool
 
     @property
     def gravity_loaded(self) -> tuple[int, ...]:
@@ -87,6 +104,28 @@ class Comparison:
     def reduction(self, label: str) -> FloatArray:
         """(n,) share of the RMS that feed-forward takes away."""
         return np.asarray(1.0 - rms(self.with_rad[label]) / self.without_rms_rad + 0.0)
+
+
+def beyond_lag(error_rad: FloatArray, path: FourierTrajectory, phase_s: FloatArray) -> FloatArray:
+    """What is left of following errors when everything linear in the motion's derivatives is taken off.
+
+    Args:
+        error_rad: (N, n) errors at the path's own speed.
+        path: The motion.
+        phase_s: (N,) where on it.
+    """
+    state = path.evaluate(phase_s)
+    jerk = [path.evaluate(phase_s + side * _STEP_S).jerk_rad_s3 for side in (1.0, -1.0)]
+    fourth = (jerk[0] - jerk[1]) / (2.0 * _STEP_S)
+    left = np.empty_like(error_rad)
+    for joint in range(error_rad.shape[1]):
+        derivatives = (state.velocity_rad_s, state.acceleration_rad_s2, state.jerk_rad_s3, fourth)
+        columns = np.column_stack([derivative[:, joint] for derivative in derivatives])
+        scale = np.abs(columns).max(axis=0)
+        columns /= np.where(scale > 0.0, scale, 1.0)
+        error = error_rad[:, joint]
+        left[:, joint] = error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+    return left
 
 
 def rms(error_rad: FloatArray) -> FloatArray:
@@ -130,6 +169,7 @@ class ComparisonRuns:
         watcher: Is told what happens.
         control: The operator's hand.
         consent: The operator's agreement.
+        tried_nm: (n,) torque that is tried at standstill on every joint, where the payload's weight asks for less.
 
     Raises:
         LimitViolation: the excitation breaks a limit.
@@ -137,15 +177,22 @@ class ComparisonRuns:
     """
 
     def __init__(
-        self, robot: Robot, excitation: Excitation, watcher: Watcher, control: MotionControl, consent: Consent
+        self,
+        robot: Robot,
+        excitation: Excitation,
+        watcher: Watcher,
+        control: MotionControl,
+        consent: Consent,
+        tried_nm: FloatArray | None = None,
     ) -> None:
         self._robot, self._watcher, self._control, self._consent = robot, watcher, control, consent
+        self._tried_nm = np.zeros(robot.n) if tried_nm is None else tried_nm
         self._limits, self._workspace = robot.motion_limits(), robot.workspace()
         cycle_s = 1 / robot.bus.cycle_hz
         self._legs: RunLegs = plan_legs(excitation, self._limits, cycle_s)
         for leg in (self._legs.slow, self._legs.measured):
             check_leg(leg, self._limits, cycle_s)
-        path = excitation.trajectory
+        self._path = path = excitation.trajectory
         self._path_rad = path.evaluate(np.linspace(0.0, path.period_s, 512)).position_rad
 
     def plain(self, servos: JointServos, text: str, *, with_payload: bool) -> FollowingRun:
@@ -169,7 +216,12 @@ class ComparisonRuns:
         return kept.run()
 
     def with_feedforward(
-        self, servos: JointServos, payload: PayloadResult, text: str, tried: OffsetVerdict | None
+        self,
+        servos: JointServos,
+        payload: PayloadResult,
+        text: str,
+        tried: OffsetVerdict | None,
+        beside: ArmTerm | None = None,
     ) -> tuple[FollowingRun, OffsetVerdict]:
         """A run with feed-forward, after the torque offset was tried where the run begins; no other way.
 
@@ -178,13 +230,13 @@ class ComparisonRuns:
             payload: What is fed forward.
             text: What the run is called.
             tried: What a trial of these drives found before, since they were connected; None tries now.
+            beside: What the arm itself adds in this run.
 
         Raises:
             PayloadRefused: the payload must not be fed forward; nothing has moved.
             MotionError: the motion was stopped, for a torque offset that is wrong too.
         """
-        robot = self._robot
-        added = checked_feedforward(robot, payload, self._path_rad, servos.cycle_s)
+        added = self._feedforward(servos, payload, beside)
         kept = Follower()
         cycle = self._cycle(servos, [kept, added])
         self._consent.require(servos, f"{text}: run at full speed with torque added to the drives'?", always=False)
@@ -206,7 +258,7 @@ class ComparisonRuns:
             MotionError: the torque offset is wrong, or the check was stopped.
         """
         self._consent.require(servos, "The arm will hold its position with torque on. Is the cell clear?", always=True)
-        added = checked_feedforward(self._robot, payload, self._path_rad, servos.cycle_s)
+        added = self._feedforward(servos, payload, None)
         with self._cycle(servos, [added]).powered() as arm:
             return added.begin(arm)
 
@@ -217,24 +269,43 @@ class ComparisonRuns:
         empty: FollowingRun | None,
         payload: PayloadResult,
     ) -> Comparison:
-        """Put runs beside each other, at the phases that all of them have."""
+        """Put runs beside each other, at the phases that all of them have.
+
+        Args:
+            without: The loaded arm without feed-forward.
+            with_feedforward: Label and run with it.
+            empty: The empty arm without feed-forward, for `Measure.ADDED`; None asks for `Measure.TORQUES`.
+            payload: What is fed forward.
+        """
         runs = [without, *with_feedforward.values(), *([] if empty is None else [empty])]
         keys = [np.round(run.phase_s * self._robot.bus.cycle_hz).astype(np.int64) for run in runs]
         common = keys[0]
         for key in keys[1:]:
             common = np.intersect1d(common, key)
         rows = [run.error_rad[np.searchsorted(key, common)] for run, key in zip(runs, keys, strict=True)]
-        nothing = rows[-1] if empty is not None else np.zeros_like(rows[0])
+        phase_s = common / self._robot.bus.cycle_hz
+        if empty is None:
+            rows = [beyond_lag(row, self._path, phase_s) for row in rows]
+        else:
+            rows = [row - rows[-1] for row in rows]
         still = np.zeros_like(self._path_rad)
         weight = payload_torque(self._robot.chain(), payload.model.theta, self._path_rad, still, still)
         return Comparison(
+            measure=Measure.TORQUES if empty is None else Measure.ADDED,
             joint_names=self._robot.joint_names,
-            phase_s=common / self._robot.bus.cycle_hz,
-            without_rad=rows[0] - nothing,
-            with_rad={label: row - nothing for label, row in zip(with_feedforward, rows[1:], strict=False)},
+            phase_s=phase_s,
+            without_rad=rows[0],
+            with_rad=dict(zip(with_feedforward, rows[1:], strict=False)),
             weight_nm=np.abs(weight).max(axis=0),
-            empty_known=empty is not None,
         )
+
+    def _feedforward(self, servos: JointServos, payload: PayloadResult, beside: ArmTerm | None) -> CheckedFeedforward:
+        """The feed-forward of a payload for this path, and the check that comes before it."""
+        robot = self._robot
+        chain = robot.chain()
+        added = FeedforwardPlugin(chain, robot.name, payload, servos.cycle_s, beside)
+        tried = np.maximum(tried_torque(chain, payload.model, self._path_rad), self._tried_nm)
+        return CheckedFeedforward(added, OffsetCheck(robot.joint_names, robot.transmission(), tried, servos.cycle_s))
 
     def _cycle(self, servos: JointServos, plugins: list[CyclePlugin]) -> Cycle:
         """A cycle with monitors, and what a run adds."""
@@ -243,17 +314,3 @@ class ComparisonRuns:
         gate = TorqueGate(robot.torque_max_nm(), servos.cycle_s)
         watching: list[CyclePlugin] = [monitor, torque_window(robot, servos.cycle_s)]
         return Cycle(servos, self._limits, gate, self._control, [*watching, *plugins])
-
-
-def checked_feedforward(
-    robot: Robot, payload: PayloadResult, path_rad: FloatArray, cycle_s: float
-) -> CheckedFeedforward:
-    """The feed-forward of a payload for one path, and the check that comes before it.
-
-    Raises:
-        PayloadRefused: the payload must not be fed forward.
-    """
-    chain = robot.chain()
-    added = FeedforwardPlugin(chain, robot.name, payload, cycle_s)
-    tried = tried_torque(chain, payload.model, path_rad)
-    return CheckedFeedforward(added, OffsetCheck(robot.joint_names, robot.transmission(), tried, cycle_s))

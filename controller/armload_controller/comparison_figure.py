@@ -1,13 +1,14 @@
-"""The comparison as a picture: what the payload does to the following error, joint by joint."""
+"""Comparisons as a picture: one column each, one row a joint."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from armload_controller.comparison import Comparison
 from armload_controller.errors import CommissioningError
 
-COLORS = ("#0072b2", "#009e73")
+COLORS = ("#0072b2", "#009e73", "#d55e00")
 """Told apart by those who do not see red and green."""
 
 
@@ -21,11 +22,11 @@ def require_picture(path: Path) -> None:
         raise CommissioningError(f"{path}: pictures are written as .svg or .png")
 
 
-def draw(comparison: Comparison, robot: str, path: Path) -> None:
+def draw(comparisons: Sequence[Comparison], robot: str, path: Path) -> None:
     """Draw the errors without and with feed-forward over the phase.
 
     Args:
-        comparison: What to draw.
+        comparisons: What to draw, of the same joints.
         robot: Name of the arm.
         path: SVG or PNG file, after its ending; an existing file is replaced.
 
@@ -35,23 +36,23 @@ def draw(comparison: Comparison, robot: str, path: Path) -> None:
     require_picture(path)
     from matplotlib.figure import Figure
 
-    n = len(comparison.joint_names)
-    figure = Figure(figsize=(9.0, 1.5 * n + 0.8), layout="constrained")
-    axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
-    for i, (axis, name) in enumerate(zip(axes, comparison.joint_names, strict=True)):
-        axis.plot(comparison.phase_s, 1e3 * comparison.without_rad[:, i], color="#999999", label="without feed-forward")
-        for color, (label, error) in zip(COLORS, comparison.with_rad.items(), strict=False):
-            share = 100 * comparison.reduction(label)[i]
-            axis.plot(
-                comparison.phase_s, 1e3 * error[:, i], color=color, lw=0.9, label=f"with, {label}: {share:.0f} % less"
-            )
-        axis.set_ylabel(f"{name}\nmrad", fontsize=8)
-        axis.tick_params(labelsize=7)
-        axis.grid(alpha=0.3)
-        axis.legend(fontsize=7, loc="upper right")
-    axes[-1].set_xlabel("phase of the path, s")
-    what = "what the payload adds to the following error" if comparison.empty_known else "following error"
-    figure.suptitle(f"{robot}: {what}, without and with feed-forward", fontsize=10)
+    n = len(comparisons[0].joint_names)
+    figure = Figure(figsize=(9.0 * len(comparisons), 1.5 * n + 0.8), layout="constrained")
+    axes = figure.subplots(n, len(comparisons), sharex=True, squeeze=False)
+    for column, comparison in enumerate(comparisons):
+        for i, name in enumerate(comparison.joint_names):
+            axis = axes[i, column]
+            axis.plot(comparison.phase_s, 1e3 * comparison.without_rad[:, i], color="#999999", label="without")
+            for color, (label, error) in zip(COLORS, comparison.with_rad.items(), strict=False):
+                text = f"{label}: {100 * comparison.reduction(label)[i]:.0f} % less"
+                axis.plot(comparison.phase_s, 1e3 * error[:, i], color=color, lw=0.9, label=text)
+            axis.set_ylabel(f"{name}\nmrad", fontsize=8)
+            axis.tick_params(labelsize=7)
+            axis.grid(alpha=0.3)
+            axis.legend(fontsize=7, loc="upper right")
+        axes[0, column].set_title(comparison.measure, fontsize=9)
+        axes[-1, column].set_xlabel("phase of the path, s")
+    figure.suptitle(f"{robot}: without and with feed-forward", fontsize=10)
     try:
         figure.savefig(path, dpi=130)
     except OSError as error:

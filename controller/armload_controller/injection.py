@@ -5,6 +5,9 @@ on the simulated ones; without it the following error falls by 60 to 70 % where 
 setpoints of a lag ago are what the torque is computed from: they are free of noise. The lag is measured while the
 arm moves, from the following error per speed.
 
+With the arm's body known, friction that the payload causes in the gears, or all of the arm's own torque, goes with it:
+see `arm_torque`.
+
 What keeps the arm safe is not here: the gate (`torque_gate`) clamps, limits the rate, ramps in and out.
 """
 
@@ -15,6 +18,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_controller.arm_torque import ArmTerm
 from armload_controller.cycle import PoweredArm
 from armload_controller.errors import ControlError
 from armload_controller.feedforward import NOTHING, PayloadFeedforward
@@ -80,6 +84,7 @@ class FeedforwardPlugin:
         robot: Its name, for messages.
         payload: The payload at its flange.
         cycle_s: Duration of a cycle.
+        beside: What the arm itself adds; None adds the payload's torque alone.
 
     Raises:
         PayloadRefused: the payload's mass or centre of mass is not determined, or it belongs to another arm.
@@ -87,8 +92,11 @@ class FeedforwardPlugin:
 
     name = "feed-forward"
 
-    def __init__(self, chain: Chain, robot: str, payload: PayloadResult, cycle_s: float) -> None:
-        self._chain, self._robot, self._cycle_s = chain, robot, cycle_s
+    def __init__(
+        self, chain: Chain, robot: str, payload: PayloadResult, cycle_s: float, beside: ArmTerm | None = None
+    ) -> None:
+        self._chain, self._robot, self._cycle_s, self._beside = chain, robot, cycle_s, beside
+        self._beside_share = 0.0
         self._require(payload)
         self._payload = payload.model
         self._feedforward = PayloadFeedforward(chain, NOTHING)
@@ -147,8 +155,12 @@ class FeedforwardPlugin:
         last = len(self._states) - 1
         before = min(int(delay), last)
         share = delay - int(delay)
-        state = (1.0 - share) * self._states[before] + share * self._states[min(before + 1, last)]
-        return self._joints * self._feedforward.torque_nm(*state)
+        q, dq, ddq = (1.0 - share) * self._states[before] + share * self._states[min(before + 1, last)]
+        torque = self._feedforward.torque_nm(q, dq, ddq)
+        if self._beside is not None and self._joints.any():
+            self._beside_share = min(1.0, self._beside_share + self._cycle_s / FADE_IN_S)
+            torque = torque + self._beside_share * self._beside.torque_nm(q, dq, ddq, torque)
+        return self._joints * torque
 
     def _require(self, payload: PayloadResult) -> None:
         problem = why_not_usable(payload, self._chain, self._robot, "fed forward")

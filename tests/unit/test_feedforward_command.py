@@ -7,9 +7,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from armload_controller.arms import simulated_arm
 from armload_controller.cli.main import app
+from armload_controller.commissioning import Load, run_leg
 from armload_controller.config import load_robot
-from armload_identification.fourier import Excitation, FourierTrajectory, write_excitation
+from armload_controller.control import MotionControl
+from armload_controller.cycle import Cycle
+from armload_controller.recorder import Recorder
+from armload_controller.setpoints import plan_legs
+from armload_controller.torque_gate import TorqueGate
+from armload_identification.fourier import Excitation, FourierTrajectory, read_excitation, write_excitation
 from armload_identification.payload import PayloadResult, Provenance
 from armload_identification.payload_file import write_payload
 
@@ -31,6 +38,8 @@ def folder(tmp_path_factory):
     offset = np.array([0.0, 0.5, 1.2, 0.0, 0.6, 0.0])
     sweep = FourierTrajectory(0.25, offset, *SWING_RAD)
     write_excitation(folder / "sweep.toml", Excitation(sweep, 1))
+    shipped = load_robot("prbt").excitations["identification"].trajectory
+    write_excitation(folder / "long.toml", Excitation(shipped, 2))
     body = load_robot("prbt").simulated_payload("block")
     values = np.stack([body.values, body.values], axis=1)
     known = np.ones(10, dtype=bool)
@@ -63,6 +72,53 @@ def test_the_payloads_share_of_the_following_error_falls(compared, folder):
         assert ideal == pytest.approx(identified, abs=3.0)
     svg = (folder / "ff.svg").read_text()
     assert svg.lstrip().startswith("<?xml")
+
+
+@pytest.fixture(scope="module")
+def with_body(armload, folder):
+    """The comparison with the arm's body as `identify-body` finds it."""
+    robot = load_robot("prbt")
+    with simulated_arm(robot, Load.UNLOADED) as servos, Recorder(folder / "empty.mcap", recorded_with(folder)) as kept:
+        servos.connect()
+        limits = robot.motion_limits()
+        cycle = Cycle(servos, limits, TorqueGate(robot.torque_max_nm(), 0.01), MotionControl(), [kept])
+        leg = plan_legs(read_excitation(folder / "long.toml"), limits, 0.01).measured
+        run_leg(cycle, leg, limits, robot.workspace(), lambda done: None)
+    found = armload("identify-body", "prbt", folder / "empty.mcap", "-o", folder / "body.toml")
+    assert found.exit_code == 0, found.output
+    words = ["feedforward", "prbt", folder / "payload.toml", "--compare", "--mounted", "block"]
+    words += ["--body", folder / "body.toml"]
+    result = armload(*words, "--excitation", folder / "sweep.toml", "--picture", folder / "body.svg")
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def recorded_with(folder):
+    return {
+        "excitation.toml": (folder / "long.toml").read_text(),
+        "run.json": '{"robot": "prbt", "load": "unloaded", "cycle_hz": 100}',
+    }
+
+
+def test_with_a_body_the_arms_own_torque_is_a_third_curve(with_body, folder):
+    assert "What the payload adds to the following error, RMS over time" in with_body
+    first, second = with_body.split("Following error beyond the servo's lag, RMS over time")
+    for text, columns in ((first, 3), (second, 3)):
+        for joint in range(1, 7):
+            (row,) = [line for line in text.splitlines() if f"prbt_joint_{joint} " in line and "% less" in line]
+            assert len(re.findall("% less", row)) == columns
+    (row,) = [line for line in second.splitlines() if "prbt_joint_3" in line and "% less" in line]
+    payload, _, arm = (float(share) for share in re.findall(r"(-?[\d.]+) % less", row))
+    assert arm > payload + 10.0
+    assert "no torque is added on" not in with_body
+    assert "payload and arm: " in (folder / "body.svg").read_text()
+
+
+def test_a_body_of_another_arm_is_refused_before_anything_moves(armload, folder, with_body):
+    words = ["feedforward", "er50", folder / "payload.toml", "--body", folder / "body.toml"]
+    result = armload(*words)
+    assert result.exit_code == 1
+    assert "coupled differently" in str(result.exception)
 
 
 def test_the_offset_is_tried_and_what_is_left_out_is_said(compared):

@@ -10,6 +10,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
+from armload_controller.arm_torque import ArmTorque, LoadFriction, held_torque, require_body
 from armload_controller.arms import VIRTUAL, open_arm, require_rules, simulated_arm
 from armload_controller.cli.options import (
     BitrateOption,
@@ -28,11 +29,14 @@ from armload_controller.control import MotionControl
 from armload_controller.injection import PayloadRefused
 from armload_controller.offset_check import OffsetVerdict
 from armload_controller.payload_use import why_not_usable
+from armload_identification.body import BodyModel
+from armload_identification.body_file import read_body
 from armload_identification.fourier import Excitation, read_excitation
 from armload_identification.payload import InertialParameters, PayloadResult
 from armload_identification.payload_file import read_payload
 
 IDENTIFIED, IDEAL = "identified payload", "true payload"
+FRICTION, ARM = "and its friction in the gears", "payload and arm"
 PERIODS = 1
 
 
@@ -44,6 +48,10 @@ def feedforward(
     ] = False,
     excitation: Annotated[
         Path | None, typer.Option(help="Trajectory to run; the robot's validation excitation if not given.")
+    ] = None,
+    body: Annotated[
+        Path | None,
+        typer.Option("--body", help="Body file of `armload identify-body`: the arm's own torque is added too."),
     ] = None,
     mounted: Annotated[
         str | None, typer.Option("--mounted", help="Payload of [simulation.payloads] on the simulated flange.")
@@ -58,7 +66,7 @@ def feedforward(
     ] = False,
     yes: YesOption = False,
 ) -> None:
-    """Add a payload's torque to the drives' own (60B2), after trying it at standstill."""
+    """Add a payload's torque, and the arm's, to the drives' own (60B2), after trying it at standstill."""
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     if mounted is not None:
@@ -71,24 +79,35 @@ def feedforward(
         raise PayloadRefused(f"{payload}: {problem}")
     chosen = require_excitation(arm, "validation") if excitation is None else read_excitation(excitation)
     chosen = Excitation(chosen.trajectory, PERIODS)
-    runs = ComparisonRuns(arm, chosen, screen, control, Consent(screen.confirm, given=yes))
+    model = None if body is None else read_body(body).model
+    if model is not None:
+        require_body(model, arm.chain(), arm.coupling())
+    tried_nm = None if model is None else held_torque(model)
+    runs = ComparisonRuns(arm, chosen, screen, control, Consent(screen.confirm, given=yes), tried_nm)
     with listening(control):
         if not compare:
             with open_arm(arm, Load.LOADED, screen.step, simulated_drives=simulated_drives) as servos:
                 servos.connect()
                 screen.step(_account(runs.check_only(servos, result)))
             return
-        comparison = _compare(arm, runs, result, screen, simulated_drives)
-    screen.console.print(comparison_table(comparison))
-    draw(comparison, arm.name, picture)
+        comparisons = _compare(arm, runs, result, model, screen, simulated_drives=simulated_drives)
+    for comparison in comparisons:
+        screen.console.print(comparison_table(comparison))
+    draw(comparisons, arm.name, picture)
     screen.step(f"picture: {picture}")
 
 
 def _compare(
-    arm: Robot, runs: ComparisonRuns, payload: PayloadResult, screen: Screen, simulated_drives: bool
-) -> Comparison:
-    """All runs; in simulation the empty arm's and the true payload's too."""
-    in_this_process = arm.bus.interface == VIRTUAL
+    arm: Robot,
+    runs: ComparisonRuns,
+    payload: PayloadResult,
+    body: BodyModel | None,
+    screen: Screen,
+    *,
+    simulated_drives: bool,
+) -> list[Comparison]:
+    """All runs; in simulation the empty arm's and the true payload's too. The mildest addition comes first."""
+    in_this_process, chain = arm.bus.interface == VIRTUAL, arm.chain()
     empty: FollowingRun | None = None
     if in_this_process:
         with simulated_arm(arm, Load.UNLOADED) as servos:
@@ -100,11 +119,22 @@ def _compare(
         fed, verdict = runs.with_feedforward(servos, payload, "loaded, with feed-forward", None)
         screen.step(_account(verdict))
         results = {IDENTIFIED: fed}
+        if body is not None:
+            for label, term in ((FRICTION, LoadFriction(chain, body)), (ARM, ArmTorque(chain, body))):
+                results[label], _ = runs.with_feedforward(servos, payload, f"loaded, {label}", verdict, term)
         if in_this_process:
             truth = arm.simulated_payload(arm.simulated_payload_name)
             true = _as_result(payload, truth)
             results[IDEAL], _ = runs.with_feedforward(servos, true, "loaded, with the true one", verdict)
-    return runs.compare(without, results, empty, payload)
+
+    def chosen(*left_out: str) -> dict[str, FollowingRun]:
+        return {label: run for label, run in results.items() if label not in left_out}
+
+    # Without the empty arm's error there is nothing to take off but the lag; the arm's own torque changes that error.
+    comparisons = [] if empty is None else [runs.compare(without, chosen(ARM), empty, payload)]
+    if empty is None or body is not None:
+        comparisons.append(runs.compare(without, chosen(IDEAL), None, payload))
+    return comparisons
 
 
 def _as_result(payload: PayloadResult, truth: InertialParameters) -> PayloadResult:
@@ -125,10 +155,10 @@ def _account(verdict: OffsetVerdict) -> str:
 
 def comparison_table(comparison: Comparison) -> Table:
     """RMS of the error per joint, and how much less it is with feed-forward."""
-    what = "What the payload adds to the following error" if comparison.empty_known else "Following error"
-    table = Table(title=f"{what}, RMS over time", title_justify="left")
+    what = comparison.measure
+    table = Table(title=f"{what[0].upper()}{what[1:]}, RMS over time", title_justify="left")
     table.add_column("joint")
-    for column in ("weight N m", "without mrad", *(f"with, {label}" for label in comparison.with_rad)):
+    for column in ("weight N m", "without mrad", *comparison.with_rad):
         table.add_column(column, justify="right")
     for i, name in enumerate(comparison.joint_names):
         shares = [f"{100 * comparison.reduction(label)[i]:.1f} % less" for label in comparison.with_rad]
