@@ -3,12 +3,13 @@
 The payload, and the arm's body from the empty half, are identified by a commissioning over CANopen. Then one
 trajectory is run empty, loaded, and loaded with the torque of the identified payload, of the true one, of the
 identified one and its friction in the gears, and of payload and arm. Two trajectories: the robot's own validation
-excitation, and a sweep of one harmonic in the same ten seconds, designed here, in which joints reverse a fifth as often.
+excitation, and a sweep of one harmonic in the same ten seconds, designed here, in which joints reverse a fifth as
+often.
 
 What is left is left at reversals. There the arm sticks, and how it breaks away depends on the inertia that the servo
 has to move: loaded, it does so a few milliseconds later, and rings longer. On prbt's validation excitation a half
-(joint 5) to three quarters (2, 3) of the residual's energy lie within 0.15 s of reversals, and the true payload's torque
-takes away no more than 50 to 53 % even where the gears' friction does not grow with the load (load_friction = 0).
+(joint 5) to three quarters (2, 3) of the residual's energy lie within 0.15 s of reversals, and the true payload's
+torque takes away no more than 50 to 53 % even where the gears' friction does not grow with the load (load_friction = 0).
 """
 
 from __future__ import annotations

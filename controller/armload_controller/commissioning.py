@@ -187,7 +187,7 @@ def record_half(
                     limits,
                     TorqueGate(robot.torque_max_nm(), servos.cycle_s),
                     control,
-                    [recorder, monitor, torque_window(robot, servos.cycle_s)],
+                    [recorder, monitor, torque_window(robot, load, servos.cycle_s)],
                 )
                 with watcher.track(f"{load}: {role}, slow round", BAR) as progress:
                     run_leg(cycle, legs.slow, limits, workspace, progress)
@@ -250,9 +250,10 @@ def approach(arm: PoweredArm, goal_rad: FloatArray, limits: MotionLimits, worksp
     arm.follow(way, lambda share: None)
 
 
-def torque_window(robot: Robot, cycle_s: float) -> TorqueWindow:
-    """The torque window of an arm whose body is not known: its joints' greatest torque."""
-    return TorqueWindow(robot.joint_names, robot.transmission(), robot.torque_max_nm(), cycle_s, model=None)
+def torque_window(robot: Robot, load: Load, cycle_s: float) -> TorqueWindow:
+    """The torque window of an arm: what its file tells, or its joints' greatest torque where that is not enough."""
+    model = robot.expected_torque(loaded=load is Load.LOADED)
+    return TorqueWindow(robot.joint_names, robot.transmission(), robot.torque_max_nm(), cycle_s, model)
 
 
 def missing_roles(directory: Path, load: Load) -> tuple[str, ...]:

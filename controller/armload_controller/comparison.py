@@ -21,6 +21,7 @@ from armload_controller.arm_torque import ArmTerm
 from armload_controller.commissioning import (
     BAR,
     Consent,
+    Load,
     Watcher,
     approach,
     run_leg,
@@ -207,7 +208,7 @@ class ComparisonRuns:
             servos, f"{text}: the arm will move, slowly first. Is the cell clear?", always=with_payload
         )
         kept = Follower()
-        cycle = self._cycle(servos, [kept])
+        cycle = self._cycle(servos, Load.LOADED if with_payload else Load.UNLOADED, [kept])
         with self._watcher.track(f"{text}, slow round", BAR) as progress:
             run_leg(cycle, self._legs.slow, self._limits, self._workspace, progress)
         self._consent.require(servos, f"{text}: run at full speed?", always=False)
@@ -238,7 +239,7 @@ class ComparisonRuns:
         """
         added = self._feedforward(servos, payload, beside)
         kept = Follower()
-        cycle = self._cycle(servos, [kept, added])
+        cycle = self._cycle(servos, Load.LOADED, [kept, added])
         self._consent.require(servos, f"{text}: run at full speed with torque added to the drives'?", always=False)
         with self._watcher.track(text, BAR) as progress, cycle.powered() as arm:
             leg = self._legs.measured
@@ -259,7 +260,7 @@ class ComparisonRuns:
         """
         self._consent.require(servos, "The arm will hold its position with torque on. Is the cell clear?", always=True)
         added = self._feedforward(servos, payload, None)
-        with self._cycle(servos, [added]).powered() as arm:
+        with self._cycle(servos, Load.LOADED, [added]).powered() as arm:
             return added.begin(arm)
 
     def compare(
@@ -307,10 +308,10 @@ class ComparisonRuns:
         tried = np.maximum(tried_torque(chain, payload.model, self._path_rad), self._tried_nm)
         return CheckedFeedforward(added, OffsetCheck(robot.joint_names, robot.transmission(), tried, servos.cycle_s))
 
-    def _cycle(self, servos: JointServos, plugins: list[CyclePlugin]) -> Cycle:
+    def _cycle(self, servos: JointServos, load: Load, plugins: list[CyclePlugin]) -> Cycle:
         """A cycle with monitors, and what a run adds."""
         robot = self._robot
         monitor = FollowingMonitor(self._limits, robot.bus.max_missing_cycles)
         gate = TorqueGate(robot.torque_max_nm(), servos.cycle_s)
-        watching: list[CyclePlugin] = [monitor, torque_window(robot, servos.cycle_s)]
+        watching: list[CyclePlugin] = [monitor, torque_window(robot, load, servos.cycle_s)]
         return Cycle(servos, self._limits, gate, self._control, [*watching, *plugins])

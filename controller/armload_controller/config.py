@@ -18,6 +18,7 @@ from pydantic import ValidationError
 
 from armload_controller.drive_tables import BusTable, drive_settings, read_descriptions, require_scales
 from armload_controller.envelope import (
+    expected_torque_of,
     following_speed_of,
     require_consistent,
     require_drivable,
@@ -29,6 +30,7 @@ from armload_controller.errors import ConfigurationError
 from armload_controller.limits import MotionLimits
 from armload_controller.schema import RobotFile, SimulationTable, explained
 from armload_controller.table_types import PayloadTable
+from armload_controller.torque_model import ExpectedTorque
 from armload_drivers.arm import ArmSettings
 from armload_drivers.bus_budget import require_room
 from armload_drivers.eds import DeviceDescription
@@ -256,6 +258,14 @@ class Robot:
                     "--simulated-drives",
                 )
         require_told(self.file, self._model)
+
+    def expected_torque(self, *, loaded: bool) -> ExpectedTorque | None:
+        """Between which torques motions lie; None where the file tells too little of arm or payload.
+
+        Args:
+            loaded: Something up to the heaviest payload hangs on the flange; else nothing.
+        """
+        return expected_torque_of(self._model, self.chain(), loaded=loaded)
 
     def weak_points(self) -> tuple[str, ...]:
         """What an operator has to know of the drives before the arm moves, in words."""

@@ -10,6 +10,7 @@ import numpy as np
 from armload_controller.cell_tables import WorkspaceTable
 from armload_controller.errors import ConfigurationError
 from armload_controller.schema import RobotFile
+from armload_controller.torque_model import ExpectedTorque
 from armload_drivers.servos import FloatArray
 from armload_identification.chain import Chain, pose_from_xyz_rpy
 from armload_identification.dynamics import ArmBody
@@ -129,6 +130,23 @@ def torque_limits_of(
             )
         shares.append(joint.arm_torque_share)
     return TorqueLimits.from_share(chain, np.array(shares), payload, usable)
+
+
+def expected_torque_of(model: RobotFile, chain: Chain, *, loaded: bool) -> ExpectedTorque | None:
+    """Between which torques motions lie; None where the file tells too little of arm or payload."""
+    heaviest = model.heaviest_payload or model.expected_payload
+    shares = [joint.arm_torque_share for joint in model.joints]
+    told = [share for share in shares if share is not None]
+    if (model.body is None and len(told) < len(shares)) or (loaded and heaviest is None):
+        return None
+    torque_max = np.array([joint.torque_max_nm for joint in model.joints])
+    return ExpectedTorque(
+        chain,
+        arm_body_of(model),
+        np.zeros_like(torque_max) if model.body is not None else np.array(told) * torque_max,
+        heaviest.inertial() if loaded and heaviest is not None else None,
+        torque_max,
+    )
 
 
 def require_told(file: str, model: RobotFile) -> None:

@@ -15,6 +15,8 @@ from armload_identification.signals import Transmission
 
 TORQUE_FILTER_S = 0.02
 """Time constant that noise is taken out of the measured torque with, before it is compared."""
+REACH_BACK_S = 0.1
+"""Setpoints of so long ago may still be on their way: twice the lag of the simulated servos."""
 
 
 class FollowingError(ControlError):
@@ -39,18 +41,16 @@ class TorqueError(ControlError):
     Attributes:
         joint: Name of the joint.
         measured_nm: Torque measured, noise filtered out.
-        expected_nm: What the model says, 0 without one.
-        window_nm: Greatest difference allowed.
+        least_nm: Least torque expected.
+        greatest_nm: Greatest torque expected.
     """
 
-    def __init__(self, joint: str, measured_nm: float, expected_nm: float, window_nm: float) -> None:
-        super().__init__(
-            f"{joint}: {measured_nm:.1f} N m measured, {expected_nm:.1f} N m expected, {window_nm:.1f} apart allowed"
-        )
+    def __init__(self, joint: str, measured_nm: float, least_nm: float, greatest_nm: float) -> None:
+        super().__init__(f"{joint}: {measured_nm:.1f} N m measured, {least_nm:.1f} to {greatest_nm:.1f} N m expected")
         self.joint = joint
         self.measured_nm = measured_nm
-        self.expected_nm = expected_nm
-        self.window_nm = window_nm
+        self.least_nm = least_nm
+        self.greatest_nm = greatest_nm
 
 
 class StaleFeedback(ControlError):
@@ -147,23 +147,25 @@ class FollowingMonitor:
 
 
 class TorqueModel(Protocol):
-    """Something that knows what torque a motion takes."""
+    """Something that knows between which torques a motion lies."""
 
-    def torque_nm(
+    def bounds_nm(
         self, position_rad: FloatArray, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray
-    ) -> FloatArray:
-        """(n,) joint torques in N m."""
+    ) -> tuple[FloatArray, FloatArray]:
+        """(n,) least and greatest joint torques in N m."""
 
 
 class TorqueWindow:
     """Judges measured torque against a model, or where there is none against the joint's greatest torque.
 
+    An arm is where its setpoints were some time ago, so torque may be what any of the last setpoints takes.
+
     Args:
         joint_names: Names, for messages.
         transmission: From motor current to joint torque.
-        window_nm: (n,) greatest difference between measured and expected torque.
+        torque_max_nm: (n,) greatest torque of each joint.
         cycle_s: Duration of a cycle.
-        model: What the motion should take; None expects nothing and leaves the window to be the torque limit.
+        model: What the motion should take; None expects anything that the joints can give.
     """
 
     name = "torque window"
@@ -172,16 +174,19 @@ class TorqueWindow:
         self,
         joint_names: tuple[str, ...],
         transmission: Transmission,
-        window_nm: FloatArray,
+        torque_max_nm: FloatArray,
         cycle_s: float,
         model: TorqueModel | None,
     ) -> None:
         self._joint_names = joint_names
         self._measured = JointTorque(transmission)
-        self._window = window_nm
+        self._limit = torque_max_nm
         self._share = cycle_s / (TORQUE_FILTER_S + cycle_s)
         self._model = model
-        self._difference = np.zeros_like(window_nm)
+        self._filtered: FloatArray | None = None
+        self._least = np.empty((max(2, round(REACH_BACK_S / cycle_s)), len(torque_max_nm)))
+        self._greatest = np.empty_like(self._least)
+        self._next = 0
 
     def on_cycle(self, step: CycleStep) -> None:
         """Judge one feedback.
@@ -191,22 +196,23 @@ class TorqueWindow:
         """
         reference = step.sent_reference
         if reference is None:
+            self._filtered = None
             return
-        expected = np.zeros_like(self._window)
+        bounds = (-self._limit, self._limit)
         if self._model is not None:
-            expected = self._model.torque_nm(
-                reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
-            )
-        difference = self._measured(step.feedback) - expected
-        self._difference += self._share * (difference - self._difference)
-        excess = np.abs(self._difference) - self._window
+            state = reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
+            bounds = self._model.bounds_nm(*state)
+        rows = slice(None) if self._filtered is None else self._next
+        self._least[rows], self._greatest[rows] = bounds
+        self._next = (self._next + 1) % len(self._least)
+        least, greatest = self._least.min(axis=0), self._greatest.max(axis=0)
+        before = 0.5 * (least + greatest) if self._filtered is None else self._filtered
+        self._filtered = before + self._share * (self._measured(step.feedback) - before)
+        excess = np.maximum(self._filtered - greatest, least - self._filtered)
         worst = int(np.argmax(excess))
         if not excess[worst] <= 0.0:
             raise TorqueError(
-                self._joint_names[worst],
-                float(self._difference[worst] + expected[worst]),
-                float(expected[worst]),
-                float(self._window[worst]),
+                self._joint_names[worst], float(self._filtered[worst]), float(least[worst]), float(greatest[worst])
             )
 
 
