@@ -9,7 +9,8 @@ often.
 What is left is left at reversals. There the arm sticks, and how it breaks away depends on the inertia that the servo
 has to move: loaded, it does so a few milliseconds later, and rings longer. On prbt's validation excitation a half
 (joint 5) to three quarters (2, 3) of the residual's energy lie within 0.15 s of reversals, and the true payload's
-torque takes away no more than 50 to 53 % even where the gears' friction does not grow with the load (load_friction = 0).
+torque takes away no more than 50 to 53 % even where the gears' friction does not grow with the load (load_friction
+= 0).
 """
 
 from __future__ import annotations

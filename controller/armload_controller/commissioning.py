@@ -224,11 +224,17 @@ def run_leg(
         MotionError: the motion was stopped.
     """
     with cycle.powered() as arm:
-        approach(arm, leg.path.evaluate(leg.start_s).position_rad, limits, workspace)
+        approach(arm, leg.path.evaluate(leg.start_s).position_rad, limits, workspace, progress)
         arm.follow(leg, lambda share: progress(round(BAR * share)))
 
 
-def approach(arm: PoweredArm, goal_rad: FloatArray, limits: MotionLimits, workspace: Workspace) -> None:
+def approach(
+    arm: PoweredArm,
+    goal_rad: FloatArray,
+    limits: MotionLimits,
+    workspace: Workspace,
+    progress: Callable[[int], None],
+) -> None:
     """Go straight, in joint space, to where something begins.
 
     Args:
@@ -236,6 +242,7 @@ def approach(arm: PoweredArm, goal_rad: FloatArray, limits: MotionLimits, worksp
         goal_rad: (n,) where to.
         limits: Of the joints.
         workspace: What must not be touched on the way.
+        progress: Told that nothing of what follows is done yet.
 
     Raises:
         BlockedWay: something would be; the arm has not moved.
@@ -247,7 +254,7 @@ def approach(arm: PoweredArm, goal_rad: FloatArray, limits: MotionLimits, worksp
     least = workspace.least_on_line(arm.position_rad, goal_rad)
     if least.size and least.min() <= 0.0:
         raise BlockedWay(f"the arm would come within {least.min():.3f} m of {workspace.names[int(least.argmin())]!r}")
-    arm.follow(way, lambda share: None)
+    arm.follow(way, lambda share: progress(0))
 
 
 def torque_window(robot: Robot, load: Load, cycle_s: float) -> TorqueWindow:

@@ -243,7 +243,7 @@ class ComparisonRuns:
         self._consent.require(servos, f"{text}: run at full speed with torque added to the drives'?", always=False)
         with self._watcher.track(text, BAR) as progress, cycle.powered() as arm:
             leg = self._legs.measured
-            approach(arm, self._legs.start_rad, self._limits, self._workspace)
+            approach(arm, self._legs.start_rad, self._limits, self._workspace, progress)
             if tried is None:
                 tried = added.begin(arm)
             else:

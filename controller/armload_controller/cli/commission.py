@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from armload_controller.arms import VIRTUAL, open_arm, require_rules
+from armload_controller.cli.keyboard import Keyboard
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -82,7 +83,8 @@ def commission(
             raise CommissioningError("--runs loaded needs --output: the folder that --runs unloaded recorded into")
         require_recordings(directory, Load.UNLOADED)
     make_folder(directory)
-    screen = Screen()
+    control = MotionControl()
+    screen = Screen(Keyboard.of_this_process(control))
     halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
     todo = [load for load in halves[runs] if missing_roles(directory, load)]
     if not todo:
@@ -94,7 +96,6 @@ def commission(
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
 
-    control = MotionControl()
     consent = Consent(screen.confirm, given=yes)
     with listening(control):
         for load in halves[runs]:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from armload_controller.arm_torque import ArmTorque, LoadFriction, held_torque, require_body
 from armload_controller.arms import VIRTUAL, open_arm, require_rules, simulated_arm
+from armload_controller.cli.keyboard import Keyboard
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -72,7 +73,8 @@ def feedforward(
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)
     require_picture(picture)
-    screen, control = Screen(), MotionControl()
+    control = MotionControl()
+    screen = Screen(Keyboard.of_this_process(control))
     result = read_payload(payload)
     problem = why_not_usable(result, arm.chain(), arm.name, "fed forward")
     if problem is not None:

@@ -9,19 +9,26 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from types import FrameType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from armload_controller.cli.keyboard import HINT, Keyboard
 from armload_controller.control import MotionControl, OperatorStop, TerminationStop
 
 
 class Screen:
-    """A console that satisfies `commissioning.Watcher`."""
+    """A console that satisfies `commissioning.Watcher`.
 
-    def __init__(self) -> None:
+    Args:
+        keyboard: Whose keys are listened to while something is tracked.
+    """
+
+    def __init__(self, keyboard: Keyboard | None = None) -> None:
+        self._keyboard = keyboard
+        self._hinted = False
         self.console = Console(highlight=False)
         self.errors = Console(stderr=True, highlight=False)
 
@@ -32,6 +39,9 @@ class Screen:
     @contextmanager
     def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
         """A progress bar; the function given takes how much is done."""
+        if self._keyboard is not None and not self._hinted:
+            self._hinted = True
+            self.step(HINT)
         bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(bar_width=30),
@@ -41,15 +51,16 @@ class Screen:
             console=self.console,
             auto_refresh=False,
         )
-        with bar:
+        with nullcontext() if self._keyboard is None else self._keyboard.awake(), bar:
             task = bar.add_task(text, total=total)
-            drawn = 0
+            drawn, asked = 0, ""
 
             def done(count: int) -> None:
-                nonlocal drawn
-                if count - drawn >= total / 100 or count >= total:
-                    drawn = count
-                    bar.update(task, completed=count, refresh=True)
+                nonlocal drawn, asked
+                now = "" if self._keyboard is None else self._keyboard.poll()
+                if count - drawn >= total / 100 or count >= total or now != asked:
+                    drawn, asked = count, now
+                    bar.update(task, completed=count, refresh=True, description=f"{text}, {now}" if now else text)
 
             yield done
 
