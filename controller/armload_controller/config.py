@@ -96,6 +96,11 @@ class Robot:
         return tuple(joint.name for joint in self._model.joints)
 
     @property
+    def has_bus(self) -> bool:
+        """Whether the file has a `[bus]`; else the robot is known from logs only."""
+        return self._model.bus is not None
+
+    @property
     def bus(self) -> BusTable:
         """The bus.
 

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from armload_controller.cli.design import CriterionName
 from armload_controller.cli.main import app
 from armload_controller.config import load_robot
-from armload_identification.fourier import Excitation, FourierTrajectory, read_excitation, write_excitation
+from armload_identification.fourier import CRITERIA, Excitation, FourierTrajectory, read_excitation, write_excitation
 from armload_identification.payload import InertialParameters
 from armload_identification.payload_file import read_payload, write_payload
 from armload_identification.recording import read_recording
@@ -261,6 +262,51 @@ def test_design_writes_an_excitation_and_how_it_was_made(armload, tmp_path):
     assert excitation.trajectory.harmonics == 2
     assert excitation.trajectory.period_s == pytest.approx(5.0)
     assert "--seed 4" in excitation.design["command"]
+
+
+def test_design_chooses_the_period_on_request(armload, tmp_path):
+    words = [
+        "design",
+        "prbt",
+        "-o",
+        tmp_path / "auto.toml",
+        "--restarts",
+        "1",
+        "--harmonics",
+        "1",
+        "--period-s",
+        "auto",
+    ]
+    result = armload(*words)
+    assert result.exit_code == 0, result.output
+    excitation = read_excitation(tmp_path / "auto.toml")
+    assert 2.0 <= excitation.trajectory.period_s < 10.0
+    assert excitation.trajectory.period_s * 100 == pytest.approx(round(excitation.trajectory.period_s * 100))
+    assert excitation.periods * excitation.trajectory.period_s >= 30.0 - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--period-s", "10.005"], "10.005 s is 1000.500 cycles at 100 Hz.*give 10 or 10.01"),
+        (["--period-s", "0.4"], "harmonic 5 of 0.4 s has 8.0 setpoints a period.*--period-s 0.5 or more"),
+        (["--period-s", "-1"], "'-1' is no period"),
+        (["--period-s", "nan"], "'nan' is no period"),
+        (["--seed", "-1"], "--seed.*greater than or equal to 0"),
+        (["--harmonics", "0"], "--harmonics.*greater than or equal to 1"),
+        (["--periods", "0"], "--periods.*greater than or equal to 1"),
+        (["--criterion", "best"], "--criterion.*'a-optimal', 'a-optimal-mean'"),
+    ],
+)
+def test_design_refuses_what_makes_no_sense_before_it_works(armload, tmp_path, options, text):
+    result = armload("design", "prbt", "-o", tmp_path / "x.toml", *options)
+    assert result.exit_code == 2
+    assert re.search(text, " ".join(re.sub("[│╭╮╰╯─]", " ", result.output).split())), result.output
+    assert not (tmp_path / "x.toml").exists()
+
+
+def test_every_criterion_can_be_named(armload):
+    assert tuple(CriterionName) == CRITERIA
 
 
 def program(*words):

@@ -145,6 +145,75 @@ def test_a_jump_in_the_plan_stops_before_it_is_sent(ideal_servos, run):
     assert servos.log[1:] == ["stop", "disable"]
 
 
+@pytest.mark.parametrize(("speed_rad_s", "stops"), [(0.09, False), (0.3, True)])
+@pytest.mark.parametrize("joint", range(N))
+def test_what_ruckig_makes_of_a_setpoint_stays_within_a_tenth_of_a_milliradian(ideal_servos, speed_rad_s, stops, joint):
+    """A path that begins with a speed is left behind by Ruckig: at 600 rad/s3 by 0.6 mrad for 0.3 rad/s."""
+
+    class Kicked:
+        """The excitation, on which one joint turns from one moment to the next."""
+
+        def evaluate(self, t_s):
+            state = PATH.evaluate(t_s)
+            late_s = np.maximum(np.asarray(t_s) - 0.105, 0.0)[..., None] * (np.arange(N) == joint)
+            return replace(
+                state,
+                position_rad=state.position_rad + speed_rad_s * late_s,
+                velocity_rad_s=state.velocity_rad_s + speed_rad_s * (late_s > 0.0),
+            )
+
+    servos = ideal_servos(N, CYCLE_S)
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
+    legs = plan_approach(START, LEGS.start_rad, LIMITS), replace(LEGS.measured, path=Kicked())
+    if stops:
+        with pytest.raises(MotionError, match="off the checked path"):
+            follow_all(cycle, legs)
+    else:
+        follow_all(cycle, legs)
+
+
+def test_nothing_is_switched_on_after_a_stop_was_asked_for(ideal_servos):
+    control = MotionControl()
+    control.stop(OperatorStop("Ctrl-C"))
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match=r"Nothing was switched on.*Ctrl-C"):
+        follow_all(Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), control, []), [])
+    assert servos.log == []
+
+
+def test_an_arm_that_stands_still_can_be_stopped(ideal_servos):
+    control = MotionControl()
+    servos = ideal_servos(N, CYCLE_S)
+    stranger = Stranger(10, lambda step: control.stop(OperatorStop("Ctrl-C")))
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), control, [stranger])
+    with pytest.raises(MotionError, match="Ctrl-C"), cycle.powered() as arm:
+        arm.hold(lambda: len(servos.sent) > 100)
+    assert len(servos.sent) < 20
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+@pytest.mark.parametrize("stubborn", ["exchange", "stop"])
+def test_a_step_of_a_stop_that_fails_does_not_keep_the_next_one_back(ideal_servos, run, stubborn):
+    class Stubborn(ideal_servos):
+        def exchange(self, command):
+            if stubborn == "exchange" and len(self.sent) >= 130:
+                raise BusError("no frame leaves")
+            return super().exchange(command)
+
+        def stop(self):
+            super().stop()
+            if stubborn == "stop":
+                raise ServoTimeout(3, "elbow", "quick stop", "still turning", "Look.")
+
+    servos = Stubborn(N, CYCLE_S)
+    with pytest.raises(MotionError, match="enough") as caught:
+        run(servos, plugins=[Stranger(129, lambda step: step.ask_to_stop("enough") or 1 / 0)])
+    assert servos.log[1:] == ["stop", "disable"]
+    text = str(caught.value)
+    assert "While stopping" in text
+    assert ("no frame leaves" if stubborn == "exchange" else "still turning") in text
+
+
 def follow_all(cycle, legs):
     with cycle.powered() as arm:
         for leg in legs:
@@ -377,7 +446,47 @@ def test_added_torque_goes_to_zero_on_a_stop_along_the_path(ideal_servos, run):
     np.testing.assert_array_equal(torque[-1], 0.0)
 
 
-@pytest.mark.parametrize("share", [0.0, 1.01, float("nan")])
+def test_added_torque_leaves_with_the_operators_stop_and_not_after_it(ideal_servos, run):
+    control = MotionControl()
+
+    class Adding:
+        name = "adding"
+
+        def on_cycle(self, step):
+            if step.feedback.cycle == 200:
+                control.stop(OperatorStop("Ctrl-C"))
+            return np.full(N, 10.0)
+
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match="Ctrl-C"):
+        run(servos, control, plugins=[Adding()])
+    torque = np.array([command.torque_offset_nm for command in servos.sent])
+    # The plug-in asks in the cycle whose command is the 201st; the gate takes 40 cycles.
+    np.testing.assert_allclose(torque[195:201], 10.0)
+    np.testing.assert_allclose(torque[201:241], 10.0 * (1.0 - np.arange(1, 41)[:, None] / 40.0) * np.ones(N), atol=1e-9)
+    np.testing.assert_array_equal(torque[241:], 0.0)
+
+
+def test_an_arm_that_is_switched_on_again_takes_torque_again(ideal_servos):
+    class Adding:
+        name = "adding"
+
+        def on_cycle(self, step):
+            return np.full(N, 10.0)
+
+    servos = ideal_servos(N, CYCLE_S)
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [Adding()])
+    for _ in range(2):
+        begun = len(servos.sent)
+        with cycle.powered() as arm:
+            arm.hold(lambda begun=begun: len(servos.sent) >= begun + 60)
+        torque = np.array([command.torque_offset_nm for command in servos.sent[begun:]])
+        np.testing.assert_allclose(torque[0], 0.25)
+        np.testing.assert_allclose(torque[58], 10.0)
+        np.testing.assert_array_equal(torque[-1], 0.0)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.0099, 1.001, float("nan")])
 def test_an_override_outside_1_to_100_per_cent_is_refused(share):
     with pytest.raises(SpeedOutOfRange, match="1 to 100 %"):
         MotionControl().set_speed(share)

@@ -6,8 +6,9 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from enum import StrEnum
 from importlib.metadata import version
-from math import ceil
+from math import ceil, floor, inf
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated
@@ -17,10 +18,11 @@ import typer
 from armload_controller.cli.options import RobotArgument
 from armload_controller.cli.screen import Screen
 from armload_controller.config import Robot, load_robot
+from armload_controller.setpoints import CYCLE_ROUNDING
 from armload_identification.excitation import DesignResult
 from armload_identification.excitation import design as design_excitation
 from armload_identification.excitation_search import PeriodRange
-from armload_identification.fourier import CRITERIA, write_excitation
+from armload_identification.fourier import write_excitation
 from armload_identification.information import named_criterion
 
 POSITION_MARGIN_RAD = 0.1
@@ -39,26 +41,44 @@ MEASURED_S = 30.0
 LEAST_PERIODS = 3
 """Fewer tell little about the scatter between them."""
 PICTURE_DPI = 150
+LEAST_CYCLES = 10
+"""Setpoints that a period of the highest harmonic needs at least."""
+MOST_HARMONICS, MOST_RESTARTS, MOST_PERIODS = 50, 1000, 10_000
+"""More is a slip of the finger."""
+
+
+class CriterionName(StrEnum):
+    """Criteria to choose from; see `information.named_criterion`."""
+
+    A_OPTIMAL = "a-optimal"
+    A_OPTIMAL_MEAN = "a-optimal-mean"
+    A_OPTIMAL_MAX = "a-optimal-max"
+    D_OPTIMAL = "d-optimal"
+    CONDITION_NUMBER = "condition-number"
 
 
 def design(
     robot: RobotArgument,
     output: Annotated[Path, typer.Option("--output", "-o", help="Excitation file to write; a picture goes beside it.")],
-    seed: Annotated[int, typer.Option(help="Same seed, same excitation.")] = 1,
-    restarts: Annotated[int, typer.Option(min=1, help="Random starts; the best one wins.")] = 8,
-    harmonics: Annotated[int, typer.Option(min=1, help="Harmonics of the Fourier series.")] = 5,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same excitation.")] = 1,
+    restarts: Annotated[int, typer.Option(min=1, max=MOST_RESTARTS, help="Random starts; the best one wins.")] = 8,
+    harmonics: Annotated[int, typer.Option(min=1, max=MOST_HARMONICS, help="Harmonics of the Fourier series.")] = 5,
     period_s: Annotated[
         str,
         typer.Option(help="Duration of one period in s, or auto: as fast as torque, following error and rates allow."),
     ] = "10",
     periods: Annotated[
-        int | None, typer.Option(min=1, help="Periods that a run records; if not given, 30 s and at least three.")
+        int | None,
+        typer.Option(
+            min=1, max=MOST_PERIODS, help="Periods that a run records; if not given, 30 s and at least three."
+        ),
     ] = None,
-    criterion: Annotated[str, typer.Option(help=f"One of {', '.join(CRITERIA)}.")] = CRITERIA[0],
+    criterion: Annotated[CriterionName, typer.Option(help="What is to be told best.")] = CriterionName.A_OPTIMAL,
 ) -> None:
     """Design an excitation for a robot's expected payload, at any time within all limits and clear of all obstacles."""
     arm = load_robot(robot)
     screen = Screen()
+    frequency = _frequency(arm, period_s, harmonics)
     if not arm.knows_workspace:
         screen.step(
             f"note: {arm.file} has no [workspace]: nothing keeps this motion from the floor or from the arm itself"
@@ -69,7 +89,7 @@ def design(
             named_criterion(criterion, arm.chain(), arm.torque_noise_nm(), arm.expected_payload(), arm.payload_set()),
             envelope,
             harmonics=harmonics,
-            base_frequency_hz=_frequency(arm, period_s),
+            base_frequency_hz=frequency,
             seed=seed,
             restarts=restarts,
             executor=executor,
@@ -107,16 +127,39 @@ def _workers(restarts: int) -> Iterator[Executor | None]:
         yield executor
 
 
-def _frequency(arm: Robot, period_s: str) -> float | PeriodRange:
-    """The base frequency, or the range to choose the period from."""
+def _frequency(arm: Robot, period_s: str, harmonics: int) -> float | PeriodRange:
+    """The base frequency, or the range to choose the period from; both as the arm's bus can stream them."""
     if period_s == "auto":
         cycle_s = 1 / arm.bus.cycle_hz
         step_s = ceil(PERIOD_STEP_S / cycle_s - 1e-9) * cycle_s
-        return PeriodRange(SHORTEST_PERIOD_S, LONGEST_PERIOD_S, step_s)
+        shortest_s = max(SHORTEST_PERIOD_S, ceil(harmonics * LEAST_CYCLES * cycle_s / step_s - 1e-9) * step_s)
+        return PeriodRange(shortest_s, LONGEST_PERIOD_S, step_s)
     try:
-        return 1 / float(period_s)
-    except (ValueError, ZeroDivisionError) as error:
-        raise typer.BadParameter(f"{period_s!r} is no period: give seconds above 0, or auto") from error
+        seconds = float(period_s)
+    except ValueError:
+        seconds = 0.0
+    if not 0.0 < seconds < inf:
+        raise typer.BadParameter(f"{period_s!r} is no period: give seconds above 0, or auto")
+    if arm.has_bus:
+        _require_streamable(seconds, harmonics, arm.bus.cycle_hz)
+    return 1 / seconds
+
+
+def _require_streamable(period_s: float, harmonics: int, cycle_hz: float) -> None:
+    """Refuse a period that setpoints at the bus's rate cannot follow."""
+    cycles = period_s * cycle_hz
+    if abs(cycles - round(cycles)) > CYCLE_ROUNDING:
+        near = [whole / cycle_hz for whole in (floor(cycles), ceil(cycles)) if whole > 0]
+        raise typer.BadParameter(
+            f"a period of {period_s:g} s is {cycles:.3f} cycles at {cycle_hz:g} Hz, and has to be a whole number: "
+            f"give {' or '.join(f'{s:g}' for s in near)}"
+        )
+    if cycles < LEAST_CYCLES * harmonics:
+        raise typer.BadParameter(
+            f"harmonic {harmonics} of {period_s:g} s has {cycles / harmonics:.1f} setpoints a period at {cycle_hz:g} "
+            f"Hz, at least {LEAST_CYCLES} are needed: give --period-s {LEAST_CYCLES * harmonics / cycle_hz:g} or more, "
+            "or fewer --harmonics"
+        )
 
 
 def _nearest(result: DesignResult, arm: Robot) -> str:
