@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from armload_identification.signals import (
     Transmission,
     joint_torque,
     low_pass,
+    motion_earlier,
     smooth,
     smoothing_loss,
     white_noise,
@@ -68,10 +69,26 @@ class ArmMotion:
     periods: int
     position_fit_rad: FloatArray
 
+    def with_delay(self, delay_s: float) -> ArmMotion:
+        """The same torque with the motion that it belongs to.
+
+        Args:
+            delay_s: By how much later than positions the drives tell torques.
+        """
+        position, velocity, acceleration = motion_earlier(
+            self.position_rad,
+            self.velocity_rad_s,
+            self.acceleration_rad_s2,
+            float(self.time_s[1] - self.time_s[0]),
+            delay_s,
+        )
+        return replace(self, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
+
     @property
     def samples(self) -> ArmSamples:
         """As the fit of a body takes it."""
         return ArmSamples(
+            float(self.time_s[1] - self.time_s[0]),
             self.position_rad,
             self.velocity_rad_s,
             self.acceleration_rad_s2,
@@ -141,9 +158,9 @@ def _by_period(recording: Recording, transmission: Transmission) -> ArmMotion:
     return ArmMotion(
         time_s=time_s,
         periodic=True,
-        position_rad=state.position_rad,
-        velocity_rad_s=state.velocity_rad_s,
-        acceleration_rad_s2=state.acceleration_rad_s2,
+        position_rad=smooth(state.position_rad),
+        velocity_rad_s=smooth(state.velocity_rad_s),
+        acceleration_rad_s2=smooth(state.acceleration_rad_s2),
         raw_nm=run.torque_nm,
         torque_nm=smoothed,
         valid=run.valid,

@@ -36,13 +36,15 @@ class BodyModel:
     Attributes:
         links: (n, 10) base parameters of the links in their joint frames; zero where regrouped into others.
         base: (n, 10) True where a parameter is one of the base set.
-        rotor_inertia_kg_m2: (n,) of the axes, reflected through the gear; 0 where the links' stand in for it.
+        rotor_inertia_kg_m2: (n,) of the axes, reflected through the gear; 0 where the links stand in for it: on
+            a joint whose rotor turns with a link as one and whose friction does not grow with its load.
         coulomb_nm: (n,) friction of any speed.
         viscous_nm_s_rad: (n,) friction per speed.
         offset_nm: (n,) torque told at no load.
         stribeck_nm: (n,) what friction near standstill exceeds Coulomb friction by.
         stribeck_velocity_rad_s: (n,) speed at which that has died away to 37 %.
         load_friction: (n,) friction per torque of the links.
+        torque_delay_s: The drives tell a torque this much later than the position that it belongs to.
         reversal_speed_rad_s: (n,) speed about which the direction of motion turns over, s = tanh(dq / v).
         coupling: (n, n) C with q_joint = C q_axis.
 
@@ -59,6 +61,7 @@ class BodyModel:
     stribeck_nm: FloatArray
     stribeck_velocity_rad_s: FloatArray
     load_friction: FloatArray
+    torque_delay_s: float
     reversal_speed_rad_s: FloatArray
     coupling: FloatArray
 
@@ -67,7 +70,7 @@ class BodyModel:
         shapes = {"links": (n, PARAMETERS), "base": (n, PARAMETERS), "coupling": (n, n)}
         for field in fields(self):
             array = np.asarray(getattr(self, field.name))
-            if array.shape != shapes.get(field.name, (n,)):
+            if field.name != "torque_delay_s" and array.shape != shapes.get(field.name, (n,)):
                 raise ModelError(
                     f"{field.name} has the shape {array.shape}; expected {shapes.get(field.name, (n,))} for {n} joints"
                 )

@@ -39,6 +39,7 @@ def format_body(result: BodyResult) -> str:
         f"links = {toml_file.array(model.links)}",
         f"base = {toml_file.array(model.base.astype(float))}",
         *(f"{name} = {toml_file.array(getattr(model, name))}" for name in _PER_JOINT),
+        f"torque_delay_s = {toml_file.number(model.torque_delay_s)}",
         "",
         "# Currents were turned into torque with these gains; the body belongs to them.",
         "[transmission]",
@@ -111,9 +112,10 @@ def parse_body(content: str, source: str = "body") -> BodyResult:
     if (links[~base] != 0.0).any():
         raise body.refuse("base", "1 for every parameter that is not zero")
     values: dict[str, FloatArray] = {name: body.array(name, (n,)) for name in _PER_JOINT}
+    delay_s = body.number("torque_delay_s")
     body.close()
     try:
-        model = BodyModel(links=links, base=np.asarray(base), coupling=coupling, **values)
+        model = BodyModel(links=links, base=np.asarray(base), coupling=coupling, torque_delay_s=delay_s, **values)
     except ModelError as problem:
         raise BodyFileError(f"{source}: {problem}") from problem
     residual = root.table("residual")

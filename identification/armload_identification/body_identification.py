@@ -161,7 +161,7 @@ def check_body(body: BodyModel, recording: Recording, chain: Chain, transmission
         RecordingError: a recording that does not fit the arm or cannot be right.
     """
     _require_usable(recording, chain, transmission)
-    motion = arm_motion(recording, transmission)
+    motion = arm_motion(recording, transmission).with_delay(body.torque_delay_s)
     predicted = body.torque(chain, motion.position_rad, motion.velocity_rad_s, motion.acceleration_rad_s2)
     error = (motion.torque_nm - predicted)[motion.valid]
     return BodyCheck(

@@ -29,15 +29,31 @@ _LEAST_NOISE: Final = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of the payload before anything was measured, as k equations with an error of unit deviation.
+    """What is known before anything was measured, as k equations with an error of unit deviation.
 
     Attributes:
-        rows: (k, 10) coefficients of theta.
+        rows: (k, m) coefficients of the first m parameters: 10, or all where nuisance parameters are known too.
         target: (k,) what they give.
     """
 
     rows: FloatArray
     target: FloatArray
+
+    def and_nuisance(self, mean: FloatArray, deviation: FloatArray) -> Prior:
+        """With what is known of the parameters behind the payload's ten.
+
+        Args:
+            mean: (r,) expected values.
+            deviation: (r,) their standard deviations; inf where nothing is known.
+        """
+        known = np.flatnonzero(np.isfinite(deviation))
+        rows = np.zeros((self.target.size + known.size, 10 + mean.size))
+        rows[: self.target.size, :10] = self.rows
+        rows[self.target.size + np.arange(known.size), 10 + known] = 1.0 / deviation[known]
+        return Prior(rows, np.concatenate([self.target, mean[known] / deviation[known]]))
+
+
+NOTHING_KNOWN: Final = Prior(np.empty((0, 10)), np.empty(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,9 +267,9 @@ def _solve(
     parameters = regressor.shape[2]
     used = sample_weight * weight
     whitened = regressor * used[:, :, None]
-    known = Prior(np.empty((0, 10)), np.empty(0)) if prior is None else prior
+    known = NOTHING_KNOWN if prior is None else prior
     before = np.zeros((known.target.size, parameters))
-    before[:, :10] = known.rows
+    before[:, : known.rows.shape[1]] = known.rows
     rows = np.vstack([whitened.reshape(-1, parameters), before])
     length = np.sqrt(np.sum(rows**2, axis=0))
     if length.max() == 0.0:

@@ -9,9 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.body import BodyModel
-from armload_identification.body_fit import reversal_weights
+from armload_identification.body_fit import BodyFit, reversal_weights
 from armload_identification.chain import Chain
-from armload_identification.estimate import Estimate, Prior, estimate, estimate_reweighted, estimate_robust
+from armload_identification.estimate import (
+    NOTHING_KNOWN,
+    Estimate,
+    Prior,
+    estimate,
+    estimate_reweighted,
+    estimate_robust,
+)
 from armload_identification.friction_difference import FrictionDifference, fit_with_friction
 from armload_identification.load_signal import SCATTER, LoadSignal
 
@@ -51,6 +58,7 @@ def fit_payload(
     body: BodyModel,
     estimator: Estimator,
     prior: Prior | None = None,
+    arm: BodyFit | None = None,
 ) -> tuple[Estimate, FrictionDifference | None]:
     """Fit a payload.
 
@@ -61,6 +69,7 @@ def fit_payload(
         body: The arm's body.
         estimator: How.
         prior: What is known beforehand.
+        arm: How well the body is known, where it was fitted to the unloaded run.
 
     Returns:
         The fit, and the friction beside it where the estimator looks for some.
@@ -68,8 +77,9 @@ def fit_payload(
     least = least_noise(signal)
     steady = reversal_weights(signal.velocity_rad_s)
 
-    def solve(columns: FloatArray) -> Estimate:
-        return estimate_reweighted(columns, signal.torque_nm, signal.valid, least, steady, prior)
+    def solve(columns: FloatArray, expected: FloatArray, deviation: FloatArray) -> Estimate:
+        known = (prior or NOTHING_KNOWN).and_nuisance(expected, deviation)
+        return estimate_reweighted(columns, signal.torque_nm, signal.valid, least, steady, known)
 
     match estimator:
         case Estimator.OLS:
@@ -80,4 +90,4 @@ def fit_payload(
         case Estimator.ROBUST:
             return estimate_robust(regressor, signal.torque_nm, signal.valid, least, steady, prior), None
         case Estimator.FRICTION:
-            return fit_with_friction(signal, regressor, chain, body, solve)
+            return fit_with_friction(signal, regressor, chain, body, solve, arm)

@@ -23,7 +23,7 @@ from armload_identification.body import smooth_sign
 from armload_identification.body_fit import reversal_speed, reversal_weights
 from armload_identification.chain import Chain
 from armload_identification.errors import EstimationError
-from armload_identification.estimate import Estimate, Prior, estimate_reweighted
+from armload_identification.estimate import NOTHING_KNOWN, Estimate, Prior, estimate_reweighted
 from armload_identification.estimators import least_noise
 from armload_identification.friction_difference import fit_with_friction, load_column, unloaded_body
 from armload_identification.known import KnownPayload
@@ -114,6 +114,7 @@ def calibrate_gains(
         check_joints(run, chain.n)
     check_pair(loaded, unloaded, transmission)
     signal = load_signal(loaded, unloaded, transmission)
+    signal = signal.with_delay(unloaded_body(signal, chain, transmission.coupling).model.torque_delay_s)
     problem = _Problem(signal, chain, transmission.coupling, known)
     free = np.ones(chain.n, dtype=bool)
     while free.any():
@@ -171,12 +172,13 @@ class _Problem:
             torque_nm=self._by_gains(self._signal.torque_nm, log_h),
             unloaded_nm=self._by_gains(self._signal.unloaded_nm, log_h),
         )
-        body = unloaded_body(signal, self._chain, coupling).model
+        arm = unloaded_body(signal, self._chain, coupling)
 
-        def weighted(columns: FloatArray) -> Estimate:
-            return self._fit(columns, signal.torque_nm, prior)
+        def weighted(columns: FloatArray, expected: FloatArray, deviation: FloatArray) -> Estimate:
+            known = (prior or NOTHING_KNOWN).and_nuisance(expected, deviation)
+            return self._fit(columns, signal.torque_nm, known)
 
-        fit, friction = fit_with_friction(signal, self._regressor, self._chain, body, weighted)
+        fit, friction = fit_with_friction(signal, self._regressor, self._chain, arm.model, weighted, arm)
         coefficients = np.concatenate([friction.load, friction.viscous_nm_s_rad])
         return fit.theta[:10], coefficients, np.concatenate([friction.load_joints, friction.viscous_joints])
 

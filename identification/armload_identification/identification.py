@@ -116,20 +116,22 @@ def identify(
     for run in runs:
         check_joints(run, chain.n)
     signal = _signal(loaded, unloaded, chain, transmission, body)
-    regressor = payload_regressor(chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
     prior = None if known is None else known.prior()
     arm: BodyFit | None = None
     if body is None:
         arm = unloaded_body(signal, chain, transmission.coupling)
         body = arm.model
-    fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior)
+        signal = signal.with_delay(body.torque_delay_s)
+    regressor = payload_regressor(chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
+    fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior, arm)
     check_signs(signal, regressor, fit)
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
         raise explain_negative_mass(plain.mass_kg, float(width))
     physical = make_physical(fit)
-    uncertainty = quantify(fit, physical.parameters, _gain_shifts(loaded, transmission, signal, fit))
+    doubts = _doubts(loaded, transmission, signal, friction)
+    uncertainty = quantify(fit, physical.parameters, shifts_by(fit, doubts))
     predicted = regressor @ physical.parameters.theta
     if friction is not None:
         predicted = predicted + friction.torque_nm
@@ -162,17 +164,21 @@ def _signal(
             "body once with `armload identify-body` and give that file as --body."
         )
     check_run(loaded, transmission)
-    motion = arm_motion(loaded, transmission)
+    motion = arm_motion(loaded, transmission).with_delay(body.torque_delay_s)
     empty = body.torque(chain, motion.position_rad, motion.velocity_rad_s, motion.acceleration_rad_s2)
     return without_body(motion, empty)
 
 
-def _gain_shifts(loaded: Recording, transmission: Transmission, signal: LoadSignal, fit: Estimate) -> FloatArray | None:
-    """(n, p) what one standard deviation of each gain does to the fit; None where torque was recorded."""
-    if loaded.torque_nm is not None or not transmission.deviation.any():
-        return None
-    shares = transmission.gain_shares(signal.torque_nm)
-    return shifts_by(fit, shares * transmission.deviation[:, None, None])
+def _doubts(
+    loaded: Recording, transmission: Transmission, signal: LoadSignal, friction: FrictionDifference | None
+) -> FloatArray:
+    """(k, K, n) torque of one standard deviation of each systematic error: gains, what the unloaded run told."""
+    doubts = [np.zeros((0, *signal.torque_nm.shape))]
+    if loaded.torque_nm is None and transmission.deviation.any():
+        doubts.append(transmission.gain_shares(signal.torque_nm) * transmission.deviation[:, None, None])
+    if friction is not None:
+        doubts.append(friction.doubts_nm)
+    return np.concatenate(doubts)
 
 
 def payload_result(

@@ -11,7 +11,7 @@ refused.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -26,6 +26,7 @@ from armload_identification.signals import (
     Transmission,
     joint_torque,
     low_pass,
+    motion_earlier,
     smooth,
     smoothing_loss,
     white_noise,
@@ -94,6 +95,17 @@ class LoadSignal:
         """Time between samples."""
         return float(self.time_s[1] - self.time_s[0])
 
+    def with_delay(self, delay_s: float) -> LoadSignal:
+        """The same torque with the motion that it belongs to.
+
+        Args:
+            delay_s: By how much later than positions the drives tell torques.
+        """
+        position, velocity, acceleration = motion_earlier(
+            self.position_rad, self.velocity_rad_s, self.acceleration_rad_s2, self.interval_s, delay_s
+        )
+        return replace(self, position_rad=position, velocity_rad_s=velocity, acceleration_rad_s2=acceleration)
+
 
 def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
     """Difference of a loaded and an unloaded run of the same motion.
@@ -144,9 +156,9 @@ def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission
     return LoadSignal(
         time_s=share * runs[0].period_s,
         periodic=True,
-        position_rad=state.position_rad,
-        velocity_rad_s=state.velocity_rad_s,
-        acceleration_rad_s2=state.acceleration_rad_s2,
+        position_rad=smooth(state.position_rad),
+        velocity_rad_s=smooth(state.velocity_rad_s),
+        acceleration_rad_s2=smooth(state.acceleration_rad_s2),
         raw_nm=runs[0].torque_nm - runs[1].torque_nm,
         torque_nm=smoothed[0] - smoothed[1],
         unloaded_nm=smoothed[1],

@@ -13,13 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.errors import RecordingError
-from armload_identification.fourier import FourierTrajectory, fourier_basis
+from armload_identification.fourier import FourierTrajectory
 from armload_identification.recording import Recording
 
 FloatArray = NDArray[np.float64]
 
 _ON_GRID: Final = 0.05
 """Samples that lie this close to a common grid, in grid steps, are averaged as they are."""
+_FITTED: Final = 0.25
+"""At most this share of the samples is taken up by a fit of the motion."""
+_FILLINGS: Final = 20
+_NOTHING: Final = 1e-18
+"""Square of 1 nrad: no encoder tells less."""
 _UNEVEN: Final = 0.02
 """The phase may be this share of a period off an even advance."""
 
@@ -91,8 +96,7 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
     valid = count > 0
     mean = np.asarray(np.nansum(table, axis=0) / np.maximum(count, 1)[:, None], dtype=np.float64)
     n = recording.n
-    phase_s = np.flatnonzero(valid).astype(np.float64) * np.float64(step)
-    motion, misfit = _fit_motion(mean[valid, n:], phase_s, trajectory, rate)
+    motion, misfit = _fit_motion(mean[:, n:], valid, trajectory, rate)
     return PeriodicRun(
         period_s=rate * trajectory.period_s,
         periods=table.shape[0],
@@ -169,16 +173,42 @@ def _filled(values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
 
 
 def _fit_motion(
-    position: FloatArray, phase_s: FloatArray, excitation: FourierTrajectory, rate: float
+    position: FloatArray, valid: NDArray[np.bool_], excitation: FourierTrajectory, rate: float
 ) -> tuple[FourierTrajectory, FloatArray]:
-    """Least squares of the measured position in the excitation's own basis, and the RMS that is left."""
-    harmonics = excitation.harmonics
-    basis = fourier_basis(excitation.base_frequency_hz, harmonics, phase_s)
-    coefficients = np.asarray(np.linalg.lstsq(basis, position, rcond=None)[0], dtype=np.float64)
+    """Series of the measured position over a period of K phases, and the RMS that is left.
+
+    The arm does not follow the excitation exactly: friction shakes it at every reversal, by 17 to 72 urad on er50,
+    whose acceleration times the arm's inertia is 2 N m. How many harmonics beyond the excitation's own the positions
+    tell of is decided by generalised cross-validation.
+    """
+    phases = valid.size
+    filled = _filled(position, valid)
+    for _ in range(1 if valid.all() else _FILLINGS):
+        spectrum = np.fft.rfft(filled, axis=0) / phases
+        harmonics = _told_harmonics(spectrum, excitation.harmonics, phases)
+        spectrum[harmonics + 1 :] = 0.0
+        fitted = np.fft.irfft(spectrum * phases, phases, axis=0)
+        # What lies in a hole is taken from the series, which the next one is then free to have.
+        filled = np.where(valid[:, None], position, fitted)
     motion = FourierTrajectory(
         excitation.base_frequency_hz / rate,
-        coefficients[0],
-        coefficients[1 : harmonics + 1].T,
-        coefficients[harmonics + 1 :].T,
+        spectrum[0].real,
+        -2.0 * spectrum[1 : harmonics + 1].imag.T,
+        2.0 * spectrum[1 : harmonics + 1].real.T,
     )
-    return motion, np.asarray(np.sqrt(np.mean((position - basis @ coefficients) ** 2, axis=0)))
+    return motion, np.asarray(np.sqrt(np.mean((position - fitted)[valid] ** 2, axis=0)))
+
+
+def _told_harmonics(spectrum: NDArray[np.complex128], least: int, phases: int) -> int:
+    """Number of harmonics for which generalised cross-validation is best, from `least` on."""
+    twice = np.full(len(spectrum), 2.0)
+    twice[0] = 1.0
+    if phases % 2 == 0:
+        twice[-1] = 1.0
+    power = np.abs(spectrum) ** 2 * twice[:, None]
+    harmonics = np.arange(least, max(int(0.5 * _FITTED * phases), least + 1))
+    left = power.sum(axis=0) - np.cumsum(power, axis=0)[harmonics]
+    freedom = 1.0 - (2 * harmonics + 1) / phases
+    # One score for all joints, so that no joint's stroke dominates.
+    score = np.sum(np.log(np.maximum(left, _NOTHING)), axis=1) - 2.0 * left.shape[1] * np.log(np.maximum(freedom, 0.01))
+    return int(harmonics[np.argmin(score)])

@@ -20,6 +20,7 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -158,6 +159,21 @@ def nuisance_deviation(fit: Estimate) -> tuple[FloatArray, FloatArray]:
     return np.sqrt(spectrum.variance(contrast) + known), spectrum.freedom(contrast)
 
 
+def coefficient_deviation(rows: FloatArray, residual: FloatArray, triangle: FloatArray) -> FloatArray:
+    """Robust standard deviations of all parameters of a least squares fit.
+
+    Args:
+        rows: (N, n, p) whitened rows, on equidistant samples.
+        residual: (N, n) whitened residual.
+        triangle: (p, p) R of a QR factorisation of the rows, a prior's among them.
+
+    Returns:
+        (p,) standard deviations; the prior's own error is not in them.
+    """
+    half = np.asarray(np.linalg.inv(triangle), dtype=np.float64)
+    return np.sqrt(_ResidualSpectrum(rows @ half, residual).variance(half))
+
+
 def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
     """Mass, centre of mass and inertia about it, and how they change with theta.
 
@@ -213,37 +229,43 @@ class _ResidualSpectrum:
         if bins == held.size and samples % 2 == 0:
             self._twice[-1] = 1.0
         self._window = _window(bins)
-        free = np.einsum("lm,mj->lj", self._window, 1.0 - np.minimum(leverage, 1.0))
-        self._level = np.einsum("lm,mj->lj", self._window, power) / np.maximum(free, 1e-12)
-        self._free = np.maximum(free, 1e-12)
+        self._free = np.maximum(self._window @ (1.0 - np.minimum(leverage, 1.0)), 1e-12)
+        self._level = (self._window @ power) / self._free
         self._expected = self._level * (1.0 - np.minimum(leverage, 1.0))
 
     def covariance(self) -> FloatArray:
         """(r, r) covariance of the coefficients of the basis."""
-        weighted = self._basis * (self._level * self._twice[:, None])[:, :, None]
-        return np.asarray(np.einsum("ljr,ljs->rs", weighted.conj(), self._basis).real)
+        root = np.sqrt(self._level * self._twice[:, None])
+        weighted = (self._basis * root[:, :, None]).reshape(-1, self._basis.shape[2])
+        # Real and imaginary part apart: a product of real matrices is all that is asked for.
+        return np.asarray(weighted.real.T @ weighted.real + weighted.imag.T @ weighted.imag)
 
     def variance(self, contrast: FloatArray) -> FloatArray:
         """(k,) variance of contrast (k, r) times the coefficients."""
-        return np.asarray(np.einsum("kr,rs,ks->k", contrast, self.covariance(), contrast))
+        return np.asarray(np.sum((contrast @ self.covariance()) * contrast, axis=1))
 
     def freedom(self, contrast: FloatArray) -> FloatArray:
         """(k,) Satterthwaite's degrees of freedom of these variances."""
-        gain = np.abs(np.einsum("ljr,kr->klj", self._basis, contrast)) ** 2 * self._twice[:, None]
-        share = np.einsum("klj,lm->kmj", gain / self._free, self._window)
-        spread = share * self._expected
+        gain = np.abs(self._basis @ contrast.T) ** 2 * (self._twice[:, None] / self._free)[:, :, None]
+        share = (self._window.T @ gain.reshape(len(gain), -1)).reshape(gain.shape)
+        spread = share * self._expected[:, :, None]
         # A bin of the periodogram has two degrees of freedom; the first and last have one.
-        square = np.sum(spread**2 * (2.0 / self._twice)[:, None], axis=(1, 2))
-        total = np.sum(spread, axis=(1, 2))
+        square = np.sum(spread**2 * (2.0 / self._twice)[:, None, None], axis=(0, 1))
+        total = np.sum(spread, axis=(0, 1))
         freedom = np.divide(2.0 * total**2, square, out=np.full(total.shape, _FREEST), where=square > 0.0)
         return np.asarray(np.clip(freedom, 1.0, _FREEST))
 
 
+@lru_cache(maxsize=32)
 def _window(bins: int) -> FloatArray:
     """(bins, bins) rows of a moving average over frequency, wider the higher; below zero it is mirrored."""
+    rows = np.arange(bins)
+    half = np.clip(rows // 2, 1, _WIDEST_HALF_WINDOW)
     window = np.zeros((bins, bins))
-    for row in range(bins):
-        half = int(np.clip(row // 2, 1, _WIDEST_HALF_WINDOW))
-        columns = np.abs(np.arange(row - half, row + half + 1))
-        np.add.at(window[row], columns[columns < bins], 1.0)
-    return np.asarray(window / window.sum(axis=1, keepdims=True))
+    for offset in range(-_WIDEST_HALF_WINDOW, _WIDEST_HALF_WINDOW + 1):
+        columns = np.abs(rows + offset)
+        there = (abs(offset) <= half) & (columns < bins)
+        np.add.at(window, (rows[there], columns[there]), 1.0)
+    window /= window.sum(axis=1, keepdims=True)
+    window.flags.writeable = False
+    return window

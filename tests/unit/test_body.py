@@ -94,7 +94,7 @@ def test_rotor_inertia_and_stribeck_friction_are_found(pinocchio_arm):
         torque += np.einsum("tij,i->tj", rotor_columns(ddq, arm.transmission.coupling), inertia)
         torque += stribeck * np.tanh(dq / 0.01) * np.exp(-((dq / velocity) ** 2))
         torque += 0.01 * np.random.default_rng(seed).normal(size=torque.shape)
-        samples.append(ArmSamples(q, dq, ddq, torque, np.ones(2000, dtype=bool), np.full(6, 0.01)))
+        samples.append(ArmSamples(5.0 / 2000, q, dq, ddq, torque, np.ones(2000, dtype=bool), np.full(6, 0.01)))
     plain, fit = (
         fit_body(samples, arm.chain, arm.transmission.coupling, stribeck=with_it) for with_it in (False, True)
     )
@@ -104,6 +104,31 @@ def test_rotor_inertia_and_stribeck_friction_are_found(pinocchio_arm):
     assert fit.model.stribeck_velocity_rad_s[0] == velocity
     assert (plain.model.stribeck_nm == 0.0).all()
     assert (fit.residual_rms_nm < plain.residual_rms_nm).all()
+
+
+def test_load_dependent_friction_tells_the_rotors_that_no_link_torque_can(pinocchio_arm):
+    arm = pinocchio_arm
+    inertia = np.array([3.0, 2.0, 0.8, 0.5, 0.3, 0.2])
+    load, delay_s, interval_s = 0.08, 0.003, 0.005
+    trajectory = arm.trajectory(5)
+    time_s = np.arange(0.0, 5.0, interval_s)
+    then, now = trajectory.evaluate(time_s - delay_s), trajectory.evaluate(time_s)
+    q, dq, ddq = then.position_rad, then.velocity_rad_s, then.acceleration_rad_s2
+    torque = arm.torque(q, dq, ddq, load_friction=load)
+    torque += np.einsum("tij,i->tj", rotor_columns(ddq, arm.transmission.coupling), inertia)
+    torque += arm.noise_nm * np.random.default_rng(5).normal(size=torque.shape) / np.sqrt(50.0)
+    state = (now.position_rad, now.velocity_rad_s, now.acceleration_rad_s2)
+    samples = ArmSamples(interval_s, *state, torque, np.ones(time_s.size, dtype=bool), arm.noise_nm / np.sqrt(50.0))
+    fit = fit_body([samples], arm.chain, arm.transmission.coupling)
+    assert fit.model.torque_delay_s == pytest.approx(delay_s, abs=3e-4)
+    assert (np.abs(fit.model.rotor_inertia_kg_m2 - inertia)[1:] < 4.0 * fit.rotor_deviation_kg_m2[1:] + 0.02).all()
+    np.testing.assert_allclose(fit.model.load_friction[1:4], load, atol=0.01)
+    # The links' torque is without the rotors', to which it is many times larger here.
+    links = arm.torque(q, dq, ddq) - 4.0 * np.tanh(dq / 0.01) - 5.0 * dq
+    found = fit.model.link_torque(arm.chain, q, dq, ddq)
+    error = np.sqrt(np.mean((found - links) ** 2, axis=0))
+    rotors = np.sqrt(np.mean((inertia * ddq) ** 2, axis=0))
+    assert (error[:4] < 0.25 * rotors[:4]).all(), (error, rotors)
 
 
 def test_an_unused_trajectory_is_predicted(pinocchio_arm, body):
@@ -155,7 +180,7 @@ def test_reversals_weigh_little_and_joints_that_stand_still_keep_their_weight():
     weight = reversal_weights(np.column_stack([np.sin(2.0 * np.pi * t), np.zeros_like(t)]))
     assert weight[0, 0] == 0.0
     assert weight[100, 0] > 0.999
-    assert np.mean(weight[:, 0] ** 2) > 0.97
+    assert np.mean(weight[:, 0] ** 2) > 0.92
     assert (weight[:, 1] == 1.0).all()
 
 
