@@ -56,12 +56,12 @@ WORKSPACE = Workspace(CHAIN)
 class Bumped:
     """The excitation with a step in it, as a defect would make it."""
 
-    def __init__(self, at_s):
-        self.at_s = at_s
+    def __init__(self, at_s, step_rad=0.01):
+        self.at_s, self.step_rad = at_s, step_rad
 
     def evaluate(self, t_s):
-        state = PATH.evaluate(t_s)
-        return replace(state, position_rad=state.position_rad + 0.01 * (np.asarray(t_s) > self.at_s)[..., None])
+        state, late = PATH.evaluate(t_s), (np.asarray(t_s) > self.at_s)[..., None]
+        return replace(state, position_rad=state.position_rad + self.step_rad * late)
 
 
 class Stranger:
@@ -145,31 +145,24 @@ def test_a_jump_in_the_plan_stops_before_it_is_sent(ideal_servos, run):
     assert servos.log[1:] == ["stop", "disable"]
 
 
-@pytest.mark.parametrize(("speed_rad_s", "stops"), [(0.09, False), (0.3, True)])
+@pytest.mark.parametrize(("step_rad", "stops"), [(1e-5, False), (3e-5, True), (1e-4, True)])
 @pytest.mark.parametrize("joint", range(N))
-def test_what_ruckig_makes_of_a_setpoint_stays_within_a_tenth_of_a_milliradian(ideal_servos, speed_rad_s, stops, joint):
-    """A path that begins with a speed is left behind by Ruckig: at 600 rad/s3 by 0.6 mrad for 0.3 rad/s."""
-
-    class Kicked:
-        """The excitation, on which one joint turns from one moment to the next."""
-
-        def evaluate(self, t_s):
-            state = PATH.evaluate(t_s)
-            late_s = np.maximum(np.asarray(t_s) - 0.105, 0.0)[..., None] * (np.arange(N) == joint)
-            return replace(
-                state,
-                position_rad=state.position_rad + speed_rad_s * late_s,
-                velocity_rad_s=state.velocity_rad_s + speed_rad_s * (late_s > 0.0),
-            )
-
+def test_nothing_leaves_that_is_a_tenth_of_a_milliradian_off_the_path(ideal_servos, step_rad, stops, joint):
+    """One joint jumps by so little that a few hundred rad/s3 nearly do it; where they do not, Ruckig takes a detour."""
     servos = ideal_servos(N, CYCLE_S)
     cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
-    legs = plan_approach(START, LEGS.start_rad, LIMITS), replace(LEGS.measured, path=Kicked())
+    leg = replace(LEGS.measured, path=Bumped(0.105, step_rad * (np.arange(N) == joint)))
+    legs = plan_approach(START, LEGS.start_rad, LIMITS), leg
     if stops:
         with pytest.raises(MotionError, match="off the checked path"):
             follow_all(cycle, legs)
     else:
         follow_all(cycle, legs)
+    begin = first_of(Segment.RAMP_UP) + 1
+    plan = plan_leg(leg, CYCLE_S).position_rad[1 : 1 + len(servos.sent) - begin]
+    sent = np.array([command.position_rad for command in servos.sent[begin : begin + len(plan)]])
+    assert len(sent) >= first_of(Segment.PERIODS) - begin
+    assert np.abs(sent - plan).max() <= 1e-4
 
 
 def test_nothing_is_switched_on_after_a_stop_was_asked_for(ideal_servos):
@@ -206,8 +199,8 @@ def test_a_step_of_a_stop_that_fails_does_not_keep_the_next_one_back(ideal_servo
                 raise ServoTimeout(3, "elbow", "quick stop", "still turning", "Look.")
 
     servos = Stubborn(N, CYCLE_S)
-    with pytest.raises(MotionError, match="enough") as caught:
-        run(servos, plugins=[Stranger(129, lambda step: step.ask_to_stop("enough") or 1 / 0)])
+    with pytest.raises(MotionError, match="a plug-in failed") as caught:
+        run(servos, plugins=[Stranger(129, lambda step: 1 / 0)])
     assert servos.log[1:] == ["stop", "disable"]
     text = str(caught.value)
     assert "While stopping" in text
@@ -481,7 +474,7 @@ def test_an_arm_that_is_switched_on_again_takes_torque_again(ideal_servos):
         with cycle.powered() as arm:
             arm.hold(lambda begun=begun: len(servos.sent) >= begun + 60)
         torque = np.array([command.torque_offset_nm for command in servos.sent[begun:]])
-        np.testing.assert_allclose(torque[0], 0.25)
+        np.testing.assert_allclose(torque[0], 0.025)
         np.testing.assert_allclose(torque[58], 10.0)
         np.testing.assert_array_equal(torque[-1], 0.0)
 

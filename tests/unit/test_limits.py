@@ -29,6 +29,7 @@ def test_limits_themselves_are_allowed():
         ("position", [0.0, -2.1], REST, REST, -2.1, -2.0),
         ("velocity", REST, [0.0, -0.7], REST, 0.7, 0.6),
         ("acceleration", REST, REST, [0.0, 5.0], 5.0, 4.0),
+        ("acceleration", REST, REST, [0.0, -5.0], 5.0, 4.0),
     ],
 )
 def test_violation_names_joint_quantity_value_and_bound(quantity, position, velocity, acceleration, value, bound):
