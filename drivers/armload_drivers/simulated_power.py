@@ -5,6 +5,8 @@ Rules of this file:
   back: the controlword first has to withdraw "enable operation".
 - A drive that loses its torque engages its brake; the plant does that.
 - Time comes from `advance`, which the drive calls before anything else.
+- Setpoints are interpolated over the period that SYNC has, as drives do that lock onto it: one that is a little longer
+  than 60C2 says would else end every cycle in a stop, and torque is measured just then.
 
 What is simplified: halt (bit 8) is not there, 605D is kept without effect, and max torque (6072) is kept but not
 enforced.
@@ -38,6 +40,9 @@ _STAYS_IN_QUICK_STOP = frozenset({5, 6, 7, 8})
 _SLOW_DOWN_OPTIONS = {5: od.DISABLE_OPTION, 8: od.SHUTDOWN_OPTION}
 """Option code that says how a drive leaves operation, by the number of the transition."""
 _IP, _CSP = int(OperationMode.INTERPOLATED_POSITION), int(OperationMode.CYCLIC_SYNCHRONOUS_POSITION)
+
+_LOCK_RANGE, _LOCK_GAIN = 0.5, 0.1
+"""SYNC periods that differ from 60C2 by less than this share are followed, by this share of their difference each."""
 
 Report = Callable[[int], None]
 """Tells the world of an error code; 0 where none is left."""
@@ -80,6 +85,7 @@ class PowerStage:
         self._limited = False
         self._lag_since_s: float | None = None
         self._ramp_end_s: float | None = None
+        self._sync_s: float | None = None
         self._offset_permille = 0
         self._velocity_rad_s = 0.0
         self._vendor_effort = None if settings.vendor_effort is None else effort_entry(settings)
@@ -97,7 +103,8 @@ class PowerStage:
         """Take over objects that the cycle needs in another form."""
         values = self._values
         self._units = AxisUnits.of(self._settings, values[od.POLARITY.key])
-        self._period_s = values[od.INTERPOLATION_TIME.key] * 10.0 ** values[od.INTERPOLATION_EXPONENT.key]
+        self._told_period_s = values[od.INTERPOLATION_TIME.key] * 10.0 ** values[od.INTERPOLATION_EXPONENT.key]
+        self._period_s = self._told_period_s
         if self._traits.takes_mode:
             values[od.MODE_DISPLAY.key] = values[od.MODE.key]
 
@@ -106,6 +113,14 @@ class PowerStage:
         self._now_s = now_s
         if self._ramp_end_s is not None and now_s >= self._ramp_end_s:
             self._finish_ramp()
+
+    def lock_onto_sync(self) -> None:
+        """Follow the period of SYNC."""
+        before_s, self._sync_s = self._sync_s, self._now_s
+        if before_s is not None:
+            late_s = self._now_s - before_s - self._told_period_s
+            if abs(late_s) < _LOCK_RANGE * self._told_period_s:
+                self._period_s += _LOCK_GAIN * (self._told_period_s + late_s - self._period_s)
 
     def measure_at_rest(self) -> None:
         """Store the position between SYNCs, for SDO; without drawing noise."""

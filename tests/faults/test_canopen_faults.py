@@ -247,6 +247,27 @@ def test_drives_whose_thread_has_died_are_not_waited_for(virtual_arm):
         arm.drives.stop()
 
 
+class SlowSync(LockstepSync):
+    """The kernel's timer on a busy machine: every period is longer than it should be."""
+
+    def begin(self, link, cycle_s, counter):
+        super().begin(link, 1.1 * cycle_s, counter)
+
+
+def test_simulated_drives_lock_onto_the_period_that_sync_has(virtual_arm):
+    """Else every cycle would end in a stop, just when the torque is measured."""
+    arm = virtual_arm()
+    servos = CanopenServos(arm.arm, arm.bus, SlowSync(arm.clock))
+    servos.connect()
+    start = servos.enable().position_rad
+    speeds = []
+    for cycle in range(1, 101):
+        servos.exchange(JointCommand(start + 0.005 * cycle, ZERO, ZERO))
+        speeds.append((arm.arm.coupling @ arm.plant.velocity_rad_s).min())
+    assert min(speeds[60:]) == pytest.approx(0.005 / (1.1 * arm.arm.cycle_s), rel=0.02), "never at rest in between"
+    servos.close()
+
+
 # The master lost --------------------------------------------------------------------------------------------
 
 
