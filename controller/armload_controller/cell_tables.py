@@ -89,4 +89,6 @@ class WorkspaceTable(Table):
     spheres: list[SphereTable]
     half_spaces: list[HalfSpaceTable] = Field(default=[])
     boxes: list[BoxTable] = Field(default=[])
+    urdf: str | None = None
+    urdf_touching: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = Field(default=[])
     apart: list[Annotated[list[Link], Field(min_length=2, max_length=2)]] = Field(default=[])

@@ -22,13 +22,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol
 
+from armload_controller.cell import Cell
 from armload_controller.config import Robot
 from armload_controller.control import MotionControl
 from armload_controller.cycle import Cycle, PoweredArm, require_going
 from armload_controller.errors import CommissioningError
 from armload_controller.limits import MotionLimits
 from armload_controller.monitor import CycleSummary, FollowingMonitor, TorqueWindow
-from armload_controller.paths import BlockedWay
 from armload_controller.phase import Leg
 from armload_controller.recorder import Recorder
 from armload_controller.setpoints import check_leg, plan_approach, plan_legs
@@ -42,7 +42,6 @@ from armload_identification.recording import (
     Recording,
     read_recording,
 )
-from armload_identification.workspace import Workspace
 
 ROLES = ("identification", "validation")
 """Excitations of a commissioning: the first is identified from, the second judges the result."""
@@ -148,7 +147,7 @@ def record_half(
     excitations = [require_excitation(robot, role) for role in roles]
     for role in roles:
         robot.require_drivable(role)
-    limits, workspace = robot.motion_limits(), robot.workspace()
+    limits, cell = robot.motion_limits(), robot.cell()
     summaries = []
     runs = [plan_legs(excitation, limits, cycle_s) for excitation in excitations]
     for legs in runs:
@@ -190,14 +189,14 @@ def record_half(
                     [recorder, monitor, torque_window(robot, load, servos.cycle_s)],
                 )
                 with watcher.track(f"{load}: {role}, slow round", BAR) as progress:
-                    run_leg(cycle, legs.slow, limits, workspace, progress)
+                    run_leg(cycle, legs.slow, limits, cell, progress)
                 consent.require(
                     servos,
                     f"{load}, {role}: the slow round is over, the drives are off. Run it at full speed?",
                     always=False,
                 )
                 with watcher.track(f"{load}: {role} run", BAR) as progress:
-                    run_leg(cycle, legs.measured, limits, workspace, progress)
+                    run_leg(cycle, legs.measured, limits, cell, progress)
                 summaries.append(monitor.summary())
     return summaries
 
@@ -208,23 +207,21 @@ def tell_weak_points(robot: Robot, servos: JointServos, watcher: Watcher) -> Non
         watcher.step(f"mind: {text}")
 
 
-def run_leg(
-    cycle: Cycle, leg: Leg, limits: MotionLimits, workspace: Workspace, progress: Callable[[int], None]
-) -> None:
+def run_leg(cycle: Cycle, leg: Leg, limits: MotionLimits, cell: Cell, progress: Callable[[int], None]) -> None:
     """Switch the arm on, bring it to where a leg begins, run the leg, switch it off.
 
     Args:
         cycle: Of a connected arm that is disabled.
         leg: The leg, checked.
         limits: Of the joints.
-        workspace: What the way there must not touch.
+        cell: What the way there must not touch.
         progress: Told how much of `BAR` is done.
 
     Raises:
         MotionError: the motion was stopped.
     """
     with cycle.powered() as arm:
-        approach(arm, leg.path.evaluate(leg.start_s).position_rad, limits, workspace, progress)
+        approach(arm, leg.path.evaluate(leg.start_s).position_rad, limits, cell, progress)
         arm.follow(leg, lambda share: progress(round(BAR * share)))
 
 
@@ -232,7 +229,7 @@ def approach(
     arm: PoweredArm,
     goal_rad: FloatArray,
     limits: MotionLimits,
-    workspace: Workspace,
+    cell: Cell,
     progress: Callable[[int], None],
 ) -> None:
     """Go straight, in joint space, to where something begins.
@@ -241,7 +238,7 @@ def approach(
         arm: Standing.
         goal_rad: (n,) where to.
         limits: Of the joints.
-        workspace: What must not be touched on the way.
+        cell: What must not be touched on the way.
         progress: Told that nothing of what follows is done yet.
 
     Raises:
@@ -251,9 +248,7 @@ def approach(
     way = plan_approach(arm.position_rad, goal_rad, limits)
     if way is None:
         return
-    least = workspace.least_on_line(arm.position_rad, goal_rad)
-    if least.size and least.min() <= 0.0:
-        raise BlockedWay(f"the arm would come within {least.min():.3f} m of {workspace.names[int(least.argmin())]!r}")
+    cell.require_free(arm.position_rad, goal_rad)
     arm.follow(way, lambda share: progress(0))
 
 

@@ -188,7 +188,7 @@ class ComparisonRuns:
     ) -> None:
         self._robot, self._watcher, self._control, self._consent = robot, watcher, control, consent
         self._tried_nm = np.zeros(robot.n) if tried_nm is None else tried_nm
-        self._limits, self._workspace = robot.motion_limits(), robot.workspace()
+        self._limits, self._cell = robot.motion_limits(), robot.cell()
         cycle_s = 1 / robot.bus.cycle_hz
         self._legs: RunLegs = plan_legs(excitation, self._limits, cycle_s)
         for leg in (self._legs.slow, self._legs.measured):
@@ -210,10 +210,10 @@ class ComparisonRuns:
         kept = Follower()
         cycle = self._cycle(servos, Load.LOADED if with_payload else Load.UNLOADED, [kept])
         with self._watcher.track(f"{text}, slow round", BAR) as progress:
-            run_leg(cycle, self._legs.slow, self._limits, self._workspace, progress)
+            run_leg(cycle, self._legs.slow, self._limits, self._cell, progress)
         self._consent.require(servos, f"{text}: run at full speed?", always=False)
         with self._watcher.track(text, BAR) as progress:
-            run_leg(cycle, self._legs.measured, self._limits, self._workspace, progress)
+            run_leg(cycle, self._legs.measured, self._limits, self._cell, progress)
         return kept.run()
 
     def with_feedforward(
@@ -243,7 +243,7 @@ class ComparisonRuns:
         self._consent.require(servos, f"{text}: run at full speed with torque added to the drives'?", always=False)
         with self._watcher.track(text, BAR) as progress, cycle.powered() as arm:
             leg = self._legs.measured
-            approach(arm, self._legs.start_rad, self._limits, self._workspace, progress)
+            approach(arm, self._legs.start_rad, self._limits, self._cell, progress)
             if tried is None:
                 tried = added.begin(arm)
             else:

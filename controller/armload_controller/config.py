@@ -16,10 +16,12 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
+from armload_controller.cell import Cell
 from armload_controller.drive_tables import BusTable, drive_settings, read_descriptions, require_scales
 from armload_controller.envelope import (
     expected_torque_of,
     following_speed_of,
+    meshes_of,
     require_consistent,
     require_drivable,
     require_told,
@@ -60,6 +62,7 @@ class Robot:
     Attributes:
         file: Where it was read from, for messages.
         text: The file's text, kept for the recordings.
+        folder: Where it lies, and what it names beside it.
         excitations: Excitation by role ("identification", "validation"); empty where the file names none.
         descriptions: Device description by joint, where the file names one.
     """
@@ -68,6 +71,7 @@ class Robot:
     text: str
     excitations: dict[str, Excitation]
     _model: RobotFile
+    folder: Path = Path()
     descriptions: dict[str, DeviceDescription] = field(default_factory=dict)
 
     @property
@@ -208,6 +212,14 @@ class Robot:
         """What the arm must not touch; without a `[workspace]` in the file there is nothing."""
         return workspace_of(self.file, self._model, self.chain())
 
+    def cell(self) -> Cell:
+        """What the arm must not touch, meshes included.
+
+        Raises:
+            ConfigurationError: the URDF that the file names cannot be used.
+        """
+        return Cell(self.workspace(), meshes_of(self.file, self.folder, self._model, self.chain()))
+
     @property
     def knows_workspace(self) -> bool:
         """Whether the file has a `[workspace]`."""
@@ -240,7 +252,8 @@ class Robot:
         Raises:
             ConfigurationError: naming what would be touched, or the joint that is too weak.
         """
-        require_drivable(self.file, self._model, self.chain(), role, self.excitations[role].trajectory)
+        path = self.excitations[role].trajectory
+        require_drivable(self.file, self._model, self.chain(), self.cell(), role, path)
 
     def require_told(self) -> None:
         """Refuse to move an arm that may be real where the file leaves out what that takes.
@@ -475,7 +488,7 @@ def load_robot(name_or_path: str) -> Robot:
     drives = {joint.name: joint.drive for joint in model.joints}
     if model.simulation is not None:
         require_scales(file, drives)
-    robot = Robot(file, text, excitations, model, read_descriptions(file, path.parent, drives))
+    robot = Robot(file, text, excitations, model, path.parent, read_descriptions(file, path.parent, drives))
     robot.workspace()
     _check_excitations(robot)
     _check_strength(robot)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from armload_controller.cell import Cell
 from armload_controller.cell_tables import WorkspaceTable
 from armload_controller.errors import ConfigurationError
 from armload_controller.schema import RobotFile
@@ -16,6 +18,7 @@ from armload_identification.chain import Chain, pose_from_xyz_rpy
 from armload_identification.dynamics import ArmBody
 from armload_identification.errors import ModelError
 from armload_identification.fourier import FourierTrajectory
+from armload_identification.meshes import Meshes
 from armload_identification.payload import InertialParameters
 from armload_identification.strength import TorqueLimits
 from armload_identification.workspace import Box, HalfSpace, Sphere, Workspace
@@ -171,7 +174,24 @@ def require_told(file: str, model: RobotFile) -> None:
         raise ConfigurationError(file, "heaviest_payload", None, "needed to know what a real arm may have to carry")
 
 
-def require_drivable(file: str, model: RobotFile, chain: Chain, role: str, path: FourierTrajectory) -> None:
+def meshes_of(file: str, folder: Path, model: RobotFile, chain: Chain) -> Meshes | None:
+    """The collision geometry of `[workspace] urdf`; None where the file names none.
+
+    Raises:
+        ConfigurationError: the URDF cannot be used, or what reads it is not installed.
+    """
+    table = model.workspace
+    if table is None or table.urdf is None:
+        return None
+    touching = tuple((a, b) for a, b in table.urdf_touching)
+    names = tuple(joint.name for joint in model.joints)
+    try:
+        return Meshes(folder / table.urdf, chain, names, table.keep_m, touching)
+    except ModelError as error:
+        raise ConfigurationError(file, "workspace.urdf", table.urdf, str(error)) from error
+
+
+def require_drivable(file: str, model: RobotFile, chain: Chain, cell: Cell, role: str, path: FourierTrajectory) -> None:
     """Refuse an excitation that the tables of today do not allow, whatever it was designed for.
 
     Checked at any time and any steady speed, between samples too: that nothing of `[workspace]` is touched, and that
@@ -180,13 +200,9 @@ def require_drivable(file: str, model: RobotFile, chain: Chain, role: str, path:
     Raises:
         ConfigurationError: naming what would be touched, or the joint that is too weak.
     """
-    workspace = workspace_of(file, model, chain)
-    least = workspace.least(path)
-    if least.size and least.min() <= 0.0:
-        name = workspace.names[int(least.argmin())]
-        raise ConfigurationError(
-            file, f"excitation.{role}", f"comes within {least.min():.3f} m of {name!r}", "one designed for this cell"
-        )
+    objection = cell.objection(path)
+    if objection is not None:
+        raise ConfigurationError(file, f"excitation.{role}", objection, "one designed for this cell")
     heaviest = model.heaviest_payload or model.expected_payload
     told = model.body is not None or all(joint.arm_torque_share is not None for joint in model.joints)
     if heaviest is None or not told:

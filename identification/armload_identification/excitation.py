@@ -83,6 +83,7 @@ def design(
     restarts: int,
     executor: Executor | None = None,
     progress: Callable[[int, int, float], None] | None = None,
+    objection: Callable[[FourierTrajectory], str | None] | None = None,
 ) -> DesignResult:
     """Find the motion that tells most about the payload within all limits.
 
@@ -98,6 +99,8 @@ def design(
         restarts: How many starts.
         executor: Runs the starts, such as a process pool; None runs them here, one after the other.
         progress: Called after each start with starts done, starts in all, best cost so far.
+        objection: Says why a motion within the limits must not be driven all the same, such as for the meshes of a
+            URDF; the best start without one wins.
 
     Returns:
         The best motion found, strictly within the limits at every time.
@@ -127,22 +130,35 @@ def design(
             if progress is not None:
                 progress(len(attempts), restarts, min(a.cost for a in attempts.values()))
     ended = [attempts[number] for number in range(restarts)]
-    best = min(ended, key=lambda attempt: attempt.score)
-    if best.trajectory is None or not np.isfinite(best.cost):
-        raise ExcitationError(
-            f"none of {restarts} starts ended with a motion that determines the payload within all limits; widen "
-            "the limits or the workspace, or give more restarts"
-        )
+    best, trajectory = _best(ended, objection)
     return DesignResult(
-        trajectory=best.trajectory,
+        trajectory=trajectory,
         criterion=criterion.name,
         cost=best.cost,
-        condition_number=search.cost_of(condition_number(chain), best.trajectory),
+        condition_number=search.cost_of(condition_number(chain), trajectory),
         rank=criterion.rank,
-        margins=envelope.margins(best.trajectory),
+        margins=envelope.margins(trajectory),
         restart_costs=np.array([attempt.cost for attempt in ended]),
         history=best.history,
         seed=seed,
+    )
+
+
+def _best(
+    ended: list[Attempt], objection: Callable[[FourierTrajectory], str | None] | None
+) -> tuple[Attempt, FourierTrajectory]:
+    """The best start's result that nothing is said against."""
+    refused = ""
+    for attempt in sorted(ended, key=lambda attempt: attempt.score):
+        if attempt.trajectory is None or not np.isfinite(attempt.cost):
+            break
+        said = None if objection is None else objection(attempt.trajectory)
+        if said is None:
+            return attempt, attempt.trajectory
+        refused = refused or f"; the best one within the limits {said}"
+    raise ExcitationError(
+        f"none of {len(ended)} starts ended with a motion that determines the payload within all limits{refused}; "
+        "widen the limits or the workspace, or give more restarts"
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_controller.cell import Cell
 from armload_controller.commissioning import run_leg
 from armload_controller.control import MotionControl, OperatorStop, SpeedOutOfRange, TerminationStop
 from armload_controller.cycle import Cycle
@@ -50,7 +51,7 @@ CHAIN = Chain.from_origins(
     np.eye(4),
     np.array([0.0, 0.0, -9.81]),
 )
-WORKSPACE = Workspace(CHAIN)
+CELL = Cell(Workspace(CHAIN))
 
 
 class Bumped:
@@ -81,7 +82,7 @@ class Stranger:
 def run(tmp_path):
     """Approach and run the measured leg on some servos; the recording is closed whatever happens."""
 
-    def run(servos, control=None, plugins=(), leg=LEGS.measured, stopwatch=lambda: 0.0, workspace=WORKSPACE):
+    def run(servos, control=None, plugins=(), leg=LEGS.measured, stopwatch=lambda: 0.0, cell=CELL):
         control = control or MotionControl()
         monitor = FollowingMonitor(LIMITS, max_skipped_cycles=3)
         gate = TorqueGate(TORQUE_MAX_NM, CYCLE_S)
@@ -89,7 +90,7 @@ def run(tmp_path):
         with Recorder(tmp_path / f"run{len(list(tmp_path.iterdir()))}.mcap", attachments) as recorder:
             window = TorqueWindow(LIMITS.joint_names, TRANSMISSION, TORQUE_MAX_NM, CYCLE_S, None)
             cycle = Cycle(servos, LIMITS, gate, control, [recorder, monitor, window, *plugins], stopwatch)
-            run_leg(cycle, leg, LIMITS, workspace, lambda done: None)
+            run_leg(cycle, leg, LIMITS, cell, lambda done: None)
         return monitor.summary(), cycle
 
     return run
@@ -109,10 +110,10 @@ def distance_to_path(positions):
 def test_a_way_that_is_not_free_is_not_gone(ideal_servos, run):
     elbow = CHAIN.forward(LEGS.start_rad)[1][:3, 3]
     wall = HalfSpace("wall", np.array([0.0, -1.0, 0.0]), -elbow[1], (2,))
-    workspace = Workspace(CHAIN, (Sphere(2, np.zeros(3), 0.01),), (wall,))
+    cell = Cell(Workspace(CHAIN, (Sphere(2, np.zeros(3), 0.01),), (wall,)))
     servos = ideal_servos(N, CYCLE_S)
     with pytest.raises(MotionError, match=r"the way to the beginning is not free.*-0\.01. m of 'wall'") as raised:
-        run(servos, workspace=workspace)
+        run(servos, cell=cell)
     assert cause_of(raised.value.__cause__) is Cause.BLOCKED
     assert all((command.position_rad == START).all() for command in servos.sent)
     assert servos.log[-2:] == ["stop", "disable"]

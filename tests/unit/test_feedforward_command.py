@@ -83,7 +83,7 @@ def with_body(armload, folder):
         limits = robot.motion_limits()
         cycle = Cycle(servos, limits, TorqueGate(robot.torque_max_nm(), 0.01), MotionControl(), [kept])
         leg = plan_legs(read_excitation(folder / "long.toml"), limits, 0.01).measured
-        run_leg(cycle, leg, limits, robot.workspace(), lambda done: None)
+        run_leg(cycle, leg, limits, robot.cell(), lambda done: None)
     found = armload("identify-body", "prbt", folder / "empty.mcap", "-o", folder / "body.toml")
     assert found.exit_code == 0, found.output
     words = ["feedforward", "prbt", folder / "payload.toml", "--compare", "--mounted", "block"]

@@ -51,7 +51,7 @@ def run(force_n, from_s=3.0, payload="block", load=Load.LOADED, robot=ROBOT):
     cycle = Cycle(servos, LIMITS, gate, MotionControl(), [monitor, torque_window(robot, load, CYCLE_S)])
     servos.connect()
     try:
-        run_leg(cycle, LEGS.measured, LIMITS, robot.workspace(), lambda done: None)
+        run_leg(cycle, LEGS.measured, LIMITS, robot.cell(), lambda done: None)
     except MotionError as error:
         return monitor.summary().duration_s, error
     finally:

@@ -78,6 +78,7 @@ def design(
     """Design an excitation for a robot's expected payload, at any time within all limits and clear of all obstacles."""
     arm = load_robot(robot)
     screen = Screen()
+    cell = arm.cell()
     frequency = _frequency(arm, period_s, harmonics)
     if not arm.knows_workspace:
         screen.step(
@@ -94,6 +95,7 @@ def design(
             restarts=restarts,
             executor=executor,
             progress=lambda finished, _total, _best: done(finished),
+            objection=cell.objection,
         )
     found_s = result.trajectory.period_s
     driven = periods or max(LEAST_PERIODS, ceil(MEASURED_S / found_s - 1e-9))
