@@ -36,7 +36,7 @@ _PRIOR_FACTOR: Final = 30.0
 _PRIOR_DELAY_S: Final = 0.02
 _TURN_OVER: Final = 0.01
 """The direction of motion turns over within this share of a joint's greatest speed."""
-_REVERSAL: Final = 0.10
+REVERSAL: Final = 0.10
 """Share of a joint's greatest speed at which a sample weighs 0.7. A servo needs 50 ms to get over a reversal; on
 er50's motions a tenth leaves these out, and rotors, mu and delay come out within 2 % of the truth."""
 _SLOWEST_RAD_S: Final = 1e-4
@@ -105,7 +105,7 @@ class BodyFit:
     delay_deviation_s: float
 
 
-def reversal_weights(velocity_rad_s: FloatArray) -> FloatArray:
+def reversal_weights(velocity_rad_s: FloatArray, share: float = REVERSAL) -> FloatArray:
     """Weights that leave out reversals: x / sqrt(1 + x^2), x = (dq / v)^2, v a small share of the greatest speed.
 
     Near a reversal friction is what no model of it says: presliding, backlash and ripple. A joint that stands
@@ -113,12 +113,13 @@ def reversal_weights(velocity_rad_s: FloatArray) -> FloatArray:
 
     Args:
         velocity_rad_s: (N, n).
+        share: v in terms of each joint's greatest speed.
 
     Returns:
         (N, n) factors on the rows of the whitened system, 0 to 1.
     """
     peak = np.abs(velocity_rad_s).max(axis=0)
-    slow = _REVERSAL * peak
+    slow = share * peak
     moving = peak > _SLOWEST_RAD_S
     ratio = (velocity_rad_s / np.where(moving, slow, 1.0)) ** 2
     weight = ratio / np.sqrt(1.0 + ratio**2)

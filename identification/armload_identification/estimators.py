@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_identification.body import BodyModel
-from armload_identification.body_fit import BodyFit, reversal_weights
+from armload_identification.body_fit import REVERSAL, BodyFit, reversal_weights
 from armload_identification.chain import Chain
 from armload_identification.estimate import (
     NOTHING_KNOWN,
@@ -25,6 +25,8 @@ from armload_identification.load_signal import SCATTER, LoadSignal
 FloatArray = NDArray[np.float64]
 
 _NEGLIGIBLE: Final = 1e-3
+_REPEATED_REVERSAL: Final = 0.05
+"""`REVERSAL` where two runs are compared phase by phase, so that half of what a servo does at a reversal cancels."""
 
 
 class Estimator(StrEnum):
@@ -51,6 +53,16 @@ def least_noise(signal: LoadSignal) -> FloatArray:
     return signal.averaged_noise_nm * (1.0 if signal.noise_source == SCATTER else _NEGLIGIBLE)
 
 
+def steadiness(signal: LoadSignal) -> FloatArray:
+    """(K, n) weights that leave out reversals, by how well they cancel between the two runs.
+
+    Args:
+        signal: The torque difference.
+    """
+    repeated = signal.periodic and min(signal.periods) > 0
+    return reversal_weights(signal.velocity_rad_s, _REPEATED_REVERSAL if repeated else REVERSAL)
+
+
 def fit_payload(
     signal: LoadSignal,
     regressor: FloatArray,
@@ -75,7 +87,7 @@ def fit_payload(
         The fit, and the friction beside it where the estimator looks for some.
     """
     least = least_noise(signal)
-    steady = reversal_weights(signal.velocity_rad_s)
+    steady = steadiness(signal)
 
     def solve(columns: FloatArray, expected: FloatArray, deviation: FloatArray) -> Estimate:
         known = (prior or NOTHING_KNOWN).and_nuisance(expected, deviation)

@@ -67,6 +67,9 @@ class FrictionDifference:
         viscous_nm_s_rad: (n,) the change; 0 where there is no column.
         viscous_t: (n,) robust t statistic of it.
         torque_nm: (K, n) all of it as a torque.
+        known_deviation: (2 n,) of what the unloaded run told of mu, and nothing of viscous changes, beforehand; inf
+            where it told nothing.
+        known: (2 n,) what it told.
         doubts_nm: (k, K, n) by how much the torque difference is off for one standard deviation of each thing that
             was taken from the unloaded run: the rotors' inertia, the delay of the torque.
     """
@@ -78,6 +81,8 @@ class FrictionDifference:
     viscous_nm_s_rad: FloatArray
     viscous_t: FloatArray
     torque_nm: FloatArray
+    known_deviation: FloatArray
+    known: FloatArray
     doubts_nm: FloatArray
 
 
@@ -139,6 +144,7 @@ def fit_with_friction(
     n = chain.n
     moving = np.abs(signal.velocity_rad_s).max(axis=0) > reversal_speed(signal.velocity_rad_s)
     fit, chosen = _justified(columns, np.concatenate([moving, moving]))
+    expected = np.concatenate([body.load_friction, np.zeros(n)])
     deviation = np.full(2 * n, np.inf)
     if arm is not None:
         own, doubt = body.load_friction, np.hypot(arm.load_deviation, _ALIKE * body.load_friction)
@@ -150,10 +156,9 @@ def fit_with_friction(
         chosen = chosen | np.concatenate([told, np.zeros(n, dtype=bool)])
         deviation[:n][told] = doubt[told]
     if not chosen.any():
-        return fit, columns.result(fit, np.zeros(2 * n), chosen, arm)
-    expected = np.concatenate([body.load_friction, np.zeros(n)])
+        return fit, columns.result(fit, np.zeros(2 * n), chosen, expected, deviation, arm)
     fit, coefficient = columns.iterate(fit, chosen, _ITERATIONS, expected, deviation)
-    return fit, columns.result(fit, coefficient, chosen, arm)
+    return fit, columns.result(fit, coefficient, chosen, expected, deviation, arm)
 
 
 def _justified(columns: _Columns, chosen: NDArray[np.bool_]) -> tuple[Estimate, NDArray[np.bool_]]:
@@ -218,23 +223,31 @@ class _Columns:
         return fit, coefficient
 
     def result(
-        self, fit: Estimate, coefficient: FloatArray, chosen: NDArray[np.bool_], arm: BodyFit | None
+        self,
+        fit: Estimate,
+        coefficient: FloatArray,
+        chosen: NDArray[np.bool_],
+        expected: FloatArray,
+        deviation: FloatArray,
+        arm: BodyFit | None,
     ) -> FrictionDifference:
         """Coefficients by name."""
         load, viscous = np.split(coefficient, 2)
         load_joints, viscous_joints = np.split(chosen, 2)
-        t = np.divide(coefficient, _deviation(fit, chosen)) if chosen.any() else np.zeros(chosen.size)
+        t = coefficient / _deviation(fit, chosen) if chosen.any() else np.zeros(chosen.size)
         load_t, viscous_t = np.split(t, 2)
-        friction = self._load(fit.theta[:10]) * load + self._velocity * viscous
+        torque_nm = self._load(fit.theta[:10]) * load + self._velocity * viscous
         return FrictionDifference(
-            load_joints,
-            load,
-            load_t,
-            viscous_joints,
-            viscous,
-            viscous_t,
-            friction,
-            self._doubts(fit, load, friction, arm),
+            load_joints=load_joints,
+            load=load,
+            load_t=load_t,
+            viscous_joints=viscous_joints,
+            viscous_nm_s_rad=viscous,
+            viscous_t=viscous_t,
+            torque_nm=torque_nm,
+            known_deviation=deviation,
+            known=expected,
+            doubts_nm=self._doubts(fit, load, torque_nm, arm),
         )
 
     def _load(self, theta: FloatArray) -> FloatArray:

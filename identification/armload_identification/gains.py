@@ -20,12 +20,17 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from armload_identification.body import smooth_sign
-from armload_identification.body_fit import reversal_speed, reversal_weights
+from armload_identification.body_fit import reversal_speed
 from armload_identification.chain import Chain
 from armload_identification.errors import EstimationError
 from armload_identification.estimate import NOTHING_KNOWN, Estimate, Prior, estimate_reweighted
-from armload_identification.estimators import least_noise
-from armload_identification.friction_difference import fit_with_friction, load_column, unloaded_body
+from armload_identification.estimators import least_noise, steadiness
+from armload_identification.friction_difference import (
+    FrictionDifference,
+    fit_with_friction,
+    load_column,
+    unloaded_body,
+)
 from armload_identification.known import KnownPayload
 from armload_identification.load_signal import LoadSignal, load_signal
 from armload_identification.payload import InertialParameters
@@ -151,21 +156,21 @@ class _Problem:
         )
         self._measured = signal.torque_nm @ coupling
         self._direction = smooth_sign(signal.velocity_rad_s, reversal_speed(signal.velocity_rad_s))
-        self._start, self._friction, self._with_friction = self._friction_by(np.zeros(chain.n), None)
+        self._start, self._difference = self._friction_by(np.zeros(chain.n), None)
         self._mass_kg = known.reference_mass_kg or self._start[0]
 
     def solve(self, free: NDArray[np.bool_]) -> _Solution:
         """Gains, and with them the friction columns that the data justify, until these stay the same."""
         for _ in range(_CHOICES):
             solution = self._gauss_newton(free)
-            before = self._with_friction
-            _, self._friction, self._with_friction = self._friction_by(solution.log_h, self._prior)
-            if (self._with_friction == before).all():
+            before = _chosen(self._difference)
+            _, self._difference = self._friction_by(solution.log_h, self._prior)
+            if (_chosen(self._difference) == before).all():
                 break
         return solution
 
-    def _friction_by(self, log_h: FloatArray, prior: Prior | None) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Payload, (2 n) friction coefficients and which of these there are, as some gains have them."""
+    def _friction_by(self, log_h: FloatArray, prior: Prior | None) -> tuple[FloatArray, FrictionDifference]:
+        """Payload and friction as some gains have them."""
         coupling = self._coupling
         signal = replace(
             self._signal,
@@ -179,8 +184,7 @@ class _Problem:
             return self._fit(columns, signal.torque_nm, known)
 
         fit, friction = fit_with_friction(signal, self._regressor, self._chain, arm.model, weighted, arm)
-        coefficients = np.concatenate([friction.load, friction.viscous_nm_s_rad])
-        return fit.theta[:10], coefficients, np.concatenate([friction.load_joints, friction.viscous_joints])
+        return fit.theta[:10], friction
 
     def _by_gains(self, torque_nm: FloatArray, log_h: FloatArray) -> FloatArray:
         """(K, n) joint torque by nominal gains as other gains have it."""
@@ -189,11 +193,16 @@ class _Problem:
 
     def _gauss_newton(self, free: NDArray[np.bool_]) -> _Solution:
         """Gauss-Newton; the body is fitted anew as the gains move, for its links' torque."""
-        n, count, with_friction = self._chain.n, int(np.count_nonzero(free)), self._with_friction
+        n, count, difference = self._chain.n, int(np.count_nonzero(free)), self._difference
+        with_friction = _chosen(difference)
+        prior = self._prior.and_nuisance(
+            np.concatenate([np.zeros(count), difference.known[with_friction]]),
+            np.concatenate([np.full(count, np.inf), difference.known_deviation[with_friction]]),
+        )
         scale = self._start[0] / self._mass_kg
         log_h = np.where(free, np.log(np.clip(scale, 1.0 / 3.0, 3.0)), 0.0)
         theta = self._start / scale if scale > 0.0 else self._start
-        friction = self._friction
+        friction = np.concatenate([difference.load, difference.viscous_nm_s_rad])
         axes = self._regressor.transpose(0, 2, 1) @ self._coupling
         axes = axes.transpose(0, 2, 1)
         fitted_at: FloatArray | None = None
@@ -214,7 +223,7 @@ class _Problem:
                 axis=2,
             )
             now = np.concatenate([theta, log_h[free], friction[with_friction]])
-            fit = self._fit(jacobian, self._measured - model + jacobian @ now, self._prior)
+            fit = self._fit(jacobian, self._measured - model + jacobian @ now, prior)
             body = make_physical(fit).parameters
             beside = nuisance_beside(fit, body)
             step = np.clip(beside[:count] - log_h[free], -_LARGEST_STEP, _LARGEST_STEP)
@@ -235,19 +244,24 @@ class _Problem:
 
     def _fit(self, columns: FloatArray, target: FloatArray, prior: Prior | None) -> Estimate:
         signal = self._signal
-        weights = reversal_weights(signal.velocity_rad_s)
-        return estimate_reweighted(columns, target, signal.valid, least_noise(signal), weights, prior)
+        return estimate_reweighted(columns, target, signal.valid, least_noise(signal), steadiness(signal), prior)
 
     def _half_width(self, fit: Estimate, free: NDArray[np.bool_]) -> FloatArray:
         """(n,) relative, with the error that gains left nominal put on the others."""
         count = int(np.count_nonzero(free))
         deviation, freedom = (values[:count] for values in nuisance_deviation(fit))
         nominal = (self._measured[:, :, None] * np.eye(free.size)).transpose(2, 0, 1)[~free] * NOMINAL_DEVIATION
-        shifts = shifts_by(fit, nominal)[:, 10 : 10 + count]
+        doubts = np.concatenate([nominal, self._difference.doubts_nm @ self._coupling])
+        shifts = shifts_by(fit, doubts)[:, 10 : 10 + count]
         width = np.full(free.size, student.ppf(0.5 + CONFIDENCE / 2.0, np.inf) * NOMINAL_DEVIATION)
         quantile = student.ppf(0.5 + CONFIDENCE / 2.0, freedom)
         width[free] = np.hypot(quantile * deviation, 2.0 * np.sqrt(np.sum(shifts**2, axis=0)))
         return width
+
+
+def _chosen(friction: FrictionDifference) -> NDArray[np.bool_]:
+    """(2 n,) which friction has a column."""
+    return np.concatenate([friction.load_joints, friction.viscous_joints])
 
 
 def _calibration(
