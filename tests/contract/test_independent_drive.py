@@ -1,0 +1,134 @@
+"""`CanopenServos` on drives that none of this project wrote: `tests/independent_drive.py`, on the wall clock."""
+
+import time
+import uuid
+from dataclasses import replace
+
+import can
+import canopen
+import numpy as np
+import pytest
+from tests.independent_drive import (
+    COUNTS_PER_TURN,
+    DISABLED,
+    ENABLED,
+    FAULT,
+    PRODUCT_CODE,
+    QUICK_STOP,
+    READY,
+    SWITCHED_ON,
+    VENDOR_ID,
+    join,
+)
+
+from armload_drivers.arm import EffortFeedback, Identity, OperationMode
+from armload_drivers.canopen_servos import CanopenServos
+from armload_drivers.errors import ServoFault, WrongDevice
+from armload_drivers.servos import JointCommand
+from armload_drivers.sync import TimerSync
+
+RAD = COUNTS_PER_TURN / (2.0 * np.pi)
+ZERO = np.zeros(3)
+
+
+def settings(arm_settings, mode):
+    """The same small arm, of other drives; a busy computer is not what is tested."""
+    arm = arm_settings(
+        cycle_s=0.02,
+        mode=mode,
+        feedback=EffortFeedback.TORQUE,
+        counts_per_rad=None,
+        rated_current_a=None,
+        rated_torque_nm=None,
+        identity=Identity(VENDOR_ID, PRODUCT_CODE),
+        torque_offset=False,
+    )
+    return replace(arm, heartbeat_s=0.2, max_missing_cycles=20)
+
+
+def hold(servos, position_rad, cycles):
+    for _ in range(cycles):
+        servos.exchange(JointCommand(position_rad, ZERO, ZERO))
+
+
+@pytest.fixture(params=list(OperationMode), ids=lambda mode: mode.name)
+def bench(request, arm_settings):
+    """Servos, and the drives of somebody else behind them."""
+    arm = settings(arm_settings, request.param)
+    channel = uuid.uuid4().hex
+    with (
+        can.Bus(interface="virtual", channel=channel) as drives_bus,
+        can.Bus(interface="virtual", channel=channel) as bus,
+    ):
+        network = canopen.Network(drives_bus)
+        network.NOTIFIER_CYCLE = 0.02
+        network.connect()
+        drives = join(network, [drive.node_id for drive in arm.drives], [int(request.param)])
+        servos = CanopenServos(arm, bus, TimerSync())
+        yield servos, drives, arm
+        servos.close()
+        for drive in drives:
+            drive.nmt.stop_heartbeat()
+        network.disconnect()
+
+
+def test_it_is_booted_enabled_moved_and_disabled(bench):
+    servos, drives, arm = bench
+    servos.connect()
+    assert not servos.simulated
+    assert [report.name for report in servos.reports] == ["nobody's servo amplifier"] * 3
+    start = servos.enable().position_rad
+    np.testing.assert_allclose(start, arm.coupling @ [drive.position / RAD for drive in drives], atol=1e-6)
+    for cycle in range(1, 51):
+        servos.exchange(JointCommand(start + np.deg2rad(1.0) * cycle / 50, ZERO, ZERO))
+    reached = [servos.exchange(JointCommand(start + np.deg2rad(1.0), ZERO, ZERO)) for _ in range(3)][-1]
+    np.testing.assert_allclose(reached.position_rad, start + np.deg2rad(1.0), atol=1e-6)
+    assert not reached.missing.any()
+    servos.stop()
+    assert [drive.state for drive in drives] == [QUICK_STOP] * 3
+    servos.disable()
+    for drive in drives:
+        assert drive.states[-5:] == [READY, SWITCHED_ON, ENABLED, QUICK_STOP, DISABLED]
+        # A skipped cycle doubles a step; nothing but that, and no jump on enabling.
+        assert max(drive.jumps) < 10 * np.deg2rad(1.0) / 50 * RAD
+
+
+def test_its_fault_in_motion_is_told_and_reset_by_name(bench):
+    servos, drives, _ = bench
+    servos.connect()
+    start = servos.enable().position_rad
+    drives[1].fail(0x2310)
+    with pytest.raises(ServoFault, match=r"joint_3.*2310"):
+        hold(servos, start, 50)
+    servos.stop()
+    servos.disable()
+    assert [drive.state for drive in drives] == [DISABLED, FAULT, DISABLED]
+    servos.reset_faults()
+    servos.enable()
+    assert [drive.state for drive in drives] == [ENABLED] * 3
+
+
+def test_a_silent_master_is_noticed_by_it(bench):
+    """It watches the heartbeat that 1016 names, as any drive does."""
+    servos, drives, arm = bench
+    servos.connect()
+    start = servos.enable().position_rad
+    hold(servos, start, round(4 * arm.heartbeat_s / arm.cycle_s))
+    assert [drive.state for drive in drives] == [ENABLED] * 3
+    time.sleep(4 * arm.heartbeat_s)
+    with pytest.raises(ServoFault, match="8130"):
+        hold(servos, start, 50)
+
+
+def test_another_product_is_refused(bench, arm_settings):
+    servos, drives, arm = bench
+    servos.connect()
+    before = [len(drive.states) for drive in drives]
+    arm = replace(arm, drives=tuple(replace(d, identity=Identity(VENDOR_ID, 0x9999)) for d in arm.drives))
+    channel = drives[0].network.bus.channel_id
+    with (
+        can.Bus(interface="virtual", channel=channel) as bus,
+        pytest.raises(WrongDevice, match=r"product code \(1018\) is 0x00001234 instead of 0x00009999"),
+    ):
+        CanopenServos(arm, bus, TimerSync()).connect()
+    assert [len(drive.states) for drive in drives] == before, "nobody was reset"
