@@ -12,12 +12,23 @@ from pydantic import Field, model_validator
 
 from armload_controller.errors import ConfigurationError
 from armload_controller.table_types import Positive, Table
-from armload_drivers.arm import DriveSettings, EffortFeedback, Identity, OperationMode, VendorEffort
+from armload_drivers.arm import (
+    DriveSettings,
+    EffortFeedback,
+    Identity,
+    OperationMode,
+    TemperatureObject,
+    VendorEffort,
+)
 from armload_drivers.eds import DeviceDescription, read_description
 from armload_drivers.errors import DescriptionError
 from armload_drivers.objects import DataType
 
 _EFFORT_TYPES = {"i16": DataType.I16, "i32": DataType.I32}
+_NUMBER_TYPES = {
+    "i8": DataType.I8, "u8": DataType.U8, "i16": DataType.I16, "u16": DataType.U16, "i32": DataType.I32,
+    "u32": DataType.U32, "f32": DataType.F32,
+}  # fmt: skip
 
 
 class BusTable(Table):
@@ -65,6 +76,15 @@ class EffortObjectTable(Table):
         return self
 
 
+class TemperatureObjectTable(Table):
+    """A vendor's object that tells a temperature of the drive or its motor, for `armload drives show`."""
+
+    index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
+    subindex: Annotated[int, Field(ge=0, le=254)]
+    type: Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
+    celsius_per_unit: Positive
+
+
 class DriveTable(Table):
     """One joint's drive. A scale that is left out is read from the drive."""
 
@@ -80,6 +100,7 @@ class DriveTable(Table):
     has_brake: bool
     torque_offset: bool = True
     effort_object: EffortObjectTable | None = None
+    temperature_object: TemperatureObjectTable | None = None
     accept_missing: list[str] = Field(default=[])
     description: str | None = None
     identity: IdentityTable | None = None
@@ -110,6 +131,13 @@ class DriveTable(Table):
         return VendorEffort(
             told.index, told.subindex, _EFFORT_TYPES[told.type], float(told.a_per_unit or told.nm_per_unit or 0.0)
         )
+
+    def temperature(self) -> TemperatureObject | None:
+        """The vendor's object for a temperature."""
+        told = self.temperature_object
+        if told is None:
+            return None
+        return TemperatureObject(told.index, told.subindex, _NUMBER_TYPES[told.type], told.celsius_per_unit)
 
 
 def drive_settings(
@@ -149,6 +177,7 @@ def drive_settings(
         vendor_effort=drive.vendor_effort(),
         accept_missing=frozenset(name.upper() for name in drive.accept_missing),
         description=description,
+        temperature=drive.temperature(),
     )
 
 

@@ -49,6 +49,23 @@ class VendorEffort:
 
 
 @dataclass(frozen=True, slots=True)
+class TemperatureObject:
+    """A vendor's object that tells a temperature of the drive or its motor; the standard has none.
+
+    Attributes:
+        index: Index of the object.
+        subindex: Sub-index.
+        type: Data type.
+        celsius_per_unit: Degrees that one unit of the object means.
+    """
+
+    index: int
+    subindex: int
+    type: DataType
+    celsius_per_unit: float
+
+
+@dataclass(frozen=True, slots=True)
 class Identity:
     """Identity object 1018; None matches anything."""
 
@@ -86,6 +103,7 @@ class DriveSettings:
         vendor_effort: The vendor's object for the effort; the standard's where None.
         accept_missing: Objects that safety rests on and that this drive may lack all the same, as "6007".
         description: The vendor's device description, where there is one.
+        temperature: The vendor's object for a temperature, where it is to be shown.
     """
 
     joint: str
@@ -106,6 +124,7 @@ class DriveSettings:
     vendor_effort: VendorEffort | None = None
     accept_missing: frozenset[str] = frozenset()
     description: DeviceDescription | None = None
+    temperature: TemperatureObject | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ from armload_drivers.errors import (
 )
 from armload_drivers.objects import Entry
 from armload_drivers.pdo_setup import map_pdo, switch_others_off
-from armload_drivers.process_image import DriveImage, drive_image
+from armload_drivers.process_image import DriveImage, drive_image, temperature_entry
 from armload_drivers.sdo_channel import SdoChannel
 from armload_drivers.timeouts import Timeouts
 from armload_drivers.units import ArmUnits, AxisUnits, milliseconds
@@ -259,6 +259,15 @@ class DriveSetup:
         self._sdo.step = "reading actual values"
         return [self._sdo.read_if_there(entry) for entry in entries]
 
+    def read_temperature_celsius(self) -> float | None:
+        """The temperature that the configuration names; None where it names none or the drive has none."""
+        entry, told = temperature_entry(self.settings), self.settings.temperature
+        if entry is None or told is None:
+            return None
+        self._sdo.step = "reading the temperature"
+        value = self._sdo.read_real_if_there(entry)
+        return None if value is None else value * told.celsius_per_unit
+
     def _wrong(self, what: str, remedy: str) -> WrongDevice:
         """Error about this drive at this step."""
         return WrongDevice(self.settings.node_id, self.settings.joint, self._sdo.step, what, remedy)
@@ -346,15 +355,30 @@ class DriveSetup:
         """
         self._sdo.step = "checking for faults"
         if self.read_state() in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
-            code = self._sdo.read_if_there(od.ERROR_CODE)
-            cause = "603F does not tell why" if code is None else describe(code)
             raise ServoFault(
                 self.settings.node_id,
                 self.settings.joint,
                 "enabling",
-                f"the drive is in FAULT: {cause}",
+                f"the drive is in FAULT: {self._read_cause()}",
                 "Remove the cause, then reset the fault by name (`armload drives reset`) and enable anew",
             )
+
+    def _read_cause(self) -> str:
+        """Why the drive is in FAULT, in words."""
+        code = self._sdo.read_if_there(od.ERROR_CODE)
+        return "603F does not tell why" if code is None else describe(code)
+
+    def read_fault(self) -> str:
+        """Why the drive is in FAULT, in words. Only reads.
+
+        Raises:
+            ServoError: it is not in FAULT.
+        """
+        self._sdo.step = "looking for the fault"
+        state = self.read_state()
+        if state is not State.FAULT:
+            raise self._sdo.failure(f"the drive is in {state.title}", "There is nothing to reset")
+        return self._read_cause()
 
     def read_state(self) -> State:
         """Power state, by SDO.

@@ -1,12 +1,16 @@
 """Looking at drives without a cycle: who is there, what bring-up would say, how they fare. Nothing is energised.
 
-`check` does everything of bring-up short of enabling, goes on after an error, and keeps the answer of every step.
-It resets the nodes and writes their configuration, as bring-up does, so it refuses drives that carry torque.
+Scanning and showing only read, on any bus, whoever else is at work. `check` does everything of bring-up short of
+enabling, goes on after an error, and keeps the answer of every step. It resets nodes and writes their configuration, as
+bring-up does; so first it asks everybody, and touches nobody while a drive of the arm carries torque, and no real drive
+that the configuration does not name by its identity. `reset` acts on one drive, under the same conditions and with
+consent.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -14,11 +18,11 @@ import can
 
 from armload_drivers import objects as od
 from armload_drivers.arm import ArmSettings, EffortFeedback, Identity
-from armload_drivers.bring_up import DriveSetup, arm_setups, arm_with
+from armload_drivers.bring_up import DriveSetup, arm_setups, arm_with, is_simulation
 from armload_drivers.bus_link import BusLink
 from armload_drivers.cia402 import POWERED, State
 from armload_drivers.drive_objects import SAFETY
-from armload_drivers.errors import DriverError, ServoError
+from armload_drivers.errors import DriverError, ServoError, WrongDevice
 from armload_drivers.objects import NmtCommand
 from armload_drivers.process_image import effort_entry
 from armload_drivers.scan import NODE_IDS, scan
@@ -96,6 +100,7 @@ class DriveStatus:
         effort: Motor current in A, or axis torque in N m, as `effort_unit` says; None where it is not told.
         effort_unit: "A" or "N m".
         error_code: 603F; None where it is not told.
+        temperature_celsius: Of the vendor's object; None where it is not configured or not told.
         trouble: Why nothing is known, in words.
     """
 
@@ -106,6 +111,7 @@ class DriveStatus:
     effort: float | None
     effort_unit: str
     error_code: int | None
+    temperature_celsius: float | None
     trouble: str
 
 
@@ -179,7 +185,14 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
     link, limits = BusLink(bus), timeouts or Timeouts()
     setups = arm_setups(arm, link, limits)
     rows: list[Check] = []
-    sound = [_check_alone(setup, link, limits, rows) for setup in setups]
+    known = [_identify(setup, rows) for setup in setups]
+    if None in known:
+        rows += [_row(setup, "reset", Verdict.NOT_DONE, _AT_WORK) for setup in setups]
+        return _by_joint(rows, arm)
+    sound = [
+        _check_alone(setup, link, limits, rows) if is_known else False
+        for setup, is_known in zip(setups, known, strict=True)
+    ]
     if not all(sound):
         what = "needs the scale of every drive, and not all are in order"
         rows += [_row(setup, "limits", Verdict.NOT_DONE, what) for setup in setups]
@@ -203,9 +216,8 @@ def _by_joint(rows: list[Check], arm: ArmSettings) -> list[Check]:
     return sorted(rows, key=lambda row: order.index(row.node_id))
 
 
-def _check_alone(setup: DriveSetup, link: BusLink, limits: Timeouts, rows: list[Check]) -> bool:
-    """Everything that needs one drive alone; True where nothing is wrong."""
-    sound = True
+def _identify(setup: DriveSetup, rows: list[Check]) -> bool | None:
+    """Whether a drive is who it should be, so that it may be reset; None where it carries torque. Only reads."""
     if not setup.is_up():
         rows.append(
             _row(setup, "answers", Verdict.WRONG, "no answer: is it supplied and connected, with this node id?")
@@ -213,13 +225,47 @@ def _check_alone(setup: DriveSetup, link: BusLink, limits: Timeouts, rows: list[
         return False
     rows.append(_row(setup, "answers", Verdict.OK, ""))
     try:
-        setup.check_identity()
-        if setup.read_state() in POWERED:
-            raise setup.refusal("the drive carries torque", "Another master is at work: end it first")
+        found = setup.check_identity()
+        powered = setup.read_state() in POWERED
     except ServoError as error:
         rows.append(_row(setup, "identity", Verdict.WRONG, str(error)))
         return False
+    if powered:
+        rows.append(_row(setup, "identity", Verdict.WRONG, f"the drive carries torque. {_AT_WORK}"))
+        return None
+    if _is_anonymous(setup, found):
+        rows.append(_row(setup, "identity", Verdict.NOT_DONE, _name_it(found)))
+        return False
     rows.append(_row(setup, "identity", Verdict.OK, ""))
+    return True
+
+
+_AT_WORK = "Another master is at work: end it first"
+
+
+def _is_anonymous(setup: DriveSetup, found: Identity) -> bool:
+    """Whether a real drive answers to a configuration that would take anybody."""
+    settings = setup.settings
+    described = settings.description is not None and settings.description.vendor_id is not None
+    return settings.identity.vendor_id is None and not described and not is_simulation(found)
+
+
+def _name_it(found: Identity) -> str:
+    """What to do about an anonymous drive."""
+    told = ", ".join(
+        f"{key} = 0x{value:08X}"
+        for key, value in (("vendor_id", found.vendor_id), ("product_code", found.product_code))
+        if value is not None
+    )
+    return (
+        "a real drive that the configuration does not name is not written to. If it is this arm's, name it: "
+        f"identity = {{ {told} }}"
+    )
+
+
+def _check_alone(setup: DriveSetup, link: BusLink, limits: Timeouts, rows: list[Check]) -> bool:
+    """Everything that needs one drive alone, which has been identified; True where nothing is wrong."""
+    sound = True
     _reset(setup, link, limits)
     for name, step in setup.steps():
         try:
@@ -268,7 +314,9 @@ def _status(setup: DriveSetup, limits: Timeouts) -> DriveStatus:
     unit = "A" if setup.settings.feedback is EffortFeedback.CURRENT else "N m"
     try:
         if not setup.is_up():
-            return DriveStatus(joint, node_id, None, None, None, unit, None, f"no answer within {limits.probe_s} s")
+            return DriveStatus(
+                joint, node_id, None, None, None, unit, None, None, f"no answer within {limits.probe_s} s"
+            )
         scale = setup.read_units()
         values = setup.read_values((od.POSITION_ACTUAL, effort_entry(setup.settings), od.ERROR_CODE))
         position, effort, code = values
@@ -280,29 +328,49 @@ def _status(setup: DriveSetup, limits: Timeouts) -> DriveStatus:
             None if effort is None else effort * scale.effort_per_unit,
             unit,
             code,
+            setup.read_temperature_celsius(),
             "",
         )
     except DriverError as error:
-        return DriveStatus(joint, node_id, None, None, None, unit, None, str(error))
+        return DriveStatus(joint, node_id, None, None, None, unit, None, None, str(error))
 
 
-def reset(arm: ArmSettings, joint: str, bus: can.BusABC, timeouts: Timeouts | None = None) -> State:
-    """Reset the fault of one drive, by a bounded number of rising edges. Nothing is enabled.
+def reset(
+    arm: ArmSettings,
+    joint: str,
+    bus: can.BusABC,
+    consent: Callable[[str], bool],
+    timeouts: Timeouts | None = None,
+) -> State | None:
+    """Reset the fault of one drive, by a bounded number of rising edges. No other is written to, none is enabled.
 
     Args:
         arm: The arm.
         joint: Name of the joint.
         bus: An open bus.
+        consent: Asked before a drive that is not a simulation is written to, with what would be done.
         timeouts: Limits of all waits.
 
     Returns:
-        The state that the drive is in then.
+        The state that the drive is in then; None where consent was not given, and nothing was done.
 
     Raises:
-        ServoError: the drive is not in FAULT, or stays there.
+        WrongDevice: it is not the configured drive, or a real one that the configuration does not name.
+        ServoError: the drive is not in FAULT, or stays there; or a drive of the arm carries torque.
         BusError: the bus failed.
     """
     setups = arm_setups(arm, BusLink(bus), timeouts or Timeouts())
     setup = next(setup for setup in setups if setup.settings.joint == joint)
-    setup.check_identity()
+    found = setup.check_identity()
+    if _is_anonymous(setup, found):
+        raise WrongDevice(setup.settings.node_id, joint, "identifying", _name_it(found), "Then reset it again")
+    for other in setups:
+        if other.is_up() and other.read_state() in POWERED:
+            raise other.refusal("the drive carries torque", _AT_WORK)
+    cause = setup.read_fault()
+    node = f"{joint} (node {setup.settings.node_id})"
+    if not is_simulation(found) and not consent(
+        f"{node} is in FAULT: {cause}. Is the cause gone, and is it to be reset?"
+    ):
+        return None
     return setup.reset_fault()

@@ -16,6 +16,7 @@ class DataType(Enum):
         code: Format character of `struct`; empty for strings.
         bits: Size; 0 for strings.
         bounds: Least and greatest value of an integer type.
+        is_real: A floating-point number, REAL32.
     """
 
     U8 = ("B", 8)
@@ -24,6 +25,7 @@ class DataType(Enum):
     I16 = ("h", 16)
     U32 = ("I", 32)
     I32 = ("i", 32)
+    F32 = ("f", 32)
     STRING = ("", 0)
 
     def __init__(self, code: str, bits: int) -> None:
@@ -31,6 +33,7 @@ class DataType(Enum):
         self.bits = bits
         half = 1 << bits >> 1
         self.bounds = (-half, half - 1) if code.islower() else (0, (1 << bits) - 1)
+        self.is_real = code == "f"
 
 
 class Access(Enum):

@@ -84,6 +84,14 @@ def effort_entry(drive: DriveSettings) -> Entry:
     return od.CURRENT_ACTUAL if drive.feedback is EffortFeedback.CURRENT else od.TORQUE_ACTUAL
 
 
+def temperature_entry(drive: DriveSettings) -> Entry | None:
+    """Object that tells a temperature, where the configuration names one; no PDO carries it."""
+    told = drive.temperature
+    if told is None:
+        return None
+    return Entry(told.index, told.subindex, "vendor's temperature", told.type, Access.RO)
+
+
 def _layout(direction: PdoDirection, number: int, node_id: int, entries: list[Entry]) -> PdoLayout:
     """A PDO on the COB-ID of the pre-defined connection set."""
     return PdoLayout(direction, number, direction.default_cob_id(number, node_id), tuple(entries))

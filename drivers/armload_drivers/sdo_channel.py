@@ -118,6 +118,21 @@ class SdoChannel:
                 return None
             raise
 
+    def read_real_if_there(self, entry: Entry) -> float | None:
+        """Value of an integer or a floating-point object as a number; None where the node does not have it."""
+        if not entry.type.is_real:
+            return self.read_if_there(entry)
+        try:
+            data = self._transfer(entry, None)
+        except SdoRefused as refusal:
+            if refusal.abort_code in _MISSING:
+                return None
+            raise
+        if len(data) != entry.type.bits // 8:
+            raise self.failure(f"reading {entry}: {len(data)} bytes are no REAL32", "See the drive's manual")
+        (value,) = struct.unpack("<f", data)
+        return float(value)
+
     def read_text(self, entry: Entry) -> str:
         """Value of a string object; bytes that are no text are replaced. Raises as `read`."""
         return self._transfer(entry, None).decode("utf-8", errors="replace").rstrip("\0")

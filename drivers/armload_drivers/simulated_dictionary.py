@@ -10,7 +10,7 @@ from armload_drivers import objects as od
 from armload_drivers.arm import SIMULATION_IDENTITY, DriveSettings, Identity
 from armload_drivers.cia402 import State
 from armload_drivers.objects import Access, DataType, Entry
-from armload_drivers.process_image import effort_entry
+from armload_drivers.process_image import effort_entry, temperature_entry
 from armload_drivers.sdo_server import Dictionary
 from armload_drivers.units import AxisUnits, milliseconds
 
@@ -20,6 +20,9 @@ QUICK_STOP_DECELERATION_RAD_S2 = 6.0
 FOLLOWING_ERROR_TIMEOUT_MS = 20
 """6066 after a reset."""
 
+
+CELSIUS = 40.0
+"""Temperature of every simulated drive, told where its configuration names an object for it."""
 
 SILENCE = 0
 """What `DriveTraits.on_request` returns for a request that is to get no answer."""
@@ -159,6 +162,9 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
     effort = effort_entry(settings)
     if effort.key not in dictionary.entries:
         dictionary.add(effort, 0)
+    temperature = temperature_entry(settings)
+    if temperature is not None and settings.temperature is not None:
+        dictionary.add(temperature, round(CELSIUS / settings.temperature.celsius_per_unit))
     if not settings.torque_offset:
         dictionary.remove([od.TORQUE_OFFSET.index])
     if settings.rated_current_a is None:

@@ -62,6 +62,13 @@ def test_a_vendors_object_for_the_effort(edited):
     assert (effort.index, effort.subindex, effort.type, effort.per_unit) == (0x30D1, 2, DataType.I32, 0.001)
 
 
+def test_a_vendors_object_for_a_temperature(edited):
+    table = 'temperature_object = { index = 0x3201, subindex = 1, type = "i16", celsius_per_unit = 0.1 }'
+    told = drive(edited("has_brake = true", "has_brake = true\n" + table)).temperature
+    assert (told.index, told.subindex, told.type, told.celsius_per_unit) == (0x3201, 1, DataType.I16, 0.1)
+    assert drive(edited()).temperature is None
+
+
 def test_what_a_drive_may_lack_is_named(edited):
     settings = drive(edited("has_brake = true", 'has_brake = true\naccept_missing = ["605a", "6007"]'))
     assert settings.accept_missing == {"605A", "6007"}

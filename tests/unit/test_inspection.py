@@ -9,10 +9,11 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.arm import SIMULATION_IDENTITY, Identity
+from armload_drivers.arm import SIMULATION_IDENTITY, Identity, TemperatureObject
 from armload_drivers.cia402 import State
-from armload_drivers.errors import ServoError, ServoFault
+from armload_drivers.errors import ServoError, ServoFault, WrongDevice
 from armload_drivers.inspection import Verdict, check, find_nodes, reset, show
+from armload_drivers.objects import DataType
 from armload_drivers.simulated_dictionary import DriveTraits
 from armload_drivers.simulated_drives import SimulatedDrives
 from armload_drivers.simulated_plant import IdealPlant
@@ -41,6 +42,26 @@ class Bench:
 def bench(arm_settings):
     with ExitStack() as stack:
         yield lambda traits=None, arm=None: Bench(stack, arm or arm_settings(), traits)
+
+
+def nobody(question):
+    """Nobody is there to be asked: a simulation needs no consent."""
+    raise AssertionError(question)
+
+
+def energise(rig, node_id):
+    """Another master switches a drive on, by SDO."""
+    for data in ("2b40600006000000", "2b40600007000000", "2b4060000f000000"):
+        rig.other.send(can.Message(arbitration_id=0x600 + node_id, data=bytes.fromhex(data), is_extended_id=False))
+        time.sleep(0.01)
+
+
+REAL = Identity(0x02DC, 0x1234_5678)
+
+
+def real_arm(arm, identity):
+    """The arm's settings as a file has them that names its drives so."""
+    return replace(arm, drives=tuple(replace(drive, identity=identity) for drive in arm.drives))
 
 
 def only_read(frames):
@@ -103,14 +124,31 @@ def test_check_of_an_arm_in_order_and_of_one_that_is_not_there(bench):
 
 def test_check_keeps_away_from_a_drive_that_carries_torque(bench):
     rig = bench()
-    for data in ("2b40600006000000", "2b40600007000000", "2b4060000f000000"):
-        rig.other.send(can.Message(arbitration_id=0x603, data=bytes.fromhex(data), is_extended_id=False))
-        time.sleep(0.01)
+    energise(rig, 3)
     rig.frames()
     rows = check(rig.arm, rig.bus, LIMITS)
     assert [row.detail for row in rows if row.verdict is Verdict.WRONG and "carries torque" in row.detail]
-    assert not [m for m in rig.frames() if m.arbitration_id == 0 and m.data[1] in {0, 3}], "it is not reset"
+    assert {row.step for row in rows if row.verdict is Verdict.NOT_DONE} == {"reset"}
+    assert only_read(rig.frames()), "nobody of the arm is reset or written to"
     assert rig.plant.powered == [False, True, False]
+
+
+def test_check_writes_to_no_real_drive_that_nobody_named(bench, arm_settings):
+    rig = bench({3: DriveTraits(identity=REAL)}, arm_settings(identity=Identity(None, None)))
+    rig.frames()
+    rows = check(rig.arm, rig.bus, LIMITS)
+    anonymous = [row for row in rows if row.step == "identity" and row.verdict is Verdict.NOT_DONE]
+    assert [row.node_id for row in anonymous] == [3]
+    assert "identity = { vendor_id = 0x000002DC, product_code = 0x12345678 }" in anonymous[0].detail
+    frames = rig.frames()
+    assert only_read([m for m in frames if m.arbitration_id == 0x603])
+    assert {m.data[1] for m in frames if m.arbitration_id == 0} == {2, 5}, "the simulated ones are"
+
+
+def test_check_of_a_real_arm_that_the_file_names(bench, arm_settings):
+    traits = dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL))
+    rig = bench(traits, arm_settings(identity=REAL))
+    assert {row.verdict for row in check(rig.arm, rig.bus, LIMITS)} == {Verdict.OK}
 
 
 def test_show_only_reads(bench):
@@ -129,6 +167,20 @@ def test_show_only_reads(bench):
     assert only_read(rig.frames())
 
 
+@pytest.mark.parametrize(("kind", "per_unit"), [(DataType.I16, 0.1), (DataType.U8, 1.0), (DataType.F32, 1.0)])
+def test_show_tells_a_vendors_temperature(bench, arm_settings, kind, per_unit):
+    arm = arm_settings(temperature=TemperatureObject(0x3201, 1, kind, per_unit))
+    rig = bench({5: DriveTraits(absent=frozenset({0x3201}))}, arm)
+    told = [drive.temperature_celsius for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives]
+    assert told[:2] == pytest.approx([40.0, 40.0])
+    assert told[2] is None
+
+
+def test_show_tells_no_temperature_where_none_is_configured(bench):
+    rig = bench()
+    assert {drive.temperature_celsius for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives} == {None}
+
+
 def test_show_tells_a_contradiction(bench, arm_settings):
     rig = bench()
     wrong = replace(rig.arm, drives=tuple(replace(d, counts_per_rad=5.0) for d in rig.arm.drives))
@@ -141,7 +193,7 @@ def test_one_fault_is_reset_by_name(bench):
     rig.drives.fail(3, 0x4310)
     rig.drives.fail(5, 0x4310)
     time.sleep(0.05)
-    assert reset(rig.arm, "joint_3", rig.bus, LIMITS) is State.SWITCH_ON_DISABLED
+    assert reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS) is State.SWITCH_ON_DISABLED
     states = [drive.state for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives]
     assert states == [State.SWITCH_ON_DISABLED, State.SWITCH_ON_DISABLED, State.FAULT]
     assert not any(rig.plant.powered)
@@ -152,10 +204,54 @@ def test_a_fault_whose_cause_stays_is_told(bench):
     rig.drives.fail(3, 0x4310, persistent=True)
     time.sleep(0.05)
     with pytest.raises(ServoFault, match="0x4310"):
-        reset(rig.arm, "joint_3", rig.bus, LIMITS)
+        reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS)
 
 
 def test_without_a_fault_there_is_nothing_to_reset(bench):
     rig = bench()
     with pytest.raises(ServoError, match="nothing to reset"):
-        reset(rig.arm, "joint_3", rig.bus, LIMITS)
+        reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS)
+
+
+@pytest.fixture
+def real_fault(bench, arm_settings):
+    """A real arm with a fault, named by its file."""
+    rig = bench(dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL)), arm_settings(identity=REAL))
+    rig.drives.fail(3, 0x4310)
+    time.sleep(0.05)
+    rig.frames()
+    return rig
+
+
+def test_a_real_drive_is_reset_with_consent(real_fault):
+    questions = []
+    state = reset(real_fault.arm, "joint_3", real_fault.bus, lambda text: bool(questions.append(text)) or True, LIMITS)
+    assert state is State.SWITCH_ON_DISABLED
+    assert len(questions) == 1
+    assert "joint_3 (node 3) is in FAULT: 0x4310" in questions[0]
+    written = {
+        m.arbitration_id for m in real_fault.frames() if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1
+    }
+    assert written == {0x603}, "by name only"
+
+
+def test_without_consent_a_real_drive_is_not_written_to(real_fault):
+    assert reset(real_fault.arm, "joint_3", real_fault.bus, lambda text: False, LIMITS) is None
+    assert only_read(real_fault.frames())
+
+
+def test_a_real_drive_that_nobody_named_is_not_reset(real_fault):
+    anybody = real_arm(real_fault.arm, Identity(None, None))
+    with pytest.raises(WrongDevice, match="does not name"):
+        reset(anybody, "joint_3", real_fault.bus, nobody, LIMITS)
+    assert only_read(real_fault.frames())
+
+
+def test_nothing_is_reset_while_another_drive_of_the_arm_carries_torque(bench):
+    rig = bench()
+    rig.drives.fail(3, 0x4310)
+    energise(rig, 5)
+    rig.frames()
+    with pytest.raises(ServoError, match=r"joint_5.*carries torque"):
+        reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS)
+    assert only_read(rig.frames())

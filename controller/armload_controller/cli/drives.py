@@ -1,6 +1,8 @@
 """`armload drives`: who is on the bus, whether an arm's drives are as configured, how they fare, fault reset.
 
-Nothing here energises a drive. On the virtual bus, where nobody else could be, simulated drives answer.
+Nothing here energises a drive, so it is allowed on any bus. `scan` and `show` only read; what `check` and `reset` may
+write to whom is decided in `armload_drivers.inspection`. On the virtual bus, where nobody else could be, simulated
+drives answer.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOp
 from armload_controller.cli.screen import Screen, listening
 from armload_controller.config import Robot, load_robot
 from armload_controller.control import MotionControl
-from armload_controller.errors import ConfigurationError, UnsafeBus
+from armload_controller.errors import CommissioningError, ConfigurationError, UnsafeBus
 from armload_drivers.emergency import describe
 from armload_drivers.inspection import ArmStatus, Check, FoundNode, Verdict, check, find_nodes, reset, show
 from armload_drivers.simulated_drives import SimulatedDrives
@@ -59,7 +61,7 @@ def check_command(
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
 ) -> None:
-    """Everything of bring-up short of enabling, as a table per joint. Resets and configures the nodes."""
+    """Everything of bring-up short of enabling, as a table per joint. Resets and configures the nodes it knows."""
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     screen = Screen()
     with _bus_of(arm) as bus:
@@ -100,14 +102,18 @@ def reset_command(
     interface: InterfaceOption = None,
     channel: ChannelOption = None,
     bitrate: BitrateOption = None,
+    yes: Annotated[bool, typer.Option("--yes", help="The cause is gone: do not ask.")] = False,
 ) -> None:
-    """Reset the fault of one drive, once its cause is gone. Nothing is enabled."""
+    """Reset the fault of one drive, once its cause is gone. Asks on a real arm. Nothing is enabled."""
     arm = load_robot(robot).with_bus(interface, channel, bitrate)
     if joint not in arm.joint_names:
         raise ConfigurationError(arm.file, "JOINT", joint, f"one of: {', '.join(arm.joint_names)}")
+    screen = Screen()
     with _bus_of(arm) as bus:
-        state = reset(arm.arm_settings(), joint, bus)
-    Screen().step(f"{joint}: {state.title}")
+        state = reset(arm.arm_settings(), joint, bus, lambda question: yes or screen.confirm(question))
+    if state is None:
+        raise CommissioningError("not confirmed: nothing was reset")
+    screen.step(f"{joint}: {state.title}")
 
 
 @contextmanager
@@ -160,16 +166,18 @@ def _check_table(rows: list[Check]) -> Table:
 def _status_table(status: ArmStatus) -> Table:
     """One row per joint."""
     table = Table()
-    for heading in ("joint", "node", "state", "axis position rad", "effort", "error"):
+    warm = any(drive.temperature_celsius is not None for drive in status.drives)
+    for heading in ("joint", "node", "state", "axis position rad", "effort", *["°C"] * warm, "error"):
         table.add_column(heading)
     for drive in status.drives:
         if drive.state is None:
-            table.add_row(drive.joint, str(drive.node_id), "?", "", "", drive.trouble)
+            table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, drive.trouble)
             continue
         position = "-" if drive.position_rad is None else f"{drive.position_rad:+.5f}"
         effort = "-" if drive.effort is None else f"{drive.effort:+.3f} {drive.effort_unit}"
         error = "-" if drive.error_code is None else describe(drive.error_code)
-        table.add_row(drive.joint, str(drive.node_id), drive.state.title, position, effort, error)
+        celsius = "-" if drive.temperature_celsius is None else f"{drive.temperature_celsius:.0f}"
+        table.add_row(drive.joint, str(drive.node_id), drive.state.title, position, effort, *[celsius] * warm, error)
     return table
 
 
