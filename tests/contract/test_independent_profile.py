@@ -1,0 +1,50 @@
+"""The simulated drives of the shipped arms under canopen's own CiA 402 profile, in one process on the wall clock."""
+
+import time
+import uuid
+
+import can
+import canopen
+import numpy as np
+import pytest
+from tests.independent_master import Master, description
+
+from armload_controller.config import load_robot
+from armload_drivers.simulated_drives import SimulatedDrives
+from armload_drivers.simulated_plant import IdealPlant
+
+
+@pytest.mark.parametrize("split", [False, True], ids=["one PDO", "two PDOs"])
+@pytest.mark.parametrize(
+    ("robot", "mode"), [("er50", "CYCLIC SYNCHRONOUS POSITION"), ("prbt", "INTERPOLATED POSITION")]
+)
+def test_a_node_is_booted_enabled_moved_by_a_degree_and_disabled(tmp_path, robot, mode, split):
+    arm = load_robot(robot).arm_settings()
+    start = np.array([0.1, -0.2, 0.3, 0.0, 0.5, -0.1])
+    plant = IdealPlant(start)
+    channel = uuid.uuid4().hex
+    with (
+        can.Bus(interface="virtual", channel=channel) as drives_bus,
+        can.Bus(interface="virtual", channel=channel) as bus,
+        SimulatedDrives(arm, plant, drives_bus, time.monotonic),
+    ):
+        network = canopen.Network(bus)
+        network.NOTIFIER_CYCLE = 0.02
+        network.connect()
+        try:
+            master = Master(network, arm.drives[2].node_id, description(tmp_path / "drive.eds"))
+            master.boot()
+            sdo = master.node.sdo
+            turn = sdo[0x608F][1].raw / sdo[0x608F][2].raw * sdo[0x6091][1].raw / sdo[0x6091][2].raw
+            degree = round(turn / 360.0)
+            master.configure(mode, split)
+            begin = master.enable()
+            assert plant.powered == [axis == 2 for axis in range(6)]
+            np.testing.assert_allclose(plant.position_rad, start, atol=2.0 * np.pi / turn)
+            assert master.move(degree) == begin + degree
+            np.testing.assert_allclose(plant.position_rad[2] - start[2], np.deg2rad(1.0), rtol=1e-3)
+            master.disable()
+            assert not any(plant.powered)
+            master.leave()
+        finally:
+            network.disconnect()
