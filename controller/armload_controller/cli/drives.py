@@ -168,7 +168,7 @@ def _status_table(status: ArmStatus) -> Table:
     table = Table()
     warm = any(drive.temperature_celsius is not None for drive in status.drives)
     for heading in ("joint", "node", "state", "axis position rad", "effort", *["°C"] * warm, "error"):
-        table.add_column(heading)
+        table.add_column(heading, no_wrap=heading == "joint")
     for drive in status.drives:
         if drive.state is None:
             table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, drive.trouble)
