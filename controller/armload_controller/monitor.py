@@ -15,6 +15,8 @@ from armload_identification.signals import Transmission
 
 TORQUE_FILTER_S = 0.02
 """Time constant that noise is taken out of the measured torque with, before it is compared."""
+MODEL_EVERY_S = 0.01
+"""So often the model is asked; motions within the joints' limits change little in between."""
 REACH_BACK_S = 0.1
 """Setpoints of so long ago may still be on their way: twice the lag of the simulated servos."""
 
@@ -180,13 +182,14 @@ class TorqueWindow:
     ) -> None:
         self._joint_names = joint_names
         self._measured = JointTorque(transmission)
-        self._limit = torque_max_nm
         self._share = cycle_s / (TORQUE_FILTER_S + cycle_s)
         self._model = model
         self._filtered: FloatArray | None = None
-        self._least = np.empty((max(2, round(REACH_BACK_S / cycle_s)), len(torque_max_nm)))
+        self._every = max(1, round(MODEL_EVERY_S / cycle_s))
+        self._least = np.empty((max(2, round(REACH_BACK_S / (self._every * cycle_s))), len(torque_max_nm)))
         self._greatest = np.empty_like(self._least)
-        self._next = 0
+        self._window = -torque_max_nm, torque_max_nm
+        self._calls = 0
 
     def on_cycle(self, step: CycleStep) -> None:
         """Judge one feedback.
@@ -198,14 +201,13 @@ class TorqueWindow:
         if reference is None:
             self._filtered = None
             return
-        bounds = (-self._limit, self._limit)
-        if self._model is not None:
+        if self._model is not None and (self._filtered is None or self._calls % self._every == 0):
             state = reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
-            bounds = self._model.bounds_nm(*state)
-        rows = slice(None) if self._filtered is None else self._next
-        self._least[rows], self._greatest[rows] = bounds
-        self._next = (self._next + 1) % len(self._least)
-        least, greatest = self._least.min(axis=0), self._greatest.max(axis=0)
+            rows = slice(None) if self._filtered is None else self._calls // self._every % len(self._least)
+            self._least[rows], self._greatest[rows] = self._model.bounds_nm(*state)
+            self._window = self._least.min(axis=0), self._greatest.max(axis=0)
+        self._calls += 1
+        least, greatest = self._window
         before = 0.5 * (least + greatest) if self._filtered is None else self._filtered
         self._filtered = before + self._share * (self._measured(step.feedback) - before)
         excess = np.maximum(self._filtered - greatest, least - self._filtered)
