@@ -55,8 +55,8 @@ def cached(key: str, directory: Path, make: Callable[[], dict[str, FloatArray]])
     directory.mkdir(parents=True, exist_ok=True)
     # Renamed when whole: two processes may make the same file, and neither ever reads half of one.
     unfinished = directory / f"{key}.{os.getpid()}.part"
-    with unfinished.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+    with unfinished.open("wb") as target:
+        np.savez_compressed(target, allow_pickle=False, **arrays)
     unfinished.replace(path)
     return arrays
 

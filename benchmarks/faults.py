@@ -20,7 +20,8 @@ from armload_controller.config import load_robot
 from armload_drivers.canopen_servos import CanopenServos
 from armload_drivers.clock import VirtualClock
 from armload_drivers.errors import DriverError
-from armload_drivers.plant import ArmPlant
+from armload_drivers.plant import ArmPlant, PlantSample
+from armload_drivers.plant_spec import PlantSpec
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulated_drives import SimulatedDrives
 from armload_drivers.sync import LockstepSync
@@ -34,20 +35,19 @@ WATCHED_CYCLES = 100
 NODE = 3
 
 
-class _Watched:
+class _Watched(ArmPlant):
     """A plant whose joint positions are kept at every SYNC."""
 
-    def __init__(self, plant: ArmPlant, coupling: np.ndarray) -> None:
-        self._plant, self._coupling = plant, coupling
+    def __init__(self, spec: PlantSpec, coupling: np.ndarray) -> None:
+        super().__init__(spec)
+        self._joint_from_axis = coupling
         self.track: list[tuple[float, np.ndarray, np.ndarray]] = []
 
-    def __getattr__(self, name: str) -> object:
-        return getattr(self._plant, name)
-
-    def sample(self, cycle_s: float) -> object:
-        sample = self._plant.sample(cycle_s)
-        joints = self._coupling @ sample.axis_position_rad
-        self.track.append((self._plant.time_s, joints, self._coupling @ sample.axis_velocity_rad_s))
+    def sample(self, cycle_s: float) -> PlantSample:
+        """Measure, and keep it."""
+        sample = super().sample(cycle_s)
+        joints = self._joint_from_axis @ sample.axis_position_rad
+        self.track.append((self.time_s, joints, self._joint_from_axis @ sample.axis_velocity_rad_s))
         return sample
 
 
@@ -58,8 +58,7 @@ class _Arm:
         robot = load_robot(ROBOT)
         self.settings = replace(robot.arm_settings(), cycle_s=0.004)
         self.speed_rad_s = SPEED_SHARE * robot.motion_limits().velocity_max_rad_s
-        plant = ArmPlant(robot.plant_spec(robot.simulated_payload_name))
-        self.plant = _Watched(plant, self.settings.coupling)
+        self.plant = _Watched(robot.plant_spec(robot.simulated_payload_name), self.settings.coupling)
         self.clock, channel = VirtualClock(), uuid.uuid4().hex
         bus, drives_bus, self.other = (
             stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(3)
@@ -104,12 +103,17 @@ class _Fault:
     """The drives have to stop by themselves: the master is dead, or its controller does not send any more."""
 
 
+def _reboot(arm: _Arm) -> None:
+    arm.drives.switch_off(NODE)
+    arm.drives.switch_on(NODE)
+
+
 FAULTS = (
     _Fault("drive fault (EMCY 0x2310)", lambda arm: arm.drives.fail(NODE, 0x2310)),
     _Fault("following error (6065)", lambda arm: arm.send(0x603, "2365600001000000")),
     _Fault("heartbeat of one drive lost", lambda arm: arm.send(0x603, "2b17100000000000")),
     _Fault("supply of one drive lost", lambda arm: arm.drives.switch_off(NODE)),
-    _Fault("one drive reboots", lambda arm: (arm.drives.switch_off(NODE), arm.drives.switch_on(NODE))),
+    _Fault("one drive reboots", _reboot),
     _Fault("feedback missing once", lambda arm: arm.drives.drop_feedback(NODE, 1)),
     _Fault("feedback missing three times", lambda arm: arm.drives.drop_feedback(NODE, 3)),
     _Fault("feedback missing for good", lambda arm: arm.drives.drop_feedback(NODE, 100_000)),

@@ -65,8 +65,8 @@ def periods_for_noise(setup: Setup) -> int:
     _, slope = derived(setup.truth)
     center = slope[1:4] @ covariance @ slope[1:4].T
     draws = np.random.default_rng(0).multivariate_normal(np.zeros(3), center, 20000)
-    reach_m = np.quantile(np.sqrt(np.sum(draws**2, axis=1)), OF_SEEDS)
-    reach_kg = norm.ppf(0.5 + 0.5 * OF_SEEDS) * np.sqrt(covariance[0, 0])
+    reach_m = float(np.quantile(np.sqrt(np.sum(draws**2, axis=1)), OF_SEEDS))
+    reach_kg = float(norm.ppf(0.5 + 0.5 * OF_SEEDS) * np.sqrt(covariance[0, 0]))
     allowed_kg = max(MASS_SHARE * setup.truth.mass_kg, MASS_KG)
     return math.ceil(max((reach_m / CENTER_M) ** 2, (reach_kg / allowed_kg) ** 2))
 

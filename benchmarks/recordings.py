@@ -96,7 +96,7 @@ def record(
     counts = np.rint(period.axis_position_rad[:, :n] * scales.counts_per_rad)
     position = (counts / scales.counts_per_rad) @ scales.coupling.T
     tells_current = scales.feedback is EffortFeedback.CURRENT
-    time_s = np.arange(samples) * period.sample_s
+    time_s = np.arange(samples, dtype=np.float64) * np.float64(period.sample_s)
     # Nothing is read back from a file, so a name of its own is all the hash that a recording needs.
     name = f"seeded {rng.integers(2**62):x}"
     return Recording(

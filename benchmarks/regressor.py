@@ -66,7 +66,7 @@ def _batch(chain: Chain, model: pin.Model, q: np.ndarray, dq: np.ndarray, ddq: n
             out[t] = jacobian.T @ pin.bodyRegressor(data.v[chain.n], data.a_gf[chain.n])
         return out
 
-    candidates = {
+    candidates: dict[str, Callable[[], object]] = {
         "armload payload_regressor": ours,
         "Pinocchio loop, computeJointTorqueRegressor": torque_regressor,
         "Pinocchio loop, bodyRegressor and Jacobian": body_regressor,
@@ -95,7 +95,7 @@ def _single(
         feedforward.torque_nm(q, dq, ddq)
 
     def two_rnea() -> np.ndarray:
-        return pin.rnea(loaded, loaded_data, q, dq, ddq) - pin.rnea(empty, empty_data, q, dq, ddq)
+        return np.asarray(pin.rnea(loaded, loaded_data, q, dq, ddq) - pin.rnea(empty, empty_data, q, dq, ddq))
 
     def two_rnea_alone() -> None:
         pin.rnea(loaded, loaded_data, q, dq, ddq)

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from armload_controller.config import load_robot
+from armload_controller.phase import Segment
 from armload_controller.recorder import Recorder
-from armload_controller.setpoints import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.fourier import format_excitation
 from armload_identification.recording import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT

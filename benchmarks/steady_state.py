@@ -28,7 +28,8 @@ import armload_drivers.plant_servo
 import armload_drivers.units
 import armload_identification.fourier
 from armload_controller.limits import MotionLimits
-from armload_controller.setpoints import Segment, plan_path, plan_run
+from armload_controller.phase import Segment
+from armload_controller.setpoints import plan_path, plan_run
 from armload_drivers.arm import ArmSettings
 from armload_drivers.plant import ArmPlant
 from armload_drivers.plant_model import build_model

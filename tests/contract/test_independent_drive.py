@@ -8,6 +8,12 @@ import can
 import canopen
 import numpy as np
 import pytest
+
+from armload_drivers.arm import EffortFeedback, Identity, OperationMode
+from armload_drivers.canopen_servos import CanopenServos
+from armload_drivers.errors import ServoFault, WrongDevice
+from armload_drivers.servos import JointCommand
+from armload_drivers.sync import TimerSync
 from tests.independent_drive import (
     COUNTS_PER_TURN,
     DISABLED,
@@ -20,12 +26,6 @@ from tests.independent_drive import (
     VENDOR_ID,
     join,
 )
-
-from armload_drivers.arm import EffortFeedback, Identity, OperationMode
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.errors import ServoFault, WrongDevice
-from armload_drivers.servos import JointCommand
-from armload_drivers.sync import TimerSync
 
 RAD = COUNTS_PER_TURN / (2.0 * np.pi)
 ZERO = np.zeros(3)

@@ -7,11 +7,11 @@ import can
 import canopen
 import numpy as np
 import pytest
-from tests.independent_master import Master, description
 
 from armload_controller.config import load_robot
 from armload_drivers.simulated_drives import SimulatedDrives
 from armload_drivers.simulated_plant import IdealPlant
+from tests.independent_master import Master, description
 
 
 @pytest.mark.parametrize("split", [False, True], ids=["one PDO", "two PDOs"])

@@ -1,10 +1,10 @@
 """Every row of the decision table on the simulated arm: it stays near its path and comes to stand."""
 
 import pytest
-from benchmarks.stops import measure
 
 from armload_controller.config import load_robot
 from armload_controller.safety import DECISIONS, Cause, StopCategory
+from benchmarks.stops import measure
 
 BOUNDS = {
     # Distance from the path in rad (the lag of the drives alone is 7e-3), time to stand still in s.

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.cache import cached, fingerprint
-from benchmarks.setups import Twin, twin_spec
-from benchmarks.steady_state import Streaming, noiseless, period_key
 
 from armload_controller.config import load_robot
 from armload_identification.fourier import FourierTrajectory
+from benchmarks.cache import cached, fingerprint
+from benchmarks.setups import Twin, twin_spec
+from benchmarks.steady_state import Streaming, noiseless, period_key
 
 ROBOT = load_robot("er50")
 

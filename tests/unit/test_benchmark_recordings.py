@@ -6,11 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.recordings import DriveScales, record
-from benchmarks.setups import Motion, Twin, setup_of, twin_spec
-from benchmarks.statistics import Census, Errors
-from benchmarks.steady_state import Streaming, noiseless, steady_period
-from benchmarks.trials import identified, trial
 
 from armload_controller.config import load_robot
 from armload_controller.setpoints import Segment, plan_path, plan_run
@@ -20,6 +15,11 @@ from armload_drivers.servos import JointCommand
 from armload_identification.fourier import Excitation
 from armload_identification.identification import identify
 from armload_identification.regressor import payload_torque
+from benchmarks.recordings import DriveScales, record
+from benchmarks.setups import Motion, Twin, setup_of, twin_spec
+from benchmarks.statistics import Census, Errors
+from benchmarks.steady_state import Streaming, noiseless, steady_period
+from benchmarks.trials import identified, trial
 
 pytest.importorskip("mujoco")
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from tests import independent_drive
 
 from armload_drivers.arm import EffortFeedback, Identity, OperationMode
 from armload_drivers.bcm_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
+from tests import independent_drive
 
 pytestmark = pytest.mark.vcan
 

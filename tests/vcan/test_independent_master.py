@@ -5,6 +5,7 @@ import sys
 
 import canopen
 import pytest
+
 from tests.independent_master import Master, description
 
 pytestmark = pytest.mark.vcan
