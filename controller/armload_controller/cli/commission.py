@@ -21,6 +21,7 @@ from armload_controller.cli.options import (
     CycleOption,
     InterfaceOption,
     RobotArgument,
+    SimulatedDrivesOption,
     YesOption,
 )
 from armload_controller.cli.output import make_folder
@@ -61,9 +62,7 @@ def commission(
     channel: ChannelOption = None,
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
-    simulated_drives: Annotated[
-        bool, typer.Option("--simulated-drives", help="Drive simulated drives only; each node is asked who it is.")
-    ] = False,
+    simulated_drives: SimulatedDrivesOption = False,
     runs: Annotated[
         Runs, typer.Option(help="One half at a time; 'loaded' takes up the recordings that 'unloaded' left.")
     ] = Runs.BOTH,

@@ -19,6 +19,7 @@ from armload_controller.cli.options import (
     CycleOption,
     InterfaceOption,
     RobotArgument,
+    SimulatedDrivesOption,
     YesOption,
 )
 from armload_controller.cli.screen import Screen, attended, listening
@@ -62,9 +63,7 @@ def feedforward(
     channel: ChannelOption = None,
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
-    simulated_drives: Annotated[
-        bool, typer.Option("--simulated-drives", help="Drive simulated drives only; each node is asked who it is.")
-    ] = False,
+    simulated_drives: SimulatedDrivesOption = False,
     yes: YesOption = False,
 ) -> None:
     """Add a payload's torque, and the arm's, to the drives' own (60B2), after trying it at standstill."""

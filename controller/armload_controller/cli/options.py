@@ -20,6 +20,9 @@ BitrateOption = Annotated[int | None, typer.Option("--bitrate", help="Bit rate o
 CycleOption = Annotated[float | None, typer.Option("--cycle-hz", help="SYNC rate in Hz.")]
 LoadedOption = Annotated[Path, typer.Option("--loaded", help="Recording with the payload (MCAP or CSV).")]
 UnloadedOption = Annotated[Path, typer.Option("--unloaded", help="Recording of the same motion without it.")]
+SimulatedDrivesOption = Annotated[
+    bool, typer.Option("--simulated-drives", help="Drive simulated drives only; each node is asked who it is.")
+]
 YesOption = Annotated[
     bool,
     typer.Option(

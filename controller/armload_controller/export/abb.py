@@ -26,7 +26,7 @@ import numpy as np
 
 from armload_controller.export.inertia import TENSOR, inertia_or_point_mass, principal_inertia
 from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import bracketed, comment, load_data, positional
+from armload_controller.export.wording import bracketed, heading, positional
 from armload_identification.chain import FloatArray
 
 LONGEST_NAME = 32
@@ -50,14 +50,12 @@ def export_abb(subject: ExportSubject) -> dict[str, str]:
     moments = ",".join(positional(i) for i in principal.moments_kg_m2)
     name = subject.identifier[: LONGEST_NAME - len("_payload")]
     lines = [f"MODULE {name}_payload"]
-    lines += comment(
-        (
-            *load_data(subject),
-            "mass: kg. cog: centre of mass in mm. aom: principal axes of inertia, quaternion, scalar first. "
-            "ix, iy, iz: moments about them through the centre of mass in kg m2. All in the wrist frame (tool0): use "
-            "it as tload of a tooldata, or with GripLoad while the tool frame is tool0.",
-            inertia.statement,
-        ),
+    lines += heading(
+        subject,
+        "mass: kg. cog: centre of mass in mm. aom: principal axes of inertia, quaternion, scalar first. "
+        "ix, iy, iz: moments about them through the centre of mass in kg m2. All in the wrist frame (tool0): use "
+        "it as tload of a tooldata, or with GripLoad while the tool frame is tool0.",
+        inertia.statement,
         "  !",
     )
     lines.append(f"  PERS loaddata {name}_load := [{positional(body.mass_kg)},{cog},{aom},{moments}];")

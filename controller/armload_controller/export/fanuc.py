@@ -27,7 +27,7 @@ import numpy as np
 
 from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
 from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import comment, load_data, positional
+from armload_controller.export.wording import heading, positional
 
 KG_M2_PER_KGF_CM_S2 = 0.0980665
 """Standard gravity, 9.80665 m/s2, times 0.01 m."""
@@ -44,14 +44,13 @@ def export_fanuc(subject: ExportSubject) -> dict[str, str]:
     """
     body = subject.payload.model
     inertia = inertia_or_point_mass(subject.payload, MOMENTS)
-    lines = comment(
-        (
-            *load_data(subject),
-            "To be typed into MOTION / PAYLOAD SET. Compare the units in brackets with those on the screen before. "
-            "Center: centre of mass. Inertia: about axes through the centre of mass, parallel to the faceplate's; the "
-            "screen has no place for products of inertia, they are left out.",
-            inertia.statement,
-        ),
+    lines = heading(
+        subject,
+        "To be typed into MOTION / PAYLOAD SET. Compare the units in brackets with those on the screen before. "
+        "Center: centre of mass. Inertia: about axes through the centre of mass, parallel to the faceplate's; the "
+        "screen has no place for products of inertia, they are left out. Unit and axes of the inertia are known from "
+        "users' comparisons, not from the vendor's manual.",
+        inertia.statement,
         "#",
     )
     lines.append(f"PAYLOAD [kg] = {positional(body.mass_kg)}")

@@ -25,7 +25,7 @@ import math
 
 from armload_controller.export.inertia import TENSOR, complete_inertia, principal_inertia
 from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import comment, load_data, positional
+from armload_controller.export.wording import heading, positional
 from armload_identification.chain import FloatArray
 
 
@@ -44,15 +44,13 @@ def export_kuka(subject: ExportSubject) -> dict[str, str]:
     x, y, z = (positional(c * 1e3) for c in body.center_of_mass_m)
     a, b, c = (positional(math.degrees(angle)) for angle in _abc_rad(principal.rotation))
     jx, jy, jz = (positional(j) for j in principal.moments_kg_m2)
-    lines = comment(
-        (
-            *load_data(subject),
-            "M: kg. CM X, Y, Z: centre of mass in mm. CM A, B, C: principal axes of inertia in degrees, "
-            "Rz(A) Ry(B) Rx(C). J: principal moments of inertia about the centre of mass in kg m2.",
-            inertia.statement,
-            "For $config.dat; put the number of your tool in the brackets.",
-        ),
+    lines = heading(
+        subject,
+        "M: kg. CM X, Y, Z: centre of mass in mm. CM A, B, C: principal axes of inertia in degrees, "
+        "Rz(A) Ry(B) Rx(C). J: principal moments of inertia about the centre of mass in kg m2.",
+        inertia.statement,
         ";",
+        "For $config.dat; put the number of your tool in the brackets.",
     )
     lines.append(
         f"LOAD_DATA[1]={{M {positional(body.mass_kg)},CM {{X {x},Y {y},Z {z},A {a},B {b},C {c}}},"

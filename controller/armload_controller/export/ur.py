@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from armload_controller.export.inertia import TENSOR, InertiaSource, inertia_or_point_mass
 from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import bracketed, comment, load_data, positional
+from armload_controller.export.wording import bracketed, heading, positional
 
 
 def export_ur(subject: ExportSubject) -> dict[str, str]:
@@ -36,13 +36,11 @@ def export_ur(subject: ExportSubject) -> dict[str, str]:
     arguments = [positional(body.mass_kg), bracketed(body.center_of_mass_m)]
     if inertia.source is not InertiaSource.POINT_MASS:
         arguments.append(bracketed(inertia.tensor_kg_m2[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
-    lines = comment(
-        (
-            *load_data(subject),
-            "Mass in kg, centre of mass in m from the tool mount, inertia [Ixx, Iyy, Izz, Ixy, Ixz, Iyz] in kg m2 "
-            "about the centre of mass in the flange's axes, products as tensor elements (Ixy = -int xy dm).",
-            inertia.statement,
-        ),
+    lines = heading(
+        subject,
+        "Mass in kg, centre of mass in m from the tool mount, inertia [Ixx, Iyy, Izz, Ixy, Ixz, Iyz] in kg m2 "
+        "about the centre of mass in the flange's axes, products as tensor elements (Ixy = -int xy dm).",
+        inertia.statement,
         "#",
     )
     lines.append(f"set_target_payload({', '.join(arguments)})")

@@ -52,6 +52,19 @@ def load_data(subject: ExportSubject) -> tuple[str, str, str]:
     )
 
 
+def heading(subject: ExportSubject, fields: str, inertia: str, prefix: str, *more: str) -> list[str]:
+    """What the text for any controller begins with, as comment lines.
+
+    Args:
+        subject: The payload.
+        fields: Units, points and axes of the numbers that follow.
+        inertia: What stands for an inertia that is not determined.
+        prefix: Of every line.
+        more: Further paragraphs.
+    """
+    return comment((*load_data(subject), fields, inertia, *more), prefix)
+
+
 def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
     """Paragraphs as comment lines, each line behind the prefix.
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from armload_controller.export.inertia import MOMENTS, inertia_or_point_mass
 from armload_controller.export.subject import ExportSubject
-from armload_controller.export.wording import bracketed, comment, load_data, positional
+from armload_controller.export.wording import bracketed, heading, positional
 
 
 def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
@@ -39,16 +39,14 @@ def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
     """
     body = subject.payload.model
     inertia = inertia_or_point_mass(subject.payload, MOMENTS)
-    lines = comment(
-        (
-            *load_data(subject),
-            "weight: kg. com: centre of mass in mm. moi: Ixx, Iyy, Izz in kg m2 about axes through the centre of mass, "
-            "parallel to the flange's; the format has no place for products of inertia, they are left out.",
-            inertia.statement,
-            "The tool centre point is not part of this preset and is filled in as zero: set your own. An earlier "
-            "preset of the same id has to be deleted on the pendant first.",
-        ),
+    lines = heading(
+        subject,
+        "weight: kg. com: centre of mass in mm. moi: Ixx, Iyy, Izz in kg m2 about axes through the centre of mass, "
+        "parallel to the flange's; the format has no place for products of inertia, they are left out.",
+        inertia.statement,
         "//",
+        "The tool centre point is not part of this preset and is filled in as zero: set your own. An earlier "
+        "preset of the same id has to be deleted on the pendant first.",
     )
     lines += [
         "{",
