@@ -63,6 +63,8 @@ class BusLink:
         queue_full: How often the transmit queue was full.
         bits: Worst-case bits of all frames sent and received, for the measured load.
         stamp_s: Time stamp of the frame that is being handled, on the interface's own clock.
+        from_outside: That frame came in over the bus, and was not sent by any program of this computer; SocketCAN
+            tells, other interfaces take every frame for one from outside.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -71,6 +73,7 @@ class BusLink:
         self.queue_full = 0
         self.bits = 0
         self.stamp_s = 0.0
+        self.from_outside = True
         self._bus = bus
         self._handlers: dict[int, Handler] = {}
         self._backlog: deque[can.Message] = deque()
@@ -127,7 +130,7 @@ class BusLink:
         self.bits += _FRAME_BITS[min(message.dlc, 8)]
         handler = self._handlers.get(message.arbitration_id)
         if handler is not None and not message.is_remote_frame and not message.is_extended_id:
-            self.stamp_s = message.timestamp
+            self.stamp_s, self.from_outside = message.timestamp, message.is_rx
             handler(message.data)
         return True
 

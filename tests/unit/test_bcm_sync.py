@@ -19,31 +19,39 @@ class Kernel:
         self.credit, self.due_s, self.running = 0, None, False
         self.calls, self.sent_s, self.queue = [], [], []
         self.handlers, self.stamp_s = {}, 0.0
-        self.mute = False
+        self.mute = self.from_outside = False
+        self.told = self.sent = 0
         self.stamp_shift_s = 0.0
 
     # What the source calls.
     def start(self, period_s, counter, credit):
-        assert period_s == PERIOD_S
+        assert 0.9 * PERIOD_S <= period_s <= PERIOD_S
+        self.asked_s = period_s
         self.calls.append("start")
         self.credit = credit
         self._send()
 
-    def renew(self, credit):
+    def renew(self, period_s, credit):
+        assert 0.9 * PERIOD_S <= period_s <= PERIOD_S
+        self.asked_s = period_s
         self.calls.append("renew")
         if self.due_s is not None:
             self.credit = credit
+
+    def count(self):
+        return None if self.told is None else self.sent
 
     def stop(self):
         self.calls.append("stop")
         self.due_s = None
 
     def _send(self):
+        self.sent += 1
         if not self.mute:
             self.sent_s.append(self.clock())
             self.queue.append(self.clock())
         self.credit -= 1
-        self.due_s = self.clock() + PERIOD_S + self.latency_s if self.credit else None
+        self.due_s = self.clock() + self.asked_s + self.latency_s if self.credit else None
 
     # The bus.
     def subscribe(self, cob_id, handler):
@@ -108,7 +116,10 @@ def test_time_is_that_of_the_frames_and_every_cycle_renews_the_credit(sync, kern
     assert [tick.time_s for tick in ticks] == pytest.approx(kernel.sent_s)
     assert all(tick.skipped == 0 for tick in ticks)
     assert kernel.calls == ["start"] + ["renew"] * 49
-    assert ticks[-1].time_s - ticks[0].time_s == pytest.approx(49 * (PERIOD_S + 1e-6)), "the kernel's drift is seen"
+    drifted_s = ticks[-1].time_s - ticks[0].time_s
+    assert 49 * PERIOD_S < drifted_s < 49 * (PERIOD_S + 1e-6), (
+        "the kernel's drift is seen, and less and less of it there"
+    )
 
 
 def test_a_stalled_cycle_ends_sync_within_two_periods(sync, kernel):
@@ -193,3 +204,61 @@ def test_feedback_belongs_to_the_sync_it_follows(sync, kernel):
     sync.end(kernel)
     assert kernel.calls[-1] == "stop"
     assert 0x080 not in kernel.handlers
+
+
+def test_a_sync_that_came_in_over_the_bus_is_somebody_elses(sync, kernel):
+    sync.next(kernel, nothing)
+    kernel.from_outside = True
+    with pytest.raises(ForeignMaster, match="came in over the bus"):
+        sync.next(kernel, nothing)
+    sync.next(kernel, nothing)
+
+
+def cycles_until_told(sync, kernel, most):
+    for cycle in range(most):
+        try:
+            sync.next(kernel, nothing)
+        except ForeignMaster as error:
+            return cycle, str(error)
+    return None
+
+
+def test_one_sync_too_many_is_counted_however_rare_it_is(sync, kernel):
+    assert cycles_until_told(sync, kernel, 100) is None, "alone"
+    kernel.queue.append(kernel.clock())
+    cycle, text = cycles_until_told(sync, kernel, 100)
+    assert cycle < 32
+    assert "SYNCs came and the kernel has sent" in text
+    assert cycles_until_told(sync, kernel, 100) is None, "told once"
+
+
+def test_where_the_kernel_tells_no_count_the_rhythm_is_left(sync, kernel):
+    kernel.told = None
+    kernel.queue.append(kernel.clock())
+    assert cycles_until_told(sync, kernel, 100) is None
+
+
+def test_syncs_that_were_sent_and_not_heard_accuse_nobody(sync, kernel):
+    for cycle in range(100):
+        kernel.sent += cycle % 7 == 0
+        sync.next(kernel, nothing)
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 1e-4, 6e-4])
+def test_the_kernels_latency_is_taken_off_what_is_asked_for(clock, latency_s):
+    kernel = Kernel(clock, latency_s)
+    sync = BcmSync(kernel, clock=clock, stamp_clock=clock)
+    sync.begin(kernel, PERIOD_S, 0)
+    ticks = [sync.next(kernel, nothing).time_s for _ in range(300)]
+    periods = [after - before for before, after in pairwise(ticks[200:])]
+    assert sum(periods) / len(periods) == pytest.approx(PERIOD_S, abs=2e-6)
+    assert all(period <= PERIOD_S + 1e-3 for period in periods)
+
+
+def test_a_timer_that_is_far_too_late_is_not_chased(clock):
+    kernel = Kernel(clock, 3e-3)
+    sync = BcmSync(kernel, clock=clock, stamp_clock=clock)
+    sync.begin(kernel, PERIOD_S, 0)
+    for _ in range(300):
+        sync.next(kernel, nothing)
+    assert kernel.asked_s == pytest.approx(0.9 * PERIOD_S)
