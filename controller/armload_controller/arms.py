@@ -143,8 +143,14 @@ def drives_alone(robot: Robot, payload: str | None, run: int) -> Iterator[Simula
             "give --interface and --channel, such as --interface socketcan --channel vcan0"
         )
     plant = ArmPlant(robot.plant_spec(payload, run))
-    with _bus(robot) as bus, SimulatedDrives(robot.arm_settings(), plant, bus, time.monotonic) as drives:
+    with _bus(robot) as bus, SimulatedDrives(robot.arm_settings(), plant, bus, clock_from_now()) as drives:
         yield drives
+
+
+def clock_from_now() -> Callable[[], float]:
+    """A monotonic clock that begins at zero: a plant has to live through all that its clock tells."""
+    begun_s = time.monotonic()
+    return lambda: time.monotonic() - begun_s
 
 
 def _bus(robot: Robot) -> AbstractContextManager[can.BusABC]:

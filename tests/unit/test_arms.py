@@ -13,7 +13,7 @@ import can
 import numpy as np
 import pytest
 
-from armload_controller.arms import arm_on_bus, require_rules
+from armload_controller.arms import arm_on_bus, clock_from_now, require_rules
 from armload_controller.config import load_robot
 from armload_controller.errors import ConfigurationError, UnsafeBus
 from armload_drivers.arm import Identity
@@ -90,6 +90,13 @@ def named(tmp_path):
         return path
 
     return named
+
+
+def test_simulated_drives_need_not_catch_up_with_the_time_since_the_machine_was_switched_on():
+    clock = clock_from_now()
+    first_s = clock()
+    assert 0.0 <= first_s < 5.0
+    assert clock() >= first_s
 
 
 @pytest.mark.parametrize("interface", ["socketcan", "pcan", "slcan"])
