@@ -19,34 +19,21 @@ from enum import Enum, auto
 import can
 
 from armload_drivers.arm import ArmSettings
-from armload_drivers.bring_up import DriveReport, DriveSetup, arm_setups, arm_with, is_simulation, master_node_id
+from armload_drivers.bring_up import DriveReport, arm_setups, arm_with, is_simulation, master_node_id
 from armload_drivers.bus_budget import require_room
 from armload_drivers.bus_link import BusErrors, BusLink
 from armload_drivers.canopen_cycle import CanopenCycle
 from armload_drivers.cia402 import State
 from armload_drivers.drive_node import DriveNode
-from armload_drivers.errors import AxisMoves, BusError, DriverError, ServoTimeout, StateError
-from armload_drivers.holding import HELD_RAD, HOLDING_WATCH_S, axis_moves
+from armload_drivers.errors import AxisMoves, BusError, DriverError, StateError
 from armload_drivers.objects import NmtCommand
 from armload_drivers.process_image import drive_image
 from armload_drivers.scan import require_no_strangers
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.sync import SyncSource
 from armload_drivers.timeouts import Timeouts
+from armload_drivers.torque_removal import STILL_CYCLES, TorqueRemoval
 from armload_drivers.units import ArmUnits
-
-STILL_CYCLES = 3
-"""An axis stands when it has stood for this many cycles."""
-
-_WITHOUT_TORQUE = frozenset(
-    {
-        State.NOT_READY_TO_SWITCH_ON,
-        State.SWITCH_ON_DISABLED,
-        State.READY_TO_SWITCH_ON,
-        State.SWITCHED_ON,
-        State.FAULT,
-    }
-)
 
 
 class _Phase(Enum):
@@ -236,66 +223,11 @@ class CanopenServos:
             return
         if self._phase is _Phase.ENABLED and not all(node.still_for(STILL_CYCLES) for node in self._nodes):
             self.stop()
-        limit_s = self._timeouts.disable_s
-        self._cycle.fade_offsets()
-        self._cycle.run_until(lambda node: node.still_for(STILL_CYCLES), "waiting for standstill", limit_s)
-        braked = [node for node in self._nodes if node.settings.has_brake]
-        for nodes in (braked, [node for node in self._nodes if node not in braked]):
-            if nodes:
-                self._switch_off(nodes)
-        moving = self._moving_without_torque()
-        for node, setup in zip(self._nodes, self._setups, strict=True):
-            if node.lost:
-                # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and obeys no late setpoint.
-                self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
-                if setup.is_up():
-                    self._await_rest(node, setup)
-                    setup.remove_torque()
+        removal = TorqueRemoval(self._cycle, self._nodes, self._setups, self._link, self._timeouts)
+        moving = removal.run()
         self._end_cycles()
         if moving is not None:
             raise moving
-
-    def _switch_off(self, nodes: list[DriveNode]) -> None:
-        """Take the torque of some drives.
-
-        Raises:
-            ServoTimeout: one keeps it.
-        """
-        step = "removing torque"
-        self._cycle.ask(State.SWITCH_ON_DISABLED, step, lambda node: node in nodes and not node.lost)
-        try:
-            self._cycle.run_until(lambda node: node not in nodes or _is_off(node), step, self._timeouts.disable_s)
-        except ServoTimeout:
-            # A drive that ignores requests is good enough where it stands, as long as it carries no torque.
-            if not all(node.lost or node.state in _WITHOUT_TORQUE for node in nodes):
-                raise
-
-    def _moving_without_torque(self) -> AxisMoves | None:
-        """Watch where the axes go without torque; the error to be raised once everything else has been done."""
-        begun = [node.position_counts for node in self._nodes]
-        for _ in range(self._cycle.count(HOLDING_WATCH_S)):
-            self._cycle.run()
-        for node, counts, axis in zip(self._nodes, begun, self._cycle.units.axes, strict=True):
-            moved_rad = abs((node.position_counts - counts) / axis.counts_per_rad)
-            if moved_rad > HELD_RAD and not (node.lost or node.is_gone):
-                return axis_moves(node.settings, moved_rad)
-        return None
-
-    def _await_rest(self, node: DriveNode, setup: DriveSetup) -> None:
-        """Wait until a drive that has left the cycle stands, by SDO.
-
-        Raises:
-            ServoTimeout: it goes on moving.
-        """
-        before, still = setup.read_position(), 0
-        for _ in range(self._cycle.count(self._timeouts.stop_s)):
-            self._cycle.run()
-            counts = setup.read_position()
-            still = still + 1 if node.is_still(counts - before) else 0
-            if still >= STILL_CYCLES:
-                return
-            before = counts
-        raise node.not_in_time("waiting for standstill", self._timeouts.stop_s, self._sync.now_s())
 
     def reset_faults(self) -> None:
         """Reset the faults of all drives that are in FAULT, by a bounded number of rising edges.
@@ -414,8 +346,3 @@ def _stands_still(node: DriveNode) -> bool:
     """Whether a drive has stopped, whichever state it stops in."""
     moving = {State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE}
     return node.state not in moving and node.still_for(STILL_CYCLES)
-
-
-def _is_off(node: DriveNode) -> bool:
-    """Whether a drive carries no torque and has got where it was sent, or fails."""
-    return node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty)
