@@ -245,7 +245,6 @@ class SimulatedDrive:
         if length != bool(self._values[od.SYNC_COUNTER_OVERFLOW.key]):
             self._announce(SYNC_LENGTH, _COMMUNICATION_ERROR)
             return
-        self.power.lock_onto_sync()
         for pdo in self.rpdos:
             if pdo.pending is not None:
                 pdo.store(pdo.pending)

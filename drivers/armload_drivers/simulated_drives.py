@@ -1,8 +1,9 @@
 """The simulated drives of an arm on a CAN bus: one bus object, one thread, one clock.
 
 The thread receives, lets the drives act, and sends. On a wall clock it also wakes up by itself, and the plant
-moves on without SYNC, as an arm does. With a `VirtualClock` time is read at SYNC only: whoever sends SYNC owns
-the time, and the same commands give the same arm to the last bit.
+moves on without SYNC, as an arm does; what SYNC makes the drives do happens when the frame came, not when the thread
+got round to it. With a `VirtualClock` time is read at SYNC only: whoever sends SYNC owns the time, and the same
+commands give the same arm to the last bit.
 
 The drives can be told to fail (`fail`, `drop_feedback`, `switch_off`, `switch_on`). Such calls come from other
 threads; the drives' thread carries them out before the next frame.
@@ -11,6 +12,7 @@ threads; the drives' thread carries them out before the next frame.
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Mapping
 from queue import Empty, SimpleQueue
 from types import TracebackType
@@ -34,6 +36,9 @@ WAKE_S = 0.002
 LONGEST_GAP_S = 0.05
 """On a wall clock, time that passed between two looks at the bus counts for the drives' timers up to this much: a
 simulator that its computer did not let run must not take that for a silent master. The plant gets all of it."""
+
+OLDEST_S = 0.2
+"""A SYNC whose stamp is older is of an interface whose clock is not this computer's."""
 
 MOST_FRAMES = 256
 """Frames taken in at once before timers get their turn."""
@@ -229,7 +234,7 @@ class SimulatedDrives:
             return
         cob_id, data = message.arbitration_id, message.data
         if cob_id == od.SYNC_DEFAULT_COB_ID:
-            self._sync(len(data))
+            self._sync(len(data), message.timestamp)
             return
         if not self._routes_valid:
             self._build_routes()
@@ -247,15 +252,19 @@ class SimulatedDrives:
             for drive in self._drives.values():
                 drive.heard(cob_id & 0x7F, self._now_s)
 
-    def _sync(self, length: int) -> None:
+    def _sync(self, length: int, stamp_s: float) -> None:
         """One SYNC: measure, latch, answer.
 
         Args:
             length: Bytes of the SYNC; a drive with 1019 set wants the counter, one without wants none.
+            stamp_s: When it came, on the interface's clock.
         """
         time_s = self._clock()
         if self._lockstep:
             self._now_s = time_s
+        else:
+            age_s = time.time() - stamp_s
+            time_s -= age_s if 0.0 < age_s < OLDEST_S else 0.0
         self._plant.advance(time_s)
         sample = self._plant.sample(self._arm.cycle_s)
         columns = zip(
@@ -267,6 +276,7 @@ class SimulatedDrives:
         )
         for drive, values in zip(self._drives.values(), columns, strict=True):
             drive.power.measure(*values)
+            drive.power.lock_onto_sync(time_s)
             drive.sync(self._now_s, length)
         if self._virtual is not None:
             self._tick()

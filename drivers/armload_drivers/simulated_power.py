@@ -114,11 +114,11 @@ class PowerStage:
         if self._ramp_end_s is not None and now_s >= self._ramp_end_s:
             self._finish_ramp()
 
-    def lock_onto_sync(self) -> None:
-        """Follow the period of SYNC."""
-        before_s, self._sync_s = self._sync_s, self._now_s
+    def lock_onto_sync(self, time_s: float) -> None:
+        """Follow the period of SYNC, which came at a time."""
+        before_s, self._sync_s = self._sync_s, time_s
         if before_s is not None:
-            late_s = self._now_s - before_s - self._told_period_s
+            late_s = time_s - before_s - self._told_period_s
             if abs(late_s) < _LOCK_RANGE * self._told_period_s:
                 self._period_s += _LOCK_GAIN * (self._told_period_s + late_s - self._period_s)
 
