@@ -157,7 +157,7 @@ class VirtualArm:
         drives = SimulatedDrives(drives_arm or self.arm, self.plant, drives_bus, self.clock, traits)
         self.drives = self._stack.enter_context(drives)
         sync = LockstepSync(self.clock)
-        timeouts = timeouts or Timeouts(probe_s=0.05, scan_s=0.01, boot_s=0.3, sdo_s=0.3, mode_s=0.1)
+        timeouts = timeouts or Timeouts(probe_s=0.05, scan_s=0.01, boot_s=0.3, sdo_s=1.0, mode_s=0.1)
         self.servos = CanopenServos(self.arm, self.bus, sync, timeouts)
 
     def frames(self, cob_id):

@@ -21,6 +21,7 @@ from armload_drivers.arm import ArmSettings, EffortFeedback, Identity
 from armload_drivers.bring_up import DriveSetup, arm_setups, arm_with, is_simulation
 from armload_drivers.bus_link import BusLink
 from armload_drivers.cia402 import POWERED, State
+from armload_drivers.described import description_gaps
 from armload_drivers.drive_objects import SAFETY
 from armload_drivers.errors import DriverError, ServoError, WrongDevice
 from armload_drivers.objects import NmtCommand
@@ -185,6 +186,8 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
     link, limits = BusLink(bus), timeouts or Timeouts()
     setups = arm_setups(arm, link, limits)
     rows: list[Check] = []
+    for setup in setups:
+        rows += [_row(setup, "description", Verdict.MISSING, gap) for gap in description_gaps(setup.settings)]
     known = [_identify(setup, rows) for setup in setups]
     if None in known:
         rows += [_row(setup, "reset", Verdict.NOT_DONE, _AT_WORK) for setup in setups]

@@ -54,7 +54,7 @@ class FaultArm:
         # Where nothing answers, the virtual bus need not be waited for as long as a guest with a slow clock.
         scale = 3.0 if vcan else 1.0
         self.timeouts = Timeouts(
-            probe_s=0.1 * scale, scan_s=0.03 * scale, boot_s=0.4 * scale, sdo_s=0.15 * scale, mode_s=0.1 * scale
+            probe_s=0.1 * scale, scan_s=0.03 * scale, boot_s=0.4 * scale, sdo_s=0.3 * scale, mode_s=0.1 * scale
         )
         self.sync = BcmSync(BroadcastManager("vcan0")) if vcan else LockstepSync(clock)
         self.servos = CanopenServos(arm, self.bus, self.sync, self.timeouts)

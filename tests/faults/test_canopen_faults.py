@@ -367,7 +367,7 @@ class SlowSlave:
                 self._bus.send(can.Message(arbitration_id=0x580 + self._node_id, data=answer, is_extended_id=False))
 
 
-@pytest.mark.parametrize(("delay_s", "kind"), [(0.1, WrongDevice), (0.5, ServoTimeout)])
+@pytest.mark.parametrize(("delay_s", "kind"), [(0.1, WrongDevice), (1.5, ServoTimeout)])
 def test_a_slow_foreign_node_is_not_reset_where_only_simulations_are_allowed(virtual_arm, arm_settings, delay_s, kind):
     """Node 5 is not simulated, and needs longer than the first look lasts, or longer than any answer may take."""
     settings = arm_settings()

@@ -19,7 +19,7 @@ from armload_drivers.simulated_drives import SimulatedDrives
 from armload_drivers.simulated_plant import IdealPlant
 from armload_drivers.timeouts import Timeouts
 
-LIMITS = Timeouts(probe_s=0.05, scan_s=0.05, boot_s=0.3, sdo_s=0.3, mode_s=0.05, fault_reset_s=0.5)
+LIMITS = Timeouts(probe_s=0.2, scan_s=0.2, boot_s=0.5, sdo_s=1.0, mode_s=0.05, fault_reset_s=0.5)
 
 
 class Bench:
