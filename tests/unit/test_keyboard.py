@@ -17,7 +17,7 @@ from armload_controller.cli.keyboard import Key, Keyboard, decode, press, told
 from armload_controller.control import MotionControl, OperatorStop
 from armload_identification.fourier import Excitation, FourierTrajectory, write_excitation
 
-PROGRAM = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
+PROGRAM = "from armload_controller.cli.entry import main; main()"
 
 
 @pytest.mark.parametrize(
@@ -97,45 +97,81 @@ def short_robot(tmp_path):
     return path
 
 
-def test_a_commissioning_at_a_terminal_is_paused_resumed_slowed_and_stopped(short_robot, tmp_path):
-    keys, terminal = pty.openpty()
-    before = termios.tcgetattr(terminal)
-    words = ["commission", str(short_robot), "--output", str(tmp_path / "run")]
-    controlling = "import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
-    program = [PROGRAM[0], "-c", controlling + PROGRAM[2]]
-    running = subprocess.Popen(
-        [*program, *words],
-        stdin=terminal,
-        stdout=terminal,
-        stderr=terminal,
-        start_new_session=True,
-        env=os.environ | {"TERM": "xterm", "COLUMNS": "150"},
-    )
-    shown = b""
+CONTROLLING = "import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
+"""What makes a pseudo-terminal this process's own."""
 
-    def until(text, seconds=60.0):
-        nonlocal shown
+
+class Terminal:
+    """A program at a terminal: what it shows, and keys for it."""
+
+    def __init__(self, code, *words):
+        self.keys, self.terminal = pty.openpty()
+        self.before = termios.tcgetattr(self.terminal)
+        self.shown = b""
+        self.running = subprocess.Popen(
+            [sys.executable, "-c", CONTROLLING + code, *words],
+            stdin=self.terminal,
+            stdout=self.terminal,
+            stderr=self.terminal,
+            start_new_session=True,
+            env=os.environ | {"TERM": "xterm", "COLUMNS": "150"},
+        )
+
+    def type(self, typed):
+        os.write(self.keys, typed)
+
+    def until(self, text, seconds=60.0):
+        """Wait for a text, and forget all up to it."""
         end = time.monotonic() + seconds
-        while text not in shown:
-            assert time.monotonic() < end, shown.decode(errors="replace")
-            if select.select([keys], [], [], 0.2)[0]:
-                shown += os.read(keys, 4096)
-        shown = b""
+        while text not in self.shown:
+            assert time.monotonic() < end, self.shown.decode(errors="replace")
+            if select.select([self.keys], [], [], 0.2)[0]:
+                self.shown += os.read(self.keys, 4096)
+        self.shown = self.shown[self.shown.index(text) + len(text) :]
 
+    def close(self):
+        self.running.kill()
+        self.running.wait()
+        os.close(self.keys)
+        os.close(self.terminal)
+
+
+def test_a_commissioning_at_a_terminal_is_paused_resumed_slowed_and_stopped(short_robot, tmp_path):
+    words = ["commission", str(short_robot), "--output", str(tmp_path / "run")]
+    at = Terminal(PROGRAM, *words)
     try:
-        until(b"keys: space pauses")
-        until(b"slow round")
-        os.write(keys, b" ")
-        until(b"paused")
-        os.write(keys, b"--")
-        os.write(keys, b" ")
-        until(b"speed 80 %")
-        os.write(keys, b"\x03")
-        until(b"Motion stopped (along the path): the operator asked for a stop")
-        assert running.wait(timeout=30) == 130
-        assert termios.tcgetattr(terminal) == before
+        at.until(b"keys: space pauses")
+        at.until(b"slow round")
+        at.type(b" ")
+        at.until(b"paused")
+        at.type(b"--")
+        at.type(b" ")
+        at.until(b"speed 80 %")
+        at.type(b"\x03")
+        at.until(b"Motion stopped (along the path): the operator asked for a stop")
+        assert at.running.wait(timeout=30) == 130
+        assert termios.tcgetattr(at.terminal) == at.before
     finally:
-        running.kill()
-        running.wait()
-        os.close(keys)
-        os.close(terminal)
+        at.close()
+
+
+def test_a_question_is_not_answered_before_it_is_asked():
+    code = (
+        "import sys\n"
+        "from armload_controller.cli.keyboard import Keyboard\n"
+        "from armload_controller.cli.screen import Screen\n"
+        "from armload_controller.control import MotionControl\n"
+        "screen = Screen(Keyboard.of_this_process(MotionControl()))\n"
+        "screen.step('ready')\n"
+        "import time; time.sleep(0.5)\n"
+        "screen.step(f'answer: {screen.confirm(sys.argv[1])}')"
+    )
+    at = Terminal(code, "Go?")
+    try:
+        at.until(b"ready")
+        at.type(b"y\n")
+        at.until(b"Go? [y/N]")
+        at.type(b"n\n")
+        at.until(b"answer: False")
+    finally:
+        at.close()

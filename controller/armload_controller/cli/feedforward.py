@@ -24,7 +24,7 @@ from armload_controller.cli.options import (
 )
 from armload_controller.cli.screen import Screen, attended, listening
 from armload_controller.commissioning import Consent, Load, require_excitation
-from armload_controller.comparison import Comparison, ComparisonRuns, FollowingRun
+from armload_controller.comparison import Comparison, ComparisonRuns, FollowingRun, Measure
 from armload_controller.comparison_figure import draw, require_picture
 from armload_controller.config import Robot, load_robot
 from armload_controller.control import MotionControl
@@ -56,7 +56,7 @@ def feedforward(
         typer.Option("--body", help="Body file of `armload identify-body`: the arm's own torque is added too."),
     ] = None,
     mounted: Annotated[
-        str | None, typer.Option("--mounted", help="Payload of [simulation.payloads] on the simulated flange.")
+        str | None, typer.Option("--mounted", help="Payload on the simulated flange, by its name in the configuration.")
     ] = None,
     picture: Annotated[Path, typer.Option(help="Picture of the comparison, .svg or .png.")] = Path("feedforward.svg"),
     interface: InterfaceOption = None,
@@ -93,7 +93,7 @@ def feedforward(
             return
         comparisons = _compare(arm, runs, result, model, screen, simulated_drives=simulated_drives)
     for comparison in comparisons:
-        screen.console.print(comparison_table(comparison))
+        screen.table(comparison_table(comparison))
     draw(comparisons, arm.name, picture)
     screen.step(f"picture: {picture}")
 
@@ -167,4 +167,9 @@ def comparison_table(comparison: Comparison) -> Table:
         weight, before = comparison.weight_nm[i], 1e3 * comparison.without_rms_rad[i]
         table.add_row(name + mark, f"{weight:.1f}", f"{before:.3f}", *shares)
     table.caption = "* carries the payload's weight"
+    if comparison.measure is Measure.TORQUES:
+        table.caption += (
+            ". What follows from the commanded motion alone, the servo's lag, is taken off every run; what is left is "
+            "due to torque (weight, inertia, friction) and to an uneven cycle"
+        )
     return table

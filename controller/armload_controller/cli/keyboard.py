@@ -96,6 +96,11 @@ class Keyboard:
         finally:
             termios.tcsetattr(self._terminal, termios.TCSANOW, before)
 
+    def forget(self) -> None:
+        """Drop what was typed and not read: a question is not answered before it is asked."""
+        if self._in_foreground():
+            termios.tcflush(self._terminal, termios.TCIFLUSH)
+
     def poll(self) -> str:
         """Pass on what was typed since the last call; never waits.
 

@@ -6,6 +6,7 @@ thread of its own would take the cycle's time at random.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -13,10 +14,27 @@ from contextlib import contextmanager, nullcontext
 from types import FrameType
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Column, Table
 
+from armload_controller.cli.fitting import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
 from armload_controller.control import MotionControl, OperatorStop, TerminationStop
+
+UNBOUNDED_WIDTH = 1000
+"""Width of what is no terminal."""
+_LEAST_BAR = 8
+_GREATEST_BAR = 30
+_TIME = Column(no_wrap=True, min_width=7)
+"""Hours, minutes and seconds."""
 
 
 class Screen:
@@ -29,12 +47,19 @@ class Screen:
     def __init__(self, keyboard: Keyboard | None = None) -> None:
         self._keyboard = keyboard
         self._hinted = False
-        self.console = Console(highlight=False)
+        # In a file or a pipe lines may be as long as they are, unless somebody says otherwise.
+        bounded = sys.stdout.isatty() or "COLUMNS" in os.environ
+        self.console = Console(highlight=False, width=None if bounded else UNBOUNDED_WIDTH)
         self.errors = Console(stderr=True, highlight=False)
 
     def step(self, text: str) -> None:
         """One line: something begins."""
         self.console.print(text, markup=False, soft_wrap=not self.console.is_terminal)
+
+    def table(self, table: Table) -> None:
+        """A table, whole whatever the width."""
+        for part in fitted(table, self.console):
+            self.console.print(part)
 
     @contextmanager
     def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
@@ -42,15 +67,7 @@ class Screen:
         if self._keyboard is not None and not self._hinted:
             self._hinted = True
             self.step(HINT)
-        bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=30),
-            TaskProgressColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=self.console,
-            auto_refresh=False,
-        )
+        bar = Progress(*self._columns(text), console=self.console, auto_refresh=False)
         with nullcontext() if self._keyboard is None else self._keyboard.awake(), bar:
             task = bar.add_task(text, total=total)
             drawn, asked = 0, ""
@@ -64,8 +81,17 @@ class Screen:
 
             yield done
 
+    def _columns(self, text: str) -> list[ProgressColumn]:
+        """What a line of progress is made of; where it is narrow the bar gives way first."""
+        times = [TimeElapsedColumn(table_column=_TIME), TimeRemainingColumn(table_column=_TIME)]
+        room = self.console.width - len(f"{text}  100% 0:00:00 0:00:00")
+        bar = [BarColumn(bar_width=min(room, _GREATEST_BAR))] if room >= _LEAST_BAR else []
+        return [TextColumn("{task.description}"), *bar, TaskProgressColumn(), *times]
+
     def confirm(self, question: str) -> bool:
         """Ask; no answer, as without a keyboard, is no."""
+        if self._keyboard is not None:
+            self._keyboard.forget()
         try:
             answer = self.console.input(f"{question} [y/N] ", markup=False)
         except EOFError:
