@@ -53,7 +53,7 @@ def bound_of(setup: Setup) -> FloatArray:
     # Coupled motors share their noise between joints; its correlation, 2 % of it, is not made use of.
     to_joint = np.linalg.inv(setup.scales.coupling).T
     noise = np.sqrt(2.0 * (to_joint**2 @ axis_noise**2))
-    return cramer_rao(_columns(setup, result), noise, setup.periods)[:10, :10]
+    return cramer_rao(_columns(setup, result), noise, result.signal.periods[0])[:10, :10]
 
 
 def _columns(setup: Setup, result: Identification) -> FloatArray:

@@ -47,12 +47,7 @@ def run(tally: Tally, census: Census) -> None:
         tally.postpone("both UR10e pairs", f"the measured recordings are not at {FOLDER}")
         return
     robot = load_robot("ur10e")
-    pairs = {
-        name: Pair(
-            *(read_recording(FOLDER / f"{load}{suffix}.csv", robot.csv_columns()) for load in ("loaded", "unloaded"))
-        )
-        for name, suffix in (("a", ""), ("b", "_b"))
-    }
+    pairs = measured_pairs(robot)
     print("  gains             pair |     mass kg  error %  interval +- | centre of mass mm        | possible")
     nominal = {name: _identify(robot, pair, robot.transmission(), census) for name, pair in pairs.items()}
     for name, result in nominal.items():
@@ -66,6 +61,20 @@ def run(tally: Tally, census: Census) -> None:
             abs(error) <= NOMINAL[name] and warned,
         )
     _calibrated(tally, robot, pairs, census)
+
+
+def measured_pairs(robot: Robot) -> dict[str, Pair]:
+    """Pairs a and b.
+
+    Args:
+        robot: ur10e, whose columns the files have.
+    """
+    return {
+        name: Pair(
+            *(read_recording(FOLDER / f"{load}{suffix}.csv", robot.csv_columns()) for load in ("loaded", "unloaded"))
+        )
+        for name, suffix in (("a", ""), ("b", "_b"))
+    }
 
 
 def _calibrated(tally: Tally, robot: Robot, pairs: dict[str, Pair], census: Census) -> None:

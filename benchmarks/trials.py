@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from armload_identification.chain import Chain
 from armload_identification.errors import IdentificationError, PayloadFileError
+from armload_identification.estimators import Estimator
 from armload_identification.gains import calibrate_gains
 from armload_identification.identification import Identification, identify, payload_result
 from armload_identification.known import KnownPayload
@@ -64,6 +65,7 @@ class Setup:
         gain_spread: Gain errors are uniform within this, one per axis and seed.
         noise_scale: Factor on noise and quantisation of the torque.
         calibration: Payload that the gains are calibrated with; None takes them as they are.
+        estimator: How the payload is fitted.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Setup:
     gain_spread: float = 0.0
     noise_scale: float = 1.0
     calibration: CalibrationLoad | None = None
+    estimator: Estimator = Estimator.FRICTION
 
     def rng(self, seed: int) -> np.random.Generator:
         """Everything that is random about a seed."""
@@ -151,7 +154,7 @@ def identified(setup: Setup, seed: int) -> Identification:
         IdentificationError: it was refused.
     """
     loaded, unloaded, transmission = pair(setup, seed)
-    return identify(loaded, unloaded, setup.chain, transmission)
+    return identify(loaded, unloaded, setup.chain, transmission, estimator=setup.estimator)
 
 
 def trial(setup: Setup, seed: int) -> Trial:

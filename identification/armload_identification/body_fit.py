@@ -42,12 +42,12 @@ er50's motions a tenth leaves these out, and rotors, mu and delay come out withi
 _SLOWEST_RAD_S: Final = 1e-4
 _LEAST_NOISE: Final = 0.01
 """Share of a joint's torque that no fit is expected to go below: where it starts from."""
-_ITERATIONS: Final = 40
+_ITERATIONS: Final = 30
 _SEARCHES: Final = 4
 _GRID: Final = 33
 GREATEST_LOAD_FRICTION: Final = 0.5
 """No gear that an arm is built with loses more of its load to friction."""
-_SETTLED: Final = 1e-5
+_SETTLED: Final = 1e-4
 _ZERO: Final = 1e-9
 _SHORTEST: Final = 0.05
 _STATES: Final = 100
@@ -375,8 +375,9 @@ class _System:
         """(p,) by the equations' Gram matrix: what it rounds off the next step makes good."""
         gram = np.diag(np.ones(x.size))
         side = -x / self._width
+        change = self._rate(self._torque - left)
         for joint in range(self._n):
-            rows, place = self._rows(joint, x, left, carried, stribeck)
+            rows, place = self._rows(joint, x, change, carried, stribeck)
             rows = rows * (self._weight[:, joint] / noise[joint])[:, None]
             gram[np.ix_(place, place)] += rows.T @ rows
             side[place] += rows.T @ (left[:, joint] * self._weight[:, joint] / noise[joint])
@@ -385,13 +386,12 @@ class _System:
         return step
 
     def _rows(
-        self, joint: int, x: FloatArray, left: FloatArray, carried: FloatArray, stribeck: FloatArray
+        self, joint: int, x: FloatArray, change: FloatArray, carried: FloatArray, stribeck: FloatArray
     ) -> tuple[FloatArray, NDArray[np.intp]]:
         """(N, k) derivative of a joint's torque, in the prior's widths, and the parameters' places."""
         of, load = self._of, x[self._of["load"]][joint]
         direction, column = self._direction[:, joint], carried[:, joint]
         links, rotors = self._links[joint], self._rotors[joint]
-        change = self._rate(self._torque - left)[:, joint]
         rows = np.column_stack(
             [
                 links.values * (1.0 + load * direction * np.sign(column))[:, None],
@@ -401,7 +401,7 @@ class _System:
                 np.ones_like(direction),
                 stribeck[:, joint],
                 direction * np.abs(column),
-                -change,
+                -change[:, joint],
             ]
         )
         own = [of[name].start + joint for name in ("coulomb", "viscous", "offset", "stribeck", "load")]
@@ -413,8 +413,9 @@ class _System:
         x, used = fit.parameters, np.flatnonzero(fit.used)
         _, carried = self._left(x, fit.stribeck)
         everything = np.zeros((len(fit.left), self._n, x.size))
+        change = self._rate(self._torque - fit.left)
         for joint in range(self._n):
-            rows, place = self._rows(joint, x, fit.left, carried, fit.stribeck)
+            rows, place = self._rows(joint, x, change, carried, fit.stribeck)
             everything[:, joint, place] = rows * (self._weight[:, joint] / fit.noise_nm[joint])[:, None]
         everything = everything[:, :, used]
         prior = np.eye(used.size)

@@ -6,6 +6,7 @@ period is measured from the time stamps, cycles may be missing, and only whole p
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,6 +19,8 @@ from armload_identification.recording import Recording
 
 FloatArray = NDArray[np.float64]
 
+_ABSENT: Final = 1e-6
+"""A harmonic below this share of the greatest is not there."""
 _ON_GRID: Final = 0.05
 """Samples that lie this close to a common grid, in grid steps, are averaged as they are."""
 _FITTED: Final = 0.25
@@ -35,7 +38,8 @@ class PeriodicRun:
 
     Attributes:
         period_s: Duration of a period by the time stamps.
-        periods: Whole periods M that were averaged.
+        periods: Whole periods M that were averaged, of the motion itself: a series of every g-th harmonic has g
+            of them in each of the excitation's.
         torque_nm: (K, n) torque averaged over the periods (Chen 2016, eq. (9)).
         valid: (K,) False where no period has a sample; those rows are interpolated.
         scatter_nm: (n,) standard deviation of ONE raw sample between periods; None for one period.
@@ -57,16 +61,13 @@ def whole_periods(recording: Recording) -> int:
     if recording.phase_s is None or recording.excitation is None:
         return 0
     phase = recording.phase_s[np.isfinite(recording.phase_s)]
-    if phase.size < 2:
-        return 0
-    step_s = float(np.median(np.diff(phase)))
-    return int((phase[-1] - phase[0] + step_s) / recording.excitation.trajectory.period_s + 1e-6)
+    return _whole(phase, recording.excitation.trajectory.period_s) if phase.size > 1 else 0
 
 
 def phases_per_period(recording: Recording) -> int:
-    """Cycles in one period of a recording that holds whole periods."""
+    """Cycles in one period of the motion of a recording that holds whole periods."""
     phase, trajectory = _phase(recording)
-    return max(round(trajectory.period_s / float(np.median(np.diff(phase)))), 8)
+    return max(_phases(phase, trajectory), 8)
 
 
 def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRun:
@@ -91,7 +92,7 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
     rate = _seconds_per_phase(recording, phase, recording.time_s[rows], trajectory.period_s)
     step = trajectory.period_s / phases
     values = np.hstack([torque_nm[rows], recording.position_rad[rows]])
-    table = _on_grid(phase / step, values, whole_periods(recording), phases)
+    table = _on_grid(phase / step, values, _whole(phase, trajectory.period_s), phases)
     count = np.isfinite(table[:, :, 0]).sum(axis=0)
     valid = count > 0
     mean = np.asarray(np.nansum(table, axis=0) / np.maximum(count, 1)[:, None], dtype=np.float64)
@@ -109,12 +110,40 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
 
 
 def _phase(recording: Recording) -> tuple[FloatArray, FourierTrajectory]:
-    """Phases inside the whole periods, and the trajectory they belong to."""
+    """Phases inside the whole periods, and the trajectory they belong to.
+
+    A series that holds every g-th harmonic only repeats itself g times in what was called its period. Its own
+    period is the shortest: whatever errs alike in each repetition is then in every line of the spectrum of the
+    average, and not in every g-th alone, between lines that hold noise.
+    """
     if recording.phase_s is None or recording.excitation is None or whole_periods(recording) == 0:
         raise RecordingError(
             f"{recording.source.path}: no whole period of a known excitation. Record at least one period."
         )
-    return recording.phase_s[np.isfinite(recording.phase_s)], recording.excitation.trajectory
+    phase, trajectory = recording.phase_s[np.isfinite(recording.phase_s)], recording.excitation.trajectory
+    size = np.hypot(trajectory.sin_rad, trajectory.cos_rad).max(axis=0)
+    present = np.flatnonzero(size > _ABSENT * size.max()) + 1
+    every = math.gcd(_phases(phase, trajectory), *(int(harmonic) for harmonic in present))
+    if every == 1 or size.max() == 0.0:
+        return phase, trajectory
+    shortest = FourierTrajectory(
+        trajectory.base_frequency_hz * every,
+        trajectory.offset_rad,
+        trajectory.sin_rad[:, every - 1 :: every],
+        trajectory.cos_rad[:, every - 1 :: every],
+    )
+    return phase, shortest
+
+
+def _phases(phase: FloatArray, trajectory: FourierTrajectory) -> int:
+    """Cycles in one period."""
+    return round(trajectory.period_s / float(np.median(np.diff(phase))))
+
+
+def _whole(phase: FloatArray, period_s: float) -> int:
+    """Whole periods that phases, at least two, span."""
+    step_s = float(np.median(np.diff(phase)))
+    return int((phase[-1] - phase[0] + step_s) / period_s + 1e-6)
 
 
 def _seconds_per_phase(recording: Recording, phase: FloatArray, time_s: FloatArray, period_s: float) -> float:
