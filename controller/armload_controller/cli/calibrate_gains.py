@@ -37,7 +37,7 @@ def calibrate_gains(
     known = KnownPayload(mass_kg=mass_kg) if payload is None else KnownPayload.weighed(read_payload(payload).model)
     require_folder(output)
     result = calibrate(read_of(arm, loaded), read_of(arm, unloaded), arm.chain(), arm.transmission(), known)
-    screen.console.print(gains_table(result, arm.joint_names))
+    screen.table(gains_table(result, arm.joint_names))
     untold = [name for name, told in zip(arm.joint_names, result.told, strict=True) if not told]
     if untold:
         screen.step(f"not told, kept nominal: {', '.join(untold)}; the payload pulls too little on them")

@@ -161,9 +161,9 @@ def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParame
         payload=payload,
     )
     write_report(report_path, subject, identification, validation)
-    screen.console.print(payload_table(payload, truth))
+    screen.table(payload_table(payload, truth))
     screen.step(possibility(identification))
-    screen.console.print(validation_table(validation, arm.joint_names))
+    screen.table(validation_table(validation, arm.joint_names))
     screen.step(verdict(validation, arm.joint_names))
     for note in identification.notes:
         screen.step(f"note: {note}")

@@ -20,5 +20,5 @@ def compare(
     """Print the relative errors of a payload against CAD in the paper's convention."""
     result = compare_payloads(read_payload(payload), read_payload(cad))
     screen = Screen()
-    screen.console.print(comparison_table(result))
+    screen.table(comparison_table(result))
     screen.step("inertia about the frame's origin, products as the paper has them: ixy = +int xy dm")

@@ -15,6 +15,7 @@ from typing import Annotated
 
 import can
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from armload_controller.arms import VIRTUAL, open_bus
@@ -50,7 +51,7 @@ def scan_command(
     if not found:
         screen.step(f"nobody answers on {interface}:{channel} at {bitrate} bit/s")
         sys.exit(EXIT_WRONG)
-    screen.console.print(_found_table(found))
+    screen.table(_found_table(found))
 
 
 @drives.command("check")
@@ -66,7 +67,7 @@ def check_command(
     screen = Screen()
     with _bus_of(arm) as bus:
         rows = check(arm.arm_settings(), bus)
-    screen.console.print(_check_table(rows))
+    screen.table(_check_table(rows))
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
     screen.step(f"{len(rows) - wrong - missing} ok, {missing} missing, {wrong} wrong or not done")
@@ -89,7 +90,7 @@ def show_command(
     with listening(control), _bus_of(arm) as bus:
         while control.goal.stop is None:
             status = show(arm.arm_settings(), bus)
-            screen.console.print(_status_table(status))
+            screen.table(_status_table(status))
             screen.step(_bus_line(status))
             if once:
                 return
@@ -138,7 +139,7 @@ def _found_table(found: list[FoundNode]) -> Table:
     for heading in ("node", "device", "vendor", "product", "revision", "modes", "lacks for safety"):
         table.add_column(heading)
     for node in found:
-        kind = node.name or ("CiA 402 drive" if node.is_drive else "no CiA 402 drive")
+        kind = escape(node.name) or ("CiA 402 drive" if node.is_drive else "no CiA 402 drive")
         identity = node.identity
         numbers = (identity.vendor_id, identity.product_code, identity.revision)
         modes = " ".join(MODE_NAMES.get(mode, str(mode)) for mode in node.modes)
@@ -159,7 +160,7 @@ def _check_table(rows: list[Check]) -> Table:
         table.add_column(heading, overflow="fold")
     for row in rows:
         verdict = f"[{_COLOURS[row.verdict]}]{row.verdict.value}[/]"
-        table.add_row(row.joint, str(row.node_id), row.step, verdict, row.detail)
+        table.add_row(row.joint, str(row.node_id), row.step, verdict, escape(row.detail))
     return table
 
 
@@ -171,7 +172,7 @@ def _status_table(status: ArmStatus) -> Table:
         table.add_column(heading, no_wrap=heading == "joint")
     for drive in status.drives:
         if drive.state is None:
-            table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, drive.trouble)
+            table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, escape(drive.trouble))
             continue
         position = "-" if drive.position_rad is None else f"{drive.position_rad:+.5f}"
         effort = "-" if drive.effort is None else f"{drive.effort:+.3f} {drive.effort_unit}"

@@ -26,11 +26,17 @@ def main() -> None:
         except (ControlError, DriverError, IdentificationError) as error:
             status = _exit_status(error)
             text = f"error: {error}" if status == EXIT_REFUSED else str(error)
+            text = "\n".join([text, *_notes(error)])
             Screen().errors.print(text, style="bold red", markup=False, soft_wrap=True)
             sys.exit(status)
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")
         sys.exit(EXIT_INTERRUPTED)
+
+
+def _notes(error: Exception) -> list[str]:
+    """What was noted with an error and with its cause: other drives' trouble, and what is left to do by hand."""
+    return [note for reason in (error, error.__cause__) for note in getattr(reason, "__notes__", ())]
 
 
 def _exit_status(error: Exception) -> int:

@@ -68,7 +68,7 @@ def identify(
         body=_body(body, run, transmission),
     )
     payload = payload_result(result, version("armload"), arm.sha256)
-    screen.console.print(payload_table(payload, truth=None))
+    screen.table(payload_table(payload, truth=None))
     screen.step(possibility(result))
     for note in result.notes:
         screen.step(f"note: {note}")

@@ -39,12 +39,10 @@ def identify_body(
         f"{body.base_parameters} base parameters of links and rotors, {body.determined} of them told by these runs"
     )
     title = "Averaged torque, and what the body leaves of it, on the runs used"
-    screen.console.print(body_table(title, arm.joint_names, body.torque_rms_nm, body.residual_rms_nm, body.noise_nm))
+    screen.table(body_table(title, arm.joint_names, body.torque_rms_nm, body.residual_rms_nm, body.noise_nm))
     if check is not None:
         trial = check_body(body.model, read_of(arm, check), chain, transmission)
         title = f"The same on {check.name}, which was not used"
-        screen.console.print(
-            body_table(title, arm.joint_names, trial.torque_rms_nm, trial.error_rms_nm, trial.noise_nm)
-        )
+        screen.table(body_table(title, arm.joint_names, trial.torque_rms_nm, trial.error_rms_nm, trial.noise_nm))
     write_body(output, body.result(version("armload"), arm.sha256))
     screen.step(f"written: {output}")

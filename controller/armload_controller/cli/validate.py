@@ -38,7 +38,7 @@ def validate(
     result = validate_payload(
         read_of(arm, loaded), read_of(arm, unloaded), arm.chain(), transmission_of(arm, gains), judged.model
     )
-    screen.console.print(validation_table(result, arm.joint_names))
+    screen.table(validation_table(result, arm.joint_names))
     screen.step(verdict(result, arm.joint_names))
     if not result.passed:
         raise typer.Exit(EXIT_FAILED)

@@ -1,0 +1,72 @@
+"""Tables in the width there is: nothing is cut off, no word is broken, no column is left out.
+
+A table that is too wide has its texts wrapped between words, evenly; where that is not enough it is told in parts, one
+below the other, each with the first column in front.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Column, Table
+
+_BORDER = 1
+_PADDING = 2
+
+
+def fitted(table: Table, console: Console) -> list[Table]:
+    """A table as it can be shown.
+
+    Args:
+        table: Texts and numbers in columns.
+        console: Where to.
+
+    Returns:
+        The table, with widths set where it has to be narrower, or several that hold its columns.
+    """
+    most = [_width(console, column)[1] for column in table.columns]
+    if _total(most) <= console.width:
+        return [table]
+    least = [_width(console, column)[0] for column in table.columns]
+    parts: list[list[int]] = [[0]]
+    for index in range(1, len(table.columns)):
+        if _total([least[i] for i in (*parts[-1], index)]) > console.width and len(parts[-1]) > 1:
+            parts.append([0])
+        parts[-1].append(index)
+    return [_part(table, part, [least[i] for i in part], [most[i] for i in part], console.width) for part in parts]
+
+
+def _width(console: Console, column: Column) -> tuple[int, int]:
+    """Least and greatest width of a column: its longest word and its longest text."""
+    sizes = [Measurement.get(console, console.options.update_width(10_000), c) for c in (column.header, *column.cells)]
+    most = max(size.maximum for size in sizes)
+    least = max(size.minimum for size in sizes)
+    if column.no_wrap or column.justify == "right":
+        # Numbers stay in one piece, "1.2 to 3.4" as well; their heading may wrap.
+        least = max(size.maximum for size in sizes[1:]) if len(sizes) > 1 else most
+        least = max(least, sizes[0].minimum)
+    return least, most
+
+
+def _total(widths: Sequence[int]) -> int:
+    """Width of a table with its borders."""
+    return sum(widths) + (_PADDING + _BORDER) * len(widths) + _BORDER
+
+
+def _part(table: Table, columns: list[int], least: list[int], most: list[int], width: int) -> Table:
+    """Some columns of a table; what room there is goes to where the most is wanted."""
+    widths = list(least)
+    for _ in range(width - _total(widths)):
+        wanting = max(range(len(widths)), key=lambda i: most[i] - widths[i])
+        if widths[wanting] == most[wanting]:
+            break
+        widths[wanting] += 1
+    part = Table(title=table.title if columns[1:2] == [1] else None, title_justify=table.title_justify)
+    for index, size in zip(columns, widths, strict=True):
+        column = table.columns[index]
+        part.add_column(column.header, justify=column.justify, overflow="fold", width=size)
+    for cells in zip(*(table.columns[index].cells for index in columns), strict=True):
+        part.add_row(*cells)
+    return part
