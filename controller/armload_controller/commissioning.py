@@ -184,7 +184,7 @@ def record_half(
                 cycle = Cycle(
                     servos,
                     limits,
-                    TorqueGate(robot.torque_max_nm(), servos.cycle_s),
+                    TorqueGate(robot.torque_for_drives_nm(), servos.cycle_s),
                     control,
                     [recorder, monitor, torque_window(robot, load, servos.cycle_s)],
                 )

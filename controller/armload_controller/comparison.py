@@ -312,6 +312,6 @@ class ComparisonRuns:
         """A cycle with monitors, and what a run adds."""
         robot = self._robot
         monitor = FollowingMonitor(self._limits, robot.bus.max_missing_cycles)
-        gate = TorqueGate(robot.torque_max_nm(), servos.cycle_s)
+        gate = TorqueGate(robot.torque_for_drives_nm(), servos.cycle_s)
         watching: list[CyclePlugin] = [monitor, torque_window(robot, load, servos.cycle_s)]
         return Cycle(servos, self._limits, gate, self._control, [*watching, *plugins])

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from armload_controller.cell import Cell
-from armload_controller.drive_tables import BusTable, drive_settings, read_descriptions, require_scales
+from armload_controller.drive_tables import BusTable, DriveTable, drive_settings, read_descriptions, require_scales
 from armload_controller.envelope import (
     expected_torque_of,
     following_speed_of,
@@ -299,6 +299,14 @@ class Robot:
         """(n,) greatest torque of each joint."""
         return np.array([j.torque_max_nm for j in self._model.joints])
 
+    def torque_for_drives_nm(self) -> FloatArray:
+        """(n,) greatest torque that may be added: the joint's, or what its drive gives (6072) where that is less."""
+        given = [
+            np.inf if j.drive is None or j.drive.rated_torque_nm is None else _greatest_torque_nm(j.drive)
+            for j in self._model.joints
+        ]
+        return np.minimum(self.torque_max_nm(), given)
+
     def torque_noise_nm(self) -> FloatArray:
         """(n,) expected noise of one raw torque sample at 100 Hz."""
         return np.array([j.torque_noise_nm for j in self._model.joints])
@@ -452,6 +460,11 @@ class Robot:
             known = ", ".join(sorted(payloads))
             raise ConfigurationError(self.file, "simulation.payloads", name, f"one of: {known}")
         return payloads[name]
+
+
+def _greatest_torque_nm(drive: DriveTable) -> float:
+    """What 6072 allows a drive whose rated torque the file tells."""
+    return float(drive.rated_torque_nm or 0.0) * drive.max_torque_permille / 1000.0
 
 
 def shipped_robots() -> tuple[str, ...]:

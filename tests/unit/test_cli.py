@@ -201,7 +201,9 @@ def test_a_payload_in_another_frame_is_refused(commissioned, armload, short_robo
     assert "'wrist'" in str(result.exception)
 
 
-@pytest.mark.parametrize(("signal_name", "status"), [("SIGINT", 130), ("SIGTERM", 143)])
+@pytest.mark.parametrize(
+    ("signal_name", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGTSTP", 130), ("SIGHUP", 143)]
+)
 def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, status):
     output = tmp_path / "run"
     running = subprocess.Popen(

@@ -179,3 +179,10 @@ def test_scaling_of_the_current_path_is_consistent():
         assert drive["rated_torque_nm"] == pytest.approx(gain * drive["rated_current_a"])
         assert joint["torque_max_nm"] == pytest.approx(3 * drive["rated_torque_nm"])
         assert drive["counts_per_axis_turn"] == 2**17 * joint["gear_ratio"]
+
+
+def test_a_drive_that_gives_less_than_its_joint_takes_bounds_what_is_added(edited):
+    robot = load_robot(edited("max_torque_permille = 2500", "max_torque_permille = 1000", "prbt"))
+    assert robot.torque_for_drives_nm()[0] == pytest.approx(148.0)
+    assert robot.torque_for_drives_nm()[1] == pytest.approx(370.0)
+    assert robot.torque_max_nm()[0] == 370.0

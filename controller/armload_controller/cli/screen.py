@@ -107,14 +107,23 @@ def attended() -> bool:
 
 @contextmanager
 def listening(control: MotionControl) -> Iterator[None]:
-    """Ctrl-C and SIGTERM stop along the path for a while; a second one interrupts at once."""
+    """Ctrl-C and SIGTERM stop along the path for a while; a second one interrupts at once.
+
+    So do Ctrl-Z, which would halt the program and leave the arm to its drives, and the loss of the terminal.
+    """
+    reasons = {
+        signal.SIGINT: OperatorStop("Ctrl-C"),
+        signal.SIGTSTP: OperatorStop("Ctrl-Z"),
+        signal.SIGTERM: TerminationStop("SIGTERM"),
+        signal.SIGHUP: TerminationStop("SIGHUP, the terminal is gone"),
+    }
 
     def on_signal(number: int, frame: FrameType | None) -> None:
         if control.goal.stop is not None:
             raise KeyboardInterrupt
-        control.stop(OperatorStop("Ctrl-C") if number == signal.SIGINT else TerminationStop("SIGTERM"))
+        control.stop(reasons[signal.Signals(number)])
 
-    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, on_signal) for number in reasons}
     try:
         yield
     finally:
