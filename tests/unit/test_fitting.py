@@ -141,6 +141,27 @@ def test_what_was_noted_with_an_error_reaches_the_operator():
     ]
 
 
+ON_TOP = """
+from armload_controller.cli import main
+from armload_drivers.errors import BusError, StateError
+
+def fail():
+    try:
+        raise BusError("bus-off while moving")
+    finally:
+        raise StateError("closing failed as well")
+
+main.app = fail
+from armload_controller.cli.entry import main
+main()
+"""
+
+
+def test_an_error_on_top_of_another_does_not_hide_it():
+    done = subprocess.run([sys.executable, "-c", ON_TOP], capture_output=True, text=True, check=False)
+    assert done.stderr.splitlines() == ["error: closing failed as well", "Before that: bus-off while moving"]
+
+
 @pytest.mark.parametrize("environment", [{}, {"NO_COLOR": "1"}, {"COLUMNS": "60"}])
 def test_a_file_gets_no_colours_and_whole_tables(environment):
     done = CliRunner().invoke(app, ["drives", "show", "prbt", "--once"], env={"COLUMNS": None} | environment)

@@ -35,8 +35,14 @@ def main() -> None:
 
 
 def _notes(error: Exception) -> list[str]:
-    """What was noted with an error and with its cause: other drives' trouble, and what is left to do by hand."""
-    return [note for reason in (error, error.__cause__) for note in getattr(reason, "__notes__", ())]
+    """What was noted with an error and with its cause, and what it came on top of.
+
+    Other drives' trouble, what is left to do by hand; and the error that was being handled when closing failed too.
+    """
+    notes = [note for reason in (error, error.__cause__) for note in getattr(reason, "__notes__", ())]
+    if error.__context__ is not None and not error.__suppress_context__:
+        notes.append(f"Before that: {error.__context__}")
+    return notes
 
 
 def _exit_status(error: Exception) -> int:
