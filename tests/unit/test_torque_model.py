@@ -68,9 +68,12 @@ def test_an_arm_that_meets_something_is_stopped_before_it_is_behind(force_n):
     assert "look for a collision" in str(error)
 
 
+@pytest.mark.parametrize("variant", ["normative", "harsh"])
 @pytest.mark.parametrize(("payload", "load"), [("block", Load.LOADED), (None, Load.UNLOADED), (None, Load.LOADED)])
-def test_an_arm_that_meets_nothing_is_not_stopped(payload, load):
-    assert run((0.0, 0.0, 0.0), payload=payload, load=load)[1] is None
+def test_an_arm_that_meets_nothing_is_not_stopped(payload, load, variant):
+    simulation = ROBOT._model.simulation.model_copy(update={"variant": variant})
+    robot = replace(ROBOT, _model=ROBOT._model.model_copy(update={"simulation": simulation}))
+    assert run((0.0, 0.0, 0.0), payload=payload, load=load, robot=robot)[1] is None
 
 
 def test_a_payload_on_a_flange_that_should_be_empty_is_noticed_where_it_is_more_than_the_room():
