@@ -5,9 +5,16 @@ from dataclasses import replace
 import pytest
 
 from armload_drivers import objects as od
-from armload_drivers.arm import DriveSettings, EffortFeedback, Identity, OperationMode, VendorEffort
+from armload_drivers.arm import (
+    DriveSettings,
+    EffortFeedback,
+    Identity,
+    OperationMode,
+    TemperatureObject,
+    VendorEffort,
+)
 from armload_drivers.objects import DataType, PdoDirection
-from armload_drivers.process_image import drive_image, effort_entry, target_entry
+from armload_drivers.process_image import drive_image, effort_entry, target_entry, temperature_entry
 
 pytestmark = pytest.mark.pure
 
@@ -90,3 +97,11 @@ def test_a_vendors_effort_gets_a_frame_of_its_own_where_there_is_no_room(kind, f
     assert (last.number, last.cob_id) == ((1, 0x285) if frames == 2 else (0, 0x185))
     assert sum(layout.length for layout in image.layouts) == 8 + 6 + kind.bits // 8
     assert (image.effort is None) == (frames == 1)
+
+
+def test_a_temperature_is_read_by_sdo_and_no_pdo_carries_it():
+    assert temperature_entry(DRIVE) is None
+    drive = replace(DRIVE, temperature=TemperatureObject(0x3201, 1, DataType.I16, 0.1))
+    entry = temperature_entry(drive)
+    assert (entry.index, entry.subindex, entry.type, entry.mappable) == (0x3201, 1, DataType.I16, od.Mappable.NO)
+    assert drive_image(drive) == drive_image(DRIVE)
