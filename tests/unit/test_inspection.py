@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from armload_drivers.arm import SIMULATION_IDENTITY, Identity, TemperatureObject
+from armload_drivers.checking import Verdict, check, reset
 from armload_drivers.cia402 import State
 from armload_drivers.errors import ServoError, ServoFault, WrongDevice
-from armload_drivers.inspection import Verdict, check, find_nodes, reset, show
+from armload_drivers.inspection import find_nodes, show
 from armload_drivers.objects import DataType
 from armload_drivers.simulated_dictionary import DriveTraits
 from armload_drivers.simulated_drives import SimulatedDrives

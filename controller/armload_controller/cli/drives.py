@@ -1,7 +1,7 @@
 """`armload drives`: who is on the bus, whether an arm's drives are as configured, how they fare, fault reset.
 
 Nothing here energises a drive, so it is allowed on any bus. `scan` and `show` only read; what `check` and `reset` may
-write to whom is decided in `armload_drivers.inspection`. On the virtual bus, where nobody else could be, simulated
+write to whom is decided in `armload_drivers.checking`. On the virtual bus, where nobody else could be, simulated
 drives answer.
 """
 
@@ -24,8 +24,9 @@ from armload_controller.cli.screen import Screen, listening
 from armload_controller.config import Robot, load_robot
 from armload_controller.control import MotionControl
 from armload_controller.errors import CommissioningError, ConfigurationError, UnsafeBus
+from armload_drivers.checking import Check, Verdict, check, reset
 from armload_drivers.emergency import describe
-from armload_drivers.inspection import ArmStatus, Check, FoundNode, Verdict, check, find_nodes, reset, show
+from armload_drivers.inspection import ArmStatus, FoundNode, find_nodes, show
 from armload_drivers.simulated_drives import SimulatedDrives
 from armload_drivers.simulated_plant import IdealPlant
 
