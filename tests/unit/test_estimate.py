@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_identification.errors import EstimationError
-from armload_identification.estimate import estimate, estimate_reweighted
+from armload_identification.estimate import estimate, estimate_reweighted, estimate_robust
 
 pytestmark = pytest.mark.pure
 
@@ -86,6 +86,54 @@ def test_undetermined_directions_are_named_and_not_invented():
     spread = np.sqrt(np.diag(fit.covariance))[[0, 1, 2, 3, 5, 6, 8]]
     assert (np.abs(error) < 5.0 * spread).all()
     assert fit.theta[4] + 2.0 * fit.theta[7] == pytest.approx(theta[4] + 2.0 * theta[7], rel=0.1)
+
+
+def test_weights_of_samples_weigh_equation_and_target_alike():
+    rng = np.random.default_rng(8)
+    regressor, theta, valid = system(rng)
+    torque = regressor @ theta + NOISE * rng.normal(size=(400, 3))
+    weight = rng.uniform(0.0, 1.0, size=(400, 3))
+    rows = (regressor * (weight / NOISE)[:, :, None]).reshape(-1, 10)
+    expected, *_ = np.linalg.lstsq(rows, (torque * weight / NOISE).reshape(-1), rcond=None)
+    np.testing.assert_allclose(estimate(regressor, torque, valid, NOISE, weight).theta, expected, rtol=1e-9)
+
+
+def test_reweighting_ends_where_the_noise_is_that_of_the_weighted_residual():
+    rng = np.random.default_rng(9)
+    regressor, theta, valid = system(rng, 1000)
+    torque = regressor @ theta + NOISE * rng.normal(size=(1000, 3))
+    weight = np.where(np.arange(1000)[:, None] % 3 == 0, 0.1, 1.0) * np.ones(3)
+    torque += 20.0 * (weight < 1.0) * rng.normal(size=(1000, 3))
+    fit = estimate_reweighted(regressor, torque, valid, 1e-3 * np.ones(3), weight)
+    size = np.sqrt(np.sum((weight * fit.residual_nm) ** 2, axis=0) / np.sum(weight**2, axis=0))
+    np.testing.assert_allclose(1.0 / fit.weight_1_nm, size, rtol=1e-3)
+
+
+def test_the_robust_fit_is_hubers():
+    """Where it ends, what is clipped at 1.345 deviations is orthogonal to every column."""
+    rng = np.random.default_rng(10)
+    regressor, theta, valid = system(rng, 1000)
+    torque = regressor @ theta + NOISE * rng.normal(size=(1000, 3))
+    wild = rng.uniform(size=torque.shape) < 0.1
+    torque += np.where(wild, 30.0, 0.0) * NOISE
+    fit = estimate_robust(regressor, torque, valid, NOISE)
+    spread = np.median(np.abs(fit.residual_nm), axis=0) / 0.67449
+    clipped = np.clip(fit.residual_nm / spread, -1.345, 1.345)
+    rows = (regressor / spread[:, None]).reshape(-1, 10)
+    step = np.linalg.lstsq(rows, clipped.reshape(-1), rcond=None)[0]
+    deviation = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
+    assert np.abs(step / deviation).max() < 0.01
+    plain = estimate_reweighted(regressor, torque, valid, NOISE)
+    errors = [np.linalg.norm((other.theta - theta) / deviation) for other in (fit, plain)]
+    assert errors[0] < 0.5 * errors[1]
+
+
+@pytest.mark.parametrize(("apart", "rank"), [(1e-5, 10), (1e-9, 9)])
+def test_a_direction_is_determined_down_to_rounding(apart, rank):
+    rng = np.random.default_rng(11)
+    regressor, theta, valid = system(rng)
+    regressor[:, :, 7] = 2.0 * regressor[:, :, 4] + apart * np.abs(regressor[:, :, 4]).max() * rng.normal(size=(400, 3))
+    assert estimate(regressor, regressor @ theta, valid, NOISE).rank == rank
 
 
 @pytest.mark.parametrize(

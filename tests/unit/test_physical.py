@@ -8,7 +8,7 @@ import pytest
 from armload_identification.errors import EstimationError
 from armload_identification.estimate import estimate
 from armload_identification.payload import SMALLEST_MARGIN, InertialParameters
-from armload_identification.physical import WRITTEN_MARGIN, make_physical
+from armload_identification.physical import WRITTEN_MARGIN, make_physical, nuisance_beside
 
 pytestmark = pytest.mark.pure
 
@@ -105,6 +105,28 @@ def test_undetermined_directions_go_to_a_compact_body():
     np.testing.assert_allclose(result.parameters.center_of_mass_m, [0.1, -0.05, 0.2], atol=1e-4)
     radius = np.sqrt(np.trace(result.parameters.inertia_about_com) / 3.0)
     assert 0.01 < radius < 0.2
+
+
+def test_a_direction_without_data_is_filled_in_beside_what_the_data_tell():
+    """Also where the smallest solution happens to be a possible body; what is determined stays where it is."""
+    body = InertialParameters.from_center_of_mass(3.0, [0.1, -0.05, 0.2], np.diag([0.2, 0.3, 0.25]))
+    fit = fit_of(body.theta, np.random.default_rng(7), blind=(9,))
+    assert InertialParameters(fit.theta).margin > WRITTEN_MARGIN
+    result = make_physical(fit)
+    assert result.changed
+    assert result.cost < 1e-4
+    assert result.parameters.theta[9] == pytest.approx(-3.0 * -0.05 * 0.2, abs=1e-4), "as of a ball about the centre"
+
+
+def test_nuisance_parameters_beside_another_payload_are_those_that_fit_best():
+    rng = np.random.default_rng(8)
+    regressor = rng.normal(size=(300, 2, 12))
+    torque = regressor @ rng.normal(size=12) + rng.normal(size=(300, 2))
+    fit = estimate(regressor, torque, np.ones(300, dtype=bool), np.ones(2))
+    other = InertialParameters(fit.theta[:10] + 0.3 * rng.normal(size=10))
+    left = (torque - regressor[:, :, :10] @ other.theta).reshape(-1)
+    best, *_ = np.linalg.lstsq(regressor[:, :, 10:].reshape(-1, 2), left, rcond=None)
+    np.testing.assert_allclose(nuisance_beside(fit, other), best, rtol=1e-9)
 
 
 def test_extra_parameters_are_left_free():

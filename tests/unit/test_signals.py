@@ -90,6 +90,36 @@ def test_low_pass_has_no_delay():
     np.testing.assert_allclose(out[200:-200], slow[200:-200], atol=2e-3)
 
 
+@pytest.mark.parametrize("octaves", [-1.0, 0.0, 1.0])
+def test_low_pass_is_butterworths_of_order_four_twice(octaves):
+    interval_s, cutoff_hz = 0.01, 4.0
+    frequency_hz = cutoff_hz * 2.0**octaves
+    t = interval_s * np.arange(4000)
+    wave = np.sin(2 * np.pi * frequency_hz * t)
+    out = low_pass(wave[:, None], interval_s, cutoff_hz)[:, 0]
+    gain = (out @ wave) / (wave @ wave)
+    ratio = np.tan(np.pi * frequency_hz * interval_s) / np.tan(np.pi * cutoff_hz * interval_s)
+    assert gain == pytest.approx(1.0 / (1.0 + ratio**8), abs=2e-3)
+
+
+def test_white_noise_is_measured_also_where_it_is_rarely_seen():
+    rng = np.random.default_rng(13)
+    normal = 0.7 * rng.normal(size=(100_000, 1))
+    np.testing.assert_allclose(white_noise(normal), 0.7, rtol=0.01)
+    # A coarse converter tells the same number most of the time.
+    rare = (rng.uniform(size=(100_000, 1)) < 0.02) * 1.0
+    np.testing.assert_allclose(white_noise(rare), np.sqrt(0.02 * 0.98), rtol=0.05)
+
+
+def test_one_motor_that_tells_nothing_does_not_refuse_a_run_and_told_torque_counts(pair, pinocchio_arm):
+    run = pair[0]
+    still = replace(run, current_a=run.current_a * (np.arange(6) != 5))
+    assert np.ptp(joint_torque(still, pinocchio_arm.transmission), axis=0)[0] > 0.0
+    told = np.cos(np.arange(run.time_s.size))[:, None] * np.arange(1.0, 7.0)
+    both = replace(run, torque_nm=told)
+    np.testing.assert_array_equal(joint_torque(both, pinocchio_arm.transmission), told)
+
+
 def test_white_noise_is_told_from_a_signal_with_jumps():
     rng = np.random.default_rng(3)
     t = 0.01 * np.arange(4000)

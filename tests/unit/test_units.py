@@ -121,7 +121,7 @@ def test_a_target_that_no_drive_can_have_is_refused(value):
         ArmUnits(arm(coupling=np.eye(3))).targets(command([value, 0.0, 0.0]))
 
 
-@pytest.mark.parametrize("value", [math.nan, -math.inf, 1e5])
+@pytest.mark.parametrize("value", [math.nan, -math.inf, 1e5, 1e4, -9831.0])
 def test_a_torque_offset_that_no_drive_can_have_is_refused(value):
     with pytest.raises(CommandError, match=r"joint_3.*torque offset"):
         ArmUnits(arm(coupling=np.eye(3))).targets(command(np.zeros(3), [0.0, 0.0, value]))
@@ -165,9 +165,10 @@ def test_cycle_times_as_60c2_has_them(cycle_s, told):
     assert value * 10.0**exponent == pytest.approx(cycle_s)
 
 
-def test_a_cycle_that_60c2_cannot_tell_is_refused():
+@pytest.mark.parametrize("cycle_s", [1 / 300, 0.004001, 0.0])
+def test_a_cycle_that_60c2_cannot_tell_is_refused(cycle_s):
     with pytest.raises(CommandError, match="60C2"):
-        interpolation_time(1 / 300)
+        interpolation_time(cycle_s)
 
 
 def test_times_of_the_communication_profile():
