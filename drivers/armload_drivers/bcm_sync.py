@@ -52,12 +52,16 @@ _STEERING = 0.05
 """Share of a period's error by which the next intervals asked for change."""
 _SHORTEST_ASKED = 0.9
 """Least interval asked for, in periods: far enough from what would look like somebody else's SYNC."""
+_GRACE = 0.1
+"""Share of a period that a SYNC which may still come is waited for before a new rhythm is begun."""
 _OVERDUE_PERIODS = 1.5
 """A renewed credit that brings no SYNC within this many periods came too late for the timer."""
 _RHYTHM = 32
 _SHORTEST_RHYTHM = 0.85
 """So many SYNCs in less than this share of their time, by the kernel's own stamps, and somebody else sends SYNC as
 well: BCM is never early. When this process looked at them says nothing about that."""
+_COUNT_EVERY = 16
+"""Cycles between two looks at the kernel's count, or at the rhythm."""
 _COUNTED = re.compile(r"tx_op: 080 .*# sent (\d+)")
 """The kernel's account of a BCM task for SYNC, in /proc/net/can-bcm."""
 _OLDEST_PERIODS = CREDIT + 1
@@ -243,9 +247,14 @@ class BcmSync:
         link.unsubscribe(SYNC_DEFAULT_COB_ID)
 
     def _start(self, link: BusLink) -> None:
-        """Begin a new rhythm, a period after the last SYNC at the earliest."""
+        """Begin a new rhythm, a period after the last SYNC at the earliest, and only if none comes by itself."""
         if self._last_s is not None:
-            link.pump_until(_never, self._last_s + self._cycle_s - self._clock())
+            due_s = self._last_s + (1.0 + _GRACE) * self._cycle_s
+            if link.pump_until(lambda: not self._waiting, due_s - self._clock()):
+                # The credit was renewed just after a SYNC had left: the kernel had one more than was thought.
+                self._producer.renew(self._asked_s, CREDIT)
+                self._credit_left = CREDIT
+                return
         self._producer.start(self._asked_s, self._counter, CREDIT)
         self._credit_left = CREDIT
         self._last_s = None
@@ -258,14 +267,20 @@ class BcmSync:
         """How others that send SYNC have shown, in words; empty where nobody has."""
         if self._came_in:
             return "SYNC came in over the bus"
+        if self._cycles % _COUNT_EVERY == 0:
+            # What was heard is looked at first: the kernel may send one more meanwhile, and never one less.
+            heard, sent = self._heard, self._producer.count()
+            if sent is None:
+                return self._too_dense()
+            if heard > sent:
+                return f"{heard} SYNCs came and the kernel has sent {sent} for this master"
+        return ""
+
+    def _too_dense(self) -> str:
+        """Whether SYNC comes more often than the kernel lets it leave, in words."""
         rhythm = self._rhythm
         if len(rhythm) == _RHYTHM and rhythm[-1] - rhythm[0] < _SHORTEST_RHYTHM * (_RHYTHM - 1) * self._cycle_s:
             return "SYNC comes more often than this master lets it leave"
-        if self._cycles % _RHYTHM == 0:
-            # What was heard is looked at first: the kernel may send one more meanwhile, and never one less.
-            heard, sent = self._heard, self._producer.count()
-            if sent is not None and heard > sent:
-                return f"{heard} SYNCs came and the kernel has sent {sent} for this master"
         return ""
 
     def _take_sync(self, link: BusLink) -> None:
@@ -293,11 +308,6 @@ class BcmSync:
         if 0.5 * cycle_s < period_s < 1.5 * cycle_s:
             asked_s = self._asked_s - _STEERING * (period_s - cycle_s)
             self._asked_s = min(max(asked_s, _SHORTEST_ASKED * cycle_s), cycle_s)
-
-
-def _never() -> bool:
-    """A wait that only time ends."""
-    return False
 
 
 def _nothing() -> None:

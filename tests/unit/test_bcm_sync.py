@@ -235,7 +235,34 @@ def test_one_sync_too_many_is_counted_however_rare_it_is(sync, kernel):
 def test_where_the_kernel_tells_no_count_the_rhythm_is_left(sync, kernel):
     kernel.told = None
     kernel.queue.append(kernel.clock())
-    assert cycles_until_told(sync, kernel, 100) is None
+    assert cycles_until_told(sync, kernel, 100) is None, "one more is within what may happen"
+
+    def crowd():
+        kernel.pass_time(0.3 * PERIOD_S)
+        kernel.queue.append(kernel.clock())
+        sync.next(kernel, nothing)
+
+    with pytest.raises(ForeignMaster, match="comes more often"):
+        for_ever(crowd)
+
+
+def for_ever(action, most=1000):
+    for _ in range(most):
+        action()
+
+
+def test_a_sync_that_the_kernel_still_owes_is_not_doubled(sync, kernel):
+    """The credit was renewed right after a SYNC had left that was not heard yet: there is one more than counted."""
+    kernel.latency_s = -1e-4
+    sync.next(kernel, nothing)
+    sync.next(kernel, nothing)
+    sync._credit_left = 0
+    before = len(kernel.sent_s)
+    for _ in range(5):
+        sync.next(kernel, nothing)
+    gaps = [after - earlier for earlier, after in pairwise(kernel.sent_s[before - 1 :])]
+    assert len(gaps) == 5
+    assert min(gaps) > 0.9 * PERIOD_S, "no two SYNCs back to back"
 
 
 def test_syncs_that_were_sent_and_not_heard_accuse_nobody(sync, kernel):

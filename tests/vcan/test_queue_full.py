@@ -76,6 +76,7 @@ def await_full(bus):
     end_s = time.monotonic() + 10.0
     while (error := refusal(bus)) is None:
         assert time.monotonic() < end_s, "the queue never became full"
+        time.sleep(0.002)
     return error
 
 
@@ -84,6 +85,7 @@ def await_drained(bus):
     end_s = time.monotonic() + 10.0
     while refusal(bus) is not None:
         assert time.monotonic() < end_s, "the queue never drained"
+        time.sleep(0.002)
 
 
 @contextmanager
@@ -139,7 +141,7 @@ def move(servos, hold, cycles):
         servos.exchange(JointCommand(hold + 0.5 * CYCLE_S * cycle, ZERO, ZERO))
 
 
-def test_an_arm_goes_on_after_a_queue_that_was_full_for_a_moment(bench, queue):
+def test_an_arm_goes_on_after_a_queue_that_was_full_for_a_moment(queue, bench):
     servos, drives, plant = bench
     servos.connect()
     hold = servos.enable().position_rad
@@ -159,7 +161,7 @@ def test_an_arm_goes_on_after_a_queue_that_was_full_for_a_moment(bench, queue):
     assert not any(plant.powered)
 
 
-def test_an_arm_whose_queue_stays_full_stops_by_itself(bench, queue):
+def test_an_arm_whose_queue_stays_full_stops_by_itself(queue, bench):
     servos, _, plant = bench
     servos.connect()
     hold = servos.enable().position_rad
