@@ -114,7 +114,7 @@ class Bench:
 
 def test_the_gain_is_told_apart_from_drift_and_delay():
     def answer(time_s, offset, before):
-        return 3.0 + 2.0 * time_s - 0.3 * time_s**2 + np.array([1.0, 0.6]) * offset + 0.5 * (offset - before)
+        return 3.0 + 2.0 * time_s - 80.0 * time_s**2 + np.array([1.0, 0.6]) * offset + 0.5 * (offset - before)
 
     verdict = Bench(answer).verdict
     np.testing.assert_allclose(verdict.gain, [1.0, 0.6], atol=0.02)
