@@ -1,4 +1,4 @@
-"""What a drive's description says against its configuration, before the drive is asked. Pure.
+"""What a drive's description says against its configuration, before the drive is asked. Nothing is read from a bus.
 
 A description is the vendor's word, and not always true; bring-up reads back what it writes all the same. But who reads
 here that a drive maps no torque offset need not find out at the cell.
