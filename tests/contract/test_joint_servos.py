@@ -178,16 +178,17 @@ def test_a_setpoint_that_is_no_number_is_refused_and_moves_nothing(rig):
     assert rig.plant.position_rad == pytest.approx(START_AXIS_RAD, abs=rig.count_rad)
 
 
-def test_stop_brings_a_moving_arm_to_rest_with_torque_on(rig):
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_stop_brings_a_moving_arm_to_rest_with_torque_on(rig, direction):
     rig.enable()
-    last, _ = rig.move(50)
+    last, _ = rig.move(50, 0.5 * direction)
     rig.servos.stop()
     assert all(rig.plant.powered)
     assert rig.plant.velocity_rad_s == pytest.approx(ZERO)
-    joints = rig.arm.coupling @ rig.plant.position_rad
+    way = direction * (rig.arm.coupling @ rig.plant.position_rad - last)
     # It goes on in its direction and no further than its ramp takes it.
-    assert np.all(joints >= last - 0.5 * rig.arm.cycle_s - rig.count_rad)
-    assert np.all(joints <= last + 0.1)
+    assert np.all(way >= -0.5 * rig.arm.cycle_s - rig.count_rad)
+    assert np.all(way <= 0.1)
 
 
 def test_after_a_stop_nothing_is_taken_until_disabled_and_enabled_again(rig):

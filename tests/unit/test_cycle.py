@@ -372,6 +372,35 @@ def test_a_plugin_that_is_too_slow_is_named(ideal_servos, run):
     assert servos.log[1:] == ["stop", "disable"]
 
 
+def test_a_plugin_that_is_slow_now_and_then_may_go_on(ideal_servos, run):
+    watch = Stopwatch()
+
+    class Uneven:
+        name = "uneven"
+
+        def on_cycle(self, step):
+            watch.now_s += 0.001 if step.feedback.cycle % 5 == 0 else 0.006
+
+    summary, _ = run(ideal_servos(N, CYCLE_S), plugins=[Uneven()], stopwatch=watch)
+    assert summary.cycles > 200
+
+
+def test_torques_of_several_plugins_add_up(ideal_servos):
+    class Adding:
+        def __init__(self, name, torque_nm):
+            self.name, self.torque_nm = name, np.array(torque_nm)
+
+        def on_cycle(self, step):
+            return self.torque_nm
+
+    servos = ideal_servos(N, CYCLE_S)
+    plugins = [Adding("one", [3.0, -2.0]), Stranger(-1, None), Adding("other", [4.0, 1.0])]
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), plugins)
+    with cycle.powered() as arm:
+        arm.hold(lambda: len(servos.sent) >= 60)
+    np.testing.assert_allclose(servos.sent[58].torque_offset_nm, [7.0, -1.0])
+
+
 def test_a_late_cycle_names_the_plugin_that_blocked(ideal_servos, run):
     watch = Stopwatch()
 
