@@ -22,6 +22,7 @@ from armload_drivers.cia402 import POWERED, State
 from armload_drivers.described import description_gaps
 from armload_drivers.errors import ServoError, WrongDevice
 from armload_drivers.objects import NmtCommand
+from armload_drivers.scan import require_no_strangers
 from armload_drivers.timeouts import Timeouts
 from armload_drivers.units import ArmUnits
 
@@ -68,9 +69,10 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
     for setup in setups:
         rows += [_row(setup, "description", Verdict.MISSING, gap) for gap in description_gaps(setup.settings)]
     known = [_identify(setup, rows) for setup in setups]
+    strangers = _strangers(link, arm, limits)
     if None in known:
         rows += [_row(setup, "reset", Verdict.NOT_DONE, _AT_WORK) for setup in setups]
-        return _by_joint(rows, arm)
+        return _by_joint(rows, arm) + strangers
     sound = [
         _check_alone(setup, link, limits, rows) if is_known else False
         for setup, is_known in zip(setups, known, strict=True)
@@ -78,7 +80,7 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
     if not all(sound):
         what = "needs the scale of every drive, and not all are in order"
         rows += [_row(setup, "limits", Verdict.NOT_DONE, what) for setup in setups]
-        return _by_joint(rows, arm)
+        return _by_joint(rows, arm) + strangers
     units = ArmUnits(arm_with(arm, setups), [setup.report().polarity for setup in setups])
     for axis, setup in enumerate(setups):
         try:
@@ -89,7 +91,16 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
         missing = setup.report().missing
         rows.append(_row(setup, "limits", Verdict.OK, ""))
         rows += [_row(setup, "objects", Verdict.MISSING, name) for name in missing]
-    return _by_joint(rows, arm)
+    return _by_joint(rows, arm) + strangers
+
+
+def _strangers(link: BusLink, arm: ArmSettings, limits: Timeouts) -> list[Check]:
+    """A row where a drive is on the bus that the configuration does not name. Only reads."""
+    try:
+        require_no_strangers(link, arm, limits.scan_s)
+    except WrongDevice as error:
+        return [Check(error.joint, error.node_id, "other drives", Verdict.WRONG, str(error))]
+    return []
 
 
 def _by_joint(rows: list[Check], arm: ArmSettings) -> list[Check]:

@@ -134,6 +134,19 @@ def test_check_keeps_away_from_a_drive_that_carries_torque(bench):
     assert rig.plant.powered == [False, True, False]
 
 
+def test_check_tells_of_a_drive_that_the_configuration_does_not_name(bench):
+    rig = bench()
+    fewer = replace(rig.arm, drives=rig.arm.drives[:2], coupling=np.eye(2))
+    wrong = [row for row in check(fewer, rig.bus, LIMITS) if row.verdict is not Verdict.OK]
+    assert [(row.node_id, row.step) for row in wrong] == [(5, "other drives")]
+    assert "other_nodes" in wrong[0].detail
+    assert not [
+        row
+        for row in check(replace(fewer, other_nodes=frozenset({5})), rig.bus, LIMITS)
+        if row.verdict is Verdict.WRONG
+    ]
+
+
 def test_check_writes_to_no_real_drive_that_nobody_named(bench, arm_settings):
     rig = bench({3: DriveTraits(identity=REAL)}, arm_settings(identity=Identity(None, None)))
     rig.frames()
