@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from armload_identification.arm_motion import arm_motion
 from armload_identification.body import BodyModel
@@ -130,7 +131,8 @@ def identify_body(
     for run in recordings:
         _require_usable(run, chain, transmission)
         motions.append(arm_motion(run, transmission))
-    fit = fit_body([motion.samples for motion in motions], chain, transmission.coupling, stribeck=stribeck)
+    with threadpool_limits(1):  # threads would wait for each other: see `identification.identify`
+        fit = fit_body([motion.samples for motion in motions], chain, transmission.coupling, stribeck=stribeck)
     gains = np.ones(chain.n) if recordings[0].torque_nm is not None else transmission.gain_nm_a
     return BodyIdentification(
         model=fit.model,

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from armload_identification.arm_motion import arm_motion, without_body
 from armload_identification.body import BodyModel
@@ -112,6 +113,21 @@ def identify(
     """
     if transmission.gain_nm_a.size != chain.n:
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
+    # Matrices of a few dozen columns: threads would wait for each other, on a busy machine for minutes.
+    with threadpool_limits(1):
+        return _identified(loaded, unloaded, chain, transmission, estimator, known, body)
+
+
+def _identified(
+    loaded: Recording,
+    unloaded: Recording | None,
+    chain: Chain,
+    transmission: Transmission,
+    estimator: Estimator,
+    known: KnownPayload | None,
+    body: BodyModel | None,
+) -> Identification:
+    """What `identify` does."""
     runs = (loaded,) if unloaded is None else (loaded, unloaded)
     for run in runs:
         check_joints(run, chain.n)

@@ -6,6 +6,7 @@ from importlib.metadata import version
 from typing import Annotated
 
 import typer
+from threadpoolctl import threadpool_limits
 
 from armload_controller.cli.calibrate_gains import calibrate_gains
 from armload_controller.cli.commission import commission
@@ -58,3 +59,5 @@ def _options(
     ] = False,
 ) -> None:
     """Find out what a robot arm is carrying, from the currents of its own motors."""
+    # For all that follows. The matrices are small, and an arm does not wait while threads wait for each other.
+    threadpool_limits(1)
