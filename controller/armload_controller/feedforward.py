@@ -33,6 +33,8 @@ class PayloadFeedforward:
         Chen 2016, eq. (2).
     """
 
+    __slots__ = ("_calls", "_changing", "_from", "_left", "_model", "_requests", "_theta", "_to", "_torque", "_work")
+
     def __init__(self, chain: Chain, payload: InertialParameters) -> None:
         self._model = feedforward_model(chain, payload.theta)
         self._theta = self._model[-len(payload.theta) :]
@@ -41,6 +43,7 @@ class PayloadFeedforward:
         self._requests: deque[tuple[FloatArray, int]] = deque()
         self._from = self._to = self._theta.copy()
         self._calls = self._left = 0
+        self._changing = False
 
     def torque_nm(
         self, position_rad: FloatArray, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray
@@ -58,7 +61,7 @@ class PayloadFeedforward:
         Raises:
             ValueError: a state that is not of n joints.
         """
-        if self._left or self._requests:
+        if self._changing:
             self._change()
         try:
             payload_torque_into(self._model, position_rad, velocity_rad_s, acceleration_rad_s2, self._work)
@@ -84,13 +87,20 @@ class PayloadFeedforward:
         if not (transition_s >= 0.0 and cycle_s > 0.0):
             raise ValueError(f"transition_s = {transition_s} and cycle_s = {cycle_s}: expected >= 0 and > 0")
         self._requests.append((payload.theta, max(1, round(transition_s / cycle_s))))
+        self._changing = True
 
     def _change(self) -> None:
         """One call's part of a change."""
+        # Before the requests are looked at: one that comes later sets it again.
+        self._changing = False
         while self._requests:
             self._to, self._calls = self._requests.popleft()
             self._from = self._theta.copy()
             self._left = self._calls
+        if not self._left:
+            return
         self._left -= 1
+        if self._left:
+            self._changing = True
         done = 1.0 - self._left / self._calls
         self._theta[:] = self._from + (3.0 - 2.0 * done) * done**2 * (self._to - self._from)
