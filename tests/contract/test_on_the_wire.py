@@ -51,6 +51,56 @@ def test_the_target_is_the_present_position_before_the_first_setpoint(virtual_ar
         assert counts == pytest.approx(here, abs=2)
 
 
+def test_an_axis_that_sinks_is_taken_where_it_is_and_not_where_it_was(virtual_arm):
+    """Between the preset and the enabled drive lie several cycles; an axis without a brake moves meanwhile."""
+    arm = virtual_arm()
+    arm.servos.connect()
+    speed_rad_s = 2.0
+    arm.plant._ramp(1, arm.plant.position_rad[1] - 1.0, 1.0 / speed_rad_s)
+    enabled = []
+
+    class Told(list):
+        """Keeps where the axis is when it gets its torque."""
+
+        def __setitem__(self, axis, on):
+            super().__setitem__(axis, on)
+            enabled.append((axis, on, float(arm.plant.position_rad[1])))
+
+    arm.plant.powered = Told(arm.plant.powered)
+    arm.servos.enable()
+    begun = next(position for axis, on, position in enabled if axis == 1 and on)
+    assert begun < -0.2 - 2 * speed_rad_s * arm.arm.cycle_s, "it sank"
+    drive = arm.arm.drives[1]
+    sent = [data for cob_id, data in frames_of(arm) if cob_id == FIRST_RPDO + drive.node_id]
+    targets = [struct.unpack("<Hih", data)[1] / drive.counts_per_rad for data in sent]
+    enabling = [target for data, target in zip(sent, targets, strict=True) if data[0] & 0x0F == 0x0F]
+    # What the last feedback is old, and the target's own way to the SYNC that latches it.
+    assert abs(enabling[0] - begun) <= 2.5 * speed_rad_s * arm.arm.cycle_s
+
+
+def test_what_drives_are_to_do_without_their_master_and_after_a_fault(virtual_arm):
+    """Once more what `drive_objects` says: a lost master is a quick stop, and a quick stop holds with torque on."""
+    arm = virtual_arm()
+    arm.servos.connect()
+    arm.servos.enable()
+    frames = frames_of(arm)
+    wanted = {0x6007: 3, 0x605A: 6, 0x605E: 2, 0x605B: 1, 0x605C: 1, 0x605D: 1, 0x1029: 0}
+    for drive in arm.arm.drives:
+        written = {}
+        for cob_id, data in frames:
+            if cob_id == 0x600 + drive.node_id and data[0] & 0xE3 == 0x23:
+                size = 4 - (data[0] >> 2 & 3)
+                index, subindex = struct.unpack_from("<HB", data, 1)
+                written[index, subindex] = int.from_bytes(data[4 : 4 + size], "little")
+        told = {index: written[index, 1 if index == 0x1029 else 0] for index in wanted}
+        assert told == wanted
+        watched = written[0x1016, 1]
+        beats = {cob_id - HEARTBEAT for cob_id, _ in frames if HEARTBEAT < cob_id <= HEARTBEAT + 127}
+        masters = beats - {other.node_id for other in arm.arm.drives}
+        assert {watched >> 16} == masters
+        assert watched & 0xFFFF == pytest.approx(2.5e3 * arm.arm.heartbeat_s)
+
+
 def test_no_setpoint_on_the_wire_differs_from_what_was_computed(virtual_arm):
     arm = virtual_arm()
     arm.servos.connect()
