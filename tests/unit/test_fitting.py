@@ -96,6 +96,23 @@ def test_help_tells_every_option_by_its_whole_name(command):
     assert options == set(re.findall(r"^ +(?:-\w, )?(--[\w-]+)", narrow, re.MULTILINE))
 
 
+def test_a_rows_name_stays_in_one_piece():
+    table = Table("joint", "what")
+    table.add_row("joint_2 *", "a text that has to be wrapped where there is as little room as here")
+    assert "joint_2 *" in shown(table, 30)[0]
+
+
+def test_a_long_line_of_progress_wraps_and_keeps_its_times():
+    screen, stream = Screen(), io.StringIO()
+    screen.console = Console(file=stream, width=60, force_terminal=True, color_system=None)
+    with screen.track("loaded, without feed-forward, slow round", 1) as done:
+        done(1)
+    output = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "\n", stream.getvalue())
+    assert output.split("100%")[-1].split()[:2] == ["0:00:00", "0:00:00"]
+    assert "…" not in output
+    assert {"loaded,", "without", "feed-forward,", "slow", "round"} <= set(output.split())
+
+
 @pytest.mark.parametrize("width", [60, 100])
 def test_a_line_of_progress_fits_the_terminal(width):
     screen = Screen()

@@ -26,10 +26,10 @@ def fitted(table: Table, console: Console) -> list[Table]:
     Returns:
         The table, with widths set where it has to be narrower, or several that hold its columns.
     """
-    most = [_width(console, column)[1] for column in table.columns]
+    most = [_width(console, column, table.columns[0])[1] for column in table.columns]
     if _total(most) <= console.width:
         return [table]
-    least = [_width(console, column)[0] for column in table.columns]
+    least = [_width(console, column, table.columns[0])[0] for column in table.columns]
     parts: list[list[int]] = [[0]]
     for index in range(1, len(table.columns)):
         if _total([least[i] for i in (*parts[-1], index)]) > console.width and len(parts[-1]) > 1:
@@ -38,13 +38,13 @@ def fitted(table: Table, console: Console) -> list[Table]:
     return [_part(table, part, [least[i] for i in part], [most[i] for i in part], console.width) for part in parts]
 
 
-def _width(console: Console, column: Column) -> tuple[int, int]:
-    """Least and greatest width of a column: its longest word and its longest text."""
+def _width(console: Console, column: Column, first: Column) -> tuple[int, int]:
+    """Least and greatest width of a column: its longest word and its longest text; the first one names the rows."""
     sizes = [Measurement.get(console, console.options.update_width(10_000), c) for c in (column.header, *column.cells)]
     most = max(size.maximum for size in sizes)
     least = max(size.minimum for size in sizes)
-    if column.no_wrap or column.justify == "right":
-        # Numbers stay in one piece, "1.2 to 3.4" as well; their heading may wrap.
+    if column.no_wrap or column.justify == "right" or column is first:
+        # Numbers and names of rows stay in one piece, "1.2 to 3.4" and "joint_2 *" as well; their heading may wrap.
         least = max(size.maximum for size in sizes[1:]) if len(sizes) > 1 else most
         least = max(least, sizes[0].minimum)
     return least, most

@@ -86,7 +86,7 @@ class Screen:
         times = [TimeElapsedColumn(table_column=_TIME), TimeRemainingColumn(table_column=_TIME)]
         room = self.console.width - len(f"{text}  100% 0:00:00 0:00:00")
         bar = [BarColumn(bar_width=min(room, _GREATEST_BAR))] if room >= _LEAST_BAR else []
-        return [TextColumn("{task.description}"), *bar, TaskProgressColumn(), *times]
+        return [TextColumn("{task.description}", table_column=Column()), *bar, TaskProgressColumn(), *times]
 
     def confirm(self, question: str) -> bool:
         """Ask; no answer, as without a keyboard, is no."""
