@@ -30,7 +30,7 @@ _REPEATED_REVERSAL: Final = 0.05
 
 
 class Estimator(StrEnum):
-    """How a payload is fitted to a torque difference; identification/README.md has the comparison that chose the default."""
+    """How a payload is fitted to a torque difference; identification/README.md has what chose the default."""
 
     OLS = "ols"
     """Least squares with equal weights, as in the paper."""
