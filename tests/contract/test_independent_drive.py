@@ -14,6 +14,7 @@ from armload_drivers.canopen_servos import CanopenServos
 from armload_drivers.errors import ServoFault, WrongDevice
 from armload_drivers.servos import JointCommand
 from armload_drivers.sync import TimerSync
+from armload_drivers.timeouts import Timeouts
 from tests.independent_drive import (
     COUNTS_PER_TURN,
     DISABLED,
@@ -45,6 +46,9 @@ def settings(arm_settings, mode):
     )
     return replace(arm, heartbeat_s=0.2, max_missing_cycles=20)
 
+PATIENT = Timeouts(sdo_s=5.0, enable_s=10.0, stop_s=10.0, disable_s=10.0)
+"""The drives' threads share the machine with whatever else runs on it."""
+
 
 def hold(servos, position_rad, cycles):
     for _ in range(cycles):
@@ -64,7 +68,7 @@ def bench(request, arm_settings):
         network.NOTIFIER_CYCLE = 0.02
         network.connect()
         drives = join(network, [drive.node_id for drive in arm.drives], [int(request.param)])
-        servos = CanopenServos(arm, bus, TimerSync())
+        servos = CanopenServos(arm, bus, TimerSync(), PATIENT)
         yield servos, drives, arm
         servos.close()
         for drive in drives:
@@ -130,5 +134,5 @@ def test_another_product_is_refused(bench, arm_settings):
         can.Bus(interface="virtual", channel=channel) as bus,
         pytest.raises(WrongDevice, match=r"product code \(1018\) is 0x00001234 instead of 0x00009999"),
     ):
-        CanopenServos(arm, bus, TimerSync()).connect()
+        CanopenServos(arm, bus, TimerSync(), PATIENT).connect()
     assert [len(drive.states) for drive in drives] == before, "nobody was reset"
