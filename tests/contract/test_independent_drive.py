@@ -46,6 +46,7 @@ def settings(arm_settings, mode):
     )
     return replace(arm, heartbeat_s=0.2, max_missing_cycles=20)
 
+
 PATIENT = Timeouts(sdo_s=5.0, enable_s=10.0, stop_s=10.0, disable_s=10.0)
 """The drives' threads share the machine with whatever else runs on it."""
 
