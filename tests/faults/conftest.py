@@ -51,10 +51,11 @@ class FaultArm:
         self.drives = self._stack.enter_context(
             SimulatedDrives(drives_arm or arm, self.plant, drives_bus, clock, traits)
         )
-        # Where nothing answers, the virtual bus need not be waited for as long as a guest with a slow clock.
+        # Where nothing answers, the virtual bus need not be waited for as long as a guest with a slow clock; but a
+        # shared machine, too, stands still for half a second now and then.
         scale = 3.0 if vcan else 1.0
         self.timeouts = Timeouts(
-            probe_s=0.1 * scale, scan_s=0.03 * scale, boot_s=0.4 * scale, sdo_s=0.3 * scale, mode_s=0.1 * scale
+            probe_s=0.1 * scale, scan_s=0.03 * scale, boot_s=0.4 * scale, sdo_s=1.0, mode_s=0.1 * scale
         )
         self.sync = BcmSync(BroadcastManager("vcan0")) if vcan else LockstepSync(clock)
         self.servos = CanopenServos(arm, self.bus, self.sync, self.timeouts)
