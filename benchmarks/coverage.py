@@ -14,7 +14,7 @@ from benchmarks.trials import run_trials
 from benchmarks.verdict import Tally, progress_line
 
 SEEDS = 2000
-MODEL_ERROR_SEEDS = 100
+MODEL_ERROR_SEEDS = 50
 PERIODS = (3, 10, 50)
 LEAST, MOST = 0.93, 0.98
 KEPT = 5
