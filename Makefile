@@ -35,7 +35,9 @@ paper: env
 accuracy: env
 	$(BIN)/python -m benchmarks.accuracy
 
-# Resolves the pinned versions anew; needs pip-tools in the environment that runs it.
+# Resolves the pinned versions anew; needs pip-tools in the environment that runs it. Lines of options, in which the
+# addresses of this machine's configuration would stand, are taken out.
 lock:
-	$(PYTHON) -m piptools compile --quiet --strip-extras --allow-unsafe --generate-hashes --no-emit-index-url \
-	  --no-emit-trusted-host --no-emit-find-links --no-header --extra sim --extra urdf --extra dev --output-file requirements.lock pyproject.toml
+	$(PYTHON) -m piptools compile --quiet --strip-extras --allow-unsafe --generate-hashes --no-header \
+	  --extra sim --extra urdf --extra dev --output-file requirements.lock pyproject.toml
+	sed -i '/^--/d; /^$$/d' requirements.lock

@@ -29,6 +29,7 @@ from armload_identification.excitation import DesignResult, design
 from armload_identification.fourier import FourierTrajectory, fourier_basis
 from armload_identification.information import condition_number, named_criterion
 from armload_identification.workspace import Workspace
+from benchmarks.regressor import ORDER, pinocchio_model
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +41,6 @@ SEED = 1
 PEER_ITERATIONS = 150
 PEER_SAMPLES = 60
 PEER_DRAWS = 50
-ORDER = [0, 1, 2, 3, 4, 6, 9, 5, 7, 8]  # Pinocchio's dynamic parameters in this project's order
 
 
 def run() -> None:
@@ -107,7 +107,7 @@ class Peer:
     def __init__(self, robot: Robot, envelope: Envelope) -> None:
         chain = robot.chain()
         self._n, self._envelope = chain.n, envelope
-        self._model, self._flange = _model(robot)
+        self._model, self._flange = pinocchio_model(chain), pin.SE3(chain.flange[:3, :3], chain.flange[:3, 3])
         self._data = self._model.createData()
         payload = envelope.torque.payload
         self._loaded = self._model.copy()
@@ -206,18 +206,6 @@ def _distances(workspace: Workspace, centres: FloatArray) -> list[FloatArray]:
         between = np.linalg.norm(centres[:, a, None] - centres[:, None, b], axis=3)
         found.append((between - radius[a][:, None] - radius[b]).ravel())
     return found
-
-
-def _model(robot: Robot) -> tuple[pin.Model, pin.SE3]:
-    """The arm in Pinocchio, without masses, and its flange in the last joint's frame."""
-    chain = robot.chain()
-    model = pin.Model()
-    model.gravity = pin.Motion(chain.gravity_m_s2, np.zeros(3))
-    joint = 0
-    for i in range(chain.n):
-        pose = pin.SE3(chain.placement[i][:3, :3], chain.placement[i][:3, 3])
-        joint = model.addJoint(joint, pin.JointModelRevoluteUnaligned(chain.axis[i]), pose, f"joint_{i + 1}")
-    return model, pin.SE3(chain.flange[:3, :3], chain.flange[:3, 3])
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ def run() -> None:
     chain, payload = robot.chain(), robot.expected_payload()
     rng = np.random.default_rng(0)
     q, dq, ddq = rng.uniform(-1.5, 1.5, (3, SAMPLES, chain.n))
-    model = _pinocchio_model(chain)
+    model = pinocchio_model(chain)
     rounds = f"{BATCH_ROUNDS} x {BATCH_CALLS} calls"
     print(f"Regressor of the payload, {SAMPLES} samples of {chain.n} joints, er50; median of {rounds}")
     _batch(chain, model, q, dq, ddq)
@@ -128,7 +128,7 @@ def _print(candidates: dict[str, Callable[[], object]], times_s: list[float], sc
         print(f"  {name:45s} {time_s * scale:8.3f} {unit}   {time_s / times_s[0]:5.1f} x")
 
 
-def _pinocchio_model(chain: Chain) -> pin.Model:
+def pinocchio_model(chain: Chain) -> pin.Model:
     """The arm in Pinocchio, without masses; its last joint frame is the flange here."""
     if not np.allclose(chain.flange, np.eye(4)):
         raise ValueError("the comparison needs an arm whose flange is its last joint's frame")

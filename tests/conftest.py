@@ -4,13 +4,14 @@ import math
 import threading
 import uuid
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 
-from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, DriveSettings, EffortFeedback, OperationMode
+from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, DriveSettings, EffortFeedback, Identity, OperationMode
 from armload_drivers.canopen_servos import CanopenServos
 from armload_drivers.clock import VirtualClock
 from armload_drivers.errors import DriverError, StateError
@@ -19,6 +20,7 @@ from armload_drivers.simulated_drives import SimulatedDrives
 from armload_drivers.simulated_plant import IdealPlant
 from armload_drivers.sync import LockstepSync
 from armload_drivers.timeouts import Timeouts
+from tests.independent_drive import PRODUCT_CODE, VENDOR_ID
 
 OPERATION_ENABLED = 0x0637
 
@@ -195,3 +197,36 @@ def virtual_arm():
 def arm_settings():
     """Makes settings of a small arm."""
     return small_arm
+
+
+@pytest.fixture(scope="session")
+def armload():
+    """Run a command in this process; errors keep their type."""
+    from typer.testing import CliRunner
+
+    from armload_controller.cli.main import app
+
+    def armload(*words):
+        return CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
+
+    return armload
+
+
+@pytest.fixture
+def independent_arm(arm_settings):
+    """The same small arm, of the drives in `tests/independent_drive.py`; a busy computer is not what is tested."""
+
+    def make(mode, **changes):
+        arm = arm_settings(
+            cycle_s=0.02,
+            mode=mode,
+            feedback=EffortFeedback.TORQUE,
+            counts_per_rad=None,
+            rated_current_a=None,
+            rated_torque_nm=None,
+            identity=Identity(VENDOR_ID, PRODUCT_CODE),
+            torque_offset=False,
+        )
+        return replace(arm, max_missing_cycles=20, **changes)
+
+    return make

@@ -9,7 +9,7 @@ import canopen
 import numpy as np
 import pytest
 
-from armload_drivers.arm import EffortFeedback, Identity, OperationMode
+from armload_drivers.arm import Identity, OperationMode
 from armload_drivers.canopen_servos import CanopenServos
 from armload_drivers.errors import ServoFault, WrongDevice
 from armload_drivers.servos import JointCommand
@@ -20,7 +20,6 @@ from tests.independent_drive import (
     DISABLED,
     ENABLED,
     FAULT,
-    PRODUCT_CODE,
     QUICK_STOP,
     READY,
     SWITCHED_ON,
@@ -30,23 +29,6 @@ from tests.independent_drive import (
 
 RAD = COUNTS_PER_TURN / (2.0 * np.pi)
 ZERO = np.zeros(3)
-
-
-def settings(arm_settings, mode):
-    """The same small arm, of other drives; a busy computer is not what is tested."""
-    arm = arm_settings(
-        cycle_s=0.02,
-        mode=mode,
-        feedback=EffortFeedback.TORQUE,
-        counts_per_rad=None,
-        rated_current_a=None,
-        rated_torque_nm=None,
-        identity=Identity(VENDOR_ID, PRODUCT_CODE),
-        torque_offset=False,
-    )
-    return replace(arm, heartbeat_s=0.2, max_missing_cycles=20)
-
-
 PATIENT = Timeouts(sdo_s=5.0, enable_s=10.0, stop_s=10.0, disable_s=10.0)
 """The drives' threads share the machine with whatever else runs on it."""
 
@@ -57,9 +39,9 @@ def hold(servos, position_rad, cycles):
 
 
 @pytest.fixture(params=list(OperationMode), ids=lambda mode: mode.name)
-def bench(request, arm_settings):
+def bench(request, independent_arm):
     """Servos, and the drives of somebody else behind them."""
-    arm = settings(arm_settings, request.param)
+    arm = independent_arm(request.param, heartbeat_s=0.2)
     channel = uuid.uuid4().hex
     with (
         can.Bus(interface="virtual", channel=channel) as drives_bus,
@@ -125,7 +107,7 @@ def test_a_silent_master_is_noticed_by_it(bench):
         hold(servos, start, 50)
 
 
-def test_another_product_is_refused(bench, arm_settings):
+def test_another_product_is_refused(bench):
     servos, drives, arm = bench
     servos.connect()
     before = [len(drive.states) for drive in drives]

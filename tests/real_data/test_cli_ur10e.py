@@ -4,22 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from armload_controller.cli.main import app
 from armload_identification.body_file import read_body
 from armload_identification.gains_file import read_gains
 from armload_identification.payload_file import read_payload
 
 WEIGHED_KG = 2.805
-
-
-@pytest.fixture(scope="module")
-def armload():
-    def armload(*words):
-        return CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
-
-    return armload
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -213,3 +214,21 @@ def any_arm() -> Callable[[np.random.Generator, int], tuple[Chain, tuple[Inertia
 @pytest.fixture(scope="session")
 def any_body() -> Callable[[np.random.Generator], InertialParameters]:
     return random_body
+
+
+@pytest.fixture
+def edited(tmp_path):
+    """A copy of a shipped configuration with some text replaced; returns its path."""
+
+    configs = Path(str(resources.files("armload_configs")))
+
+    def edited(old, new, robot="er50", count=1):
+        text = (configs / f"{robot}.toml").read_text()
+        assert old in text
+        path = tmp_path / f"my_{robot}.toml"
+        path.write_text(text.replace(old, new, count))
+        for file in configs.glob(f"{robot}_*.toml"):
+            (tmp_path / file.name).write_text(file.read_text())
+        return str(path)
+
+    return edited

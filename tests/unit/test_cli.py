@@ -11,10 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from armload_controller.cli.design import CriterionName
-from armload_controller.cli.main import app
 from armload_controller.config import load_robot
 from armload_identification.fourier import CRITERIA, Excitation, FourierTrajectory, read_excitation, write_excitation
 from armload_identification.payload import InertialParameters
@@ -24,16 +22,6 @@ from armload_identification.validation import validate
 
 PROGRAM = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
 CONFIGS = Path(str(resources.files("armload_configs")))
-
-
-@pytest.fixture(scope="module")
-def armload():
-    """Run a command in this process; errors keep their type."""
-
-    def armload(*words):
-        return CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
-
-    return armload
 
 
 @pytest.fixture(scope="module")

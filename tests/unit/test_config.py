@@ -14,22 +14,6 @@ from armload_controller.errors import ConfigurationError
 CONFIGS = Path(str(resources.files("armload_configs")))
 
 
-@pytest.fixture
-def edited(tmp_path):
-    """A copy of a shipped configuration with some text replaced."""
-
-    def edited(old, new, robot="er50", count=1):
-        text = (CONFIGS / f"{robot}.toml").read_text()
-        assert old in text
-        path = tmp_path / f"my_{robot}.toml"
-        path.write_text(text.replace(old, new, count))
-        for file in CONFIGS.glob(f"{robot}_*.toml"):
-            (tmp_path / file.name).write_text(file.read_text())
-        return str(path)
-
-    return edited
-
-
 def test_three_robots_ship():
     assert shipped_robots() == ("er50", "prbt", "ur10e")
 

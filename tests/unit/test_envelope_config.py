@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -10,24 +9,6 @@ import pytest
 
 from armload_controller.config import load_robot
 from armload_controller.errors import ConfigurationError
-
-CONFIGS = Path(str(resources.files("armload_configs")))
-
-
-@pytest.fixture
-def edited(tmp_path):
-    """A copy of a shipped configuration with some text replaced; returns its path."""
-
-    def edited(old, new, robot, count=1):
-        text = (CONFIGS / f"{robot}.toml").read_text()
-        assert old in text
-        path = tmp_path / f"my_{robot}.toml"
-        path.write_text(text.replace(old, new, count))
-        for file in CONFIGS.glob(f"{robot}_*.toml"):
-            (tmp_path / file.name).write_text(file.read_text())
-        return str(path)
-
-    return edited
 
 
 def test_er50_stands_a_metre_above_the_floor_on_a_pedestal():

@@ -5,10 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from armload_controller.arms import simulated_arm
-from armload_controller.cli.main import app
 from armload_controller.commissioning import Load, run_leg
 from armload_controller.config import load_robot
 from armload_controller.control import MotionControl
@@ -21,14 +19,6 @@ from armload_identification.payload import PayloadResult, Provenance
 from armload_identification.payload_file import write_payload
 
 SWING_RAD = np.array([[0.2, 0.9, 0.0, 0.0, 0.3, 0.2], [0.0, 0.0, 0.9, 0.2, -0.7, 0.0]])[:, :, None]
-
-
-@pytest.fixture(scope="module")
-def armload():
-    def armload(*words):
-        return CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
-
-    return armload
 
 
 @pytest.fixture(scope="module")

@@ -3,14 +3,13 @@
 import json
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 
-from armload_drivers.arm import EffortFeedback, Identity, OperationMode
+from armload_drivers.arm import OperationMode
 from armload_drivers.bcm_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
@@ -23,18 +22,8 @@ DEGREE = np.deg2rad(1.0)
 
 
 @pytest.mark.parametrize("mode", list(OperationMode), ids=lambda mode: mode.name)
-def test_they_are_booted_enabled_moved_and_disabled(arm_settings, mode):
-    arm = arm_settings(
-        cycle_s=0.02,
-        mode=mode,
-        feedback=EffortFeedback.TORQUE,
-        counts_per_rad=None,
-        rated_current_a=None,
-        rated_torque_nm=None,
-        identity=Identity(independent_drive.VENDOR_ID, independent_drive.PRODUCT_CODE),
-        torque_offset=False,
-    )
-    arm = replace(arm, heartbeat_s=0.3, max_missing_cycles=20, coupling=np.eye(3))
+def test_they_are_booted_enabled_moved_and_disabled(independent_arm, mode):
+    arm = independent_arm(mode, heartbeat_s=0.3, coupling=np.eye(3))
     nodes = [str(drive.node_id) for drive in arm.drives]
     drives = subprocess.Popen(
         [sys.executable, str(Path(independent_drive.__file__)), "socketcan", "vcan0", str(int(mode)), *nodes],
