@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_drivers.plant_spec import RigidBody
-from armload_identification.payload import InertialParameters
+from armload_drivers.simulation.plant_spec import RigidBody
+from armload_identification.model.payload import InertialParameters
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,11 +17,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_drivers.plant import NOISE_CYCLE_S
-from armload_identification.identification import Identification
-from armload_identification.payload import InertialParameters
-from armload_identification.regressor import payload_regressor
-from armload_identification.uncertainty import derived
+from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S
+from armload_identification.estimation.uncertainty import derived
+from armload_identification.model.payload import InertialParameters
+from armload_identification.model.regressor import payload_regressor
+from armload_identification.pipeline.payload_identification import Identification
 from benchmarks.trials import Setup, identified
 
 FloatArray = NDArray[np.float64]

@@ -6,8 +6,8 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from armload_controller.config import load_robot
-from armload_identification.payload import PARAMETER_NAMES
+from armload_controller.config.robot import load_robot
+from armload_identification.model.payload import PARAMETER_NAMES
 from benchmarks.setups import Twin, setup_of, shipped_motion
 from benchmarks.statistics import EXACT, NOMINAL, Census, Errors
 from benchmarks.trials import run_trials

@@ -21,18 +21,18 @@ import canopen
 import numpy as np
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 
-from armload_controller.config import load_robot
-from armload_controller.limits import check_setpoints
-from armload_controller.phase import Segment
-from armload_controller.realtime import SWITCH_INTERVAL_S
-from armload_controller.recorder import Recorder
-from armload_controller.setpoints import RuckigFollower
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.clock import VirtualClock
+from armload_controller.config.robot import load_robot
+from armload_controller.cycle.realtime import SWITCH_INTERVAL_S
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.motion.joint_limits import check_setpoints
+from armload_controller.motion.phase import Segment
+from armload_controller.motion.setpoints import RuckigFollower
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.sync_sources import LockstepSync
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
-from armload_drivers.sync import LockstepSync
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
+from armload_drivers.simulation.virtual_clock import VirtualClock
 
 ROBOT = "er50"
 QUIET_CYCLES, BUSY_CYCLES, WARM_UP = 1500, 300, 50

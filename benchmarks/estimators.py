@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from armload_controller.config import load_robot
-from armload_identification.estimators import Estimator
-from armload_identification.gains import calibrate_gains
-from armload_identification.identification import identify
-from armload_identification.known import KnownPayload
+from armload_controller.config.robot import load_robot
+from armload_identification.calibration.drive_gains import calibrate_gains
+from armload_identification.estimation.estimators import Estimator
+from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.pipeline.payload_identification import identify
 from benchmarks.bodies import ER50_PAYLOADS, PRBT_PAYLOADS
 from benchmarks.bound import bound_of, paper_deviation, paper_values
 from benchmarks.paper import CRITERION

@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
-from armload_controller.cli.design import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
-from armload_controller.config import Robot, load_robot
-from armload_identification.envelope import CLEARANCE_SCALE_M, Envelope
-from armload_identification.excitation import DesignResult, design
-from armload_identification.fourier import FourierTrajectory, fourier_basis
-from armload_identification.information import condition_number, named_criterion
-from armload_identification.workspace import Workspace
+from armload_controller.cli.design_command import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
+from armload_controller.config.robot import Robot, load_robot
+from armload_identification.excitation.design import DesignResult, design
+from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope
+from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
+from armload_identification.excitation.information import condition_number, named_criterion
+from armload_identification.excitation.workspace import Workspace
 from benchmarks.regressor import ORDER, pinocchio_model
 
 FloatArray = NDArray[np.float64]

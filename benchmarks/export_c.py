@@ -16,12 +16,12 @@ from time import perf_counter
 
 import numpy as np
 
-from armload_controller.config import load_robot
+from armload_controller.config.robot import load_robot
 from armload_controller.export.c99 import export_c
 from armload_controller.export.subject import ExportSubject
-from armload_controller.feedforward import PayloadFeedforward
-from armload_identification.payload import PayloadResult, Provenance
-from armload_identification.regressor import FEEDFORWARD_ROWS, feedforward_model, payload_torque_into
+from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+from armload_identification.model.payload import PayloadResult, Provenance
+from armload_identification.model.regressor import FEEDFORWARD_ROWS, feedforward_model, payload_torque_into
 
 ROUNDS = 15
 C_CALLS = 200_000

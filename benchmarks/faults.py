@@ -16,15 +16,15 @@ from dataclasses import dataclass, replace
 import can
 import numpy as np
 
-from armload_controller.config import load_robot
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.clock import VirtualClock
-from armload_drivers.errors import DriverError
-from armload_drivers.plant import ArmPlant, PlantSample
-from armload_drivers.plant_spec import PlantSpec
+from armload_controller.config.robot import load_robot
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.sync_sources import LockstepSync
+from armload_drivers.driver_errors import DriverError
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.sync import LockstepSync
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
+from armload_drivers.simulation.plant_spec import PlantSpec
+from armload_drivers.simulation.virtual_clock import VirtualClock
 
 ROBOT = "er50"
 SPEED_SHARE = 0.5

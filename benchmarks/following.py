@@ -23,20 +23,20 @@ from pathlib import Path
 
 import numpy as np
 
-from armload_controller.arm_torque import ArmTorque, LoadFriction, held_torque
-from armload_controller.arms import simulated_arm
-from armload_controller.cli.design import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
-from armload_controller.commissioning import Consent, Load, read_pair, record_half
-from armload_controller.comparison import ComparisonRuns
-from armload_controller.config import Robot, load_robot
-from armload_controller.control import MotionControl
-from armload_identification.body import BodyModel
-from armload_identification.body_identification import identify_body
-from armload_identification.excitation import design
-from armload_identification.fourier import Excitation
-from armload_identification.identification import identify, payload_result
-from armload_identification.information import named_criterion
-from armload_identification.payload import PayloadResult
+from armload_controller.cli.design_command import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, held_torque
+from armload_controller.motion.motion_control import MotionControl
+from armload_controller.session.arm_access import simulated_arm
+from armload_controller.session.commissioning import Consent, Load, read_pair, record_half
+from armload_controller.session.feedforward_comparison import ComparisonRuns
+from armload_identification.calibration.body_identification import identify_body
+from armload_identification.excitation.design import design
+from armload_identification.excitation.fourier import Excitation
+from armload_identification.excitation.information import named_criterion
+from armload_identification.model.body_model import BodyModel
+from armload_identification.model.payload import PayloadResult
+from armload_identification.pipeline.payload_identification import identify, payload_result
 
 ARMS = (("er50", "paper"), ("prbt", "block"))
 TARGET = {"er50": 75.0, "prbt": 65.0}

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 import numpy as np
 from scipy.stats import t as student
 
-from armload_controller.config import Robot
+from armload_controller.config.robot import Robot
 from benchmarks.bound import bound_of
 from benchmarks.over_canopen import commissioned, motion_seconds
 from benchmarks.paper_tables import print_values

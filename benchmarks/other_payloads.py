@@ -16,8 +16,8 @@ from concurrent.futures import Executor
 import numpy as np
 from scipy.stats import norm
 
-from armload_controller.config import HARSH_GAIN_ERROR, load_robot
-from armload_identification.uncertainty import derived
+from armload_controller.config.robot import HARSH_GAIN_ERROR, load_robot
+from armload_identification.estimation.uncertainty import derived
 from benchmarks.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
 from benchmarks.bound import bound_of
 from benchmarks.setups import Twin, setup_of, shipped_motion

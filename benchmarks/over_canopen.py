@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from armload_controller.arms import simulated_arm
-from armload_controller.commissioning import Consent, Load, read_pair, record_half
-from armload_controller.config import Robot, load_robot
-from armload_controller.control import MotionControl
-from armload_identification.fourier import Excitation
-from armload_identification.identification import Identification, identify
-from armload_identification.signals import Transmission
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.motion.motion_control import MotionControl
+from armload_controller.session.arm_access import simulated_arm
+from armload_controller.session.commissioning import Consent, Load, read_pair, record_half
+from armload_identification.excitation.fourier import Excitation
+from armload_identification.pipeline.payload_identification import Identification, identify
+from armload_identification.signals.joint_torque import Transmission
 
 
 class Silence:

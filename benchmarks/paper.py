@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from armload_controller.config import HARSH_GAIN_ERROR, Robot, load_robot
-from armload_drivers.plant_spec import RigidBody
+from armload_controller.config.robot import HARSH_GAIN_ERROR, Robot, load_robot
+from armload_drivers.simulation.plant_spec import RigidBody
 from benchmarks import harsh, one_minute, published
 from benchmarks.bodies import CALIBRATION_LOAD
 from benchmarks.bound import bound_of, paper_values

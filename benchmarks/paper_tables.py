@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.payload import PARAMETER_NAMES, InertialParameters
-from armload_identification.uncertainty import derived
+from armload_identification.estimation.uncertainty import derived
+from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 from benchmarks import published
 from benchmarks.bound import paper_deviation, paper_values
 from benchmarks.statistics import Errors

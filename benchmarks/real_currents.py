@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_controller.config import Robot, load_robot
-from armload_identification.gains import calibrate_gains
-from armload_identification.identification import Identification, identify
-from armload_identification.known import KnownPayload
-from armload_identification.payload import SMALLEST_MARGIN, InertialParameters
-from armload_identification.recording import Recording, read_recording
-from armload_identification.signals import Transmission
-from armload_identification.validation import judge
+from armload_controller.config.robot import Robot, load_robot
+from armload_identification.calibration.drive_gains import calibrate_gains
+from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
+from armload_identification.pipeline.payload_identification import Identification, identify
+from armload_identification.recording.recording import Recording, read_recording
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.verdict.validation import judge
 from benchmarks.statistics import Census
 from benchmarks.verdict import Tally
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_drivers.arm import ArmSettings, EffortFeedback
-from armload_drivers.plant import NOISE_CYCLE_S
-from armload_drivers.units import ArmUnits
-from armload_identification.fourier import Excitation
-from armload_identification.recording import Recording, RecordingSource
+from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
+from armload_drivers.cia402.drive_units import ArmUnits
+from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S
+from armload_identification.excitation.fourier import Excitation
+from armload_identification.recording.recording import Recording, RecordingSource
 from benchmarks.steady_state import SteadyPeriod
 
 FloatArray = NDArray[np.float64]

@@ -12,11 +12,11 @@ from time import perf_counter
 import numpy as np
 import pinocchio as pin
 
-from armload_controller.config import load_robot
-from armload_controller.feedforward import PayloadFeedforward
-from armload_identification.chain import Chain
-from armload_identification.payload import InertialParameters
-from armload_identification.regressor import (
+from armload_controller.config.robot import load_robot
+from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters
+from armload_identification.model.regressor import (
     FEEDFORWARD_ROWS,
     feedforward_model,
     payload_regressor,

@@ -16,16 +16,16 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_controller.config import HARSH_SECOND_RUN_FRICTION, Robot
-from armload_drivers.plant_spec import PlantSpec, PlantVariant, RigidBody
-from armload_identification.envelope import Envelope, ExcitationLimits
-from armload_identification.excitation import design
-from armload_identification.fourier import FourierTrajectory
-from armload_identification.information import named_criterion
-from armload_identification.payload import InertialParameters
-from armload_identification.signals import Transmission
-from armload_identification.strength import TorqueLimits
-from armload_identification.workspace import Workspace
+from armload_controller.config.robot import HARSH_SECOND_RUN_FRICTION, Robot
+from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
+from armload_identification.excitation.design import design
+from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.information import named_criterion
+from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.workspace import Workspace
+from armload_identification.model.payload import InertialParameters
+from armload_identification.signals.joint_torque import Transmission
 from benchmarks.bodies import Cuboid
 from benchmarks.recordings import DriveScales
 from benchmarks.steady_state import SteadyPeriod, Streaming, ideal_period, steady_period

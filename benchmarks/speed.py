@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from armload_controller.config import load_robot
-from armload_controller.phase import Segment
-from armload_controller.recorder import Recorder
+from armload_controller.config.robot import load_robot
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.motion.phase import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_identification.fourier import format_excitation
-from armload_identification.recording import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
+from armload_identification.excitation.fourier import format_excitation
+from armload_identification.recording.recording import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 from benchmarks.recordings import record
 from benchmarks.setups import Motion, Twin, paper_motion, setup_of
 from benchmarks.steady_state import Streaming

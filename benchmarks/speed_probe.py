@@ -14,9 +14,9 @@ import resource  # noqa: E402
 import sys  # noqa: E402
 from pathlib import Path  # noqa: E402
 
-from armload_controller.config import load_robot  # noqa: E402
-from armload_identification.identification import identify  # noqa: E402
-from armload_identification.recording import read_recording  # noqa: E402
+from armload_controller.config.robot import load_robot  # noqa: E402
+from armload_identification.pipeline.payload_identification import identify  # noqa: E402
+from armload_identification.recording.recording import read_recording  # noqa: E402
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.payload import SMALLEST_MARGIN, InertialParameters
+from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from benchmarks.bound import paper_values
 from benchmarks.trials import Trial
 from benchmarks.verdict import Tally

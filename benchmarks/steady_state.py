@@ -21,33 +21,33 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-import armload_controller.setpoints
-import armload_drivers.plant
-import armload_drivers.plant_model
-import armload_drivers.plant_servo
-import armload_drivers.units
-import armload_identification.fourier
-from armload_controller.limits import MotionLimits
-from armload_controller.phase import Segment
-from armload_controller.setpoints import plan_path, plan_run
-from armload_drivers.arm import ArmSettings
-from armload_drivers.plant import ArmPlant
-from armload_drivers.plant_model import build_model
-from armload_drivers.plant_spec import PlantSpec
+import armload_controller.motion.setpoints
+import armload_drivers.cia402.drive_units
+import armload_drivers.simulation.mujoco_model
+import armload_drivers.simulation.mujoco_plant
+import armload_drivers.simulation.servo_loops
+import armload_identification.excitation.fourier
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_controller.motion.phase import Segment
+from armload_controller.motion.setpoints import plan_path, plan_run
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.servos import JointCommand
-from armload_drivers.units import ArmUnits
-from armload_identification.fourier import Excitation, FourierTrajectory
+from armload_drivers.simulation.mujoco_model import build_model
+from armload_drivers.simulation.mujoco_plant import ArmPlant
+from armload_drivers.simulation.plant_spec import PlantSpec
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from benchmarks.cache import cache_directory, cached, fingerprint
 
 FloatArray = NDArray[np.float64]
 
 _MODULES = (
-    armload_drivers.plant,
-    armload_drivers.plant_model,
-    armload_drivers.plant_servo,
-    armload_drivers.units,
-    armload_controller.setpoints,
-    armload_identification.fourier,
+    armload_drivers.simulation.mujoco_plant,
+    armload_drivers.simulation.mujoco_model,
+    armload_drivers.simulation.servo_loops,
+    armload_drivers.cia402.drive_units,
+    armload_controller.motion.setpoints,
+    armload_identification.excitation.fourier,
 )
 _SOURCES = (Path(__file__), *(Path(str(module.__file__)) for module in _MODULES))
 _LIBRARIES = ("mujoco", "numpy", "numba", "ruckig")

@@ -12,25 +12,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_controller.config import Robot, load_robot
-from armload_controller.control import MotionControl, OperatorStop, TerminationStop
-from armload_controller.cycle import Cycle
-from armload_controller.errors import MotionError, RecordingFailed
-from armload_controller.limits import MotionLimits
-from armload_controller.monitor import FollowingMonitor, TorqueWindow
-from armload_controller.offset_check import OffsetRefused
-from armload_controller.paths import BlockedWay, Path
-from armload_controller.phase import Segment
-from armload_controller.plugins import CyclePlugin, CycleStep
-from armload_controller.safety import DECISIONS, Cause, cause_of
-from armload_controller.setpoints import plan_legs
-from armload_controller.torque_gate import TorqueGate
-from armload_drivers.arm import ArmSettings
-from armload_drivers.errors import BusError, CommandError, ServoError
-from armload_drivers.fake_servos import FailureKind, FakeServos, ScriptedFailure
-from armload_drivers.plant import ArmPlant
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.control_errors import MotionError, RecordingFailed
+from armload_controller.cycle.control_cycle import Cycle
+from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow
+from armload_controller.cycle.plugins import CyclePlugin, CycleStep
+from armload_controller.cycle.safety import DECISIONS, Cause, cause_of
+from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.feedforward.offset_check import OffsetRefused
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop
+from armload_controller.motion.paths import BlockedWay, Path
+from armload_controller.motion.phase import Segment
+from armload_controller.motion.setpoints import plan_legs
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.driver_errors import BusError, CommandError, ServoError
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_identification.fourier import Excitation, FourierState, FourierTrajectory
+from armload_drivers.simulation.fake_servos import FailureKind, FakeServos, ScriptedFailure
+from armload_drivers.simulation.mujoco_plant import ArmPlant
+from armload_identification.excitation.fourier import Excitation, FourierState, FourierTrajectory
 
 FloatArray = NDArray[np.float64]
 

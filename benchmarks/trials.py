@@ -18,16 +18,16 @@ from multiprocessing import get_context
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.chain import Chain
-from armload_identification.errors import IdentificationError, PayloadFileError
-from armload_identification.estimators import Estimator
-from armload_identification.gains import calibrate_gains
-from armload_identification.identification import Identification, identify, payload_result
-from armload_identification.known import KnownPayload
-from armload_identification.payload import InertialParameters
-from armload_identification.payload_file import format_payload, parse_payload
-from armload_identification.recording import Recording
-from armload_identification.signals import Transmission
+from armload_identification.calibration.drive_gains import calibrate_gains
+from armload_identification.estimation.estimators import Estimator
+from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.files.payload_file import format_payload, parse_payload
+from armload_identification.identification_errors import IdentificationError, PayloadFileError
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters
+from armload_identification.pipeline.payload_identification import Identification, identify, payload_result
+from armload_identification.recording.recording import Recording
+from armload_identification.signals.joint_torque import Transmission
 from benchmarks.recordings import DriveScales, record
 from benchmarks.steady_state import SteadyPeriod
 

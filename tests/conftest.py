@@ -11,15 +11,22 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.arm import SIMULATION_IDENTITY, ArmSettings, DriveSettings, EffortFeedback, Identity, OperationMode
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.clock import VirtualClock
-from armload_drivers.errors import DriverError, StateError
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.sync_sources import LockstepSync
+from armload_drivers.cia402.arm_settings import (
+    SIMULATION_IDENTITY,
+    ArmSettings,
+    DriveSettings,
+    EffortFeedback,
+    Identity,
+    OperationMode,
+)
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import DriverError, StateError
 from armload_drivers.servos import JointFeedback
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
-from armload_drivers.sync import LockstepSync
-from armload_drivers.timeouts import Timeouts
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
+from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.independent_drive import PRODUCT_CODE, VENDOR_ID
 
 OPERATION_ENABLED = 0x0637

@@ -9,12 +9,12 @@ import canopen
 import numpy as np
 import pytest
 
-from armload_drivers.arm import Identity, OperationMode
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.errors import ServoFault, WrongDevice
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.sync_sources import TimerSync
+from armload_drivers.cia402.arm_settings import Identity, OperationMode
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import ServoFault, WrongDevice
 from armload_drivers.servos import JointCommand
-from armload_drivers.sync import TimerSync
-from armload_drivers.timeouts import Timeouts
 from tests.independent_drive import (
     COUNTS_PER_TURN,
     DISABLED,

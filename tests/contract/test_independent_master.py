@@ -9,9 +9,9 @@ import pytest
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 from canopen.sdo import SdoAbortedError
 
-from armload_drivers.arm import SIMULATION_IDENTITY
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
 
 U8, U16, U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
 I8, I32 = datatypes.INTEGER8, datatypes.INTEGER32

@@ -8,9 +8,9 @@ import canopen
 import numpy as np
 import pytest
 
-from armload_controller.config import load_robot
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
+from armload_controller.config.robot import load_robot
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.independent_master import Master, description
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_drivers.arm import OperationMode
-from armload_drivers.cia402 import State, decode
-from armload_drivers.errors import AxisMoves, CommandError, ServoFault, StateError
-from armload_drivers.fake_servos import FailureKind, FakeServos, ScriptedFailure
-from armload_drivers.offset_fade import OFFSET_FADE_S
+from armload_drivers.cia402.arm_settings import OperationMode
+from armload_drivers.cia402.offset_fade import OFFSET_FADE_S
+from armload_drivers.cia402.state_machine import State, decode
+from armload_drivers.driver_errors import AxisMoves, CommandError, ServoFault, StateError
 from armload_drivers.servos import JointCommand, JointServos
-from armload_drivers.simulated_plant import IdealPlant
+from armload_drivers.simulation.fake_servos import FailureKind, FakeServos, ScriptedFailure
+from armload_drivers.simulation.plant_interface import IdealPlant
 
 START_AXIS_RAD = np.array([0.1, -0.2, 0.3])
 AXIS_TORQUE_NM = np.array([20.0, -40.0, 60.0])

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from armload_drivers.arm import OperationMode
+from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.servos import JointCommand
 
 TARGET_POSITION = (0x607A, 0)

@@ -9,15 +9,15 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.bcm_sync import BcmSync, BroadcastManager
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.clock import VirtualClock
-from armload_drivers.errors import DriverError
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
+from armload_drivers.canopen.sync_sources import LockstepSync
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import DriverError
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
-from armload_drivers.sync import LockstepSync
-from armload_drivers.timeouts import Timeouts
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
+from armload_drivers.simulation.virtual_clock import VirtualClock
 
 ZERO = np.zeros(3)
 SPEED_RAD_S = 0.5

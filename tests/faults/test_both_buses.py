@@ -11,10 +11,11 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.arm import Identity, VendorEffort
-from armload_drivers.cia402 import State
-from armload_drivers.eds import DeviceDescription
-from armload_drivers.errors import (
+from armload_drivers.cia402.arm_settings import Identity, VendorEffort
+from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.object_dictionary import DataType, NmtState
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.driver_errors import (
     BusError,
     DriverError,
     ForeignMaster,
@@ -24,10 +25,9 @@ from armload_drivers.errors import (
     ServoTimeout,
     WrongDevice,
 )
-from armload_drivers.objects import DataType, NmtState
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulated_dictionary import SILENCE, DriveTraits
-from armload_drivers.simulated_plant import IdealPlant
+from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits
+from armload_drivers.simulation.plant_interface import IdealPlant
 
 ZERO = np.zeros(3)
 

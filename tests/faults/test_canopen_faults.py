@@ -9,11 +9,13 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.arm import SIMULATION_IDENTITY, Identity, OperationMode
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.cia402 import State, decode
-from armload_drivers.drive_objects import SAFETY
-from armload_drivers.errors import (
+from armload_drivers.bring_up.drive_objects import SAFETY
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.sync_sources import LockstepSync
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, OperationMode
+from armload_drivers.cia402.state_machine import State, decode
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import (
     BusError,
     BusOverload,
     DriverError,
@@ -27,10 +29,8 @@ from armload_drivers.errors import (
     WrongDevice,
 )
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulated_dictionary import DriveTraits
-from armload_drivers.simulated_plant import IdealPlant
-from armload_drivers.sync import LockstepSync
-from armload_drivers.timeouts import Timeouts
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.plant_interface import IdealPlant
 
 ZERO = np.zeros(3)
 QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05)

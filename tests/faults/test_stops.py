@@ -2,8 +2,8 @@
 
 import pytest
 
-from armload_controller.config import load_robot
-from armload_controller.safety import DECISIONS, Cause, StopCategory
+from armload_controller.config.robot import load_robot
+from armload_controller.cycle.safety import DECISIONS, Cause, StopCategory
 from benchmarks.stops import measure
 
 BOUNDS = {

@@ -8,14 +8,14 @@ import can
 import numpy as np
 import pytest
 
-from armload_controller.config import load_robot
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.clock import VirtualClock
-from armload_drivers.fake_servos import FakeServos
-from armload_drivers.plant import ArmPlant
+from armload_controller.config.robot import load_robot
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.sync_sources import LockstepSync
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.sync import LockstepSync
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.fake_servos import FakeServos
+from armload_drivers.simulation.mujoco_plant import ArmPlant
+from armload_drivers.simulation.virtual_clock import VirtualClock
 
 JOINT = 1
 OFFSET_NM = 150.0

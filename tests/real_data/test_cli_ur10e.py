@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.body_file import read_body
-from armload_identification.gains_file import read_gains
-from armload_identification.payload_file import read_payload
+from armload_identification.files.body_file import read_body
+from armload_identification.files.gains_file import read_gains
+from armload_identification.files.payload_file import read_payload
 
 WEIGHED_KG = 2.805
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_controller.config import load_robot
-from armload_identification.identification import identify, payload_result
-from armload_identification.payload_file import format_payload
-from armload_identification.recording import read_recording
+from armload_controller.config.robot import load_robot
+from armload_identification.files.payload_file import format_payload
+from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.recording.recording import read_recording
 
 WEIGHED_KG = 2.805
 

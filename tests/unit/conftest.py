@@ -11,11 +11,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armload_identification.chain import Chain, pose_from_xyz_rpy
-from armload_identification.fourier import Excitation, FourierTrajectory
-from armload_identification.payload import PARAMETER_NAMES, InertialParameters, PayloadResult, Provenance
-from armload_identification.recording import Recording, RecordingSource
-from armload_identification.signals import Transmission
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.model.chain import Chain, pose_from_xyz_rpy
+from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult, Provenance
+from armload_identification.recording.recording import Recording, RecordingSource
+from armload_identification.signals.joint_torque import Transmission
 
 XYZ_M = [(0.0, 0.0, 0.18), (0.0, 0.17, 0.0), (0.0, -0.13, 0.6), (0.0, 0.0, 0.57), (0.0, 0.13, 0.0), (0.0, 0.0, 0.12)]
 RPY_RAD = [(0.0, 0.0, 0.0), (0.0, 1.2, 0.0), (0.0, 0.1, 0.0), (0.0, 1.5, 0.2), (0.0, 0.0, 0.0), (0.0, 0.0, -0.3)]
@@ -178,7 +178,7 @@ def pair(pinocchio_arm):
 def make_subject():
     """Subjects of an export: a shipped arm or a chain, with a payload whose inertia has all products."""
     # here, so that the tests of the mathematics do not load the controller
-    from armload_controller.config import load_robot
+    from armload_controller.config.robot import load_robot
     from armload_controller.export.subject import ExportSubject
 
     def make_subject(robot: str = "er50", undetermined: tuple[str, ...] = (), **changes: object) -> ExportSubject:

@@ -6,12 +6,12 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.errors import ServoFault
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.sync_sources import TimerSync
+from armload_drivers.driver_errors import ServoFault
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
-from armload_drivers.sync import TimerSync
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
 
 pytestmark = pytest.mark.vcan
 

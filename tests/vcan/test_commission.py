@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armload_controller.config import load_robot
-from armload_identification.fourier import Excitation, FourierTrajectory, write_excitation
-from armload_identification.payload_file import read_payload
+from armload_controller.config.robot import load_robot
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory, write_excitation
+from armload_identification.files.payload_file import read_payload
 
 pytestmark = pytest.mark.vcan
 

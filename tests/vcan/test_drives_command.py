@@ -8,10 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 from armload_controller.cli.main import app
-from armload_controller.config import load_robot
-from armload_drivers.errors import ServoFault
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
+from armload_controller.config.robot import load_robot
+from armload_drivers.driver_errors import ServoFault
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
 
 pytestmark = pytest.mark.vcan
 

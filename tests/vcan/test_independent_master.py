@@ -13,9 +13,9 @@ pytestmark = pytest.mark.vcan
 DRIVES = """
 import sys, time
 import can, numpy as np
-from armload_controller.config import load_robot
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
+from armload_controller.config.robot import load_robot
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
 
 plant = IdealPlant(np.zeros(6))
 with (

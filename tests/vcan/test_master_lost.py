@@ -17,14 +17,14 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.bcm_sync import BcmSync, BroadcastManager
-from armload_drivers.bus_link import BusLink
-from armload_drivers.canopen_servos import CanopenServos
-from armload_drivers.cia402 import State, decode
-from armload_drivers.errors import BusError, ForeignMaster
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
+from armload_drivers.cia402.state_machine import State, decode
+from armload_drivers.driver_errors import BusError, ForeignMaster
 from armload_drivers.servos import JointCommand
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
 
 pytestmark = pytest.mark.vcan
 
@@ -38,9 +38,9 @@ import sys, time
 sys.path.insert(0, sys.argv[1])
 import can, numpy as np
 from conftest import small_arm
-from armload_drivers.bcm_sync import BcmSync, BroadcastManager
-from armload_drivers.bus_link import BusLink
-from armload_drivers.canopen_servos import CanopenServos
+from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
 
 zero = np.zeros(3)

@@ -15,13 +15,13 @@ import can
 import numpy as np
 import pytest
 
-from armload_controller.config import load_robot
-from armload_controller.phase import Segment
-from armload_controller.recorder import Recorder
-from armload_drivers.bcm_sync import BcmSync, BroadcastManager
-from armload_drivers.canopen_servos import CanopenServos
+from armload_controller.config.robot import load_robot
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.motion.phase import Segment
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.servos import JointCommand
-from armload_identification.recording import read_recording
+from armload_identification.recording.recording import read_recording
 
 pytestmark = pytest.mark.soak
 
@@ -30,9 +30,9 @@ SECONDS = float(os.environ.get("ARMLOAD_SOAK_S", "600"))
 DRIVES = """
 import sys, time
 import can, numpy as np
-from armload_controller.config import load_robot
-from armload_drivers.simulated_drives import SimulatedDrives
-from armload_drivers.simulated_plant import IdealPlant
+from armload_controller.config.robot import load_robot
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
 
 robot = load_robot("er50").with_bus("socketcan", "vcan0", None, 50.0)
 with can.Bus(interface="socketcan", channel="vcan0") as bus:

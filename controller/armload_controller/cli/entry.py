@@ -17,9 +17,9 @@ def main() -> None:
     try:
         from armload_controller.cli.main import app
         from armload_controller.cli.screen import Screen
-        from armload_controller.errors import ControlError
-        from armload_drivers.errors import DriverError
-        from armload_identification.errors import IdentificationError
+        from armload_controller.control_errors import ControlError
+        from armload_drivers.driver_errors import DriverError
+        from armload_identification.identification_errors import IdentificationError
 
         try:
             app()
@@ -47,7 +47,7 @@ def _notes(error: Exception) -> list[str]:
 
 def _exit_status(error: Exception) -> int:
     """A shell's own status for a stop that was asked for, else that of a refusal."""
-    from armload_controller.control import OperatorStop, TerminationStop
+    from armload_controller.motion.motion_control import OperatorStop, TerminationStop
 
     for reason in (error, error.__cause__):
         if isinstance(reason, OperatorStop | KeyboardInterrupt):

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import Enum
 
-from armload_controller.control import Goal, MotionControl
+from armload_controller.motion.motion_control import Goal, MotionControl
 
 HINT = "keys: space pauses and resumes, - and + change the speed, Ctrl-C stops"
 STEP = 0.1

@@ -8,18 +8,18 @@ from typing import Annotated
 import typer
 from threadpoolctl import threadpool_limits
 
-from armload_controller.cli.calibrate_gains import calibrate_gains
-from armload_controller.cli.commission import commission
-from armload_controller.cli.compare import compare
-from armload_controller.cli.design import design
-from armload_controller.cli.drives import drives
-from armload_controller.cli.export import export
-from armload_controller.cli.feedforward import feedforward
-from armload_controller.cli.identify import identify
-from armload_controller.cli.identify_body import identify_body
+from armload_controller.cli.calibrate_gains_command import calibrate_gains
+from armload_controller.cli.commission_command import commission
+from armload_controller.cli.compare_command import compare
+from armload_controller.cli.design_command import design
+from armload_controller.cli.drives_command import drives
+from armload_controller.cli.export_command import export
+from armload_controller.cli.feedforward_command import feedforward
+from armload_controller.cli.identify_body_command import identify_body
+from armload_controller.cli.identify_command import identify
 from armload_controller.cli.screen import Screen
-from armload_controller.cli.simulate import simulate
-from armload_controller.cli.validate import validate
+from armload_controller.cli.simulate_command import simulate
+from armload_controller.cli.validate_command import validate
 
 app = typer.Typer(
     name="armload",

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.config import Robot
-from armload_identification.gains_file import read_gains
-from armload_identification.signals import Transmission
+from armload_controller.config.robot import Robot
+from armload_identification.files.gains_file import read_gains
+from armload_identification.signals.joint_torque import Transmission
 
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or the path of a robot's TOML.")]
 InterfaceOption = Annotated[

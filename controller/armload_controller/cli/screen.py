@@ -25,9 +25,9 @@ from rich.progress import (
 )
 from rich.table import Column, Table
 
-from armload_controller.cli.fitting import fitted
+from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
-from armload_controller.control import MotionControl, OperatorStop, TerminationStop
+from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop
 
 UNBOUNDED_WIDTH = 1000
 """Width of what is no terminal."""

@@ -26,9 +26,9 @@ from string import Template
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.subject import ExportSubject
 from armload_controller.export.wording import comment, exact, provenance
-from armload_identification.chain import FloatArray
-from armload_identification.payload import PARAMETER_NAMES
-from armload_identification.regressor import feedforward_model
+from armload_identification.model.chain import FloatArray
+from armload_identification.model.payload import PARAMETER_NAMES
+from armload_identification.model.regressor import feedforward_model
 
 FRAME = 12
 """Numbers of one frame: rotation row by row, position."""

@@ -15,8 +15,8 @@ from enum import Enum
 
 import numpy as np
 
-from armload_identification.chain import FloatArray
-from armload_identification.payload import PARAMETER_NAMES, PayloadResult
+from armload_identification.model.chain import FloatArray
+from armload_identification.model.payload import PARAMETER_NAMES, PayloadResult
 
 TENSOR = PARAMETER_NAMES[4:]
 """Elements that a format with a whole tensor, or with principal moments and axes, holds."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from armload_controller.errors import ExportError
-from armload_controller.payload_use import why_not_usable
-from armload_identification.chain import Chain
-from armload_identification.payload import PayloadResult
+from armload_controller.control_errors import ExportError
+from armload_controller.feedforward.payload_use import why_not_usable
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import PayloadResult
 
 
 @dataclass(frozen=True, eq=False)

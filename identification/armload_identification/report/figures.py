@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from armload_identification.load_signal import LoadSignal
 from armload_identification.report.svg import inline_svg
+from armload_identification.signals.load_signal import LoadSignal
 
 FloatArray = NDArray[np.float64]
 

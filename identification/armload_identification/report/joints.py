@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.load_signal import LoadSignal
 from armload_identification.report.numerals import Numeral, align, common_decimals, listed, numeral
-from armload_identification.signals import SMOOTHING_LOSS_LIMIT
-from armload_identification.validation import Validation
+from armload_identification.signals.joint_torque import SMOOTHING_LOSS_LIMIT
+from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.verdict.validation import Validation
 
 FloatArray = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_identification.identification import Identification
-from armload_identification.payload import InertialParameters, PayloadResult
+from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M, derived
+from armload_identification.model.payload import InertialParameters, PayloadResult
+from armload_identification.pipeline.payload_identification import Identification
 from armload_identification.report.numerals import NO_BREAK, Numeral, align, decimals_for, listed, numeral
-from armload_identification.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M, derived
 
 FloatArray = NDArray[np.float64]
 

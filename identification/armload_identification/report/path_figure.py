@@ -15,10 +15,10 @@ from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from armload_identification.envelope import Envelope
-from armload_identification.errors import ExcitationError
-from armload_identification.fourier import Excitation, FourierTrajectory
-from armload_identification.workspace import Box, Workspace
+from armload_identification.excitation.design_envelope import Envelope
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.excitation.workspace import Box, Workspace
+from armload_identification.identification_errors import ExcitationError
 
 FloatArray = NDArray[np.float64]
 

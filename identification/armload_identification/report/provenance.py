@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from armload_identification.fourier import parse_excitation
-from armload_identification.identification import Identification
-from armload_identification.load_signal import LoadSignal
-from armload_identification.payload import Provenance
-from armload_identification.recording import EXCITATION_ATTACHMENT, RecordingSource
+from armload_identification.excitation.fourier import parse_excitation
+from armload_identification.model.payload import Provenance
+from armload_identification.pipeline.payload_identification import Identification
+from armload_identification.recording.recording import EXCITATION_ATTACHMENT, RecordingSource
 from armload_identification.report.numerals import NO_BREAK, numeral
+from armload_identification.signals.load_signal import LoadSignal
 
 _LOADS: Final = ("loaded", "unloaded")
 

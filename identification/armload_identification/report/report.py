@@ -15,18 +15,18 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from armload_identification.errors import ReportError
-from armload_identification.identification import Identification
-from armload_identification.load_signal import LoadSignal
-from armload_identification.payload import PARAMETER_NAMES, SMALLEST_MARGIN, InertialParameters, PayloadResult
+from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M
+from armload_identification.identification_errors import ReportError
+from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, InertialParameters, PayloadResult
+from armload_identification.pipeline.payload_identification import Identification
 from armload_identification.report import figures
 from armload_identification.report.joints import JointRow, joint_rows, verdict
 from armload_identification.report.numerals import NO_BREAK, numeral, scientific
 from armload_identification.report.parameters import compared_rows, headline, parameter_rows, truth_sentence
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
-from armload_identification.signals import SMOOTHING_LOSS_LIMIT
-from armload_identification.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M
-from armload_identification.validation import LIMIT, Validation
+from armload_identification.signals.joint_torque import SMOOTHING_LOSS_LIMIT
+from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.verdict.validation import LIMIT, Validation
 
 FloatArray = NDArray[np.float64]
 

@@ -1,0 +1,171 @@
+"""`armload commission`: the whole of it, from switched-off drives to a payload file and a report."""
+
+from __future__ import annotations
+
+import time
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from datetime import UTC, datetime
+from enum import StrEnum
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armload_controller.cli.keyboard import Keyboard
+from armload_controller.cli.options import (
+    BitrateOption,
+    ChannelOption,
+    CycleOption,
+    InterfaceOption,
+    RobotArgument,
+    SimulatedDrivesOption,
+    YesOption,
+)
+from armload_controller.cli.output_files import make_folder
+from armload_controller.cli.result_tables import payload_table, possibility, validation_table, verdict
+from armload_controller.cli.screen import Screen, attended, listening
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.control_errors import CommissioningError
+from armload_controller.cycle.monitors import CycleSummary
+from armload_controller.motion.motion_control import MotionControl
+from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules
+from armload_controller.session.commissioning import (
+    ROLES,
+    Consent,
+    Load,
+    missing_roles,
+    read_pair,
+    record_half,
+    require_recordings,
+)
+from armload_drivers.servos import JointServos
+from armload_identification.files.payload_file import write_payload
+from armload_identification.model.payload import InertialParameters
+from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.report.report import ReportSubject, write_report
+from armload_identification.verdict.validation import validate as validate_payload
+
+
+class Runs(StrEnum):
+    """Which halves of a commissioning to make."""
+
+    BOTH = "both"
+    UNLOADED = "unloaded"
+    LOADED = "loaded"
+
+
+def commission(
+    robot: RobotArgument,
+    interface: InterfaceOption = None,
+    channel: ChannelOption = None,
+    bitrate: BitrateOption = None,
+    cycle_hz: CycleOption = None,
+    simulated_drives: SimulatedDrivesOption = False,
+    runs: Annotated[
+        Runs, typer.Option(help="One half at a time; 'loaded' takes up the recordings that 'unloaded' left.")
+    ] = Runs.BOTH,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for the results; runs/ROBOT-TIME if not given."),
+    ] = None,
+    yes: YesOption = False,
+) -> None:
+    """Run the arm empty and loaded, identify the payload, judge it, report."""
+    arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    require_rules(arm, simulated_drives=simulated_drives, attended=attended())
+    now = datetime.now(UTC)
+    directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
+    if runs is Runs.LOADED:
+        if output is None:
+            raise CommissioningError("--runs loaded needs --output: the folder that --runs unloaded recorded into")
+        require_recordings(directory, Load.UNLOADED)
+    make_folder(directory)
+    control = MotionControl()
+    screen = Screen(Keyboard.of_this_process(control))
+    halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
+    todo = [load for load in halves[runs] if missing_roles(directory, load)]
+    if not todo:
+        raise CommissioningError(
+            f"{directory} holds these recordings already, none is overwritten: choose another --output"
+        )
+    in_this_process = arm.bus.interface == VIRTUAL
+
+    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+        return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
+
+    consent = Consent(screen.confirm, given=yes)
+    with listening(control):
+        for load in halves[runs]:
+            if load not in todo:
+                screen.step(f"{load}: recorded already in {directory}, taken up")
+                continue
+            if load is Load.LOADED and runs is Runs.BOTH:
+                _mount(arm, screen, in_this_process, yes)
+            begun_s = time.monotonic()
+            summaries = record_half(
+                arm, load, open_servos, directory, screen, control, consent, now.isoformat(timespec="seconds")
+            )
+            screen.step(_account(load, summaries, time.monotonic() - begun_s))
+    if runs is Runs.UNLOADED:
+        screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
+        return
+    truth = arm.simulated_payload(arm.simulated_payload_name) if in_this_process else None
+    _evaluate(arm, directory, screen, truth, now)
+
+
+def _mount(arm: Robot, screen: Screen, in_this_process: bool, yes: bool) -> None:
+    """Get the payload onto the flange, the drives being off."""
+    if in_this_process:
+        screen.step(f"payload {arm.simulated_payload_name!r} mounted on the simulated flange")
+    elif not yes and not screen.confirm(
+        "The drives are off, the brakes are on. Is the payload mounted and the cell clear?"
+    ):
+        raise CommissioningError("not confirmed: nothing was moved with the payload. Go on later with --runs loaded")
+
+
+def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
+    """What the runs of one half counted, in one line."""
+    motion_s = sum(summary.duration_s for summary in summaries)
+    missing = sum(int(summary.missing.sum()) for summary in summaries)
+    skipped = sum(summary.skipped for summary in summaries)
+    return (
+        f"{load}: {motion_s:.0f} s of motion in {wall_s:.0f} s ({motion_s / wall_s:.1f} times real time), "
+        f"{missing} feedbacks missing, {skipped} cycles skipped"
+    )
+
+
+def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParameters | None, now: datetime) -> None:
+    """Identify on the first pair, judge on the second, write payload and report, show both."""
+    pairs = {role: read_pair(arm, directory, role) for role in ROLES}
+    chain, transmission = arm.chain(), arm.transmission()
+    first, second = (pairs[role] for role in ROLES)
+    identification = identify(first.loaded, first.unloaded, chain, transmission)
+    validation = validate_payload(second.loaded, second.unloaded, chain, transmission, identification.parameters)
+    payload = payload_result(identification, version("armload"), arm.sha256)
+    hashes = {recording.source.path.name: recording.source.sha256 for recording in (second.loaded, second.unloaded)}
+    provenance = payload.provenance
+    provenance = replace(provenance, recordings_sha256=provenance.recordings_sha256 | hashes)
+    payload = replace(payload, provenance=provenance)
+    payload_path, report_path = directory / "payload.toml", directory / "report.html"
+    write_payload(payload_path, payload)
+    subject = ReportSubject(
+        robot=arm.name,
+        description=arm.description,
+        joint_names=arm.joint_names,
+        created=f"{now:%Y-%m-%d %H:%M} UTC",
+        armload_version=version("armload"),
+        simulated=all(r.source.run().get("simulated", False) for p in pairs.values() for r in (p.loaded, p.unloaded)),
+        truth=truth,
+        payload=payload,
+    )
+    write_report(report_path, subject, identification, validation)
+    screen.table(payload_table(payload, truth))
+    screen.step(possibility(identification))
+    screen.table(validation_table(validation, arm.joint_names))
+    screen.step(verdict(validation, arm.joint_names))
+    for note in identification.notes:
+        screen.step(f"note: {note}")
+    screen.step(f"payload: {payload_path}")
+    screen.step(f"report:  {report_path}")

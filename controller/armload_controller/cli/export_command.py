@@ -1,0 +1,50 @@
+"""`armload export`: a payload file for other controllers, simulators and loops."""
+
+from __future__ import annotations
+
+import hashlib
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armload_controller.cli.screen import Screen
+from armload_controller.config.robot import load_robot
+from armload_controller.export.export_files import write_texts
+from armload_controller.export.format_registry import EXPORTERS, ExportFormat
+from armload_controller.export.subject import ExportSubject
+from armload_identification.files.payload_file import read_payload
+from armload_identification.model.payload import PARAMETER_NAMES
+
+
+def export(
+    payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML) to export.")],
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="The arm that carries it: a shipped robot, or a TOML file.")
+    ],
+    export_format: Annotated[ExportFormat, typer.Option("--format", help="What to write.")],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder, or a file where the format has one; an existing file is kept."),
+    ] = Path(),
+) -> None:
+    """Write a payload as C source, URDF, ROS 2 files or the load data of a robot controller."""
+    arm, screen = load_robot(robot), Screen()
+    result = read_payload(payload)
+    subject = ExportSubject(
+        robot=arm.name,
+        joint_names=arm.joint_names,
+        chain=arm.chain(),
+        payload=result,
+        payload_file=str(payload),
+        payload_sha256=hashlib.sha256(payload.read_bytes()).hexdigest(),
+        armload_version=version("armload"),
+    )
+    for path, written in write_texts(EXPORTERS[export_format](subject), output).items():
+        screen.step(f"{'written' if written else 'unchanged'}: {path}")
+    unknown = [name for name, known in zip(PARAMETER_NAMES, result.determined, strict=True) if not known]
+    if unknown:
+        screen.step(f"note: not determined: {', '.join(unknown)}; the exported text says what is written for them")
+    if result.provenance.configuration_sha256 != arm.sha256:
+        screen.step(f"note: {payload} was identified with another configuration than {arm.name}'s")

@@ -1,0 +1,175 @@
+"""`armload feedforward`: the payload's torque in the loop, and what it does to the following error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from armload_controller.cli.keyboard import Keyboard
+from armload_controller.cli.options import (
+    BitrateOption,
+    ChannelOption,
+    CycleOption,
+    InterfaceOption,
+    RobotArgument,
+    SimulatedDrivesOption,
+    YesOption,
+)
+from armload_controller.cli.screen import Screen, attended, listening
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, held_torque, require_body
+from armload_controller.feedforward.injection import PayloadRefused
+from armload_controller.feedforward.offset_check import OffsetVerdict
+from armload_controller.feedforward.payload_use import why_not_usable
+from armload_controller.motion.motion_control import MotionControl
+from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules, simulated_arm
+from armload_controller.session.commissioning import Consent, Load, require_excitation
+from armload_controller.session.comparison_figure import draw, require_picture
+from armload_controller.session.feedforward_comparison import Comparison, ComparisonRuns, FollowingRun, Measure
+from armload_identification.excitation.fourier import Excitation, read_excitation
+from armload_identification.files.body_file import read_body
+from armload_identification.files.payload_file import read_payload
+from armload_identification.model.body_model import BodyModel
+from armload_identification.model.payload import InertialParameters, PayloadResult
+
+IDENTIFIED, IDEAL = "identified payload", "true payload"
+FRICTION, ARM = "and its friction in the gears", "payload and arm"
+PERIODS = 1
+
+
+def feedforward(
+    robot: RobotArgument,
+    payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML) to feed forward.")],
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Run one trajectory without and with; else only try the torque offset.")
+    ] = False,
+    excitation: Annotated[
+        Path | None, typer.Option(help="Trajectory to run; the robot's validation excitation if not given.")
+    ] = None,
+    body: Annotated[
+        Path | None,
+        typer.Option("--body", help="Body file of `armload identify-body`: the arm's own torque is added too."),
+    ] = None,
+    mounted: Annotated[
+        str | None, typer.Option("--mounted", help="Payload on the simulated flange, by its name in the configuration.")
+    ] = None,
+    picture: Annotated[Path, typer.Option(help="Picture of the comparison, .svg or .png.")] = Path("feedforward.svg"),
+    interface: InterfaceOption = None,
+    channel: ChannelOption = None,
+    bitrate: BitrateOption = None,
+    cycle_hz: CycleOption = None,
+    simulated_drives: SimulatedDrivesOption = False,
+    yes: YesOption = False,
+) -> None:
+    """Add a payload's torque, and the arm's, to the drives' own (60B2), after trying it at standstill."""
+    arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    require_rules(arm, simulated_drives=simulated_drives, attended=attended())
+    if mounted is not None:
+        arm = arm.with_simulated_payload(mounted)
+    require_picture(picture)
+    control = MotionControl()
+    screen = Screen(Keyboard.of_this_process(control))
+    result = read_payload(payload)
+    problem = why_not_usable(result, arm.chain(), arm.name, "fed forward")
+    if problem is not None:
+        raise PayloadRefused(f"{payload}: {problem}")
+    chosen = require_excitation(arm, "validation") if excitation is None else read_excitation(excitation)
+    chosen = Excitation(chosen.trajectory, PERIODS)
+    model = None if body is None else read_body(body).model
+    if model is not None:
+        require_body(model, arm.chain(), arm.coupling())
+    tried_nm = None if model is None else held_torque(model)
+    runs = ComparisonRuns(arm, chosen, screen, control, Consent(screen.confirm, given=yes), tried_nm)
+    with listening(control):
+        if not compare:
+            with open_arm(arm, Load.LOADED, screen.step, simulated_drives=simulated_drives) as servos:
+                servos.connect()
+                screen.step(_account(runs.check_only(servos, result)))
+            return
+        comparisons = _compare(arm, runs, result, model, screen, simulated_drives=simulated_drives)
+    for comparison in comparisons:
+        screen.table(comparison_table(comparison))
+    draw(comparisons, arm.name, picture)
+    screen.step(f"picture: {picture}")
+
+
+def _compare(
+    arm: Robot,
+    runs: ComparisonRuns,
+    payload: PayloadResult,
+    body: BodyModel | None,
+    screen: Screen,
+    *,
+    simulated_drives: bool,
+) -> list[Comparison]:
+    """All runs; in simulation the empty arm's and the true payload's too. The mildest addition comes first."""
+    in_this_process, chain = arm.bus.interface == VIRTUAL, arm.chain()
+    empty: FollowingRun | None = None
+    if in_this_process:
+        with simulated_arm(arm, Load.UNLOADED) as servos:
+            servos.connect()
+            empty = runs.plain(servos, "empty", with_payload=False)
+    with open_arm(arm, Load.LOADED, screen.step, simulated_drives=simulated_drives) as servos:
+        servos.connect()
+        without = runs.plain(servos, "loaded, without feed-forward", with_payload=True)
+        fed, verdict = runs.with_feedforward(servos, payload, "loaded, with feed-forward", None)
+        screen.step(_account(verdict))
+        results = {IDENTIFIED: fed}
+        if body is not None:
+            for label, term in ((FRICTION, LoadFriction(chain, body)), (ARM, ArmTorque(chain, body))):
+                results[label], _ = runs.with_feedforward(servos, payload, f"loaded, {label}", verdict, term)
+        if in_this_process:
+            truth = arm.simulated_payload(arm.simulated_payload_name)
+            true = _as_result(payload, truth)
+            results[IDEAL], _ = runs.with_feedforward(servos, true, "loaded, with the true one", verdict)
+
+    def chosen(*left_out: str) -> dict[str, FollowingRun]:
+        return {label: run for label, run in results.items() if label not in left_out}
+
+    # Without the empty arm's error there is nothing to take off but the lag; the arm's own torque changes that error.
+    comparisons = [] if empty is None else [runs.compare(without, chosen(ARM), empty, payload)]
+    if empty is None or body is not None:
+        comparisons.append(runs.compare(without, chosen(IDEAL), None, payload))
+    return comparisons
+
+
+def _as_result(payload: PayloadResult, truth: InertialParameters) -> PayloadResult:
+    return replace(payload, model=truth, determined=np.ones(10, dtype=np.bool_))
+
+
+def _account(verdict: OffsetVerdict) -> str:
+    """What the check found, in a line."""
+    used = [
+        f"{name} {100 * gain:.0f} %"
+        for name, gain, usable in zip(verdict.joint_names, verdict.gain, verdict.usable, strict=True)
+        if usable
+    ]
+    left = [name for name, usable in zip(verdict.joint_names, verdict.usable, strict=True) if not usable]
+    text = f"torque offset tried at standstill, answered with: {', '.join(used)}"
+    return text + (f"; no torque is added on {', '.join(left)}: too little weight, or an uneven answer" if left else "")
+
+
+def comparison_table(comparison: Comparison) -> Table:
+    """RMS of the error per joint, and how much less it is with feed-forward."""
+    what = comparison.measure
+    table = Table(title=f"{what[0].upper()}{what[1:]}, RMS over time", title_justify="left")
+    table.add_column("joint")
+    for column in ("weight N m", "without mrad", *comparison.with_rad):
+        table.add_column(column, justify="right")
+    for i, name in enumerate(comparison.joint_names):
+        shares = [f"{100 * comparison.reduction(label)[i]:.1f} % less" for label in comparison.with_rad]
+        mark = " *" if i in comparison.gravity_loaded else ""
+        weight, before = comparison.weight_nm[i], 1e3 * comparison.without_rms_rad[i]
+        table.add_row(name + mark, f"{weight:.1f}", f"{before:.3f}", *shares)
+    table.caption = "* carries the payload's weight"
+    if comparison.measure is Measure.TORQUES:
+        table.caption += (
+            ". What follows from the commanded motion alone, the servo's lag, is taken off every run; what is left is "
+            "due to torque (weight, inertia, friction) and to an uneven cycle"
+        )
+    return table

@@ -1,0 +1,1 @@
+"""The robot file: tables, checks, and the `Robot` made from it."""

@@ -1,0 +1,29 @@
+"""Recordings of a configured arm: read with its column map, refused where they belong to another arm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from armload_controller.config.robot import Robot
+from armload_controller.control_errors import CommissioningError
+from armload_identification.recording.recording import Recording, read_recording
+
+
+def read_of(robot: Robot, path: Path) -> Recording:
+    """Read one recording.
+
+    Args:
+        robot: The arm it should belong to. Foreign logs do not say where they come from.
+        path: MCAP, or CSV with the columns of the robot's `[log]`.
+
+    Raises:
+        CommissioningError: it was recorded on another arm.
+        RecordingError: it cannot be read.
+    """
+    recording = read_recording(path, robot.csv_columns())
+    name = recording.source.run().get("robot", robot.name)
+    if name != robot.name:
+        raise CommissioningError(
+            f"{path} was recorded on {name}, not on {robot.name}: give the robot it was recorded on, or its recordings"
+        )
+    return recording

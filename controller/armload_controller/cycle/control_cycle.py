@@ -1,0 +1,261 @@
+"""The cycle: one setpoint out, one feedback in, until the way is over or something stops it.
+
+Rules. Every setpoint is checked against the limits after Ruckig and before it is sent. What Ruckig makes of
+it may not be off the plan by more than `PATH_TOLERANCE_RAD`. Whatever happens, the arm is brought to rest by
+the row of `safety.DECISIONS` that the cause belongs to before an error leaves this module.
+
+Order within a cycle: the next setpoint is computed and checked, plug-ins see it together with the last feedback
+(monitors judge that feedback now, before anything more is sent), their torque passes the gate, the command leaves.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from armload_controller.control_errors import MotionError
+from armload_controller.cycle.monitors import LateCycle
+from armload_controller.cycle.plugins import CyclePlugin, CycleStep, PluginHost, PluginTiming
+from armload_controller.cycle.safety import DECISIONS, PathDeviation, StopStep, cause_of
+from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
+from armload_controller.motion.leg_stream import PhaseStream, Reference
+from armload_controller.motion.motion_control import MotionControl, PluginStop
+from armload_controller.motion.phase import Leg, PhaseState, Segment
+from armload_controller.motion.setpoints import RuckigFollower
+from armload_drivers.servos import FloatArray, JointCommand, JointFeedback, JointServos
+
+PATH_TOLERANCE_RAD = 1e-4
+"""Greatest distance between plan and command; the arm may only be where it was checked."""
+FLIGHT_RECORDER_CYCLES = 50
+"""Cycles that an error carries with it."""
+
+Progress = Callable[[float], None]
+"""Takes the share that is over, 0 to 1."""
+
+
+class Cycle:
+    """Moves one arm.
+
+    Args:
+        servos: A connected arm.
+        limits: Limits of its joints.
+        gate: What added torque passes.
+        control: The operator's hand on the motion.
+        plugins: Take part in every cycle, in this order; the recorder and monitors among them.
+        stopwatch: Measures plug-ins.
+    """
+
+    def __init__(
+        self,
+        servos: JointServos,
+        limits: MotionLimits,
+        gate: TorqueGate,
+        control: MotionControl,
+        plugins: Sequence[CyclePlugin],
+        stopwatch: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self._servos = servos
+        self._limits = limits
+        self._gate = gate
+        self._control = control
+        self._host = PluginHost(plugins, servos.n, servos.cycle_s, stopwatch)
+
+    @property
+    def timings(self) -> tuple[PluginTiming, ...]:
+        """What each plug-in cost so far."""
+        return self._host.timings
+
+    @contextmanager
+    def powered(self) -> Iterator[PoweredArm]:
+        """Enable the arm; leaving the block brings it to rest and disables it, whatever happened in there.
+
+        Raises:
+            DriverError: the arm cannot be enabled; nothing has moved.
+            MotionError: the motion was stopped; the arm is at rest and disabled. Or a stop was asked for before:
+                then nothing was switched on.
+        """
+        require_going(self._control)
+        self._gate.close()
+        feedback = self._servos.enable()
+        arm = PoweredArm(self._servos, self._limits, self._gate, self._control, self._host, feedback)
+        try:
+            yield arm
+            arm.release_torque()
+        except MotionError:
+            raise
+        except BaseException as error:  # noqa: BLE001 - whatever it is, the arm is brought to rest first
+            arm.bring_to_rest(error)
+        self._servos.stop()
+        self._servos.disable()
+
+
+def require_going(control: MotionControl) -> None:
+    """Refuse to switch anything on after a stop was asked for.
+
+    Raises:
+        MotionError: it was; its cause is the reason.
+    """
+    stop = control.goal.stop
+    if stop is not None:
+        raise MotionError(f"Nothing was switched on: {cause_of(stop).value}: {stop}", ()) from stop
+
+
+class PoweredArm:
+    """An arm with torque on, as `Cycle.powered` yields it.
+
+    Attributes:
+        position_rad: (n,) where it was told to be last.
+    """
+
+    def __init__(
+        self,
+        servos: JointServos,
+        limits: MotionLimits,
+        gate: TorqueGate,
+        control: MotionControl,
+        host: PluginHost,
+        feedback: JointFeedback,
+    ) -> None:
+        self._servos, self._limits = servos, limits
+        self._gate, self._control, self._host = gate, control, host
+        self._feedback = feedback
+        self._last: deque[JointFeedback] = deque(maxlen=FLIGHT_RECORDER_CYCLES)
+        self._follower = RuckigFollower(feedback.position_rad, limits, servos.cycle_s)
+        self._sent: JointCommand | None = None
+        self._sent_reference: Reference | None = None
+        self._stream: PhaseStream | None = None
+        self._unsent: tuple[JointCommand, Reference] | None = None
+        self.position_rad = feedback.position_rad
+
+    def follow(self, leg: Leg, progress: Progress) -> None:
+        """Run a leg from rest to rest; pauses and other speeds are the operator's.
+
+        Args:
+            leg: The way; it begins where the arm stands.
+            progress: Told how much is over.
+
+        Raises:
+            StopRequested: somebody asked for it; the arm is at rest on the path, still powered.
+            ControlError: something went wrong. `Cycle.powered` brings the arm to rest.
+        """
+        self._stream = stream = PhaseStream(leg, self._servos.cycle_s, self._control)
+        while (reference := stream.take()) is not None:
+            self._exchange(reference)
+            progress(stream.done)
+        self._stream = None
+        self._control.require_no_stop()
+
+    def hold(self, done: Callable[[], bool]) -> None:
+        """Stand still until something is over; plug-ins go on.
+
+        Raises:
+            StopRequested: somebody asked for it.
+        """
+        while not done():
+            self._exchange(self._standing())
+            self._control.require_no_stop()
+
+    def release_torque(self) -> None:
+        """Ramp added torque to zero, standing, and let the plug-ins see the last feedback."""
+        self._gate.release()
+        self._exchange(self._standing())
+        while not self._gate.empty:
+            self._exchange(self._standing())
+        self._call_plugins(self._command(self._standing()), self._standing())
+
+    def bring_to_rest(self, error: BaseException) -> None:
+        """Carry out the decision for a cause, then raise what happened.
+
+        Raises:
+            MotionError: always.
+        """
+        cause = cause_of(error)
+        decision = DECISIONS[cause]
+        if self._host.failed:
+            self._host.detach(self._host.failed)
+        steps = {
+            StopStep.RAMP_DOWN: self._ramp_down,
+            StopStep.QUICK_STOP: self._servos.stop,
+            StopStep.DISABLE: self._servos.disable,
+        }
+        troubles = []
+        for step in decision.category.sequence:
+            try:
+                steps[step]()
+            except BaseException as trouble:  # noqa: BLE001 - the next step has to follow whatever this one met
+                troubles.append(f"{step.value}: {str(trouble) or type(trouble).__name__}")
+        detail = f": {error}" if str(error) else ""
+        late = self._host.slowest() if isinstance(error, LateCycle) else None
+        if late is not None:
+            detail += f"; plug-in {late.name!r} took {late.last_s * 1e3:.1f} ms"
+        message = f"Motion stopped ({decision.category.value}): {cause.value}{detail}. Next: {decision.advice}."
+        if troubles:
+            message += " While stopping: " + "; ".join(troubles)
+        raise MotionError(message, tuple(self._last)) from error
+
+    # ---------------------------------------------------------------------------------------------------------
+
+    def _ramp_down(self) -> None:
+        """To rest along the path, and added torque to zero."""
+        self._control.stop(PluginStop("cycle", "coming to rest"))
+        self._gate.release()
+        if self._unsent is not None:
+            # A plug-in stood between this setpoint and the drives; left out, it would be missing as a jump.
+            self._send(*self._unsent)
+        stream = self._stream
+        while stream is not None and (reference := stream.take()) is not None:
+            self._exchange(reference)
+        self.release_torque()
+
+    def _standing(self) -> Reference:
+        """A reference that stays where the arm was told to be last."""
+        nothing = np.zeros_like(self.position_rad)
+        return Reference(self.position_rad, nothing, nothing, Segment.HOLD, PhaseState(0.0, 0.0, 0.0))
+
+    def _exchange(self, reference: Reference) -> None:
+        """Send one setpoint and take the answer."""
+        if self._control.goal.stop is not None:
+            self._gate.release()
+        command = self._command(reference)
+        self._unsent = command, reference
+        torque = self._gate.passed(self._call_plugins(command, reference))
+        self._send(JointCommand(command.position_rad, command.velocity_rad_s, torque), reference)
+
+    def _send(self, command: JointCommand, reference: Reference) -> None:
+        """Send a command that was checked."""
+        self._unsent = None
+        self._feedback = self._servos.exchange(command)
+        self._last.append(self._feedback)
+        self._sent, self._sent_reference = command, reference
+        self.position_rad = command.position_rad
+
+    def _command(self, reference: Reference) -> JointCommand:
+        """The setpoint that leaves for a reference, checked.
+
+        Raises:
+            PathDeviation: it is not where the reference is.
+            LimitViolation: it breaks a limit.
+        """
+        position, velocity, acceleration = self._follower.follow(
+            reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
+        )
+        deviation = np.abs(position - reference.position_rad).max()
+        if not deviation <= PATH_TOLERANCE_RAD:
+            raise PathDeviation(f"{deviation:.2e} rad off the checked path, {PATH_TOLERANCE_RAD:.0e} rad allowed")
+        check_setpoints(position, velocity, acceleration, self._limits)
+        return JointCommand(position, velocity, self._gate.torque_nm)
+
+    def _call_plugins(self, command: JointCommand, reference: Reference) -> FloatArray:
+        """Let plug-ins see the last feedback and the next command."""
+        return self._host.call(
+            CycleStep(self._feedback, self._sent, self._sent_reference, command, reference, self._ask_to_stop)
+        )
+
+    def _ask_to_stop(self, reason: str) -> None:
+        """A plug-in's request."""
+        self._control.stop(PluginStop(self._host.calling, reason))

@@ -1,0 +1,237 @@
+"""Monitors: plug-ins that judge every feedback before the next setpoint leaves, and count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from armload_controller.control_errors import ControlError
+from armload_controller.cycle.plugins import CycleStep
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_drivers.servos import FloatArray, JointFeedback
+from armload_identification.signals.joint_torque import Transmission
+
+TORQUE_FILTER_S = 0.02
+"""Time constant that noise is taken out of the measured torque with, before it is compared."""
+MODEL_EVERY_S = 0.01
+"""So often the model is asked; motions within the joints' limits change little in between."""
+REACH_BACK_S = 0.1
+"""Setpoints of so long ago may still be on their way: twice the lag of the simulated servos."""
+
+
+class FollowingError(ControlError):
+    """A joint is farther from its target than its window.
+
+    Attributes:
+        joint: Name of the joint.
+        error_rad: Distance between target and measured position.
+        window_rad: Greatest distance allowed.
+    """
+
+    def __init__(self, joint: str, error_rad: float, window_rad: float) -> None:
+        super().__init__(f"{joint}: {error_rad:.4f} rad behind its target, {window_rad:.4f} rad allowed")
+        self.joint = joint
+        self.error_rad = error_rad
+        self.window_rad = window_rad
+
+
+class TorqueError(ControlError):
+    """A joint's torque is not what it should be.
+
+    Attributes:
+        joint: Name of the joint.
+        measured_nm: Torque measured, noise filtered out.
+        least_nm: Least torque expected.
+        greatest_nm: Greatest torque expected.
+    """
+
+    def __init__(self, joint: str, measured_nm: float, least_nm: float, greatest_nm: float) -> None:
+        super().__init__(f"{joint}: {measured_nm:.1f} N m measured, {least_nm:.1f} to {greatest_nm:.1f} N m expected")
+        self.joint = joint
+        self.measured_nm = measured_nm
+        self.least_nm = least_nm
+        self.greatest_nm = greatest_nm
+
+
+class StaleFeedback(ControlError):
+    """The feedback is one that was there before."""
+
+
+class LateCycle(ControlError):
+    """The program missed more cycles than are allowed.
+
+    Attributes:
+        skipped: Cycles missed in a row.
+    """
+
+    def __init__(self, skipped: int, allowed: int) -> None:
+        super().__init__(f"{skipped} cycles skipped in a row, {allowed} allowed")
+        self.skipped = skipped
+
+
+@dataclass(frozen=True, slots=True)
+class CycleSummary:
+    """What a run counted.
+
+    Attributes:
+        cycles: Setpoints sent.
+        duration_s: Time under power, on the servos' clock.
+        missing: (n,) cycles in which a joint's feedback was missing.
+        skipped: Cycles skipped because the program was late.
+        following_error_rad: (n,) greatest distance between target and measured position.
+    """
+
+    cycles: int
+    duration_s: float
+    missing: FloatArray
+    skipped: int
+    following_error_rad: FloatArray
+
+
+class FollowingMonitor:
+    """Judges following error, stale feedback and late cycles.
+
+    Args:
+        limits: With the windows.
+        max_skipped_cycles: So many cycles may be skipped in a row.
+    """
+
+    name = "monitor"
+
+    def __init__(self, limits: MotionLimits, max_skipped_cycles: int) -> None:
+        n = len(limits.joint_names)
+        self._limits = limits
+        self._max_skipped = max_skipped_cycles
+        self._cycles = 0
+        self._missing = np.zeros(n)
+        self._worst_rad = np.zeros(n)
+        self._skipped = 0
+        self._duration_s = 0.0
+        self._last_s = float("nan")
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Judge and count one feedback.
+
+        Raises:
+            FollowingError: naming the joint.
+            StaleFeedback: the feedback's cycle does not advance.
+            LateCycle: more cycles skipped than allowed.
+        """
+        feedback, limits = step.feedback, self._limits
+        if step.sent is None:
+            self._last_s = feedback.time_s
+            return
+        error_rad = np.abs(step.sent.position_rad - feedback.position_rad)
+        self._count(feedback, error_rad)
+        worst = int(np.argmax(error_rad - limits.following_error_rad))
+        if not error_rad[worst] <= limits.following_error_rad[worst]:
+            raise FollowingError(
+                limits.joint_names[worst], float(error_rad[worst]), float(limits.following_error_rad[worst])
+            )
+        if feedback.skipped_cycles > self._max_skipped:
+            raise LateCycle(feedback.skipped_cycles, self._max_skipped)
+
+    def summary(self) -> CycleSummary:
+        """What was counted so far."""
+        return CycleSummary(self._cycles, self._duration_s, self._missing.copy(), self._skipped, self._worst_rad.copy())
+
+    def _count(self, feedback: JointFeedback, error_rad: FloatArray) -> None:
+        if feedback.time_s <= self._last_s:
+            raise StaleFeedback(f"feedback of cycle {feedback.cycle} came again")
+        self._cycles += 1
+        self._duration_s += feedback.time_s - self._last_s
+        self._missing += feedback.missing
+        self._skipped += feedback.skipped_cycles
+        np.maximum(self._worst_rad, error_rad, out=self._worst_rad)
+        self._last_s = feedback.time_s
+
+
+class TorqueModel(Protocol):
+    """Something that knows between which torques a motion lies."""
+
+    def bounds_nm(
+        self, position_rad: FloatArray, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(n,) least and greatest joint torques in N m."""
+
+
+class TorqueWindow:
+    """Judges measured torque against a model, or where there is none against the joint's greatest torque.
+
+    An arm is where its setpoints were some time ago, so torque may be what any of the last setpoints takes.
+
+    Args:
+        joint_names: Names, for messages.
+        transmission: From motor current to joint torque.
+        torque_max_nm: (n,) greatest torque of each joint.
+        cycle_s: Duration of a cycle.
+        model: What the motion should take; None expects anything that the joints can give.
+    """
+
+    name = "torque window"
+
+    def __init__(
+        self,
+        joint_names: tuple[str, ...],
+        transmission: Transmission,
+        torque_max_nm: FloatArray,
+        cycle_s: float,
+        model: TorqueModel | None,
+    ) -> None:
+        self._joint_names = joint_names
+        self._measured = JointTorque(transmission)
+        self._share = cycle_s / (TORQUE_FILTER_S + cycle_s)
+        self._model = model
+        self._filtered: FloatArray | None = None
+        self._every = max(1, round(MODEL_EVERY_S / cycle_s))
+        self._least = np.empty((max(2, round(REACH_BACK_S / (self._every * cycle_s))), len(torque_max_nm)))
+        self._greatest = np.empty_like(self._least)
+        self._window = -torque_max_nm, torque_max_nm
+        self._calls = 0
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Judge one feedback.
+
+        Raises:
+            TorqueError: naming the joint.
+        """
+        reference = step.sent_reference
+        if reference is None:
+            self._filtered = None
+            return
+        if self._model is not None and (self._filtered is None or self._calls % self._every == 0):
+            state = reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
+            rows = slice(None) if self._filtered is None else self._calls // self._every % len(self._least)
+            self._least[rows], self._greatest[rows] = self._model.bounds_nm(*state)
+            self._window = self._least.min(axis=0), self._greatest.max(axis=0)
+        self._calls += 1
+        least, greatest = self._window
+        before = 0.5 * (least + greatest) if self._filtered is None else self._filtered
+        self._filtered = before + self._share * (self._measured(step.feedback) - before)
+        excess = np.maximum(self._filtered - greatest, least - self._filtered)
+        worst = int(np.argmax(excess))
+        if not excess[worst] <= 0.0:
+            raise TorqueError(
+                self._joint_names[worst], float(self._filtered[worst]), float(least[worst]), float(greatest[worst])
+            )
+
+
+class JointTorque:
+    """Measured joint torque of a feedback, whichever way the drives tell it.
+
+    Args:
+        transmission: From motor current to joint torque.
+    """
+
+    def __init__(self, transmission: Transmission) -> None:
+        self._from_current = np.linalg.inv(transmission.coupling).T * transmission.gain_nm_a
+
+    def __call__(self, feedback: JointFeedback) -> FloatArray:
+        """(n,) joint torque in N m; NaN where the drives tell neither torque nor current."""
+        if feedback.torque_nm is not None:
+            return feedback.torque_nm
+        if feedback.current_a is None:
+            return np.full(len(feedback.position_rad), np.nan)
+        return np.asarray(self._from_current @ feedback.current_a)

@@ -1,0 +1,199 @@
+"""Plug-ins of the cycle: the recorder, the monitors, the feed-forward, and whatever users attach.
+
+A plug-in is called once per cycle, in the cycle's thread and in the order of attachment, with the feedback that has
+come in and the setpoint that is about to leave. It may return torque to be added, raise, or ask for a stop.
+
+Rules. What it costs is measured. One that takes more than `BUDGET_SHARE` of the cycle `OVERRUNS_IN_A_ROW` times in a
+row is named and not called again, and the arm stops; one that blocks makes the cycle late, which is not caught up
+with: see `Cause.LATE`. Torque of plug-ins goes through one `TorqueGate` and never to a drive directly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from armload_controller.control_errors import ControlError
+from armload_controller.motion.leg_stream import Reference
+from armload_drivers.servos import FloatArray, JointCommand, JointFeedback
+
+BUDGET_SHARE = 0.5
+"""Share of the cycle that one call of a plug-in may take."""
+OVERRUNS_IN_A_ROW = 5
+"""So many calls over the budget, one after the other, are the plug-in's and not the computer's."""
+
+AskToStop = Callable[[str], None]
+"""Takes the reason, in the operator's words."""
+
+
+@dataclass(frozen=True, slots=True)
+class CycleStep:
+    """What a plug-in sees of one cycle.
+
+    Attributes:
+        feedback: What the drives answered last.
+        sent: The command that this feedback belongs to; None in the first cycle after enabling.
+        sent_reference: Where on the run that command was; None likewise.
+        command: The command about to leave, before this cycle's torque is added.
+        reference: Where on the run it is; its acceleration belongs to the command's velocity.
+        ask_to_stop: Brings the arm to rest on its path.
+    """
+
+    feedback: JointFeedback
+    sent: JointCommand | None
+    sent_reference: Reference | None
+    command: JointCommand
+    reference: Reference
+    ask_to_stop: AskToStop
+
+
+class CyclePlugin(Protocol):
+    """Something that takes part in the cycle.
+
+    Attributes:
+        name: What messages call it.
+    """
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+
+    def on_cycle(self, step: CycleStep) -> FloatArray | None:
+        """Take part in one cycle.
+
+        Args:
+            step: What there is to see; its arrays are not to be written to.
+
+        Returns:
+            (n,) joint torque to add, in N m, or None. The array is used before the next call.
+        """
+
+
+class PluginError(ControlError):
+    """A plug-in failed.
+
+    Attributes:
+        plugin: Its name.
+    """
+
+    def __init__(self, plugin: str, what: str) -> None:
+        super().__init__(f"plug-in {plugin!r} {what}")
+        self.plugin = plugin
+
+
+class PluginFailed(PluginError):
+    """A plug-in raised, or returned what is no torque."""
+
+
+class PluginTooSlow(PluginError):
+    """A plug-in takes more time than the cycle can give."""
+
+
+@dataclass(slots=True)
+class PluginTiming:
+    """What a plug-in cost.
+
+    Attributes:
+        name: The plug-in.
+        calls: How often it was called.
+        total_s: Time of all calls.
+        longest_s: Time of the longest.
+        last_s: Time of the last.
+    """
+
+    name: str
+    calls: int = 0
+    total_s: float = 0.0
+    longest_s: float = 0.0
+    last_s: float = 0.0
+    overruns: int = field(default=0, repr=False)
+
+    def add(self, seconds: float, budget_s: float) -> None:
+        """Count one call."""
+        self.calls += 1
+        self.total_s += seconds
+        self.last_s = seconds
+        self.longest_s = max(self.longest_s, seconds)
+        self.overruns = self.overruns + 1 if seconds > budget_s else 0
+
+
+class PluginHost:
+    """Calls plug-ins, measures them, adds up their torque.
+
+    Args:
+        plugins: In the order of their calls.
+        n: Number of joints.
+        cycle_s: Duration of the cycle.
+        stopwatch: Monotonic clock that calls are measured with, in s.
+
+    Attributes:
+        calling: Name of the plug-in called last.
+        failed: Name of the plug-in whose call ended in an error; empty while none did.
+    """
+
+    def __init__(self, plugins: Sequence[CyclePlugin], n: int, cycle_s: float, stopwatch: Callable[[], float]) -> None:
+        self._entries = [(plugin, PluginTiming(plugin.name)) for plugin in plugins]
+        self._timings = tuple(timing for _, timing in self._entries)
+        self._torque = np.zeros(n)
+        self._cycle_s = cycle_s
+        self._budget_s = BUDGET_SHARE * cycle_s
+        self._stopwatch = stopwatch
+        self.calling = ""
+        self.failed = ""
+
+    @property
+    def timings(self) -> tuple[PluginTiming, ...]:
+        """What each plug-in cost so far, those that were detached included."""
+        return self._timings
+
+    def detach(self, name: str) -> None:
+        """Do not call a plug-in again."""
+        self._entries = [entry for entry in self._entries if entry[0].name != name]
+
+    def slowest(self) -> PluginTiming | None:
+        """The plug-in whose last call took more than a whole cycle, the longest of them."""
+        late = [timing for timing in self._timings if timing.last_s > self._cycle_s]
+        return max(late, key=lambda timing: timing.last_s) if late else None
+
+    def call(self, step: CycleStep) -> FloatArray:
+        """One cycle of all plug-ins.
+
+        Returns:
+            (n,) their torques added up; the array is this object's own.
+
+        Raises:
+            PluginTooSlow: naming the plug-in.
+            PluginFailed: likewise; what it raised is the cause.
+            ControlError: what a monitor raises is its own and comes as it is.
+        """
+        self._torque[:] = 0.0
+        begun_s = self._stopwatch()
+        for plugin, timing in self._entries:
+            self.calling = self.failed = timing.name
+            try:
+                torque = plugin.on_cycle(step)
+            except ControlError:
+                raise
+            except Exception as error:
+                raise PluginFailed(timing.name, f"raised {type(error).__name__}: {error}") from error
+            ended_s = self._stopwatch()
+            timing.add(ended_s - begun_s, self._budget_s)
+            begun_s = ended_s
+            if timing.overruns >= OVERRUNS_IN_A_ROW:
+                raise PluginTooSlow(
+                    timing.name,
+                    f"took {timing.last_s * 1e3:.2f} ms, its budget is {self._budget_s * 1e3:.2f} ms a cycle",
+                )
+            if torque is not None:
+                self._add(timing.name, torque)
+        self.failed = ""
+        return self._torque
+
+    def _add(self, name: str, torque: FloatArray) -> None:
+        """Add one plug-in's torque."""
+        if np.shape(torque) != self._torque.shape or not np.isfinite(torque).all():
+            raise PluginFailed(name, f"returned {torque!r}, expected {len(self._torque)} finite joint torques in N m")
+        self._torque += torque

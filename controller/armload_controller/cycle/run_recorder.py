@@ -1,0 +1,138 @@
+"""The recorder: one MCAP file per run, as `armload_identification.recording.recording` defines it.
+
+A run is recorded as NAME.partial.mcap and gets its name when it is complete, so that what was stopped on the way is
+never taken for a whole run, and the run can be made again. Append-only: every `FLUSH_S` of recorded time the chunk in
+progress is closed and handed to the operating system, so that a crash or a kill -9 loses less than a quarter of a
+second.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import orjson
+from mcap.writer import Writer
+
+from armload_controller.control_errors import CommissioningError, RecordingFailed
+from armload_controller.cycle.plugins import CycleStep
+from armload_controller.motion.phase import Segment
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.recording.recording import MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
+
+FLUSH_S = 0.2
+"""Recorded time between two flushes; a quarter of a second is promised."""
+
+
+class Recorder:
+    """Writes one run; a context manager that leaves a readable, indexed file however the run ended.
+
+    A plug-in of the cycle. A run of which nothing was written leaves no file; one that ends with an error stays
+    partial.
+
+    Args:
+        path: File to write; it must not exist.
+        attachments: Text by name, written first.
+
+    Raises:
+        CommissioningError: the file exists or cannot be written.
+    """
+
+    name = "recorder"
+
+    def __init__(self, path: Path, attachments: Mapping[str, str]) -> None:
+        self._path, self._partial = path, _partial_of(path)
+        if path.exists():
+            raise CommissioningError(f"{path} exists: recordings are never overwritten, choose another --output")
+        try:
+            self._file: io.BufferedWriter = self._partial.open("xb")
+        except OSError as error:
+            raise CommissioningError(f"{path}: {error.strerror}: choose an --output that can be written") from error
+        self._writer = Writer(self._file)
+        self._writer.start(profile="", library="armload")
+        for name, text in attachments.items():
+            self._writer.add_attachment(0, 0, name, _media_type(name), text.encode())
+        schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", orjson.dumps(MESSAGE_SCHEMA))
+        self._channel = self._writer.register_channel(TOPIC, "json", schema)
+        self._flushed_s = -float("inf")
+        self.rows = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        failure: OSError | None = None
+        for step in (self._writer.finish, self._file.close):
+            try:
+                step()
+            except OSError as problem:
+                failure = problem
+        if not self.rows:
+            self._partial.unlink()
+        elif error is None and failure is None:
+            self._partial.rename(self._path)
+        if failure is not None and error is None:
+            raise self._failed(failure) from failure
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Record the last command with the feedback that belongs to it."""
+        reference = step.sent_reference
+        if step.sent is None or reference is None:
+            return
+        in_periods = reference.segment is Segment.PERIODS
+        self.write(step.feedback, step.sent, reference.segment, reference.state.phase_s if in_periods else None)
+
+    def write(self, feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None) -> None:
+        """Record one cycle; `phase_s` is None outside the whole periods.
+
+        Raises:
+            RecordingFailed: the disk is full, or another error of the file.
+        """
+        message: dict[str, object] = {
+            "cycle": feedback.cycle,
+            "time_s": feedback.time_s,
+            "phase_s": phase_s,
+            "segment": segment,
+            "command_position_rad": command.position_rad,
+            "position_rad": feedback.position_rad,
+        }
+        for key in ("velocity_rad_s", "current_a", "torque_nm"):
+            values = getattr(feedback, key)
+            if values is not None:
+                message[key] = values
+        message["torque_offset_nm"] = command.torque_offset_nm
+        message["statusword"] = feedback.statusword
+        message["missing"] = feedback.missing
+        stamp_ns = round(feedback.time_s * 1e9)
+        data = orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY)
+        try:
+            self._writer.add_message(self._channel, stamp_ns, data, stamp_ns, feedback.cycle)
+            self.rows += 1
+            if feedback.time_s - self._flushed_s >= FLUSH_S:
+                self._writer.flush()
+                self._flushed_s = feedback.time_s
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def _failed(self, error: OSError) -> RecordingFailed:
+        return RecordingFailed(f"{self._partial} could not be written: {error.strerror}")
+
+
+def _partial_of(path: Path) -> Path:
+    """A name for the run while it is not complete; what an earlier attempt left is kept."""
+    attempt = 1
+    while True:
+        suffix = ".partial.mcap" if attempt == 1 else f".partial-{attempt}.mcap"
+        partial = path.with_name(path.stem + suffix)
+        if not partial.exists():
+            return partial
+        attempt += 1
+
+
+def _media_type(name: str) -> str:
+    return "application/json" if name.endswith(".json") else "application/toml"

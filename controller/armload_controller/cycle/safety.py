@@ -1,0 +1,171 @@
+"""What is done when something goes wrong: one table from cause to stop.
+
+Categories, mildest first. ALONG_PATH: the phase rate goes to zero, the arm comes to rest on the path that was
+checked. QUICK_STOP: the drives decelerate on their own ramps (605A) and hold with torque on. TORQUE_OFF:
+nothing is left to command, the drives are disabled at once; their own reaction to the lost master (1016,
+6007) stops the arm if the bus is gone.
+
+A step that fails does not end the sequence, the next one follows: what cannot be ramped down is quick-stopped, what
+cannot be quick-stopped is disabled. Added torque (60B2) is ramped to zero while the arm ramps down.
+
+Whatever the category, the arm is disabled afterwards at standstill with its brakes engaged, and nothing
+enables it again by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from armload_controller.control_errors import ControlError, RecordingFailed
+from armload_controller.cycle.monitors import FollowingError, LateCycle, StaleFeedback, TorqueError
+from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
+from armload_controller.feedforward.offset_check import OffsetRefused
+from armload_controller.motion.joint_limits import LimitViolation
+from armload_controller.motion.motion_control import OperatorStop, PluginStop, StopRequested, TerminationStop
+from armload_controller.motion.paths import BlockedWay, InfeasibleMotion
+from armload_drivers.driver_errors import (
+    BusError,
+    CommandError,
+    DriverError,
+    ServoError,
+    ServoFault,
+    ServoTimeout,
+    StateError,
+)
+
+
+class StopStep(Enum):
+    """One thing that is done to bring the arm to rest."""
+
+    RAMP_DOWN = "ramp down along the path, added torque to zero"
+    QUICK_STOP = "quick stop, torque on"
+    DISABLE = "brakes on, torque off, at standstill"
+
+
+class StopCategory(Enum):
+    """How the arm is brought to rest."""
+
+    ALONG_PATH = "along the path"
+    QUICK_STOP = "quick stop"
+    TORQUE_OFF = "torque off"
+
+    @property
+    def sequence(self) -> tuple[StopStep, ...]:
+        """What is done, in this order."""
+        return _SEQUENCES[self]
+
+
+_SEQUENCES = {
+    StopCategory.ALONG_PATH: (StopStep.RAMP_DOWN, StopStep.QUICK_STOP, StopStep.DISABLE),
+    StopCategory.QUICK_STOP: (StopStep.QUICK_STOP, StopStep.DISABLE),
+    StopCategory.TORQUE_OFF: (StopStep.DISABLE,),
+}
+
+
+class Cause(Enum):
+    """Why the motion ends before its time."""
+
+    OPERATOR = "the operator asked for a stop"
+    OPERATOR_AGAIN = "the operator asked for a stop at once"
+    TERMINATION = "the system asked the program to end"
+    PLUGIN_REQUEST = "a plug-in asked for a stop"
+    PLUGIN_FAILED = "a plug-in failed"
+    PLUGIN_TOO_SLOW = "a plug-in is too slow"
+    RECORDING = "the run cannot be recorded"
+    LIMIT = "a setpoint breaks a limit"
+    DEVIATION = "the motion would leave the checked path"
+    FOLLOWING_ERROR = "a joint does not follow"
+    TORQUE = "a joint's torque is not what it should be"
+    OFFSET = "added torque does not do what it should"
+    BLOCKED = "the way to the beginning is not free"
+    STALE = "the drives' feedback stands still"
+    LATE = "the program is late"
+    MISSING_FEEDBACK = "a drive does not answer"
+    DRIVE_FAULT = "a drive reports a fault"
+    DRIVE = "a drive does not do what it should"
+    REFUSED = "a setpoint cannot be sent"
+    BUS = "the bus failed"
+    PROGRAM = "the program failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """One row of the table.
+
+    Attributes:
+        category: How to stop; its sequence is what is done.
+        advice: What the operator can do.
+    """
+
+    category: StopCategory
+    advice: str
+
+
+_ALONG, _QUICK, _OFF = StopCategory.ALONG_PATH, StopCategory.QUICK_STOP, StopCategory.TORQUE_OFF
+
+DECISIONS: dict[Cause, Decision] = {
+    Cause.OPERATOR: Decision(_ALONG, "start again when ready"),
+    Cause.OPERATOR_AGAIN: Decision(_QUICK, "start again when ready"),
+    Cause.TERMINATION: Decision(_ALONG, "start again when the system lets it run"),
+    Cause.PLUGIN_REQUEST: Decision(_ALONG, "see what the plug-in says, then start again"),
+    Cause.PLUGIN_FAILED: Decision(_ALONG, "correct the plug-in or run without it"),
+    Cause.PLUGIN_TOO_SLOW: Decision(_ALONG, "make it faster, move its work to another process, or lower --cycle-hz"),
+    Cause.RECORDING: Decision(_ALONG, "make room on the disk, or choose another --output"),
+    Cause.LIMIT: Decision(_QUICK, "correct the excitation or the limits in the configuration"),
+    Cause.DEVIATION: Decision(
+        _QUICK, "the reference asks for more than the joints' limits allow: design a slower excitation"
+    ),
+    Cause.FOLLOWING_ERROR: Decision(
+        _QUICK, "look for a collision, an engaged brake, a wrong gear ratio or too small a window"
+    ),
+    Cause.TORQUE: Decision(_QUICK, "look for a collision, a payload other than the expected one, or a wrong scale"),
+    Cause.OFFSET: Decision(_ALONG, "correct the drive's or the configuration's scaling, or run without feed-forward"),
+    Cause.BLOCKED: Decision(_ALONG, "move the arm by its own controls to where the straight way is free"),
+    Cause.STALE: Decision(_QUICK, "check the bus interface and its driver"),
+    Cause.LATE: Decision(_QUICK, "close other programs, lower --cycle-hz, or give the process a real-time priority"),
+    Cause.MISSING_FEEDBACK: Decision(_QUICK, "check the drive's supply, its cable and the bus load"),
+    Cause.DRIVE_FAULT: Decision(_QUICK, "clear the cause at the drive, then reset it by name"),
+    Cause.DRIVE: Decision(_QUICK, "look at the drive; connect anew"),
+    Cause.REFUSED: Decision(_QUICK, "correct the scaling in the configuration, or run without added torque"),
+    Cause.BUS: Decision(_OFF, "check cable, termination and interface"),
+    Cause.PROGRAM: Decision(_QUICK, "report this with the recording"),
+}
+
+
+class PathDeviation(ControlError):
+    """What Ruckig would send is not on the path that was checked."""
+
+
+_CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
+    (KeyboardInterrupt, Cause.OPERATOR_AGAIN),
+    (OperatorStop, Cause.OPERATOR),
+    (TerminationStop, Cause.TERMINATION),
+    (PluginStop, Cause.PLUGIN_REQUEST),
+    (StopRequested, Cause.OPERATOR),
+    (PluginTooSlow, Cause.PLUGIN_TOO_SLOW),
+    (PluginFailed, Cause.PLUGIN_FAILED),
+    (RecordingFailed, Cause.RECORDING),
+    (LimitViolation, Cause.LIMIT),
+    (PathDeviation, Cause.DEVIATION),
+    (InfeasibleMotion, Cause.DEVIATION),
+    (FollowingError, Cause.FOLLOWING_ERROR),
+    (TorqueError, Cause.TORQUE),
+    (OffsetRefused, Cause.OFFSET),
+    (BlockedWay, Cause.BLOCKED),
+    (StaleFeedback, Cause.STALE),
+    (LateCycle, Cause.LATE),
+    (ServoFault, Cause.DRIVE_FAULT),
+    (ServoTimeout, Cause.MISSING_FEEDBACK),
+    (CommandError, Cause.REFUSED),
+    (BusError, Cause.BUS),
+    (ServoError, Cause.DRIVE),
+    (StateError, Cause.PROGRAM),
+    (DriverError, Cause.DRIVE),
+)
+"""From exception to cause; the first that fits counts."""
+
+
+def cause_of(error: BaseException) -> Cause:
+    """The row of the table that an exception belongs to."""
+    return next((cause for kind, cause in _CAUSES if isinstance(error, kind)), Cause.PROGRAM)

@@ -1,0 +1,95 @@
+"""What the arm itself adds to a payload's torque, from its identified body (`body.toml`).
+
+Two amounts of it, to be fed forward beside the payload's J^T w:
+
+    LoadFriction    mu s (|tau_link + tau_payload| - |tau_link|)
+    ArmTorque       all that the arm takes: tau_link + rotors + s (f_c + f_s(dq) + mu |tau_link + tau_payload|) + f_v dq
+
+with s a smooth direction of motion. A gear under load rubs more, so that the first belongs to the payload's torque as
+a motor sees it. What torque a drive tells at no load is an error of its sensor, and is not fed forward.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from armload_controller.control_errors import ControlError
+from armload_drivers.servos import FloatArray
+from armload_identification.estimation.friction_columns import load_column
+from armload_identification.model.body_model import BodyModel, smooth_sign
+from armload_identification.model.chain import Chain
+
+HOLDING_SHARE = 0.5
+"""Share of a joint's Coulomb friction that holds it in place for certain."""
+_SAME_COUPLING = 1e-9
+
+
+class BodyRefused(ControlError):
+    """A body that is not this arm's."""
+
+
+class ArmTerm(Protocol):
+    """Torque that belongs to the arm, beside a payload's."""
+
+    def torque_nm(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray) -> FloatArray:
+        """(n,) torque to add to the payload's, at one state of (n,) each."""
+
+
+def require_body(body: BodyModel, chain: Chain, coupling: FloatArray) -> None:
+    """Refuse a body of another arm.
+
+    Args:
+        body: As it was read.
+        chain: The arm.
+        coupling: (n, n) C of its motors.
+
+    Raises:
+        BodyRefused: another number of joints, or other coupled motors.
+    """
+    if body.n != chain.n:
+        raise BodyRefused(f"the body has {body.n} joints, the robot {chain.n}: give the robot's own body")
+    if not np.allclose(body.coupling, coupling, atol=_SAME_COUPLING):
+        raise BodyRefused("the body's motors are coupled differently: identify it again with this configuration")
+
+
+def held_torque(body: BodyModel) -> FloatArray:
+    """(n,) torque that each joint's friction holds safely: what is tried at standstill for the arm's own torque."""
+    return np.asarray(HOLDING_SHARE * body.coulomb_nm)
+
+
+class LoadFriction:
+    """Friction in the gears that the payload's weight and inertia cause.
+
+    Args:
+        chain: The arm.
+        body: Its links and load-dependent friction.
+    """
+
+    def __init__(self, chain: Chain, body: BodyModel) -> None:
+        self._chain, self._body = chain, body
+
+    def torque_nm(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray) -> FloatArray:
+        """(n,) friction of the loaded arm beyond the empty one's."""
+        empty = self._body.link_torque(self._chain, q[None], dq[None], ddq[None])[0]
+        direction = smooth_sign(dq, self._body.reversal_speed_rad_s)
+        return self._body.load_friction * load_column(empty, payload_nm, direction)
+
+
+class ArmTorque:
+    """All torque that the arm takes, friction included.
+
+    Args:
+        chain: The arm.
+        body: Its links, rotors and friction.
+    """
+
+    def __init__(self, chain: Chain, body: BodyModel) -> None:
+        self._chain, self._body = chain, body
+
+    def torque_nm(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray) -> FloatArray:
+        """(n,) torque of the loaded arm beyond the payload's."""
+        body = self._body
+        whole = body.torque(self._chain, q[None], dq[None], ddq[None], payload_nm[None])[0]
+        return np.asarray(whole - body.offset_nm - payload_nm)

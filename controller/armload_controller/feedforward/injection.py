@@ -1,0 +1,212 @@
+"""The payload's torque into the drives: a plug-in of the cycle around `PayloadFeedforward`.
+
+The torque belongs to the state that the arm is in while it acts, and an arm follows its setpoints with a lag (40 ms
+on the simulated ones; without it the following error falls by 60 to 70 % where 85 to 90 % are there to be had). So the
+setpoints of a lag ago are what the torque is computed from: they are free of noise. The lag is measured while the
+arm moves, from the following error per speed.
+
+With the arm's body known, friction that the payload causes in the gears, or all of the arm's own torque, goes with it:
+see `arm_torque`.
+
+What keeps the arm safe is not here: the gate (`torque_gate`) clamps, limits the rate, ramps in and out.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_controller.control_errors import ControlError
+from armload_controller.cycle.control_cycle import PoweredArm
+from armload_controller.cycle.plugins import CycleStep
+from armload_controller.feedforward.body_torque import ArmTerm
+from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict
+from armload_controller.feedforward.payload_feedforward import NOTHING, PayloadFeedforward
+from armload_controller.feedforward.payload_use import why_not_usable
+from armload_drivers.servos import FloatArray
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import PayloadResult
+
+LONGEST_LAG_S = 0.2
+"""A servo that follows later than this is no servo; the lag is taken to be at most this."""
+FADE_IN_S = 0.5
+"""Time in which the torque is faded in once it is allowed."""
+LAG_MEMORY_S = 5.0
+"""The lag is that of about the last so many seconds of motion."""
+_MOVED_RAD2 = 1e-4
+"""Integral of squared speed over cycles, from which on a joint's lag counts."""
+
+
+class PayloadRefused(ControlError):
+    """A payload that must not be fed forward."""
+
+
+class FollowingLag:
+    """How long after its setpoints an arm is where they were, as the median over joints that move.
+
+        lag = sum e dq / sum dq^2        e the following error, dq the commanded speed
+
+    Args:
+        n: Number of joints.
+        cycle_s: Duration of a cycle.
+
+    Attributes:
+        lag_s: 0 until something has moved.
+    """
+
+    def __init__(self, n: int, cycle_s: float) -> None:
+        self._error_speed = np.zeros(n)
+        self._speed_speed = np.zeros(n)
+        self._keep = np.exp(-cycle_s / LAG_MEMORY_S)
+        self._cycle_s = cycle_s
+        self.lag_s = 0.0
+
+    def add(self, error_rad: FloatArray, velocity_rad_s: FloatArray) -> None:
+        """Take one cycle into account; a standstill changes nothing."""
+        moving = velocity_rad_s * velocity_rad_s * self._cycle_s
+        if not moving.any():
+            return
+        self._error_speed = self._keep * self._error_speed + error_rad * velocity_rad_s * self._cycle_s
+        self._speed_speed = self._keep * self._speed_speed + moving
+        told = self._speed_speed > _MOVED_RAD2
+        if told.any():
+            lag_s = float(np.median(self._error_speed[told] / self._speed_speed[told]))
+            self.lag_s = min(max(lag_s, 0.0), LONGEST_LAG_S)
+
+
+class FeedforwardPlugin:
+    """Adds a payload's torque, once it is allowed to.
+
+    Args:
+        chain: The arm.
+        robot: Its name, for messages.
+        payload: The payload at its flange.
+        cycle_s: Duration of a cycle.
+        beside: What the arm itself adds; None adds the payload's torque alone.
+
+    Raises:
+        PayloadRefused: the payload's mass or centre of mass is not determined, or it belongs to another arm.
+    """
+
+    name = "feed-forward"
+
+    def __init__(
+        self, chain: Chain, robot: str, payload: PayloadResult, cycle_s: float, beside: ArmTerm | None = None
+    ) -> None:
+        self._chain, self._robot, self._cycle_s, self._beside = chain, robot, cycle_s, beside
+        self._beside_share = 0.0
+        self._require(payload)
+        self._payload = payload.model
+        self._feedforward = PayloadFeedforward(chain, NOTHING)
+        self._joints = np.zeros(chain.n)
+        self._lag = FollowingLag(chain.n, cycle_s)
+        length = int(np.ceil(LONGEST_LAG_S / cycle_s)) + 2
+        self._states: deque[FloatArray] = deque(maxlen=length)
+
+    @property
+    def fade_in_cycles(self) -> int:
+        """Cycles from `allow` until the whole torque is added."""
+        return round(FADE_IN_S / self._cycle_s) + 1
+
+    @property
+    def lag_s(self) -> float:
+        """The arm's lag as measured so far."""
+        return self._lag.lag_s
+
+    def allow(self, joints: NDArray[np.bool_]) -> None:
+        """Begin to add torque, faded in.
+
+        Args:
+            joints: (n,) True where torque may be added, as `OffsetCheck` found.
+        """
+        self._joints = joints.astype(np.float64)
+        self._feedforward.set_payload(self._payload, FADE_IN_S, self._cycle_s)
+
+    def set_payload(self, payload: PayloadResult, transition_s: float) -> None:
+        """Change the payload while running, without a step; from any thread.
+
+        Args:
+            payload: The new one.
+            transition_s: Time that the change takes.
+
+        Raises:
+            PayloadRefused: it must not be fed forward; the present one stays.
+        """
+        self._require(payload)
+        self._feedforward.set_payload(payload.model, transition_s, self._cycle_s)
+
+    def drop_payload(self, transition_s: float) -> None:
+        """The flange is empty from now on; from any thread."""
+        self._feedforward.set_payload(NOTHING, transition_s, self._cycle_s)
+
+    def on_cycle(self, step: CycleStep) -> FloatArray:
+        """The payload's torque where the arm will be while it acts."""
+        if step.sent is not None and step.sent_reference is not None:
+            error = step.sent.position_rad - step.feedback.position_rad
+            self._lag.add(error, step.sent_reference.velocity_rad_s)
+        reference = step.reference
+        self._states.appendleft(
+            np.array([reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2])
+        )
+        # The error is told at SYNC; torque acts from there to the next one, on average half a cycle later.
+        delay = max(self._lag.lag_s / self._cycle_s - 0.5, 0.0)
+        last = len(self._states) - 1
+        before = min(int(delay), last)
+        share = delay - int(delay)
+        q, dq, ddq = (1.0 - share) * self._states[before] + share * self._states[min(before + 1, last)]
+        torque = self._feedforward.torque_nm(q, dq, ddq)
+        if self._beside is not None and self._joints.any():
+            self._beside_share = min(1.0, self._beside_share + self._cycle_s / FADE_IN_S)
+            torque = torque + self._beside_share * self._beside.torque_nm(q, dq, ddq, torque)
+        return self._joints * torque
+
+    def _require(self, payload: PayloadResult) -> None:
+        problem = why_not_usable(payload, self._chain, self._robot, "fed forward")
+        if problem is not None:
+            raise PayloadRefused(f"payload: {problem}")
+
+
+class CheckedFeedforward:
+    """The feed-forward and the check that has to come before it, as one plug-in.
+
+    Args:
+        feedforward: Adds nothing until `use` allows it.
+        check: Tries the torque offset while `check` has it try.
+    """
+
+    name = "feed-forward"
+
+    def __init__(self, feedforward: FeedforwardPlugin, check: OffsetCheck) -> None:
+        self.feedforward = feedforward
+        self._check = check
+        self._checking = False
+
+    def on_cycle(self, step: CycleStep) -> FloatArray | None:
+        """The check's torque while it runs, else the payload's."""
+        torque = self.feedforward.on_cycle(step)
+        return self._check.on_cycle(step) if self._checking else torque
+
+    def begin(self, arm: PoweredArm) -> OffsetVerdict:
+        """Try the offset of a standing arm, then fade the payload's torque in.
+
+        Raises:
+            OffsetRefused: a drive makes something else of its offset; no torque is added.
+        """
+        self._checking = True
+        arm.hold(self._check.done)
+        self._checking = False
+        verdict = self._check.verdict()
+        self.fade_in(arm, verdict)
+        return verdict
+
+    def fade_in(self, arm: PoweredArm, verdict: OffsetVerdict) -> None:
+        """Fade the payload's torque in on a standing arm whose offset was tried before.
+
+        Raises:
+            OffsetRefused: the trial said no; no torque is added.
+        """
+        self.feedforward.allow(verdict.require())
+        cycles = iter(range(self.feedforward.fade_in_cycles))
+        arm.hold(lambda: next(cycles, None) is None)

@@ -1,0 +1,209 @@
+"""Does a drive's torque offset (60B2) do what it should? Asked at standstill, before any of it reaches motion.
+
+A fifth of the greatest torque that the payload is going to need is faded in and out, over and over. What the drives
+tell (6077, 6078) is the motor's whole torque: the servo's own and the offset. Friction holds a geared joint in
+place while the offset changes by less than it, so the servo has nothing to answer and the whole torque changes by
+exactly what the drive made of the offset:
+
+    measured = constant + drift + gain offset + delay d(offset)/dt        gain 1: sign and scale are right
+
+fitted to a few fades at a time, since servos creep and slip at standstill; the median of the fits counts. Where the
+servo answers by as much (gain 0: no friction, or no 60B2), sign and scale cannot be told and nothing is injected:
+the servo's own torque falls by the offset then, but it would with the wrong sign as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_controller.control_errors import ControlError
+from armload_controller.cycle.monitors import JointTorque
+from armload_controller.cycle.plugins import CycleStep
+from armload_drivers.servos import FloatArray
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters
+from armload_identification.model.regressor import payload_torque
+from armload_identification.signals.joint_torque import Transmission
+
+CHECK_SHARE = 0.2
+"""Share of the payload's greatest torque that is tried."""
+TOLERANCE = 0.35
+"""Greatest distance of the gain from 1."""
+CERTAINTY = 0.12
+"""The gain's standard error at which it is believed; a third of the tolerance."""
+SMALLEST_SHARE = 1e-3
+"""A joint that the payload's weight loads by less than this share of the most loaded one is not tried."""
+FADE_S = 0.25
+"""One fade in and out."""
+FADES = 4
+"""Fades that a gain is fitted to; drift is slower, a slip spoils one of many fits."""
+LEAST_FITS = 8
+MOST_FITS = 20
+"""After so many a joint that is still not certain is left without feed-forward."""
+_MEDIAN_TO_SIGMA = 1.4826
+"""From a median absolute deviation to a standard deviation."""
+_MEDIAN_EFFICIENCY = 1.2533
+"""Standard error of a median in terms of a mean's."""
+
+
+class OffsetRefused(ControlError):
+    """The torque offset of a drive does not do what it should.
+
+    Attributes:
+        joints: Names of the joints.
+    """
+
+    def __init__(self, joints: tuple[str, ...], what: str) -> None:
+        super().__init__(what)
+        self.joints = joints
+
+
+@dataclass(frozen=True, eq=False)
+class OffsetVerdict:
+    """What the check found, per joint.
+
+    Attributes:
+        joint_names: Names.
+        tried_nm: (n,) greatest offset.
+        gain: (n,) what the drives made of it; 1 is right.
+        sigma: (n,) its standard error.
+        fits: How many gains were fitted.
+    """
+
+    joint_names: tuple[str, ...]
+    tried_nm: FloatArray
+    gain: FloatArray
+    sigma: FloatArray
+    fits: int
+
+    @property
+    def certain(self) -> NDArray[np.bool_]:
+        """(n,) where the gain is known well enough to judge."""
+        return self.sigma <= CERTAINTY
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """(n,) where torque may be added: known well enough, and right."""
+        return self.certain & (np.abs(self.gain - 1.0) <= TOLERANCE)
+
+    @property
+    def wrong(self) -> NDArray[np.bool_]:
+        """(n,) where the answer is wrong without doubt; one that slips now and then is no such proof."""
+        return (self.sigma <= CERTAINTY / 2.0) & (np.abs(self.gain - 1.0) > TOLERANCE)
+
+    def require(self) -> NDArray[np.bool_]:
+        """Joints that torque may be added on; on the others the answer cannot be told, and nothing is added.
+
+        Raises:
+            OffsetRefused: a drive makes something else of its offset, or no joint is usable.
+        """
+        wrong = np.flatnonzero(self.wrong)
+        if wrong.size or not self.usable.any():
+            found = [self._account(int(i)) for i in wrong] or ["no joint's answer can be told from the noise"]
+            raise OffsetRefused(
+                tuple(self.joint_names[i] for i in wrong),
+                "torque offset at standstill: " + "; ".join(found) + ". No torque is added",
+            )
+        return self.usable
+
+    def _account(self, joint: int) -> str:
+        """What is wrong with one joint, and what to look at."""
+        gain = self.gain[joint]
+        if abs(gain) <= TOLERANCE:
+            what = "the servo balances it, or the drive does not take it: sign and scale cannot be told"
+        elif gain < 0:
+            what = "the sign is wrong: check polarity (607E) and the direction of the axis"
+        else:
+            what = "the scale is wrong: check rated torque (6076) and gear ratio"
+        return (
+            f"{self.joint_names[joint]} was given {self.tried_nm[joint]:.1f} N m and answered with "
+            f"{100 * gain:.0f} % of it, 100 +-{100 * TOLERANCE:.0f} expected; {what}"
+        )
+
+
+class OffsetCheck:
+    """Plug-in that tries the offset of all joints at once, the arm standing.
+
+    Args:
+        joint_names: Names, for messages.
+        transmission: From motor current to joint torque.
+        tried_nm: (n,) greatest offset of each joint.
+        cycle_s: Duration of a cycle.
+    """
+
+    name = "torque offset check"
+
+    def __init__(
+        self, joint_names: tuple[str, ...], transmission: Transmission, tried_nm: FloatArray, cycle_s: float
+    ) -> None:
+        self._joint_names = joint_names
+        self._measured = JointTorque(transmission)
+        self._tried = tried_nm
+        self._told = tried_nm > SMALLEST_SHARE * tried_nm.max()
+        self._fade = max(8, round(FADE_S / cycle_s))
+        self._length = FADES * self._fade
+        self._cycle = 0
+        self._offset: list[FloatArray] = []
+        self._torque: list[FloatArray] = []
+        self._gains: list[FloatArray] = []
+
+    def on_cycle(self, step: CycleStep) -> FloatArray | None:
+        """Fade in and out, and evaluate; the first fades open the gate and are not."""
+        if step.sent is not None and self._cycle > self._length:
+            self._offset.append(step.sent.torque_offset_nm)
+            self._torque.append(self._measured(step.feedback))
+            if len(self._offset) == self._length:
+                self._evaluate()
+        if self.done():
+            return None
+        self._cycle += 1
+        share = 0.5 - 0.5 * np.cos(2.0 * np.pi * self._cycle / self._fade)
+        return np.asarray(share * self._tried)
+
+    def done(self) -> bool:
+        """Whether enough is known, or more would not help."""
+        fits = len(self._gains)
+        if fits < LEAST_FITS:
+            return False
+        verdict = self.verdict()
+        return fits >= MOST_FITS or bool(verdict.usable[self._told].all() or verdict.wrong.any())
+
+    def verdict(self) -> OffsetVerdict:
+        """What was found so far."""
+        gains = np.array(self._gains)
+        gain = np.median(gains, axis=0)
+        spread = np.maximum(_MEDIAN_TO_SIGMA * np.median(np.abs(gains - gain), axis=0), gains.std(axis=0))
+        sigma = _MEDIAN_EFFICIENCY * spread / np.sqrt(len(gains))
+        return OffsetVerdict(self._joint_names, self._tried, gain, np.where(self._told, sigma, np.inf), len(gains))
+
+    def _evaluate(self) -> None:
+        """Gain of every joint from a few fades."""
+        offset, torque = np.array(self._offset), np.array(self._torque)
+        self._offset, self._torque = [], []
+        t = np.linspace(-1.0, 1.0, self._length)
+        gain = np.zeros(offset.shape[1])
+        for joint in np.flatnonzero(self._told):
+            x = offset[:, joint]
+            columns = np.column_stack([np.ones_like(t), t, t * t, np.gradient(x), x])
+            gain[joint] = np.linalg.lstsq(columns, torque[:, joint], rcond=None)[0][-1]
+        self._gains.append(gain)
+
+
+def tried_torque(chain: Chain, payload: InertialParameters, position_rad: FloatArray) -> FloatArray:
+    """What to try: a fifth of the greatest torque that the payload's weight takes along a path.
+
+    Args:
+        chain: The arm.
+        payload: At its flange.
+        position_rad: (N, n) along the path.
+
+    Returns:
+        (n,) joint torques, none below zero.
+    """
+    still = np.zeros_like(position_rad)
+    return np.asarray(
+        CHECK_SHARE * np.abs(payload_torque(chain, payload.theta, position_rad, still, still)).max(axis=0)
+    )

@@ -1,0 +1,42 @@
+"""Whether a payload may be used: the same words wherever it is refused."""
+
+from __future__ import annotations
+
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
+from armload_identification.pipeline.payload_identification import FLANGE
+
+
+def why_not_usable(payload: PayloadResult, chain: Chain, robot: str, use: str) -> str | None:
+    """Why a payload must not be given to a controller, with what to do about it; None where it may.
+
+    Args:
+        payload: As it was read.
+        chain: Kinematics of the arm that carries it.
+        robot: Name of that arm.
+        use: What was going to happen to it, "exported" or "fed forward".
+    """
+    if not payload.feedforward_ready:
+        missing = ", ".join(
+            n for n, known in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not known
+        )
+        return (
+            f"not determined: {missing}; a payload is {use} only with its mass and centre of mass. "
+            "Identify it again on a longer or wider excitation (`armload design`)"
+        )
+    if payload.frame != FLANGE:
+        return (
+            f"the payload is told in the frame {payload.frame!r}; expected {FLANGE!r}. "
+            "Identify it with the whole arm's kinematics"
+        )
+    if len(payload.residual_rms_nm) != chain.n:
+        return (
+            f"identified on {len(payload.residual_rms_nm)} joints, but {robot} has {chain.n}; "
+            "give --robot the arm that the payload was identified on"
+        )
+    if payload.model.margin < SMALLEST_MARGIN:
+        return (
+            f"no body has these parameters: margin {payload.model.margin:.3g}, at least {SMALLEST_MARGIN:g} is "
+            "needed. Identify it again"
+        )
+    return None

@@ -1,0 +1,91 @@
+"""The limits of motion, and the pure check that every setpoint passes before it is sent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_controller.control_errors import ControlError
+from armload_drivers.servos import FloatArray
+
+RELATIVE_TOLERANCE = 1e-9
+"""Rounding allowed on top of a limit, as a share of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionLimits:
+    """What the joints may do; every array has shape (n,).
+
+    Attributes:
+        joint_names: Names, for messages.
+        position_min_rad: Lower position limits.
+        position_max_rad: Upper position limits.
+        velocity_max_rad_s: Greatest speeds.
+        acceleration_max_rad_s2: Greatest accelerations.
+        jerk_max_rad_s3: Greatest jerks.
+        following_error_rad: Greatest distance between target and measured position.
+    """
+
+    joint_names: tuple[str, ...]
+    position_min_rad: FloatArray
+    position_max_rad: FloatArray
+    velocity_max_rad_s: FloatArray
+    acceleration_max_rad_s2: FloatArray
+    jerk_max_rad_s3: FloatArray
+    following_error_rad: FloatArray
+
+
+class LimitViolation(ControlError):
+    """A setpoint lies outside the limits.
+
+    Attributes:
+        joint: Name of the joint.
+        quantity: "position", "velocity" or "acceleration".
+        value: The value asked for.
+        bound: The limit it breaks.
+    """
+
+    def __init__(self, joint: str, quantity: str, value: float, bound: float, unit: str) -> None:
+        super().__init__(
+            f"{joint}: {quantity} {value:.4f} {unit} is beyond the limit of {bound:.4f} {unit}; "
+            "slow the motion down or correct the limit in the configuration"
+        )
+        self.joint = joint
+        self.quantity = quantity
+        self.value = value
+        self.bound = bound
+
+
+def check_setpoints(
+    position_rad: FloatArray,
+    velocity_rad_s: FloatArray,
+    acceleration_rad_s2: FloatArray,
+    limits: MotionLimits,
+) -> None:
+    """Check one setpoint (n,) or a whole plan (N, n).
+
+    Raises:
+        LimitViolation: naming joint, quantity, value and bound of the worst excess.
+    """
+    speed, acceleration = np.abs(velocity_rad_s), np.abs(acceleration_rad_s2)
+    rtol = RELATIVE_TOLERANCE
+    if (
+        (position_rad <= limits.position_max_rad + rtol).all()
+        and (position_rad >= limits.position_min_rad - rtol).all()
+        and (speed <= limits.velocity_max_rad_s * (1 + rtol)).all()
+        and (acceleration <= limits.acceleration_max_rad_s2 * (1 + rtol)).all()
+    ):
+        return
+    for quantity, unit, value, bound, sign in (
+        ("position", "rad", position_rad, limits.position_max_rad, 1),
+        ("position", "rad", position_rad, limits.position_min_rad, -1),
+        ("velocity", "rad/s", speed, limits.velocity_max_rad_s, 1),
+        ("acceleration", "rad/s2", acceleration, limits.acceleration_max_rad_s2, 1),
+    ):
+        excess = np.atleast_2d(sign * (value - bound))
+        joint = int(np.argmax(np.where(np.isnan(excess), np.inf, excess).max(axis=0)))
+        column = np.atleast_2d(value)[:, joint]
+        worst = float(column[np.argmax(np.where(np.isnan(column), np.inf, sign * column))])
+        if not sign * (worst - bound[joint]) <= 0:
+            raise LimitViolation(limits.joint_names[joint], quantity, worst, float(bound[joint]), unit)

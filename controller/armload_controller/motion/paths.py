@@ -1,0 +1,117 @@
+"""Paths: joint positions over one parameter, the phase, and what the phase may do so that no joint exceeds a limit.
+
+Every motion is a path q(s) and a phase rate r = ds/dt. Ramps, pauses, overrides and stops change the rate alone,
+so that the arm is never anywhere but on a path that was checked:
+
+    dq/dt   = q'(s) r
+    d2q/dt2 = q''(s) r^2 + q'(s) dr/dt
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armload_controller.control_errors import ControlError
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_drivers.servos import FloatArray
+from armload_identification.excitation.fourier import FourierState, FourierTrajectory
+
+APPROACH_SHARE = 0.25
+"""Share of the velocity, acceleration and jerk limits that the way onto a path uses."""
+RAMP_ACCELERATION_SHARE = 0.95
+"""Share of a joint's acceleration limit that path and ramp together use."""
+SHORTEST_RAMP_S = 0.5
+"""A phase ramp lasts at least about this long, however strong the arm."""
+
+
+class InfeasibleMotion(ControlError):
+    """Ruckig finds no motion between two states within the limits."""
+
+
+class BlockedWay(ControlError):
+    """Something stands between where the arm is and where it is to begin."""
+
+
+class Path(Protocol):
+    """Joint positions over the phase."""
+
+    def evaluate(self, t_s: ArrayLike) -> FourierState:
+        """Position and its derivatives to the phase; (n,) for one phase, (N, n) for N."""
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseLimits:
+    """Bounds of the phase's second and third derivative; its first is at most 1, backwards it never goes."""
+
+    acceleration_1_s: float
+    jerk_1_s2: float
+
+
+@dataclass(frozen=True, eq=False)
+class LinePath:
+    """Straight in joint space from one position to another, all joints at once.
+
+    Attributes:
+        start_rad: (n,) where the phase is 0.
+        goal_rad: (n,) where it is `duration_s`.
+        duration_s: Time at the full rate; the fastest joint is then at its share of its speed limit.
+    """
+
+    start_rad: FloatArray
+    goal_rad: FloatArray
+    duration_s: float
+
+    @classmethod
+    def within(cls, start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits) -> LinePath:
+        """The line whose full rate is `APPROACH_SHARE` of the slowest joint's speed limit."""
+        distance = np.abs(goal_rad - start_rad)
+        duration_s = float((distance / (APPROACH_SHARE * limits.velocity_max_rad_s)).max())
+        return cls(start_rad, goal_rad, duration_s)
+
+    def bounds(self, limits: MotionLimits) -> PhaseLimits:
+        """Phase limits that keep every joint at its share of the limits."""
+        speed = np.abs(self.goal_rad - self.start_rad) / self.duration_s
+        moving = speed > 0
+        return PhaseLimits(
+            float((APPROACH_SHARE * limits.acceleration_max_rad_s2[moving] / speed[moving]).min()),
+            float((APPROACH_SHARE * limits.jerk_max_rad_s3[moving] / speed[moving]).min()),
+        )
+
+    def evaluate(self, t_s: ArrayLike) -> FourierState:
+        """Position and derivatives; (n,) for one phase, (N, n) for N."""
+        phase = np.asarray(t_s, dtype=np.float64)[..., None]
+        speed = (self.goal_rad - self.start_rad) / self.duration_s
+        nothing = np.zeros(phase.shape[:-1] + speed.shape)
+        return FourierState(self.start_rad + speed * phase, speed + nothing, nothing, nothing)
+
+
+def bound_phase(path: FourierTrajectory, limits: MotionLimits) -> PhaseLimits:
+    """Phase acceleration and jerk that keep every joint within its limits, anywhere on the path.
+
+        |q''| r^2 + |q'| |dr/dt| <= a_max           |q'''| + 3 |q''| |dr/dt| + |q'| |d2r/dt2| <= j_max
+
+    with the path's greatest derivatives, between samples too, and r <= 1.
+
+    Raises:
+        InfeasibleMotion: the path itself uses up a joint's acceleration or jerk.
+    """
+    greatest = path.bounds()
+    v, a, j = greatest.velocity_max_rad_s, greatest.acceleration_max_rad_s2, greatest.jerk_max_rad_s3
+    moving = v > 0
+    if not moving.any():
+        return PhaseLimits(1 / SHORTEST_RAMP_S, 1 / SHORTEST_RAMP_S**2)
+    spare = RAMP_ACCELERATION_SHARE * limits.acceleration_max_rad_s2 - a
+    acceleration = min(1 / SHORTEST_RAMP_S, float((spare[moving] / v[moving]).min()))
+    spare_jerk = limits.jerk_max_rad_s3 - j - 3 * a * max(acceleration, 0.0)
+    jerk = min(4 / SHORTEST_RAMP_S**2, float((spare_jerk[moving] / v[moving]).min()))
+    if acceleration <= 0 or jerk <= 0:
+        joint = limits.joint_names[int(np.argmin(np.where(moving, spare, np.inf)))]
+        raise InfeasibleMotion(
+            f"{joint}: the excitation leaves no acceleration for getting onto it: design it with at most 90 % of "
+            "the joint's acceleration_max_rad_s2"
+        )
+    return PhaseLimits(acceleration, jerk)

@@ -1,0 +1,215 @@
+"""Setpoints: the legs of a run, the whole plan for the check before anything moves, and the last instance.
+
+    approach    straight in joint space from where the arm stands to where the path begins
+    slow round  one period at a quarter of the speed; it begins and ends where the ramp up begins
+    measured    ramp up, whole periods at rate 1, ramp down
+
+`RuckigFollower` is the last instance before the drives: it passes a feasible reference through unchanged
+(within 4e-10 rad) and turns anything else into a jerk-limited motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from ruckig import (
+    DurationDiscretization,
+    InputParameter,
+    OutputParameter,
+    Result,
+    Ruckig,
+    Synchronization,
+)
+
+from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
+from armload_controller.motion.leg_stream import PhaseStream, along
+from armload_controller.motion.motion_control import MotionControl
+from armload_controller.motion.paths import InfeasibleMotion, LinePath, bound_phase
+from armload_controller.motion.phase import SLOW_RATE, Leg, PhaseState, Segment, ramp_to_rate
+from armload_drivers.servos import FloatArray
+from armload_identification.excitation.fourier import Excitation
+
+CYCLE_ROUNDING = 1e-6
+"""Share of a cycle by which a period may differ from a whole number of cycles."""
+STANDING_RAD = 1e-9
+"""An arm that is this close to where it is to go is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionPlan:
+    """Every setpoint of a motion that nobody interrupts; N cycles, n joints.
+
+    Attributes:
+        position_rad: (N, n).
+        velocity_rad_s: (N, n).
+        acceleration_rad_s2: (N, n).
+        phase_s: (N,) phase of the path that the row lies on.
+        phase_rate: (N,) ds/dt.
+        phase_acceleration_1_s: (N,) its derivative.
+        segment: (N,) part of the run.
+    """
+
+    position_rad: FloatArray
+    velocity_rad_s: FloatArray
+    acceleration_rad_s2: FloatArray
+    phase_s: FloatArray
+    phase_rate: FloatArray
+    phase_acceleration_1_s: FloatArray
+    segment: tuple[Segment, ...]
+
+    def __len__(self) -> int:
+        return len(self.segment)
+
+
+@dataclass(frozen=True, slots=True)
+class RunLegs:
+    """What is run of one excitation, the ways onto it left out.
+
+    Attributes:
+        slow: One period at a quarter of the speed.
+        measured: Ramp up, whole periods, ramp down; begins where the slow round ends.
+    """
+
+    slow: Leg
+    measured: Leg
+
+    @property
+    def start_rad(self) -> FloatArray:
+        """(n,) where both begin."""
+        return self.measured.path.evaluate(self.measured.start_s).position_rad
+
+
+def plan_legs(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> RunLegs:
+    """The legs of one excitation.
+
+    Args:
+        excitation: Path and number of periods.
+        limits: Of the joints.
+        cycle_s: Time between setpoints.
+
+    Raises:
+        InfeasibleMotion: no ramp within the limits, or a period that is no whole number of cycles.
+    """
+    path = excitation.trajectory
+    in_period = path.period_s / cycle_s
+    if abs(in_period - round(in_period)) > CYCLE_ROUNDING:
+        raise InfeasibleMotion(
+            f"one period of {path.period_s:g} s is {in_period:.3f} cycles of {cycle_s * 1e3:g} ms: choose a rate at "
+            "which it is a whole number of cycles"
+        )
+    bounds = bound_phase(path, limits)
+    lead_in_s = ramp_to_rate(PhaseState(0.0, 0.0, 0.0), 1.0, bounds, cycle_s).end.phase_s
+    end_s = excitation.periods * path.period_s
+    return RunLegs(
+        slow=Leg(path, bounds, -lead_in_s, path.period_s - lead_in_s, SLOW_RATE, Segment.SLOW),
+        measured=Leg(path, bounds, -lead_in_s, end_s, 1.0, Segment.PERIODS),
+    )
+
+
+def plan_approach(start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits) -> Leg | None:
+    """The way from one position to another, straight in joint space; None where the arm is there already."""
+    if np.abs(goal_rad - start_rad).max() < STANDING_RAD:
+        return None
+    line = LinePath.within(start_rad, goal_rad, limits)
+    return Leg(line, line.bounds(limits), 0.0, line.duration_s, 1.0, Segment.APPROACH)
+
+
+def plan_leg(leg: Leg, cycle_s: float) -> MotionPlan:
+    """Every setpoint of a leg that nobody interrupts, from the one at rest where it begins."""
+    stream = PhaseStream(leg, cycle_s, MotionControl())
+    rows = [(PhaseState(leg.start_s, 0.0, 0.0), stream.first_segment), *stream.rest()]
+    states = [state for state, _ in rows]
+    s, rate, acceleration = np.array([(x.phase_s, x.rate, x.acceleration_1_s) for x in states]).T
+    return MotionPlan(*along(leg.path, states), s, rate, acceleration, tuple(segment for _, segment in rows))
+
+
+def check_leg(leg: Leg, limits: MotionLimits, cycle_s: float) -> None:
+    """Check every setpoint of a leg that nobody interrupts.
+
+    Raises:
+        LimitViolation: naming joint, quantity, value and bound.
+    """
+    plan = plan_leg(leg, cycle_s)
+    check_setpoints(plan.position_rad, plan.velocity_rad_s, plan.acceleration_rad_s2, limits)
+
+
+def plan_path(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> MotionPlan:
+    """Ramp up, whole periods, ramp down: everything but the way there and the slow round.
+
+    Args:
+        excitation: Path and number of periods.
+        limits: Of the joints.
+        cycle_s: Time between setpoints.
+
+    Raises:
+        InfeasibleMotion: no ramp within the limits, or a period that is no whole number of cycles.
+    """
+    return plan_leg(plan_legs(excitation, limits, cycle_s).measured, cycle_s)
+
+
+def plan_run(start_rad: FloatArray, on_path: MotionPlan, limits: MotionLimits, cycle_s: float) -> MotionPlan:
+    """The way to where a path plan begins, and the plan itself.
+
+    Args:
+        start_rad: (n,) position the arm stands at.
+        on_path: What `plan_path` made.
+        limits: Of the joints.
+        cycle_s: Time between setpoints.
+
+    Raises:
+        InfeasibleMotion: no approach within the limits.
+    """
+    approach = plan_approach(start_rad, on_path.position_rad[0], limits)
+    return on_path if approach is None else _join(plan_leg(approach, cycle_s), on_path)
+
+
+class RuckigFollower:
+    """The last instance before the drives: every setpoint passes through Ruckig."""
+
+    def __init__(self, start_rad: FloatArray, limits: MotionLimits, cycle_s: float) -> None:
+        n = len(start_rad)
+        self._otg = Ruckig(n, cycle_s)
+        self._input = InputParameter(n)
+        self._output = OutputParameter(n)
+        self._input.synchronization = Synchronization.Time
+        self._input.duration_discretization = DurationDiscretization.Discrete
+        self._input.max_velocity = limits.velocity_max_rad_s
+        self._input.max_acceleration = limits.acceleration_max_rad_s2
+        self._input.max_jerk = limits.jerk_max_rad_s3
+        self._input.current_position = start_rad
+        self._input.current_velocity = np.zeros(n)
+        self._input.current_acceleration = np.zeros(n)
+
+    def follow(
+        self, position_rad: FloatArray, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The state to command for this cycle: the reference itself, or the nearest feasible one.
+
+        Raises:
+            InfeasibleMotion: Ruckig refuses the reference.
+        """
+        self._input.target_position = position_rad
+        self._input.target_velocity = velocity_rad_s
+        self._input.target_acceleration = acceleration_rad_s2
+        result = self._otg.update(self._input, self._output)
+        if result not in (Result.Working, Result.Finished):
+            raise InfeasibleMotion(f"Ruckig refuses a setpoint: {result}")
+        self._output.pass_to_input(self._input)
+        return (
+            np.array(self._output.new_position),
+            np.array(self._output.new_velocity),
+            np.array(self._output.new_acceleration),
+        )
+
+
+def _join(first: MotionPlan, second: MotionPlan) -> MotionPlan:
+    return MotionPlan(
+        np.vstack([first.position_rad, second.position_rad]),
+        np.vstack([first.velocity_rad_s, second.velocity_rad_s]),
+        np.vstack([first.acceleration_rad_s2, second.acceleration_rad_s2]),
+        np.concatenate([first.phase_s, second.phase_s]),
+        np.concatenate([first.phase_rate, second.phase_rate]),
+        np.concatenate([first.phase_acceleration_1_s, second.phase_acceleration_1_s]),
+        first.segment + second.segment,
+    )

@@ -1,0 +1,1 @@
+"""Sessions with an arm: opening it, commissioning, feed-forward comparison."""

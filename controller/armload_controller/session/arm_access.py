@@ -1,0 +1,177 @@
+"""Opening an arm: the simulated one in this process, or drives on a bus.
+
+On any bus but `virtual` a real arm could be, and is taken to be. The rules, in the order in which they are asked:
+
+1. The configuration says who every drive is (1018), what the arm must not touch, and what its joints can give;
+   somebody sits at a terminal. Else the bus is not even opened.
+2. The drivers compare every node's identity with the configuration's before they write anything to it, and refuse
+   drives that lack what safety rests on: see `armload_drivers.bring_up.drive_bring_up`.
+3. Whatever does not carry the simulation's identity is moved with consent only, slowly first: see `commissioning`.
+
+With `--simulated-drives` the identity that is asked for is the simulation's, so that nothing real can be meant.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+
+import can
+
+from armload_controller.config.robot import Robot
+from armload_controller.control_errors import UnsafeBus
+from armload_controller.cycle.realtime import tuned_for_cycles
+from armload_controller.session.commissioning import Load
+from armload_drivers.canopen.canopen_servos import CanopenServos
+from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
+from armload_drivers.canopen.sync_sources import LockstepSync, SyncSource, TimerSync
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
+from armload_drivers.driver_errors import BusError
+from armload_drivers.servos import JointServos
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.mujoco_plant import ArmPlant
+from armload_drivers.simulation.virtual_clock import VirtualClock
+
+VIRTUAL = "virtual"
+"""The interface that lives in one process, and with it its simulated drives."""
+
+SOCKETCAN = "socketcan"
+
+
+def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> None:
+    """Refuse to open a bus on which a real arm could be, where something that a real arm needs is not there.
+
+    Args:
+        robot: The arm.
+        simulated_drives: Only drives with the simulation's identity are to be driven.
+        attended: Somebody sits at a terminal.
+
+    Raises:
+        ConfigurationError: the file does not say who the drives are, or what a motion must not do.
+        UnsafeBus: nobody is there to be asked.
+    """
+    if robot.bus.interface == VIRTUAL or simulated_drives:
+        return
+    robot.require_told()
+    if not attended:
+        raise UnsafeBus(
+            f"bus {robot.bus.interface}:{robot.bus.channel}: a real arm is moved only with somebody at a terminal, "
+            "--yes or not. Run the command where its input is a terminal, within reach of the emergency stop"
+        )
+
+
+def open_arm(
+    robot: Robot, load: Load, tell: Callable[[str], None], *, simulated_drives: bool
+) -> AbstractContextManager[JointServos]:
+    """The arm where its configuration says it is: in this process or on a bus.
+
+    Args:
+        robot: The arm, for which `require_rules` had no objection.
+        load: What hangs on the flange, for a simulation in this process.
+        tell: Is told what the operator should know.
+        simulated_drives: On a bus, every drive has to carry the simulation's identity.
+    """
+    if robot.bus.interface == VIRTUAL:
+        return simulated_arm(robot, load)
+    return arm_on_bus(robot, tell, simulated_drives=simulated_drives)
+
+
+@contextmanager
+def simulated_arm(robot: Robot, load: Load) -> Iterator[JointServos]:
+    """Master and simulated drives in this process, in lockstep on the virtual bus.
+
+    Args:
+        robot: The arm; its configured payload hangs on the flange in the loaded half.
+        load: What hangs on the flange.
+    """
+    arm = robot.arm_settings()
+    payload = robot.simulated_payload_name if load is Load.LOADED else None
+    plant = ArmPlant(robot.plant_spec(payload, run=int(load is Load.LOADED)))
+    clock = VirtualClock()
+    with _bus(robot) as drives_bus, _bus(robot) as bus, SimulatedDrives(arm, plant, drives_bus, clock):
+        servos = CanopenServos(arm, bus, LockstepSync(clock))
+        try:
+            yield servos
+        finally:
+            servos.close()
+
+
+@contextmanager
+def arm_on_bus(robot: Robot, tell: Callable[[str], None], *, simulated_drives: bool) -> Iterator[JointServos]:
+    """Drives on a bus; this process is tuned for the cycle meanwhile.
+
+    Args:
+        robot: The arm, for which `require_rules` had no objection.
+        tell: Is told what of the tuning was not permitted.
+        simulated_drives: Every drive has to carry the simulation's identity, instead of the configured one.
+
+    Raises:
+        BusError: the interface cannot be opened.
+    """
+    arm = robot.arm_settings()
+    if simulated_drives:
+        drives = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
+        arm = replace(arm, drives=drives)
+    with _bus(robot) as bus, tuned_for_cycles(tell):
+        servos = CanopenServos(arm, bus, sync_for(robot))
+        try:
+            yield servos
+        finally:
+            servos.close()
+
+
+def sync_for(robot: Robot) -> SyncSource:
+    """SYNC from the kernel where the bus is SocketCAN, else from this process."""
+    if robot.bus.interface == SOCKETCAN:
+        return BcmSync(BroadcastManager(robot.bus.channel))
+    return TimerSync()
+
+
+@contextmanager
+def drives_alone(robot: Robot, payload: str | None, run: int) -> Iterator[SimulatedDrives]:
+    """Simulated drives on a bus, on the wall clock, for another process to command.
+
+    Raises:
+        UnsafeBus: on the virtual bus nobody else could reach them.
+        BusError: the interface cannot be opened.
+    """
+    if robot.bus.interface == VIRTUAL:
+        raise UnsafeBus(
+            "drives alone on the virtual bus cannot be reached from another process: "
+            "give --interface and --channel, such as --interface socketcan --channel vcan0"
+        )
+    plant = ArmPlant(robot.plant_spec(payload, run))
+    with _bus(robot) as bus, SimulatedDrives(robot.arm_settings(), plant, bus, clock_from_now()) as drives:
+        yield drives
+
+
+def clock_from_now() -> Callable[[], float]:
+    """A monotonic clock that begins at zero: a plant has to live through all that its clock tells."""
+    begun_s = time.monotonic()
+    return lambda: time.monotonic() - begun_s
+
+
+def _bus(robot: Robot) -> AbstractContextManager[can.BusABC]:
+    """The robot's bus."""
+    return open_bus(robot.bus.interface, robot.bus.channel, robot.bus.bitrate)
+
+
+@contextmanager
+def open_bus(interface: str, channel: str, bitrate: int) -> Iterator[can.BusABC]:
+    """A bus, closed again.
+
+    Raises:
+        BusError: it cannot be opened.
+    """
+    try:
+        opened = can.Bus(interface=interface, channel=channel, bitrate=bitrate)
+    except (can.CanError, OSError, ValueError) as error:
+        raise BusError(
+            f"bus {interface}:{channel} cannot be opened: {error}. Check the interface's name and that it is up"
+        ) from error
+    try:
+        yield opened
+    finally:
+        opened.shutdown()

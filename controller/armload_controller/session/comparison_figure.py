@@ -1,0 +1,59 @@
+"""Comparisons as a picture: one column each, one row a joint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from armload_controller.control_errors import CommissioningError
+from armload_controller.session.feedforward_comparison import Comparison
+
+COLORS = ("#0072b2", "#009e73", "#d55e00")
+"""Told apart by those who do not see red and green."""
+
+
+def require_picture(path: Path) -> None:
+    """Refuse a file that no picture can be drawn into, before anything moves.
+
+    Raises:
+        CommissioningError: another ending than .svg or .png.
+    """
+    if path.suffix.lower() not in {".svg", ".png"}:
+        raise CommissioningError(f"{path}: pictures are written as .svg or .png")
+
+
+def draw(comparisons: Sequence[Comparison], robot: str, path: Path) -> None:
+    """Draw the errors without and with feed-forward over the phase.
+
+    Args:
+        comparisons: What to draw, of the same joints.
+        robot: Name of the arm.
+        path: SVG or PNG file, after its ending; an existing file is replaced.
+
+    Raises:
+        CommissioningError: another ending, or the file cannot be written.
+    """
+    require_picture(path)
+    from matplotlib.figure import Figure
+
+    n = len(comparisons[0].joint_names)
+    figure = Figure(figsize=(9.0 * len(comparisons), 1.5 * n + 0.8), layout="constrained")
+    axes = figure.subplots(n, len(comparisons), sharex=True, squeeze=False)
+    for column, comparison in enumerate(comparisons):
+        for i, name in enumerate(comparison.joint_names):
+            axis = axes[i, column]
+            axis.plot(comparison.phase_s, 1e3 * comparison.without_rad[:, i], color="#999999", label="without")
+            for color, (label, error) in zip(COLORS, comparison.with_rad.items(), strict=False):
+                text = f"{label}: {100 * comparison.reduction(label)[i]:.0f} % less"
+                axis.plot(comparison.phase_s, 1e3 * error[:, i], color=color, lw=0.9, label=text)
+            axis.set_ylabel(f"{name}\nmrad", fontsize=8)
+            axis.tick_params(labelsize=7)
+            axis.grid(alpha=0.3)
+            axis.legend(fontsize=7, loc="upper right")
+        axes[0, column].set_title(comparison.measure, fontsize=9)
+        axes[-1, column].set_xlabel("phase of the path, s")
+    figure.suptitle(f"{robot}: without and with feed-forward", fontsize=10)
+    try:
+        figure.savefig(path, dpi=130)
+    except OSError as error:
+        raise CommissioningError(f"{path}: {error.strerror}: choose a file that can be written") from error

@@ -1,0 +1,317 @@
+"""One trajectory without and with feed-forward: what becomes of the following error e = target - measured.
+
+Nearly all of e is the servo's lag, which no torque changes: an arm that is at speed dq is behind by 40 ms of it. Two
+things are looked at in its place:
+
+    what the payload adds       e_loaded - e_unloaded, at the same phase: for a payload's torque
+    what the lag leaves         e - (a_1 dq + a_2 d2q + a_3 d3q + a_4 d4q), fitted to each run and joint: for the arm's
+
+The first needs the empty arm on the same trajectory, as a simulation has it. The second needs nothing but the run: what
+is left is due to torque, the payload's and the arm's own (friction at reversals above all).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from armload_controller.config.robot import Robot
+from armload_controller.control_errors import CommissioningError
+from armload_controller.cycle.control_cycle import Cycle
+from armload_controller.cycle.monitors import FollowingMonitor
+from armload_controller.cycle.plugins import CyclePlugin, CycleStep
+from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.feedforward.body_torque import ArmTerm
+from armload_controller.feedforward.injection import CheckedFeedforward, FeedforwardPlugin
+from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, tried_torque
+from armload_controller.motion.motion_control import MotionControl
+from armload_controller.motion.phase import Segment
+from armload_controller.motion.setpoints import RunLegs, check_leg, plan_legs
+from armload_controller.session.commissioning import (
+    BAR,
+    Consent,
+    Load,
+    Watcher,
+    approach,
+    run_leg,
+    tell_weak_points,
+    torque_window,
+)
+from armload_drivers.servos import FloatArray, JointServos
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.model.payload import PayloadResult
+from armload_identification.model.regressor import payload_torque
+
+LOADED_SHARE = 0.2
+"""A joint is gravity-loaded whose weight torque of the payload is at least this share of the most loaded one's."""
+
+
+_STEP_S = 1e-3
+"""Step in phase of the difference that makes the fourth derivative."""
+
+
+class Measure(StrEnum):
+    """What is looked at of the following error."""
+
+    ADDED = "what the payload adds to the following error"
+    TORQUES = "following error beyond the servo's lag"
+
+
+@dataclass(frozen=True, eq=False)
+class FollowingRun:
+    """Following error of one run, in its measured periods.
+
+    Attributes:
+        phase_s: (N,) phase along the path.
+        error_rad: (N, n) target minus measured position.
+    """
+
+    phase_s: FloatArray
+    error_rad: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What feed-forward makes of the following error.
+
+    Attributes:
+        measure: What the errors are.
+        joint_names: Names.
+        phase_s: (N,) phase along the path.
+        without_rad: (N, n) error without feed-forward.
+        with_rad: Label and (N, n) error with feed-forward, of one or more kinds.
+        weight_nm: (n,) greatest torque of the payload's weight along the path.
+    """
+
+    measure: Measure
+    joint_names: tuple[str, ...]
+    phase_s: FloatArray
+    without_rad: FloatArray
+    with_rad: dict[str, FloatArray]
+    weight_nm: FloatArray
+
+    @property
+    def gravity_loaded(self) -> tuple[int, ...]:
+        """Joints that carry the payload's weight, from 0."""
+        return tuple(int(i) for i in np.flatnonzero(self.weight_nm >= LOADED_SHARE * self.weight_nm.max()))
+
+    @property
+    def without_rms_rad(self) -> FloatArray:
+        """(n,) RMS over time without feed-forward."""
+        return rms(self.without_rad)
+
+    def reduction(self, label: str) -> FloatArray:
+        """(n,) share of the RMS that feed-forward takes away."""
+        return np.asarray(1.0 - rms(self.with_rad[label]) / self.without_rms_rad + 0.0)
+
+
+def beyond_lag(error_rad: FloatArray, path: FourierTrajectory, phase_s: FloatArray) -> FloatArray:
+    """What is left of following errors when everything linear in the motion's derivatives is taken off.
+
+    Args:
+        error_rad: (N, n) errors at the path's own speed.
+        path: The motion.
+        phase_s: (N,) where on it.
+    """
+    state = path.evaluate(phase_s)
+    jerk = [path.evaluate(phase_s + side * _STEP_S).jerk_rad_s3 for side in (1.0, -1.0)]
+    fourth = (jerk[0] - jerk[1]) / (2.0 * _STEP_S)
+    left = np.empty_like(error_rad)
+    for joint in range(error_rad.shape[1]):
+        derivatives = (state.velocity_rad_s, state.acceleration_rad_s2, state.jerk_rad_s3, fourth)
+        columns = np.column_stack([derivative[:, joint] for derivative in derivatives])
+        scale = np.abs(columns).max(axis=0)
+        columns /= np.where(scale > 0.0, scale, 1.0)
+        error = error_rad[:, joint]
+        left[:, joint] = error - columns @ np.linalg.lstsq(columns, error, rcond=None)[0]
+    return left
+
+
+def rms(error_rad: FloatArray) -> FloatArray:
+    """(n,) root mean square over time of (N, n)."""
+    return np.asarray(np.sqrt(np.mean(error_rad**2, axis=0)))
+
+
+class Follower:
+    """Plug-in that keeps the following error of the measured periods."""
+
+    name = "following error"
+
+    def __init__(self) -> None:
+        self._phase: list[float] = []
+        self._error: list[FloatArray] = []
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Keep one cycle."""
+        reference = step.sent_reference
+        if step.sent is not None and reference is not None and reference.segment is Segment.PERIODS:
+            self._phase.append(reference.state.phase_s)
+            self._error.append(step.sent.position_rad - step.feedback.position_rad)
+
+    def run(self) -> FollowingRun:
+        """What was kept.
+
+        Raises:
+            CommissioningError: nothing was; the run was not at full speed.
+        """
+        if not self._phase:
+            raise CommissioningError("no cycle at full speed: nothing to compare. Run without pause and override")
+        return FollowingRun(np.array(self._phase), np.array(self._error))
+
+
+class ComparisonRuns:
+    """The runs of a comparison on one arm.
+
+    Args:
+        robot: The arm.
+        excitation: Path and periods.
+        watcher: Is told what happens.
+        control: The operator's hand.
+        consent: The operator's agreement.
+        tried_nm: (n,) torque that is tried at standstill on every joint, where the payload's weight asks for less.
+
+    Raises:
+        LimitViolation: the excitation breaks a limit.
+        InfeasibleMotion: it cannot be run at this cycle.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        excitation: Excitation,
+        watcher: Watcher,
+        control: MotionControl,
+        consent: Consent,
+        tried_nm: FloatArray | None = None,
+    ) -> None:
+        self._robot, self._watcher, self._control, self._consent = robot, watcher, control, consent
+        self._tried_nm = np.zeros(robot.n) if tried_nm is None else tried_nm
+        self._limits, self._cell = robot.motion_limits(), robot.cell()
+        cycle_s = 1 / robot.bus.cycle_hz
+        self._legs: RunLegs = plan_legs(excitation, self._limits, cycle_s)
+        for leg in (self._legs.slow, self._legs.measured):
+            check_leg(leg, self._limits, cycle_s)
+        self._path = path = excitation.trajectory
+        self._path_rad = path.evaluate(np.linspace(0.0, path.period_s, 512)).position_rad
+
+    def plain(self, servos: JointServos, text: str, *, with_payload: bool) -> FollowingRun:
+        """A slow round, consent, and a run without feed-forward.
+
+        Raises:
+            CommissioningError: the operator does not agree.
+            MotionError: the motion was stopped.
+        """
+        tell_weak_points(self._robot, servos, self._watcher)
+        self._consent.require(
+            servos, f"{text}: the arm will move, slowly first. Is the cell clear?", always=with_payload
+        )
+        kept = Follower()
+        cycle = self._cycle(servos, Load.LOADED if with_payload else Load.UNLOADED, [kept])
+        with self._watcher.track(f"{text}, slow round", BAR) as progress:
+            run_leg(cycle, self._legs.slow, self._limits, self._cell, progress)
+        self._consent.require(servos, f"{text}: run at full speed?", always=False)
+        with self._watcher.track(text, BAR) as progress:
+            run_leg(cycle, self._legs.measured, self._limits, self._cell, progress)
+        return kept.run()
+
+    def with_feedforward(
+        self,
+        servos: JointServos,
+        payload: PayloadResult,
+        text: str,
+        tried: OffsetVerdict | None,
+        beside: ArmTerm | None = None,
+    ) -> tuple[FollowingRun, OffsetVerdict]:
+        """A run with feed-forward, after the torque offset was tried where the run begins; no other way.
+
+        Args:
+            servos: The arm, connected.
+            payload: What is fed forward.
+            text: What the run is called.
+            tried: What a trial of these drives found before, since they were connected; None tries now.
+            beside: What the arm itself adds in this run.
+
+        Raises:
+            PayloadRefused: the payload must not be fed forward; nothing has moved.
+            MotionError: the motion was stopped, for a torque offset that is wrong too.
+        """
+        added = self._feedforward(servos, payload, beside)
+        kept = Follower()
+        cycle = self._cycle(servos, Load.LOADED, [kept, added])
+        self._consent.require(servos, f"{text}: run at full speed with torque added to the drives'?", always=False)
+        with self._watcher.track(text, BAR) as progress, cycle.powered() as arm:
+            leg = self._legs.measured
+            approach(arm, self._legs.start_rad, self._limits, self._cell, progress)
+            if tried is None:
+                tried = added.begin(arm)
+            else:
+                added.fade_in(arm, tried)
+            arm.follow(leg, lambda share: progress(round(BAR * share)))
+        return kept.run(), tried
+
+    def check_only(self, servos: JointServos, payload: PayloadResult) -> OffsetVerdict:
+        """Try the torque offset where the arm stands; it is held in position and goes nowhere.
+
+        Raises:
+            PayloadRefused: the payload must not be fed forward.
+            MotionError: the torque offset is wrong, or the check was stopped.
+        """
+        self._consent.require(servos, "The arm will hold its position with torque on. Is the cell clear?", always=True)
+        added = self._feedforward(servos, payload, None)
+        with self._cycle(servos, Load.LOADED, [added]).powered() as arm:
+            return added.begin(arm)
+
+    def compare(
+        self,
+        without: FollowingRun,
+        with_feedforward: dict[str, FollowingRun],
+        empty: FollowingRun | None,
+        payload: PayloadResult,
+    ) -> Comparison:
+        """Put runs beside each other, at the phases that all of them have.
+
+        Args:
+            without: The loaded arm without feed-forward.
+            with_feedforward: Label and run with it.
+            empty: The empty arm without feed-forward, for `Measure.ADDED`; None asks for `Measure.TORQUES`.
+            payload: What is fed forward.
+        """
+        runs = [without, *with_feedforward.values(), *([] if empty is None else [empty])]
+        keys = [np.round(run.phase_s * self._robot.bus.cycle_hz).astype(np.int64) for run in runs]
+        common = keys[0]
+        for key in keys[1:]:
+            common = np.intersect1d(common, key)
+        rows = [run.error_rad[np.searchsorted(key, common)] for run, key in zip(runs, keys, strict=True)]
+        phase_s = common / self._robot.bus.cycle_hz
+        if empty is None:
+            rows = [beyond_lag(row, self._path, phase_s) for row in rows]
+        else:
+            rows = [row - rows[-1] for row in rows]
+        still = np.zeros_like(self._path_rad)
+        weight = payload_torque(self._robot.chain(), payload.model.theta, self._path_rad, still, still)
+        return Comparison(
+            measure=Measure.TORQUES if empty is None else Measure.ADDED,
+            joint_names=self._robot.joint_names,
+            phase_s=phase_s,
+            without_rad=rows[0],
+            with_rad=dict(zip(with_feedforward, rows[1:], strict=False)),
+            weight_nm=np.abs(weight).max(axis=0),
+        )
+
+    def _feedforward(self, servos: JointServos, payload: PayloadResult, beside: ArmTerm | None) -> CheckedFeedforward:
+        """The feed-forward of a payload for this path, and the check that comes before it."""
+        robot = self._robot
+        chain = robot.chain()
+        added = FeedforwardPlugin(chain, robot.name, payload, servos.cycle_s, beside)
+        tried = np.maximum(tried_torque(chain, payload.model, self._path_rad), self._tried_nm)
+        return CheckedFeedforward(added, OffsetCheck(robot.joint_names, robot.transmission(), tried, servos.cycle_s))
+
+    def _cycle(self, servos: JointServos, load: Load, plugins: list[CyclePlugin]) -> Cycle:
+        """A cycle with monitors, and what a run adds."""
+        robot = self._robot
+        monitor = FollowingMonitor(self._limits, robot.bus.max_missing_cycles)
+        gate = TorqueGate(robot.torque_for_drives_nm(), servos.cycle_s)
+        watching: list[CyclePlugin] = [monitor, torque_window(robot, load, servos.cycle_s)]
+        return Cycle(servos, self._limits, gate, self._control, [*watching, *plugins])

@@ -1,0 +1,77 @@
+"""Who is on the bus: every node id is asked at once for its device type.
+
+References:
+    CiA 301, 7.2.4 (SDO), 7.5.2.1 (device type).
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Iterable
+
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.driver_errors import WrongDevice
+
+NODE_IDS = range(1, 128)
+_UPLOAD = struct.Struct("<BHB4x").pack(0x40, od.DEVICE_TYPE.index, 0)
+_ANSWER = struct.Struct("<BHBI")
+
+
+def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, int | None]:
+    """Ask nodes for their device type.
+
+    Args:
+        link: The bus; no SDO of these nodes may be under way.
+        node_ids: Whom to ask.
+        wait_s: How long to wait for answers, all together.
+
+    Returns:
+        Device type (1000) of each node that answers; None where it answers with an abort.
+
+    Raises:
+        BusError: the bus failed.
+    """
+    found: dict[int, int | None] = {}
+    asked = tuple(node_ids)
+
+    def listen(node_id: int) -> None:
+        def take(data: bytearray) -> None:
+            if len(data) == 8:
+                command, _, _, value = _ANSWER.unpack(data)
+                found[node_id] = None if command == 0x80 else value
+
+        link.subscribe(od.SDO_TX_BASE + node_id, take)
+
+    for node_id in asked:
+        listen(node_id)
+        link.send_frame(od.SDO_RX_BASE + node_id, _UPLOAD)
+    deadline_s = time.monotonic() + wait_s
+    while (left_s := deadline_s - time.monotonic()) > 0.0:
+        link.pump(left_s)
+    for node_id in asked:
+        link.unsubscribe(od.SDO_TX_BASE + node_id)
+    return dict(sorted(found.items()))
+
+
+def require_no_strangers(link: BusLink, arm: ArmSettings, wait_s: float) -> None:
+    """Refuse a bus with a drive on it that the configuration does not know.
+
+    Raises:
+        WrongDevice: naming the node.
+        BusError: the bus failed.
+    """
+    known = {drive.node_id for drive in arm.drives} | arm.other_nodes
+    others = scan(link, (node_id for node_id in NODE_IDS if node_id not in known), wait_s)
+    for node_id, device_type in others.items():
+        if device_type is not None and device_type & 0xFFFF == od.DEVICE_TYPE_SERVO & 0xFFFF:
+            raise WrongDevice(
+                node_id,
+                "no configured joint",
+                "looking for other drives",
+                f"a CiA 402 drive that the configuration does not name; it names {len(arm.drives)}",
+                "Is this the right arm, with all its joints configured? A drive that belongs to something else on "
+                "the bus goes into other_nodes",
+            )

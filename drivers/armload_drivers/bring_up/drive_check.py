@@ -1,0 +1,224 @@
+"""What bring-up would say of an arm's drives, and one fault reset: the two looks at drives that write to them.
+
+`check` does everything of bring-up short of enabling, goes on after an error, and keeps the answer of every step. It
+resets nodes and writes their configuration, as bring-up does; so first it asks everybody, and touches nobody while a
+drive of the arm carries torque, and no real drive that the configuration does not name by its identity. `reset` acts on
+one drive, under the same conditions and with consent. Nothing is energised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import can
+
+from armload_drivers.bring_up.bus_scan import require_no_strangers
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_setups, arm_with, is_simulation
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings, Identity
+from armload_drivers.cia402.description_check import description_gaps
+from armload_drivers.cia402.drive_units import ArmUnits
+from armload_drivers.cia402.object_dictionary import NmtCommand
+from armload_drivers.cia402.state_machine import POWERED, State
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import ServoError, WrongDevice
+
+_AT_WORK = "Another master is at work: end it first"
+
+
+class Verdict(Enum):
+    """What a step of the check ended in."""
+
+    OK = "ok"
+    MISSING = "missing"
+    WRONG = "wrong"
+    NOT_DONE = "not done"
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One step on one drive.
+
+    Attributes:
+        joint: Name of the joint.
+        node_id: Node id.
+        step: What was checked.
+        verdict: How it ended.
+        detail: What is missing or wrong, and what to do; empty where all is well.
+    """
+
+    joint: str
+    node_id: int
+    step: str
+    verdict: Verdict
+    detail: str
+
+
+def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -> list[Check]:
+    """Everything of bring-up short of enabling, every step of every drive.
+
+    Raises:
+        BusError: the bus failed.
+    """
+    link, limits = BusLink(bus), timeouts or Timeouts()
+    setups = arm_setups(arm, link, limits)
+    rows: list[Check] = []
+    for setup in setups:
+        rows += [_row(setup, "description", Verdict.MISSING, gap) for gap in description_gaps(setup.settings)]
+    known = [_identify(setup, rows) for setup in setups]
+    strangers = _strangers(link, arm, limits)
+    if None in known:
+        rows += [_row(setup, "reset", Verdict.NOT_DONE, _AT_WORK) for setup in setups]
+        return _by_joint(rows, arm) + strangers
+    sound = [
+        _check_alone(setup, link, limits, rows) if is_known else False
+        for setup, is_known in zip(setups, known, strict=True)
+    ]
+    if not all(sound):
+        what = "needs the scale of every drive, and not all are in order"
+        rows += [_row(setup, "limits", Verdict.NOT_DONE, what) for setup in setups]
+        return _by_joint(rows, arm) + strangers
+    units = ArmUnits(arm_with(arm, setups), [setup.report().polarity for setup in setups])
+    for axis, setup in enumerate(setups):
+        try:
+            setup.write_limits(units, axis)
+        except ServoError as error:
+            rows.append(_row(setup, "limits", Verdict.WRONG, str(error)))
+            continue
+        missing = setup.report().missing
+        rows.append(_row(setup, "limits", Verdict.OK, ""))
+        rows += [_row(setup, "objects", Verdict.MISSING, name) for name in missing]
+    return _by_joint(rows, arm) + strangers
+
+
+def _strangers(link: BusLink, arm: ArmSettings, limits: Timeouts) -> list[Check]:
+    """A row where a drive is on the bus that the configuration does not name. Only reads."""
+    try:
+        require_no_strangers(link, arm, limits.scan_s)
+    except WrongDevice as error:
+        return [Check(error.joint, error.node_id, "other drives", Verdict.WRONG, str(error))]
+    return []
+
+
+def _by_joint(rows: list[Check], arm: ArmSettings) -> list[Check]:
+    """All rows of a joint together."""
+    order = [drive.node_id for drive in arm.drives]
+    return sorted(rows, key=lambda row: order.index(row.node_id))
+
+
+def _identify(setup: DriveSetup, rows: list[Check]) -> bool | None:
+    """Whether a drive is who it should be, so that it may be reset; None where it carries torque. Only reads."""
+    if not setup.is_up():
+        rows.append(
+            _row(setup, "answers", Verdict.WRONG, "no answer: is it supplied and connected, with this node id?")
+        )
+        return False
+    rows.append(_row(setup, "answers", Verdict.OK, ""))
+    try:
+        found = setup.check_identity()
+        powered = setup.read_state() in POWERED
+    except ServoError as error:
+        rows.append(_row(setup, "identity", Verdict.WRONG, str(error)))
+        return False
+    if powered:
+        rows.append(_row(setup, "identity", Verdict.WRONG, f"the drive carries torque. {_AT_WORK}"))
+        return None
+    if _is_anonymous(setup, found):
+        rows.append(_row(setup, "identity", Verdict.NOT_DONE, _name_it(found)))
+        return False
+    rows.append(_row(setup, "identity", Verdict.OK, ""))
+    return True
+
+
+def _is_anonymous(setup: DriveSetup, found: Identity) -> bool:
+    """Whether a real drive answers to a configuration that would take anybody."""
+    settings = setup.settings
+    described = settings.description is not None and settings.description.vendor_id is not None
+    return settings.identity.vendor_id is None and not described and not is_simulation(found)
+
+
+def _name_it(found: Identity) -> str:
+    """What to do about an anonymous drive."""
+    told = ", ".join(
+        f"{key} = 0x{value:08X}"
+        for key, value in (("vendor_id", found.vendor_id), ("product_code", found.product_code))
+        if value is not None
+    )
+    return (
+        "a real drive that the configuration does not name is not written to. If it is this arm's, name it: "
+        f"identity = {{ {told} }}"
+    )
+
+
+def _check_alone(setup: DriveSetup, link: BusLink, limits: Timeouts, rows: list[Check]) -> bool:
+    """Everything that needs one drive alone, which has been identified; True where nothing is wrong."""
+    sound = True
+    _reset(setup, link, limits)
+    for name, step in setup.steps():
+        try:
+            step()
+        except ServoError as error:
+            sound = False
+            rows.append(_row(setup, name, Verdict.WRONG, str(error)))
+        else:
+            rows.append(_row(setup, name, Verdict.OK, ""))
+    return sound
+
+
+def _reset(setup: DriveSetup, link: BusLink, limits: Timeouts) -> None:
+    """NMT reset of one node, until its boot-up message or time is over."""
+    booted: list[bytes] = []
+    cob_id = od.HEARTBEAT_BASE + setup.settings.node_id
+    link.subscribe(cob_id, lambda data: booted.append(bytes(data)))
+    link.command(NmtCommand.RESET_NODE, setup.settings.node_id)
+    link.pump_until(lambda: b"\0" in booted, limits.boot_s)
+    link.unsubscribe(cob_id)
+
+
+def _row(setup: DriveSetup, step: str, verdict: Verdict, detail: str) -> Check:
+    """One row of the table."""
+    return Check(setup.settings.joint, setup.settings.node_id, step, verdict, detail)
+
+
+def reset(
+    arm: ArmSettings,
+    joint: str,
+    bus: can.BusABC,
+    consent: Callable[[str], bool],
+    timeouts: Timeouts | None = None,
+) -> State | None:
+    """Reset the fault of one drive, by a bounded number of rising edges. No other is written to, none is enabled.
+
+    Args:
+        arm: The arm.
+        joint: Name of the joint.
+        bus: An open bus.
+        consent: Asked before a drive that is not a simulation is written to, with what would be done.
+        timeouts: Limits of all waits.
+
+    Returns:
+        The state that the drive is in then; None where consent was not given, and nothing was done.
+
+    Raises:
+        WrongDevice: it is not the configured drive, or a real one that the configuration does not name.
+        ServoError: the drive is not in FAULT, or stays there; or a drive of the arm carries torque.
+        BusError: the bus failed.
+    """
+    setups = arm_setups(arm, BusLink(bus), timeouts or Timeouts())
+    setup = next(setup for setup in setups if setup.settings.joint == joint)
+    found = setup.check_identity()
+    if _is_anonymous(setup, found):
+        raise WrongDevice(setup.settings.node_id, joint, "identifying", _name_it(found), "Then reset it again")
+    for other in setups:
+        if other.is_up() and other.read_state() in POWERED:
+            raise other.refusal("the drive carries torque", _AT_WORK)
+    cause = setup.read_fault()
+    node = f"{joint} (node {setup.settings.node_id})"
+    if not is_simulation(found) and not consent(
+        f"{node} is in FAULT: {cause}. Is the cause gone, and is it to be reset?"
+    ):
+        return None
+    return setup.reset_fault()

@@ -1,0 +1,182 @@
+"""Talking to one drive by SDO while no cycle runs, or after the drive has left it.
+
+What is read here may be read at any time. What is written never energises: targets that hold, the master's heartbeat to
+be watched, a fault reset, torque taken away.
+
+References:
+    CiA 301, 7.2.4; CiA 402-2, 8.
+"""
+
+from __future__ import annotations
+
+import time
+
+from armload_drivers.bring_up.drive_objects import HEARTBEAT_TOLERANCE
+from armload_drivers.bring_up.sdo_channel import SdoChannel
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
+from armload_drivers.cia402.drive_units import milliseconds
+from armload_drivers.cia402.emergency import describe
+from armload_drivers.cia402.object_dictionary import Entry
+from armload_drivers.cia402.process_image import DriveImage, temperature_entry
+from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State, decode
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import ServoError, ServoFault, StatuswordError, TransitionError
+
+
+class DriveDialogue:
+    """SDO access to one drive, by what it is for.
+
+    Args:
+        drive: Its settings.
+        arm: The arm's settings.
+        image: Its PDOs.
+        sdo: SDO access to it.
+        timeouts: Limits of the waits.
+        master_node_id: Whose heartbeat it is to watch.
+
+    Attributes:
+        settings: The drive's settings.
+    """
+
+    def __init__(
+        self,
+        drive: DriveSettings,
+        arm: ArmSettings,
+        *,
+        image: DriveImage,
+        sdo: SdoChannel,
+        timeouts: Timeouts,
+        master_node_id: int,
+    ) -> None:
+        self.settings = drive
+        self._arm = arm
+        self._image, self._sdo, self._timeouts = image, sdo, timeouts
+        self._master_node_id = master_node_id
+
+    def is_up(self) -> bool:
+        """Whether the node answers at all; a short look."""
+        self._sdo.step = "looking for the node"
+        return self._sdo.answers(od.DEVICE_TYPE, self._timeouts.probe_s)
+
+    def read_state(self) -> State:
+        """Power state, by SDO.
+
+        Raises:
+            ServoError: it does not answer, or its statusword tells no state.
+        """
+        word = self._sdo.read(od.STATUSWORD)
+        try:
+            return decode(word)
+        except StatuswordError as error:
+            raise self._sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
+
+    def read_values(self, entries: tuple[Entry, ...]) -> list[int | None]:
+        """Objects as the drive has them now; None for what it does not have."""
+        self._sdo.step = "reading actual values"
+        return [self._sdo.read_if_there(entry) for entry in entries]
+
+    def read_temperature_celsius(self) -> float | None:
+        """The temperature that the configuration names; None where it names none or the drive has none."""
+        entry, told = temperature_entry(self.settings), self.settings.temperature
+        if entry is None or told is None:
+            return None
+        self._sdo.step = "reading the temperature"
+        value = self._sdo.read_real_if_there(entry)
+        return None if value is None else value * told.celsius_per_unit
+
+    def read_position(self) -> int:
+        """Actual position in the drive's units, by SDO."""
+        self._sdo.step = "waiting for standstill"
+        return self._sdo.read(od.POSITION_ACTUAL)
+
+    def read_fault(self) -> str:
+        """Why the drive is in FAULT, in words. Only reads.
+
+        Raises:
+            ServoError: it is not in FAULT.
+        """
+        self._sdo.step = "looking for the fault"
+        state = self.read_state()
+        if state is not State.FAULT:
+            raise self._sdo.failure(f"the drive is in {state.title}", "There is nothing to reset")
+        return self._read_cause()
+
+    def _read_cause(self) -> str:
+        """Why the drive is in FAULT, in words."""
+        code = self._sdo.read_if_there(od.ERROR_CODE)
+        return "603F does not tell why" if code is None else describe(code)
+
+    def require_no_fault(self) -> None:
+        """Refuse to go on with a drive in FAULT.
+
+        Raises:
+            ServoFault: with the drive's error code.
+        """
+        self._sdo.step = "checking for faults"
+        if self.read_state() in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
+            raise ServoFault(
+                self.settings.node_id,
+                self.settings.joint,
+                "enabling",
+                f"the drive is in FAULT: {self._read_cause()}",
+                "Remove the cause, then reset the fault by name (`armload drives reset`) and enable anew",
+            )
+
+    def refusal(self, what: str, remedy: str) -> ServoError:
+        """Error about this drive at this step."""
+        return self._sdo.failure(what, remedy)
+
+    def hold_present_position(self) -> int:
+        """Write the fresh actual position to the target, and no torque offset; returns the position."""
+        self._sdo.step = "presetting the target"
+        counts = self._sdo.read(od.POSITION_ACTUAL)
+        for entry in self._image.rpdo.entries:
+            if entry is od.TARGET_POSITION or entry is od.INTERPOLATION_SETPOINT:
+                self._sdo.write(entry, counts)
+            elif entry is od.TORQUE_OFFSET:
+                self._sdo.write(entry, 0)
+        return counts
+
+    def watch_master(self, *, on: bool) -> None:
+        """Have the drive watch the master's heartbeat, or not."""
+        self._sdo.step = "setting the heartbeat to watch"
+        time_ms = milliseconds(HEARTBEAT_TOLERANCE * self._arm.heartbeat_s) if on else 0
+        self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, self._master_node_id << 16 | time_ms)
+
+    def reset_fault(self) -> State:
+        """Reset a fault by SDO, by a bounded number of rising edges; nothing is enabled.
+
+        Returns:
+            The state that the drive is in then.
+
+        Raises:
+            ServoFault: it stays in FAULT: the cause is still there.
+            ServoError: it is not in FAULT, or an SDO failed.
+        """
+        self._sdo.step = "resetting the fault"
+        machine = MasterMachine()
+        try:
+            machine.receive(self._sdo.read(od.STATUSWORD), 0.0)
+            machine.request_fault_reset()
+        except (StatuswordError, TransitionError) as error:
+            raise self._sdo.failure(str(error), "There is nothing to reset") from error
+        begun_s = time.monotonic()
+        while machine.state is State.FAULT and time.monotonic() - begun_s < self._timeouts.fault_reset_s:
+            self._sdo.write(od.CONTROLWORD, machine.controlword(time.monotonic() - begun_s))
+            machine.receive(self._sdo.read(od.STATUSWORD), time.monotonic() - begun_s)
+        self._sdo.write(od.CONTROLWORD, 0)
+        self.require_no_fault()
+        return self.read_state()
+
+    def remove_torque(self) -> None:
+        """Take the torque of a drive that has left the cycle, by SDO.
+
+        Raises:
+            ServoError: it does not answer, or keeps its torque.
+        """
+        self._sdo.step = "removing torque by SDO"
+        self._sdo.write(od.CONTROLWORD, 0)
+        state = self.read_state()
+        if state in POWERED:
+            raise self._sdo.failure(f"the drive keeps its torque, it is in {state.title}", "Use the emergency stop")

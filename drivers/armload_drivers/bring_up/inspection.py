@@ -1,0 +1,179 @@
+"""Looking at drives without a cycle: who is there, how they fare. Only reads, whoever else is at work on the bus."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import can
+
+from armload_drivers.bring_up.bus_scan import NODE_IDS, scan
+from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_setups
+from armload_drivers.bring_up.drive_objects import SAFETY
+from armload_drivers.bring_up.sdo_channel import SdoChannel
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback, Identity
+from armload_drivers.cia402.process_image import effort_entry
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import DriverError
+
+LISTEN_S = 1.0
+"""The bus load is measured over this time."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundNode:
+    """Somebody on the bus.
+
+    Attributes:
+        node_id: Node id.
+        device_type: 1000; None where the node refuses to tell.
+        name: 1008; empty where it does not tell.
+        identity: 1018.
+        modes: Numbers of the modes of 6502.
+        missing: Objects that safety rests on and that the drive lacks, as "6007".
+    """
+
+    node_id: int
+    device_type: int | None
+    name: str
+    identity: Identity
+    modes: tuple[int, ...]
+    missing: tuple[str, ...]
+
+    @property
+    def is_drive(self) -> bool:
+        """Whether it follows CiA 402."""
+        return self.device_type is not None and self.device_type & 0xFFFF == od.DEVICE_TYPE_SERVO & 0xFFFF
+
+
+@dataclass(frozen=True, slots=True)
+class DriveStatus:
+    """How one drive fares.
+
+    Attributes:
+        joint: Name of the joint.
+        node_id: Node id.
+        state: Power state; None where the drive does not answer.
+        position_rad: Axis position; None where it or its scale is not told.
+        effort: Motor current in A, or axis torque in N m, as `effort_unit` says; None where it is not told.
+        effort_unit: "A" or "N m".
+        error_code: 603F; None where it is not told.
+        temperature_celsius: Of the vendor's object; None where it is not configured or not told.
+        trouble: Why nothing is known, in words.
+    """
+
+    joint: str
+    node_id: int
+    state: State | None
+    position_rad: float | None
+    effort: float | None
+    effort_unit: str
+    error_code: int | None
+    temperature_celsius: float | None
+    trouble: str
+
+
+@dataclass(frozen=True, slots=True)
+class ArmStatus:
+    """How an arm and its bus fare.
+
+    Attributes:
+        drives: One entry per joint.
+        bus_load: Measured share of the bus, every frame at its worst-case length.
+        error_frames: Error frames seen meanwhile.
+        error_passive: The controller is error passive.
+    """
+
+    drives: tuple[DriveStatus, ...]
+    bus_load: float
+    error_frames: int
+    error_passive: bool
+
+
+def find_nodes(bus: can.BusABC, timeouts: Timeouts | None = None) -> list[FoundNode]:
+    """Everybody who answers on a bus. Only reads.
+
+    Raises:
+        ServoError: a node stops answering meanwhile.
+        BusError: the bus failed.
+    """
+    limits = timeouts or Timeouts()
+    link = BusLink(bus)
+    return [
+        _describe(SdoChannel(node_id, "unknown joint", link, limits.sdo_s), node_id, device_type)
+        for node_id, device_type in scan(link, NODE_IDS, limits.scan_s).items()
+    ]
+
+
+def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNode:
+    """What one node tells of itself."""
+    sdo.step = "scanning"
+    modes = sdo.read_if_there(od.SUPPORTED_MODES) or 0
+    entries = {entry.index: entry for entry in _SAFETY_ENTRIES}
+    return FoundNode(
+        node_id=node_id,
+        device_type=device_type,
+        name=sdo.read_text_if_there(od.DEVICE_NAME),
+        identity=Identity(
+            sdo.read_if_there(od.VENDOR_ID), sdo.read_if_there(od.PRODUCT_CODE), sdo.read_if_there(od.REVISION)
+        ),
+        modes=tuple(number + 1 for number in range(32) if modes >> number & 1),
+        missing=tuple(f"{index:04X}" for index in sorted(SAFETY) if sdo.read_if_there(entries[index]) is None),
+    )
+
+
+_SAFETY_ENTRIES = (
+    od.HEARTBEAT_CONSUMER,
+    od.HEARTBEAT_PRODUCER_MS,
+    od.ABORT_CONNECTION_OPTION,
+    od.QUICK_STOP_OPTION,
+    od.FAULT_REACTION_OPTION,
+    od.FOLLOWING_ERROR_WINDOW,
+    od.POSITION_LIMIT_MIN,
+    od.MAX_TORQUE,
+)
+
+
+def show(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None, listen_s: float = LISTEN_S) -> ArmStatus:
+    """How the drives of an arm fare. Only reads, so it may be used while another program moves the arm.
+
+    Raises:
+        BusError: the bus failed.
+    """
+    link, limits = BusLink(bus), timeouts or Timeouts()
+    begun_s = time.monotonic()
+    while (left_s := begun_s + listen_s - time.monotonic()) > 0.0:
+        link.pump(left_s)
+    bits, listened_s = link.bits, time.monotonic() - begun_s
+    drives = tuple(_status(setup, limits) for setup in arm_setups(arm, link, limits))
+    return ArmStatus(drives, bits / (arm.bitrate * listened_s), link.error_frames, link.error_passive)
+
+
+def _status(setup: DriveSetup, limits: Timeouts) -> DriveStatus:
+    """How one drive fares."""
+    joint, node_id = setup.settings.joint, setup.settings.node_id
+    unit = "A" if setup.settings.feedback is EffortFeedback.CURRENT else "N m"
+    try:
+        if not setup.is_up():
+            return DriveStatus(
+                joint, node_id, None, None, None, unit, None, None, f"no answer within {limits.probe_s} s"
+            )
+        scale = setup.read_units()
+        values = setup.read_values((od.POSITION_ACTUAL, effort_entry(setup.settings), od.ERROR_CODE))
+        position, effort, code = values
+        return DriveStatus(
+            joint,
+            node_id,
+            setup.read_state(),
+            None if position is None else position / scale.counts_per_rad,
+            None if effort is None else effort * scale.effort_per_unit,
+            unit,
+            code,
+            setup.read_temperature_celsius(),
+            "",
+        )
+    except DriverError as error:
+        return DriveStatus(joint, node_id, None, None, None, unit, None, None, str(error))

@@ -1,0 +1,215 @@
+"""Objects of one node read and written by SDO, with errors that name node, joint, step and object.
+
+The client is canopen's; it waits by pumping the bus instead of for a receive thread, so there is never more
+than one request to a node under way, and every wait has a limit.
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections import deque
+
+from canopen import ObjectDictionary
+from canopen.sdo import SdoClient
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.cia402.object_dictionary import SDO_RX_BASE, SDO_TX_BASE, Entry
+from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
+
+_MISSING = frozenset({0x0602_0000, 0x0609_0011})
+"""Aborts that mean: this drive does not have the object (or the sub-index)."""
+
+_READ_ONLY = 0x0601_0002
+
+_INITIATE = frozenset({1, 2})
+"""Client commands whose answer repeats index and sub-index: initiate download, initiate upload."""
+
+
+class _NoAnswer(SdoCommunicationError):  # type: ignore[misc]
+    """The node did not answer in time."""
+
+
+class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
+    """canopen's client, waiting by pumping the bus."""
+
+    def __init__(self, node_id: int, link: BusLink, timeout_s: float) -> None:
+        super().__init__(SDO_RX_BASE + node_id, SDO_TX_BASE + node_id, ObjectDictionary())
+        self._link = link
+        self._answers: deque[bytes] = deque()
+        self.timeout_s = timeout_s
+        link.subscribe(self.tx_cobid, lambda data: self._answers.append(bytes(data)))
+
+    def send_request(self, request: bytes) -> None:
+        """Send a request, or an abort."""
+        self._link.send_frame(self.rx_cobid, bytes(request))
+
+    def write_expedited(self, entry: Entry, data: bytes) -> None:
+        """Write up to four bytes in one frame. canopen's own stream repeats a refused write when it is closed."""
+        head = struct.pack("<BHB", 0x23 | (4 - len(data)) << 2, entry.index, entry.subindex)
+        answer = self.request_response(head + data.ljust(4, b"\0"))
+        if answer[0] != 0x60:
+            raise SdoCommunicationError(f"answered 0x{answer[0]:02X} to a write")
+
+    def request_response(self, sdo_request: bytes) -> bytes:
+        """Send a request and wait for its answer; answers to earlier requests are dropped."""
+        self._answers.clear()
+        self.send_request(sdo_request)
+        try:
+            answer = self.read_response()
+        except _NoAnswer:
+            self.abort(0x0504_0000)
+            raise
+        if sdo_request[0] >> 5 in _INITIATE and answer[1:4] != bytes(sdo_request[1:4]):
+            raise SdoCommunicationError(
+                f"answered for object {answer[2]:02X}{answer[1]:02X}:{answer[3]}; another SDO client is at work"
+            )
+        return answer
+
+    def read_response(self) -> bytes:
+        """Pump until an answer is there."""
+        if not self._link.pump_until(lambda: bool(self._answers), self.timeout_s):
+            raise _NoAnswer(f"no answer within {self.timeout_s} s")
+        answer = self._answers.popleft()
+        if len(answer) != 8:
+            raise SdoCommunicationError(f"answered with {len(answer)} bytes instead of 8")
+        if answer[0] == 0x80:
+            raise SdoAbortedError(*struct.unpack_from("<I", answer, 4))
+        return answer
+
+
+class SdoChannel:
+    """SDO access to one node.
+
+    Args:
+        node_id: Node id.
+        joint: Name of its joint, for errors.
+        link: The bus.
+        timeout_s: Limit of one request.
+
+    Attributes:
+        step: What is being done, for errors; whoever uses the channel sets it.
+    """
+
+    def __init__(self, node_id: int, joint: str, link: BusLink, timeout_s: float) -> None:
+        self.step = "SDO transfer"
+        self._node_id, self._joint, self._link = node_id, joint, link
+        self._timeout_s = timeout_s
+        self._client = _PumpedSdoClient(node_id, link, timeout_s)
+
+    def read(self, entry: Entry) -> int:
+        """Value of an integer object.
+
+        Raises:
+            SdoRefused: the node answers with an abort code.
+            ServoTimeout: it does not answer.
+            ServoError: it answers something else.
+        """
+        data = self._transfer(entry, None)
+        return int.from_bytes(data[: max(1, entry.type.bits // 8)], "little", signed=entry.type.code.islower())
+
+    def read_if_there(self, entry: Entry) -> int | None:
+        """As `read`, but None where the node does not have the object."""
+        try:
+            return self.read(entry)
+        except SdoRefused as refusal:
+            if refusal.abort_code in _MISSING:
+                return None
+            raise
+
+    def read_real_if_there(self, entry: Entry) -> float | None:
+        """Value of an integer or a floating-point object as a number; None where the node does not have it."""
+        if not entry.type.is_real:
+            return self.read_if_there(entry)
+        try:
+            data = self._transfer(entry, None)
+        except SdoRefused as refusal:
+            if refusal.abort_code in _MISSING:
+                return None
+            raise
+        if len(data) != entry.type.bits // 8:
+            raise self.failure(f"reading {entry}: {len(data)} bytes are no REAL32", "See the drive's manual")
+        (value,) = struct.unpack("<f", data)
+        return float(value)
+
+    def read_text(self, entry: Entry) -> str:
+        """Value of a string object; bytes that are no text are replaced. Raises as `read`."""
+        return self._transfer(entry, None).decode("utf-8", errors="replace").rstrip("\0")
+
+    def read_text_if_there(self, entry: Entry) -> str:
+        """As `read_text`, but empty where the node refuses to tell."""
+        try:
+            return self.read_text(entry)
+        except SdoRefused:
+            return ""
+
+    def write(self, entry: Entry, value: int) -> None:
+        """Write an integer object. Raises as `read`."""
+        self._transfer(entry, struct.pack("<" + entry.type.code, value))
+
+    def write_if_there(self, entry: Entry, value: int) -> bool:
+        """As `write`, but False where the node does not have the object or does not let it be written."""
+        try:
+            self.write(entry, value)
+        except SdoRefused as refusal:
+            if refusal.abort_code in _MISSING or refusal.abort_code == _READ_ONLY:
+                return False
+            raise
+        return True
+
+    def answers(self, entry: Entry, timeout_s: float) -> bool:
+        """Whether the node answers a read at all within a time of its own, be it with an abort code."""
+        self._client.timeout_s = timeout_s
+        try:
+            self.read(entry)
+        except ServoTimeout:
+            return False
+        except SdoRefused:
+            return True
+        finally:
+            self._client.timeout_s = self._timeout_s
+        return True
+
+    def read_until(self, entry: Entry, value: int, timeout_s: float) -> int:
+        """Read until an object has a value or time is over, and return what it has then. Raises as `read`."""
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            found = self.read(entry)
+            if found == value or time.monotonic() >= deadline_s:
+                return found
+
+    def failure(self, what: str, remedy: str) -> ServoError:
+        """Error about this node at this step."""
+        return ServoError(self._node_id, self._joint, self.step, what, remedy)
+
+    def _transfer(self, entry: Entry, data: bytes | None) -> bytes:
+        """Write `data`, or read where it is None."""
+        verb = "reading" if data is None else "writing"
+        try:
+            if data is None:
+                return bytes(self._client.upload(entry.index, entry.subindex))
+            self._client.write_expedited(entry, data)
+        except SdoAbortedError as error:
+            text = SdoAbortedError.CODES.get(error.code, "a code that CiA 301 does not list")
+            raise SdoRefused(
+                self._node_id,
+                self._joint,
+                self.step,
+                f"{verb} {entry} was refused with 0x{error.code:08X}, {text}",
+                "The drive does not support this, or not in its present state; see its manual",
+                error.code,
+            ) from error
+        except _NoAnswer as error:
+            raise ServoTimeout(
+                self._node_id,
+                self._joint,
+                self.step,
+                f"{verb} {entry}: {error}",
+                "Is the drive supplied and connected, with this node id and bit rate?",
+            ) from error
+        except SdoCommunicationError as error:
+            raise self.failure(
+                f"{verb} {entry}: {error}", "Is another master or configuration tool on the bus?"
+            ) from error
+        return b""

@@ -1,0 +1,202 @@
+"""The master's end of the bus: one thread sends and receives, and errors of the bus have names.
+
+There is no receive thread that could die unseen. Whoever waits for something pumps the bus meanwhile; frames
+go to the handlers subscribed by COB-ID. Exceptions of python-can are translated here and nowhere else.
+
+On SocketCAN the controller tells of its troubles by error frames; python-can's own `state` never leaves ACTIVE
+there. Bus-off ends everything; error passive and warnings are kept for whoever asks.
+"""
+
+from __future__ import annotations
+
+import errno
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import can
+
+from armload_drivers.cia402.bus_budget import frame_bits
+from armload_drivers.cia402.object_dictionary import NMT_COB_ID, NmtCommand
+from armload_drivers.driver_errors import BusError
+
+Handler = Callable[[bytearray], None]
+"""Takes in the data of a frame."""
+
+QUEUE_FULL_TRIES = 50
+QUEUE_FULL_WAIT_S = 1e-3
+"""A full transmit queue (ENOBUFS) is given this long to drain: 50 ms, some hundred frames."""
+
+_BUS_OFF, _RESTARTED, _CONTROLLER = 0x40, 0x100, 0x04
+"""Class bits of a SocketCAN error frame: CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CAN_ERR_CRTL."""
+_PASSIVE, _WARNING, _ACTIVE = 0x30, 0x0C, 0x40
+"""Bits of an error frame's second byte (CAN_ERR_CRTL_*): both directions of passive and of warning; active again."""
+
+_FRAME_BITS = tuple(frame_bits(length) for length in range(9))
+
+
+@dataclass(frozen=True, slots=True)
+class BusErrors:
+    """What the interface complained of.
+
+    Attributes:
+        error_frames: Error frames seen.
+        error_passive: The controller is error passive now.
+        queue_full: How often the transmit queue was full.
+    """
+
+    error_frames: int
+    error_passive: bool
+    queue_full: int
+
+
+class BusLink:
+    """Sending and receiving on one bus.
+
+    Args:
+        bus: An open bus of python-can. It stays the caller's to close.
+
+    Attributes:
+        error_frames: Error frames seen.
+        error_passive: The controller counts so many errors that it may not signal them any more.
+        queue_full: How often the transmit queue was full.
+        bits: Worst-case bits of all frames sent and received, for the measured load.
+        stamp_s: Time stamp of the frame that is being handled, on the interface's own clock.
+        from_outside: That frame came in over the bus, and was not sent by any program of this computer; SocketCAN
+            tells, other interfaces take every frame for one from outside.
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.error_frames = 0
+        self.error_passive = False
+        self.queue_full = 0
+        self.bits = 0
+        self.stamp_s = 0.0
+        self.from_outside = True
+        self._bus = bus
+        self._handlers: dict[int, Handler] = {}
+        self._backlog: deque[can.Message] = deque()
+
+    def subscribe(self, cob_id: int, handler: Handler) -> None:
+        """Have frames of a COB-ID handled."""
+        self._handlers[cob_id] = handler
+
+    def unsubscribe(self, cob_id: int) -> None:
+        """Have them ignored again."""
+        self._handlers.pop(cob_id, None)
+
+    def send(self, message: can.Message) -> None:
+        """Send a frame.
+
+        Raises:
+            BusError: the bus does not take it.
+        """
+        self.bits += _FRAME_BITS[message.dlc]
+        try:
+            self._bus.send(message)
+        except (can.CanError, OSError) as error:
+            self._send_again(message, error)
+
+    def send_frame(self, cob_id: int, data: bytes) -> None:
+        """Send a frame that is not prepared. Raises as `send`."""
+        self.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+
+    def command(self, command: NmtCommand, node_id: int) -> None:
+        """Send an NMT command. Raises as `send`."""
+        self.send_frame(NMT_COB_ID, bytes([command.value, node_id]))
+
+    def pump(self, timeout_s: float) -> bool:
+        """Wait for one frame and have it handled.
+
+        Args:
+            timeout_s: How long to wait; 0 takes what is there.
+
+        Returns:
+            Whether a frame came.
+
+        Raises:
+            BusError: the bus failed or is off.
+        """
+        if self._backlog:
+            message: can.Message | None = self._backlog.popleft()
+        else:
+            message = self._receive(timeout_s)
+        if message is None:
+            return False
+        if message.is_error_frame:
+            self._error_frame(message)
+            return True
+        self.bits += _FRAME_BITS[min(message.dlc, 8)]
+        handler = self._handlers.get(message.arbitration_id)
+        if handler is not None and not message.is_remote_frame and not message.is_extended_id:
+            self.stamp_s, self.from_outside = message.timestamp, message.is_rx
+            handler(message.data)
+        return True
+
+    def drain(self) -> None:
+        """Have everything handled that is there. Raises as `pump`."""
+        while self.pump(0.0):
+            pass
+
+    def pump_until(self, done: Callable[[], bool], timeout_s: float) -> bool:
+        """Handle frames until a condition holds or time is over.
+
+        Returns:
+            Whether the condition holds.
+
+        Raises:
+            BusError: the bus failed or is off.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        while not done():
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0.0:
+                return False
+            self.pump(left_s)
+        return True
+
+    def _receive(self, timeout_s: float) -> can.Message | None:
+        """One frame, None after the timeout."""
+        try:
+            return self._bus.recv(timeout_s)
+        except (can.CanError, OSError) as error:
+            raise BusError(f"receiving failed: {error}. Is the interface up and its adapter connected?") from error
+
+    def _error_frame(self, message: can.Message) -> None:
+        """Keep what the controller tells; bus-off ends everything."""
+        self.error_frames += 1
+        if message.arbitration_id & _BUS_OFF:
+            raise BusError(
+                "the controller is bus-off: it does not send any more. Check wiring, termination and bit rate, "
+                "then restart the interface"
+            )
+        if message.arbitration_id & _RESTARTED:
+            self.error_passive = False
+        if message.arbitration_id & _CONTROLLER and len(message.data) > 1:
+            bits = message.data[1]
+            if bits & _PASSIVE:
+                self.error_passive = True
+            elif bits & (_WARNING | _ACTIVE):
+                self.error_passive = False
+
+    def _send_again(self, message: can.Message, error: Exception) -> None:
+        """Wait for room in a full queue, taking in what comes meanwhile; any other error is final."""
+        self.queue_full += 1
+        for _ in range(QUEUE_FULL_TRIES):
+            code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+            if code != errno.ENOBUFS:
+                raise BusError(f"sending failed: {error}. Is the interface up and its adapter connected?") from error
+            received = self._receive(QUEUE_FULL_WAIT_S)
+            if received is not None:
+                self._backlog.append(received)
+            try:
+                self._bus.send(message)
+            except (can.CanError, OSError) as again:
+                error = again
+            else:
+                return
+        raise BusError(
+            "the transmit queue stays full: no node acknowledges, or the queue is too short "
+            "(ip link set CHANNEL txqueuelen 100)"
+        ) from error

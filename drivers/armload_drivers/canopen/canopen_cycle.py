@@ -1,0 +1,233 @@
+"""The cycle of the CANopen master: setpoints out, heartbeat, SYNC, feedback in, and what is wrong with whom.
+
+Nothing here waits for anything but the next SYNC and its feedback, allocates a message, or talks SDO. Measured
+with six joints on the virtual bus: 100 to 115 us of the calling thread's time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import can
+import numpy as np
+
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.canopen.drive_node import DriveNode
+from armload_drivers.canopen.rival_master import ForeignTraffic
+from armload_drivers.canopen.sync_sources import SyncSource
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
+from armload_drivers.cia402.drive_units import ArmUnits
+from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
+from armload_drivers.cia402.offset_fade import OffsetFade
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.driver_errors import ForeignMaster, ServoFault
+from armload_drivers.servos import JointFeedback
+
+LOAD_WINDOW_S = 1.0
+"""The bus load is measured over this time."""
+
+
+_STALLED_CYCLES = 3
+
+
+class CanopenCycle:
+    """Cycles over all drives of one arm.
+
+    Args:
+        arm: The arm.
+        nodes: Its drives.
+        link: The bus.
+        sync: Where SYNC comes from.
+        master_node_id: Who the heartbeat says that we are.
+        units: Conversion of setpoints and feedback.
+
+    Attributes:
+        nodes: Its drives.
+        units: Conversion of setpoints and feedback.
+        number: SYNCs so far.
+        foreign: What others send that only the master may send.
+        bus_load: Measured share of the bus over the last second, every frame counted at its worst-case length.
+    """
+
+    def __init__(
+        self,
+        arm: ArmSettings,
+        nodes: list[DriveNode],
+        link: BusLink,
+        sync: SyncSource,
+        master_node_id: int,
+        units: ArmUnits,
+    ) -> None:
+        self.nodes = nodes
+        self.number = 0
+        self.units = units
+        self.bus_load = 0.0
+        self.foreign = ForeignTraffic(nodes, link, master_node_id, sync_is_ours=sync.heard)
+        self._sync_counter = arm.sync_counter
+        self._bitrate = arm.bitrate
+        self._load_since_s, self._load_bits = 0.0, 0
+        self._cycle_s, self._heartbeat_s = arm.cycle_s, arm.heartbeat_s
+        self._link, self._sync = link, sync
+        self._heartbeat = can.Message(
+            arbitration_id=od.HEARTBEAT_BASE + master_node_id,
+            data=[NmtState.OPERATIONAL.value],
+            is_extended_id=False,
+        )
+        self._heartbeat_due_s = self._looked_s = 0.0
+        self._fade: OffsetFade | None = None
+
+    def begin(self) -> None:
+        """Start the nodes and begin to count periods; what arrived before is over."""
+        self._link.drain()
+        self._fade = None
+        for node, axis in zip(self.nodes, self.units.axes, strict=True):
+            node.begin(axis.counts_per_rad)
+            self._link.command(NmtCommand.START, node.settings.node_id)
+        self.foreign.forget()
+        self._sync.begin(self._link, self._cycle_s, self._sync_counter)
+        self._heartbeat_due_s = self._looked_s = self._sync.now_s()
+
+    def end(self) -> None:
+        """End PDO communication."""
+        self._sync.end(self._link)
+        for node in self.nodes:
+            self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+
+    def fade_offsets(self) -> None:
+        """From the next cycle on, take all torque offsets to zero, whatever the drives are doing. Idempotent."""
+        if self._fade is None:
+            self._fade = OffsetFade([node.offset_permille for node in self.nodes], self._cycle_s)
+
+    @property
+    def _fading(self) -> bool:
+        """Whether torque offsets are on their way to zero."""
+        return self._fade is not None and not self._fade.done
+
+    def count(self, limit_s: float) -> int:
+        """A limit in cycles."""
+        return max(1, math.ceil(limit_s / self._cycle_s))
+
+    def run(self) -> JointFeedback:
+        """One cycle; drives are judged by nobody.
+
+        Raises:
+            BusError: the bus failed.
+        """
+        link, sync, nodes = self._link, self._sync, self.nodes
+        now_s = sync.now_s()
+        if self._fade is not None:
+            for node, permille in zip(nodes, self._fade.next(), strict=True):
+                node.offset_permille = permille
+        for node in nodes:
+            link.send(node.prepare(now_s))
+        if now_s >= self._heartbeat_due_s:
+            link.send(self._heartbeat)
+            self._heartbeat_due_s = now_s + self._heartbeat_s
+        tick = sync.next(link, self._expect_feedback)
+        sync.await_feedback(link, self._complete)
+        away_s = sync.now_s() - self._looked_s
+        if away_s > _STALLED_CYCLES * self._cycle_s:
+            # This process did not run, and perhaps nobody else on this computer did. What the drives said meanwhile is
+            # heard before they are judged, and silence during that time is not held against them.
+            link.drain()
+            for node in nodes:
+                node.excuse_silence(away_s)
+        self._looked_s = sync.now_s()
+        self.number += 1
+        for node in nodes:
+            node.evaluate(tick.time_s)
+        if tick.time_s - self._load_since_s >= LOAD_WINDOW_S:
+            self._measure_load(tick.time_s)
+        effort = [node.effort for node in nodes]
+        with_current = self.units.feedback is EffortFeedback.CURRENT
+        return JointFeedback(
+            cycle=self.number,
+            time_s=tick.time_s,
+            position_rad=self.units.joint_position_rad([node.position_counts for node in nodes]),
+            velocity_rad_s=None,
+            current_a=self.units.motor_current_a(effort) if with_current else None,
+            torque_nm=None if with_current else self.units.joint_torque_nm(effort),
+            statusword=np.array([node.statusword for node in nodes], dtype=np.uint16),
+            missing=np.array([node.arrived < node.expected for node in nodes]),
+            skipped_cycles=tick.skipped,
+        )
+
+    def run_checked(self, step: str, *, must_follow: bool) -> JointFeedback:
+        """One cycle; what is wrong with a drive is raised, and what is wrong with others is noted.
+
+        Args:
+            step: What is being done, for the error.
+            must_follow: Every drive was enabled and has to stay so.
+
+        Raises:
+            ServoError: about the drive that is the likely cause.
+            BusError: the bus failed.
+        """
+        feedback = self.run()
+        problems = [
+            problem
+            for node in self.nodes
+            if (problem := node.problem(step, feedback.time_s, must_follow=must_follow)) is not None
+        ]
+        if problems:
+            # A fault is the cause; what other drives do at the same time is most often its consequence.
+            problems.sort(key=lambda problem: not isinstance(problem, ServoFault))
+            for other in problems[1:]:
+                problems[0].add_note(f"At the same time: {other}")
+            for text in (self.foreign.commands, self.foreign.requests):
+                if text:
+                    problems[0].add_note(text)
+            raise problems[0]
+        if self.foreign.commands:
+            raise ForeignMaster(self.foreign.commands)
+        return feedback
+
+    def run_until(self, done: Callable[[DriveNode], bool], step: str, limit_s: float) -> None:
+        """Run cycles until a condition holds of every drive that still answers, and no torque offset is fading.
+
+        Raises:
+            ServoTimeout: a drive stopped answering, or the condition does not hold in time; about the first one.
+            BusError: the bus failed.
+        """
+        waiting: list[DriveNode] = []
+        gone: list[DriveNode] = []
+        for _ in range(self.count(limit_s)):
+            self.run()
+            gone += [node for node in self.nodes if node.is_gone and not node.lost and node not in gone]
+            waiting = [node for node in self.nodes if not (done(node) or node.lost or node in gone)]
+            if not waiting and not self._fading:
+                break
+        problems = [node.gone(step) for node in gone]
+        if problems:
+            raise problems[0]
+        if waiting:
+            raise waiting[0].not_in_time(step, limit_s, self._sync.now_s())
+
+    def ask(self, goal: State, step: str, of: Callable[[DriveNode], bool]) -> None:
+        """Request a state of those drives of which a condition holds and that are in no fault.
+
+        Raises:
+            ServoError: a drive's state does not allow it.
+        """
+        for node in self.nodes:
+            if of(node) and not node.faulty:
+                node.ask(goal, step)
+
+    def _expect_feedback(self) -> None:
+        """Feedback that comes from now on belongs to this SYNC; what came before does not."""
+        for node in self.nodes:
+            node.arrived = 0
+
+    def _measure_load(self, now_s: float) -> None:
+        """Close a window of the measured load."""
+        bits = self._link.bits - self._load_bits
+        self._load_bits = self._link.bits
+        if self._load_since_s:
+            self.bus_load = bits / (self._bitrate * (now_s - self._load_since_s))
+        self._load_since_s = now_s
+
+    def _complete(self) -> bool:
+        """Whether all feedback is there that can be waited for."""
+        return all([node.arrived >= node.expected or node.lost for node in self.nodes])  # noqa: C419 - faster than a generator

@@ -1,0 +1,348 @@
+"""`JointServos` over CANopen: the drives of an arm on any bus that python-can opens.
+
+Rules of this file:
+- The calling thread alone sends and receives. No thread, no callback from elsewhere, no SDO while drives move.
+- Every frame carries a target that was computed: until a drive is enabled its target is its fresh position.
+- The heartbeat is sent by the cycle. A caller that stops calling goes silent, and the drives stop the arm
+  (1016, 6007, and the time-out of the RPDO). So after `enable`, `exchange` has to be called every cycle.
+- Nothing is enabled again by itself: not after a fault, a quick stop, a lost or rebooted drive.
+- An error in the cycle is raised, and nothing else is done: what stops the arm is the caller's decision.
+  `stop`, `disable` and `close` then do their work on every drive that still answers.
+
+The bus stays the caller's: open it before, close it after `close`.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+import can
+
+from armload_drivers.bring_up.bus_scan import require_no_strangers
+from armload_drivers.bring_up.drive_bring_up import DriveReport, arm_setups, arm_with, is_simulation, master_node_id
+from armload_drivers.canopen.bus_link import BusErrors, BusLink
+from armload_drivers.canopen.canopen_cycle import CanopenCycle
+from armload_drivers.canopen.drive_node import DriveNode
+from armload_drivers.canopen.sync_sources import SyncSource
+from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.bus_budget import require_room
+from armload_drivers.cia402.drive_units import ArmUnits
+from armload_drivers.cia402.object_dictionary import NmtCommand
+from armload_drivers.cia402.process_image import drive_image
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import AxisMoves, BusError, DriverError, StateError
+from armload_drivers.servos import JointCommand, JointFeedback
+
+
+class _Phase(Enum):
+    """Where in its life the arm is."""
+
+    NEW = auto()
+    CONNECTED = auto()
+    ENABLED = auto()
+    STOPPED = auto()
+    CLOSED = auto()
+
+
+class CanopenServos:
+    """All drives of one arm over CANopen.
+
+    Args:
+        arm: The arm.
+        bus: An open bus; nobody else reads from it.
+        sync: Where SYNC comes from.
+        timeouts: Limits of all waits.
+
+    Attributes:
+        n: Number of joints.
+        cycle_s: Duration of one cycle.
+        simulated: Every drive carries the simulation's identity; known after `connect`.
+        reports: What `connect` found, per joint.
+    """
+
+    def __init__(self, arm: ArmSettings, bus: can.BusABC, sync: SyncSource, timeouts: Timeouts | None = None) -> None:
+        self.n = len(arm.drives)
+        self.cycle_s = arm.cycle_s
+        self.simulated = False
+        self.reports: tuple[DriveReport, ...] = ()
+        self._arm, self._sync = arm, sync
+        self._timeouts = timeouts or Timeouts()
+        self._phase = _Phase.NEW
+        self._link = link = BusLink(bus)
+        self._master_node_id = master_node_id(arm)
+        self._setups = arm_setups(arm, link, self._timeouts)
+        self._nodes = [
+            DriveNode(
+                drive,
+                drive_image(drive),
+                link,
+                sync,
+                cycle_s=arm.cycle_s,
+                heartbeat_s=arm.heartbeat_s,
+                max_missing_cycles=arm.max_missing_cycles,
+            )
+            for drive in arm.drives
+        ]
+        self._running: CanopenCycle | None = None
+
+    # Bring-up ------------------------------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Boot, identify, configure and verify every drive; nothing is energised.
+
+        Raises:
+            StateError: connected already, or closed.
+            BusOverload: the cycle does not fit the bus.
+            WrongDevice: a node is not the configured drive.
+            ServoTimeout: a node that may only be a simulation does not answer; then no node has been reset.
+            ServoError: a node failed at a step that the error names.
+            BusError: the bus failed.
+        """
+        self._require(_Phase.NEW)
+        require_room(self._arm)
+        for setup in self._setups:
+            setup.identify_before_reset()
+        require_no_strangers(self._link, self._arm, self._timeouts.scan_s)
+        self._reset_nodes()
+        identities = [setup.check_identity() for setup in self._setups]
+        polarities = [setup.configure() for setup in self._setups]
+        units = ArmUnits(arm_with(self._arm, self._setups), polarities)
+        for axis, setup in enumerate(self._setups):
+            setup.write_limits(units, axis)
+        self.reports = tuple(setup.report() for setup in self._setups)
+        self._running = CanopenCycle(self._arm, self._nodes, self._link, self._sync, self._master_node_id, units)
+        self.simulated = all(map(is_simulation, identities))
+        self._phase = _Phase.CONNECTED
+
+    def _reset_nodes(self) -> None:
+        """NMT reset of every node, until each has booted or answers."""
+        nodes = self._nodes
+        for node in nodes:
+            node.booted = False
+            self._link.command(NmtCommand.RESET_NODE, node.settings.node_id)
+        self._link.pump_until(lambda: all(node.booted for node in nodes), self._timeouts.boot_s)
+        for node, setup in zip(nodes, self._setups, strict=True):
+            if not node.booted:
+                setup.require_alive()
+
+    # Life ----------------------------------------------------------------------------------------------------
+
+    def enable(self) -> JointFeedback:
+        """Bring every drive to OPERATION ENABLED, holding the position it has now.
+
+        Returns:
+            Feedback of the first enabled cycle.
+
+        Raises:
+            StateError: not connected, or still enabled or stopped.
+            ServoFault: a drive is in FAULT; `reset_faults` resets it where the cause is gone.
+            ServoTimeout: a drive did not get there in time.
+            BusError: the bus failed.
+        """
+        self._require(_Phase.CONNECTED)
+        step, cycle = "enabling", self._cycle
+        self._begin_cycles()
+        # From here on drives may carry torque: whatever interrupts this, `close` has to disable them.
+        self._phase = _Phase.STOPPED
+        try:
+            for _ in range(cycle.count(self._timeouts.enable_s)):
+                for node in self._nodes:
+                    if node.state is not State.OPERATION_ENABLED:
+                        node.target_counts = node.position_counts
+                feedback = cycle.run_checked(step, must_follow=False)
+                cycle.ask(
+                    State.OPERATION_ENABLED,
+                    step,
+                    lambda node: node.state is not None and node.machine.goal is None,
+                )
+                if all(node.follows for node in self._nodes):
+                    self._phase = _Phase.ENABLED
+                    return feedback
+            stuck = next(node for node in self._nodes if not node.follows)
+            raise stuck.not_in_time(step, self._timeouts.enable_s, self._sync.now_s())
+        except DriverError as error:
+            self._back_out(error)
+            raise
+
+    def exchange(self, command: JointCommand) -> JointFeedback:
+        """Send one cycle's setpoints and return the feedback sampled at the SYNC that latched them.
+
+        Raises:
+            StateError: not enabled.
+            CommandError: a setpoint cannot be sent; nothing was sent.
+            ServoFault: a drive reports a fault.
+            ServoTimeout: feedback or heartbeat of a drive has been missing for too long.
+            ServoError: a drive left its state by itself.
+            BusError: the bus failed.
+        """
+        self._require(_Phase.ENABLED)
+        raw = self._cycle.units.targets(command)
+        for node, counts, permille in zip(self._nodes, raw.position_counts, raw.effort, strict=True):
+            node.target_counts = counts
+            node.offset_permille = permille
+        return self._cycle.run_checked("in the cycle", must_follow=True)
+
+    def stop(self) -> None:
+        """Quick stop: decelerate every drive on its own ramp and hold, with torque on.
+
+        Torque offsets go to zero meanwhile, evenly and within `OFFSET_FADE_S`, also those of drives that slow down
+        by themselves already. Without effect where no drive is enabled. Drives that have been reported as lost are
+        not waited for.
+
+        Raises:
+            StateError: not connected.
+            ServoTimeout: a drive did not come to rest in time.
+            BusError: the bus failed.
+        """
+        self._require_connected()
+        if self._phase is not _Phase.ENABLED:
+            return
+        step = "quick stop"
+        self._cycle.fade_offsets()
+        self._cycle.ask(State.QUICK_STOP_ACTIVE, step, lambda node: node.state is State.OPERATION_ENABLED)
+        self._phase = _Phase.STOPPED
+        self._cycle.run_until(_stands_still, step, self._timeouts.stop_s)
+
+    def disable(self) -> None:
+        """Engage brakes and remove torque, once the arm stands still.
+
+        Axes without a brake keep their torque until all others are held by theirs. Then all are watched for
+        `HOLDING_WATCH_S`. A drive that has been reported as lost is asked by SDO. One that does not answer that
+        either is left to its own reaction (6007); the caller has been told.
+
+        Raises:
+            StateError: not connected.
+            ServoTimeout: a drive did not come to rest, or keeps its torque.
+            AxisMoves: an axis moves without torque. Everything else has been done.
+            BusError: the bus failed.
+        """
+        self._require_connected()
+        if self._phase is _Phase.CONNECTED:
+            return
+        if self._phase is _Phase.ENABLED and not all(node.still_for(STILL_CYCLES) for node in self._nodes):
+            self.stop()
+        removal = TorqueRemoval(self._cycle, self._nodes, self._setups, self._link, self._timeouts)
+        moving = removal.run()
+        self._end_cycles()
+        if moving is not None:
+            raise moving
+
+    def reset_faults(self) -> None:
+        """Reset the faults of all drives that are in FAULT, by a bounded number of rising edges.
+
+        Raises:
+            StateError: not connected, or still enabled or stopped.
+            ServoTimeout: a drive stays in FAULT; the cause is still there.
+            BusError: the bus failed.
+        """
+        self._require(_Phase.CONNECTED)
+        step, limit_s = "resetting the fault", self._timeouts.fault_reset_s
+        try:
+            self._begin_cycles(check_faults=False)
+            for _ in range(self._arm.max_missing_cycles + 1):
+                self._cycle.run()
+            for node in self._nodes:
+                if node.state is State.FAULT:
+                    node.machine.request_fault_reset()
+            self._cycle.run_until(lambda node: node.state is not State.FAULT, step, limit_s)
+        finally:
+            self._end_cycles()
+
+    def close(self) -> None:
+        """Leave the bus; stops and disables first where that is still to be done. Idempotent.
+
+        Raises:
+            DriverError: a drive could not be confirmed to be without torque. Everything else has been done.
+        """
+        if self._phase in {_Phase.NEW, _Phase.CLOSED}:
+            self._phase = _Phase.CLOSED
+            return
+        trouble: DriverError | None = None
+        try:
+            self.stop()
+        except DriverError as error:
+            trouble = error
+        try:
+            self.disable()
+        except AxisMoves:
+            raise
+        except DriverError as error:
+            self._silence()
+            error.add_note("A drive may still carry torque: use the emergency stop.")
+            if trouble is not None:
+                error.add_note(f"Before that: {trouble}")
+            raise
+        finally:
+            self._phase = _Phase.CLOSED
+            self._sync.end(self._link)
+
+    @property
+    def bus_load(self) -> float:
+        """Measured share of the bus over the last second of cycles, every frame at its worst-case length."""
+        return 0.0 if self._running is None else self._running.bus_load
+
+    @property
+    def bus_errors(self) -> BusErrors:
+        """What the interface has complained of so far."""
+        return BusErrors(self._link.error_frames, self._link.error_passive, self._link.queue_full)
+
+    # Helpers -------------------------------------------------------------------------------------------------
+
+    def _require(self, phase: _Phase) -> None:
+        """The caller's request has to fit the arm's life."""
+        if self._phase is not phase:
+            raise StateError(f"the servos are {self._phase.name.lower()}, this needs them {phase.name.lower()}")
+
+    @property
+    def _cycle(self) -> CanopenCycle:
+        """The cycle, which there is from `connect` on."""
+        if self._running is None:
+            raise StateError("the servos are new: connect them first")
+        return self._running
+
+    def _require_connected(self) -> None:
+        """There has to be somebody to talk to."""
+        if self._phase in {_Phase.NEW, _Phase.CLOSED}:
+            raise StateError(f"the servos are {self._phase.name.lower()}: connect them first")
+
+    def _begin_cycles(self, *, check_faults: bool = True) -> None:
+        """Preset targets and start the nodes."""
+        for node, setup in zip(self._nodes, self._setups, strict=True):
+            node.target_counts = node.position_counts = setup.hold_present_position()
+            node.offset_permille = 0
+            if check_faults:
+                setup.require_no_fault()
+            setup.watch_master(on=True)
+        self._cycle.begin()
+
+    def _end_cycles(self) -> None:
+        """No drive carries torque: end PDO communication, and let nobody miss the heartbeat."""
+        self._cycle.end()
+        self._phase = _Phase.CONNECTED
+        for node, setup in zip(self._nodes, self._setups, strict=True):
+            if not node.lost:
+                setup.watch_master(on=False)
+
+    def _back_out(self, error: DriverError) -> None:
+        """Enabling failed: what has got torque already is disabled again."""
+        self._phase = _Phase.STOPPED
+        try:
+            self.disable()
+        except DriverError as again:
+            error.add_note(f"Disabling again failed as well: {again}")
+
+    def _silence(self) -> None:
+        """Last resort: end PDO communication, whereupon drives do what 6007 says."""
+        for node in self._nodes:
+            try:
+                self._link.command(NmtCommand.STOP, node.settings.node_id)
+            except BusError:
+                return
+
+
+def _stands_still(node: DriveNode) -> bool:
+    """Whether a drive has stopped, whichever state it stops in."""
+    moving = {State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE}
+    return node.state not in moving and node.still_for(STILL_CYCLES)

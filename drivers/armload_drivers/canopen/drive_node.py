@@ -1,0 +1,341 @@
+"""The master's record of one drive while cycles run: its frames, its state, and how it fares."""
+
+from __future__ import annotations
+
+import can
+
+from armload_drivers.bring_up.drive_objects import HEARTBEAT_TOLERANCE
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.canopen.sync_sources import SyncSource
+from armload_drivers.cia402 import emergency
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode
+from armload_drivers.cia402.object_dictionary import NmtState
+from armload_drivers.cia402.process_image import DriveImage
+from armload_drivers.cia402.state_machine import MasterMachine, State
+from armload_drivers.driver_errors import ServoError, ServoFault, ServoTimeout, StatuswordError, TransitionError
+
+STANDSTILL_RAD_S = 0.005
+"""An axis slower than this stands."""
+
+_ENABLE_INTERPOLATION = 0x0010
+_INTERPOLATION_ACTIVE = 0x1000
+_FAULTY = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_STATE_NAMES = {state.value: state.name.replace("_", "-") for state in NmtState}
+
+
+class DriveNode:
+    """One drive in the cycle.
+
+    Args:
+        drive: Its settings.
+        image: Its PDOs.
+        link: The bus.
+        sync: Whose clock stamps heartbeats.
+        cycle_s: Cycle.
+        heartbeat_s: Heartbeat period.
+        max_missing_cycles: Feedback may be missing this many cycles in a row.
+
+    Attributes:
+        settings: Its settings.
+        machine: Its power state.
+        message: The RPDO.
+        target_counts: Target position of the next RPDO.
+        offset_permille: Torque offset of the next RPDO.
+        position_counts: Last actual position.
+        effort: Last actual current or torque, in the units of its object.
+        arrived: How many of this SYNC's feedback frames are there.
+        expected: How many of them there are to be.
+        booted: Whether a boot-up message came.
+        boots: How many of them came.
+        lost: Whether the caller has been told that it does not answer.
+        wrong_frames: Feedback frames of the wrong length; they count as missing.
+    """
+
+    def __init__(
+        self,
+        drive: DriveSettings,
+        image: DriveImage,
+        link: BusLink,
+        sync: SyncSource,
+        *,
+        cycle_s: float,
+        heartbeat_s: float,
+        max_missing_cycles: int,
+    ) -> None:
+        self.settings = drive
+        self.machine = MasterMachine()
+        self.message = can.Message(
+            arbitration_id=image.rpdo.cob_id, data=bytes(image.rpdo.length), is_extended_id=False
+        )
+        self.target_counts = 0
+        self.offset_permille = 0
+        self.position_counts = 0
+        self.effort = 0
+        self.arrived = 0
+        self.expected = len(image.layouts) - 1
+        self.booted = False
+        self.lost = False
+        self.wrong_frames = 0
+        self._sync = sync
+        self._heartbeat_limit_s = HEARTBEAT_TOLERANCE * heartbeat_s
+        self._max_missing = max_missing_cycles
+        self._still_rad = STANDSTILL_RAD_S * cycle_s
+        self._still_counts = 0.0
+        self._pack = image.rpdo.format.pack_into
+        self._unpack = image.tpdo.format.unpack
+        self._length = image.tpdo.length
+        self._with_offset = drive.torque_offset
+        self._interpolates = drive.mode is OperationMode.INTERPOLATED_POSITION
+        self._frame = b""
+        self._effort_frame = b""
+        self._missing = 0
+        self._still_cycles = 0
+        self._heard_s = 0.0
+        self._nmt_state: int | None = None
+        self._emergency: emergency.Emergency | None = None
+        self._undefined: StatuswordError | None = None
+        node_id = drive.node_id
+        link.subscribe(image.tpdo.cob_id, self._take_feedback)
+        if image.effort is not None:
+            self._effort_length = image.effort.length
+            self._unpack_effort = image.effort.format.unpack
+            link.subscribe(image.effort.cob_id, self._take_effort)
+        link.subscribe(od.HEARTBEAT_BASE + node_id, self._take_heartbeat)
+        link.subscribe(od.EMERGENCY_BASE + node_id, self._take_emergency)
+
+    # Frames --------------------------------------------------------------------------------------------------
+
+    def _take_feedback(self, data: bytearray) -> None:
+        """Keep a TPDO."""
+        if len(data) == self._length:
+            self._frame = bytes(data)
+            self.arrived += 1
+            self._nmt_state = NmtState.OPERATIONAL.value
+        else:
+            self.wrong_frames += 1
+
+    def _take_effort(self, data: bytearray) -> None:
+        """Keep the TPDO that carries the effort alone."""
+        if len(data) == self._effort_length:
+            self._effort_frame = bytes(data)
+            self.arrived += 1
+        else:
+            self.wrong_frames += 1
+
+    def _take_heartbeat(self, data: bytearray) -> None:
+        """Keep what a heartbeat or a boot-up message tells."""
+        if not data:
+            return
+        self._heard_s = self._sync.now_s()
+        state = data[0] & 0x7F
+        if state == NmtState.BOOT_UP.value:
+            self.booted = True
+        # A heartbeat sent before the drive took the start command says nothing about what became of it.
+        if self._nmt_state is not None:
+            self._nmt_state = state
+
+    def _take_emergency(self, data: bytearray) -> None:
+        """Keep an emergency message."""
+        message = emergency.parse(bytes(data))
+        if message is not None:
+            self._emergency = message if message.code else None
+
+    # The cycle -----------------------------------------------------------------------------------------------
+
+    def begin(self, counts_per_rad: float) -> None:
+        """Forget the past: cycles begin now.
+
+        Args:
+            counts_per_rad: Position units per radian of the axis.
+        """
+        self.machine = MasterMachine()
+        self.booted = self.lost = False
+        self.arrived = 0
+        self._still_counts = self._still_rad * abs(counts_per_rad)
+        self._missing = self._still_cycles = 0
+        self._heard_s = self._sync.now_s()
+        self._nmt_state = None
+        self._emergency = self._undefined = None
+
+    def excuse_silence(self, away_s: float) -> None:
+        """Nobody listened for a while: the wait for the next heartbeat is that much longer."""
+        self._heard_s += away_s
+
+    def ask(self, goal: State, step: str) -> None:
+        """Request a state.
+
+        Raises:
+            ServoError: the present state does not allow it.
+        """
+        try:
+            self.machine.request(goal)
+        except TransitionError as error:
+            raise self._error(step, str(error), "Disable the arm, and enable it anew") from error
+
+    def prepare(self, now_s: float) -> can.Message:
+        """RPDO of this cycle."""
+        machine = self.machine
+        word = machine.controlword(now_s)
+        if self._interpolates and machine.state is State.OPERATION_ENABLED is machine.goal:
+            word |= _ENABLE_INTERPOLATION
+        if self._with_offset:
+            self._pack(self.message.data, 0, word, self.target_counts, self.offset_permille)
+        else:
+            self._pack(self.message.data, 0, word, self.target_counts)
+        return self.message
+
+    def evaluate(self, now_s: float) -> None:
+        """Take over this cycle's feedback, or count it as missing."""
+        if self.arrived < self.expected:
+            self._missing += 1
+            return
+        self._missing = 0
+        self.lost = False
+        if self.expected == 1:
+            statusword, counts, self.effort = self._unpack(self._frame)
+        else:
+            statusword, counts = self._unpack(self._frame)
+            (self.effort,) = self._unpack_effort(self._effort_frame)
+        still = self.is_still(counts - self.position_counts)
+        self._still_cycles = self._still_cycles + 1 if still else 0
+        self.position_counts = counts
+        machine = self.machine
+        if statusword != machine.statusword or not machine.reached:
+            try:
+                machine.receive(statusword, now_s)
+            except StatuswordError as error:
+                self._undefined = error
+            else:
+                self._undefined = None
+
+    @property
+    def statusword(self) -> int:
+        """Last statusword, 0 before the first."""
+        return self.machine.statusword or 0
+
+    @property
+    def state(self) -> State | None:
+        """Last power state."""
+        return self.machine.state
+
+    @property
+    def faulty(self) -> bool:
+        """Whether the drive is in FAULT or on the way there."""
+        return self.machine.state in _FAULTY
+
+    @property
+    def follows(self) -> bool:
+        """Whether the drive is enabled and takes setpoints."""
+        active = not self._interpolates or bool(self.statusword & _INTERPOLATION_ACTIVE)
+        return self.machine.state is State.OPERATION_ENABLED and active
+
+    # Problems ------------------------------------------------------------------------------------------------
+
+    def problem(self, step: str, now_s: float, *, must_follow: bool) -> ServoError | None:
+        """What is wrong with this drive in this cycle, worst first; None where nothing is.
+
+        Args:
+            step: What is being done, for the error.
+            now_s: Time of the SYNC.
+            must_follow: The drive was enabled and has to stay so.
+        """
+        fault = self._fault(step)
+        if fault is not None:
+            return fault
+        if self._undefined is not None:
+            return self._error(step, str(self._undefined), "Does this drive send 6041 as mapped? See its manual")
+        if self.booted:
+            self.lost = True
+            return self._error(
+                step, "the drive has rebooted by itself", "Check its supply; then connect and enable anew"
+            )
+        if self._missing > self._max_missing:
+            self.lost = True
+            return self._timeout(
+                step,
+                f"no feedback for {self._missing} cycles",
+                f"Is the drive supplied and its cable sound? Allowed are {self._max_missing} (max_missing_cycles)",
+            )
+        if now_s - self._heard_s > self._heartbeat_limit_s:
+            self.lost = True
+            return self._timeout(
+                step,
+                f"no heartbeat for {now_s - self._heard_s:.3f} s",
+                "Is the drive supplied and its cable sound?",
+            )
+        if self._nmt_state not in {None, NmtState.OPERATIONAL.value}:
+            self.lost = True
+            name = _STATE_NAMES.get(self._nmt_state, f"NMT state {self._nmt_state}")
+            return self._error(
+                step,
+                f"the drive has left OPERATIONAL, it is in {name}",
+                "Is another master on the bus? Has the drive missed the heartbeat?",
+            )
+        if must_follow and self.machine.state is not State.OPERATION_ENABLED:
+            return self._error(
+                step,
+                f"the drive has left OPERATION ENABLED, it is in {self._state_text}",
+                "Was its enabling input or the emergency stop used? Then disable and enable anew",
+            )
+        return None
+
+    def not_in_time(self, step: str, limit_s: float, now_s: float) -> ServoTimeout:
+        """Error about a state that was not reached."""
+        goal = "the state asked for" if self.machine.goal is None else self.machine.goal.title
+        return self._timeout(
+            step,
+            f"{goal} and standstill not reached within {limit_s} s, the drive has been in {self._state_text} "
+            f"for {now_s - self.machine.since_s:.2f} s",
+            "Are its power stage supplied, its safe-torque-off closed and its brake able to open?",
+        )
+
+    def gone(self, step: str) -> ServoTimeout:
+        """Error about a drive whose feedback has stopped; it is not waited for any more."""
+        self.lost = True
+        return self._timeout(
+            step,
+            f"no feedback for {self._missing} cycles",
+            f"Is the drive supplied and its cable sound? Allowed are {self._max_missing} (max_missing_cycles)",
+        )
+
+    def _fault(self, step: str) -> ServoFault | None:
+        """Error about a fault that the drive itself reports."""
+        if not self.faulty and self._emergency is None:
+            return None
+        cause = "no emergency message told why" if self._emergency is None else self._emergency.text
+        return ServoFault(
+            self.settings.node_id,
+            self.settings.joint,
+            step,
+            f"the drive reports a fault: {cause}; it is in {self._state_text}",
+            "Remove the cause, then reset the fault by name and enable anew",
+        )
+
+    def is_still(self, moved_counts: int) -> bool:
+        """Whether an axis that moved so far in a cycle stands."""
+        return abs(moved_counts) <= self._still_counts
+
+    def still_for(self, cycles: int) -> bool:
+        """Whether the axis has stood for so many cycles."""
+        return self._still_cycles >= cycles
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether feedback has stopped for longer than allowed."""
+        return self._missing > self._max_missing
+
+    @property
+    def _state_text(self) -> str:
+        """State and word for errors."""
+        if self.machine.state is None:
+            return "an unknown state"
+        return f"{self.machine.state.title} (statusword 0x{self.statusword:04X})"
+
+    def _error(self, step: str, what: str, remedy: str) -> ServoError:
+        """Error about this drive."""
+        return ServoError(self.settings.node_id, self.settings.joint, step, what, remedy)
+
+    def _timeout(self, step: str, what: str, remedy: str) -> ServoTimeout:
+        """Error about something that did not come in time."""
+        return ServoTimeout(self.settings.node_id, self.settings.joint, step, what, remedy)

@@ -1,0 +1,77 @@
+"""Frames that only the master of an arm may send, sent by somebody else.
+
+A second master is the one fault that no drive notices: it obeys both. Whoever commands the nodes (NMT), their
+setpoints, SYNC, or uses the master's node id, stops this master; whoever reads and writes objects is named in
+the next error, because a drive that behaves strangely was most often told to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.canopen.drive_node import DriveNode
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.object_dictionary import NmtCommand
+
+_NAMES = {command.value: command.name.replace("_", " ").lower() for command in NmtCommand}
+_REMEDY = "Two masters cannot share an arm: end the other program, or take its device off the bus"
+
+
+class ForeignTraffic:
+    """Watches one bus.
+
+    Args:
+        nodes: The drives of the arm.
+        link: The bus.
+        master_node_id: Node id that our heartbeat carries.
+        sync_is_ours: Our own SYNCs come back on the bus; then the source of SYNC watches for others.
+
+    Attributes:
+        commands: What somebody else commanded, in words; empty where nobody did.
+        requests: Who else talks SDO with a drive, in words; empty where nobody does.
+    """
+
+    def __init__(self, nodes: Sequence[DriveNode], link: BusLink, master_node_id: int, *, sync_is_ours: bool) -> None:
+        self.commands = ""
+        self.requests = ""
+        self._joints = {node.settings.node_id: node.settings.joint for node in nodes}
+        link.subscribe(od.NMT_COB_ID, self._take_nmt)
+        self._accuse(link, od.HEARTBEAT_BASE + master_node_id, f"uses this master's node id {master_node_id}")
+        if not sync_is_ours:
+            self._accuse(link, od.SYNC_DEFAULT_COB_ID, "produces SYNC as well")
+        for node in nodes:
+            self._accuse(link, node.message.arbitration_id, f"sends setpoints to {node.settings.joint}")
+            self._note_requests(link, node.settings.node_id)
+
+    def forget(self) -> None:
+        """What was heard before the cycle began does not count any more."""
+        self.commands = self.requests = ""
+
+    def _accuse(self, link: BusLink, cob_id: int, what: str) -> None:
+        """Take a COB-ID as the mark of a second master."""
+
+        def take(_: bytearray) -> None:
+            self.commands = f"another node {what} (COB-ID 0x{cob_id:03X}). {_REMEDY}"
+
+        link.subscribe(cob_id, take)
+
+    def _note_requests(self, link: BusLink, node_id: int) -> None:
+        """Take SDO requests as the mark of another client."""
+        joint = self._joints[node_id]
+
+        def take(data: bytearray) -> None:
+            if len(data) == 8:
+                verb = "wrote to" if data[0] >> 5 == 1 else "talks to"
+                self.requests = (
+                    f"Another SDO client {verb} {joint} (node {node_id}), object {data[2]:02X}{data[1]:02X}:{data[3]}"
+                )
+
+        link.subscribe(od.SDO_RX_BASE + node_id, take)
+
+    def _take_nmt(self, data: bytearray) -> None:
+        """An NMT command that is not ours."""
+        if len(data) == 2 and (data[1] == 0 or data[1] in self._joints):
+            to = "all nodes" if data[1] == 0 else f"{self._joints[data[1]]} (node {data[1]})"
+            name = _NAMES.get(data[0], f"command {data[0]}")
+            self.commands = f"another node sends NMT commands: {name} to {to}. {_REMEDY}"

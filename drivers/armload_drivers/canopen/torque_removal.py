@@ -1,0 +1,129 @@
+"""Taking the torque of all drives of an arm that stands, over CANopen.
+
+The order: torque offsets to zero; standstill; drives whose axes have a brake; drives whose axes have none, once all
+others are held; a look at whether the arm stays where it is; drives that have left the cycle, by SDO, once they stand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from armload_drivers.bring_up.drive_bring_up import DriveSetup
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.canopen.canopen_cycle import CanopenCycle
+from armload_drivers.canopen.drive_node import DriveNode
+from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_moves
+from armload_drivers.cia402.object_dictionary import NmtCommand
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import AxisMoves, ServoTimeout
+
+STILL_CYCLES = 3
+"""An axis stands when it has stood for this many cycles."""
+
+_WITHOUT_TORQUE = frozenset(
+    {
+        State.NOT_READY_TO_SWITCH_ON,
+        State.SWITCH_ON_DISABLED,
+        State.READY_TO_SWITCH_ON,
+        State.SWITCHED_ON,
+        State.FAULT,
+    }
+)
+_STEP = "removing torque"
+
+
+class TorqueRemoval:
+    """The way of one arm from torque to none.
+
+    Args:
+        cycle: Its cycle, running.
+        nodes: Its drives.
+        setups: SDO access to them, in the same order.
+        link: The bus.
+        timeouts: Limits of the waits.
+    """
+
+    def __init__(
+        self,
+        cycle: CanopenCycle,
+        nodes: Sequence[DriveNode],
+        setups: Sequence[DriveSetup],
+        link: BusLink,
+        timeouts: Timeouts,
+    ) -> None:
+        self._cycle, self._nodes, self._setups = cycle, nodes, setups
+        self._link, self._timeouts = link, timeouts
+
+    def run(self) -> AxisMoves | None:
+        """Take the torque; nothing is left to be done afterwards.
+
+        Returns:
+            What is to be raised about an axis that nothing holds.
+
+        Raises:
+            ServoTimeout: a drive did not come to rest, or keeps its torque.
+            BusError: the bus failed.
+        """
+        cycle, nodes = self._cycle, self._nodes
+        cycle.fade_offsets()
+        cycle.run_until(lambda node: node.still_for(STILL_CYCLES), "waiting for standstill", self._timeouts.disable_s)
+        braked = [node for node in nodes if node.settings.has_brake]
+        for part in (braked, [node for node in nodes if node not in braked]):
+            if part:
+                self._switch_off(part)
+        moving = self._moving()
+        for node, setup in zip(nodes, self._setups, strict=True):
+            if node.lost:
+                # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and obeys no late setpoint.
+                self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+                if setup.is_up():
+                    self._await_rest(node, setup)
+                    setup.remove_torque()
+        return moving
+
+    def _switch_off(self, nodes: list[DriveNode]) -> None:
+        """Take the torque of some drives.
+
+        Raises:
+            ServoTimeout: one keeps it.
+        """
+        self._cycle.ask(State.SWITCH_ON_DISABLED, _STEP, lambda node: node in nodes and not node.lost)
+        try:
+            self._cycle.run_until(lambda node: node not in nodes or _is_off(node), _STEP, self._timeouts.disable_s)
+        except ServoTimeout:
+            # A drive that ignores requests is good enough where it stands, as long as it carries no torque.
+            if not all(node.lost or node.state in _WITHOUT_TORQUE for node in nodes):
+                raise
+
+    def _moving(self) -> AxisMoves | None:
+        """Watch where the axes go without torque."""
+        begun = [node.position_counts for node in self._nodes]
+        for _ in range(self._cycle.count(HOLDING_WATCH_S)):
+            self._cycle.run()
+        for node, counts, axis in zip(self._nodes, begun, self._cycle.units.axes, strict=True):
+            moved_rad = abs((node.position_counts - counts) / axis.counts_per_rad)
+            if moved_rad > HELD_RAD and not (node.lost or node.is_gone):
+                return axis_moves(node.settings, moved_rad)
+        return None
+
+    def _await_rest(self, node: DriveNode, setup: DriveSetup) -> None:
+        """Wait until a drive that has left the cycle stands, by SDO.
+
+        Raises:
+            ServoTimeout: it goes on moving.
+        """
+        before, still = setup.read_position(), 0
+        for _ in range(self._cycle.count(self._timeouts.stop_s)):
+            last = self._cycle.run()
+            counts = setup.read_position()
+            still = still + 1 if node.is_still(counts - before) else 0
+            if still >= STILL_CYCLES:
+                return
+            before = counts
+        raise node.not_in_time("waiting for standstill", self._timeouts.stop_s, last.time_s)
+
+
+def _is_off(node: DriveNode) -> bool:
+    """Whether a drive carries no torque and has got where it was sent, or fails."""
+    return node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty)

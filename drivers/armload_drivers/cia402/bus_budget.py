@@ -1,0 +1,95 @@
+"""Worst-case load of the bus by a configuration, before anything is sent.
+
+A classical CAN frame with an 11-bit identifier and n data bytes has at most
+
+    47 + 8 n + floor((34 + 8 n - 1) / 4)
+
+bits: the fields, the interframe space of 3 bits, and a stuff bit after every fourth bit of the 34 + 8 n that
+can be stuffed.
+
+References:
+    Davis et al. 2007, "Controller Area Network (CAN) schedulability analysis", eq. (2).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.process_image import drive_image
+from armload_drivers.driver_errors import BusOverload
+
+
+def frame_bits(data_bytes: int) -> int:
+    """Worst-case bits of one frame, stuffing and interframe space included."""
+    return 47 + 8 * data_bytes + (34 + 8 * data_bytes - 1) // 4
+
+
+@dataclass(frozen=True, slots=True)
+class BusLoad:
+    """What a configuration asks of the bus at worst.
+
+    Attributes:
+        cycle_us: Time the frames of one cycle (SYNC and all PDOs) take.
+        cycle_share: `cycle_us` as a share of the cycle.
+        heartbeat_share: Share that the heartbeats of master and drives take.
+        limit: Share that the configuration allows.
+        highest_cycle_hz: The highest whole rate that stays within the limit; 0 where none does.
+    """
+
+    cycle_us: float
+    cycle_share: float
+    heartbeat_share: float
+    limit: float
+    highest_cycle_hz: int
+
+    @property
+    def share(self) -> float:
+        """Total share of the bus."""
+        return self.cycle_share + self.heartbeat_share
+
+    @property
+    def fits(self) -> bool:
+        """Whether the share stays within the limit."""
+        return self.share <= self.limit
+
+
+def forecast(arm: ArmSettings) -> BusLoad:
+    """Worst-case load of a configured arm.
+
+    SDO and EMCY are not counted: the limit leaves room for them.
+    """
+    images = [drive_image(drive) for drive in arm.drives]
+    sync_bits = frame_bits(1 if arm.sync_counter else 0)
+    bits = sync_bits + sum(frame_bits(layout.length) for image in images for layout in image.layouts)
+    cycle_bus_s = bits / arm.bitrate
+    heartbeats_s = (len(images) + 1) * frame_bits(1) / arm.bitrate
+    heartbeat_share = heartbeats_s / arm.heartbeat_s
+    room = max(0.0, arm.max_bus_load - heartbeat_share)
+    return BusLoad(
+        cycle_us=cycle_bus_s * 1e6,
+        cycle_share=cycle_bus_s / arm.cycle_s,
+        heartbeat_share=heartbeat_share,
+        limit=arm.max_bus_load,
+        highest_cycle_hz=math.floor(room / cycle_bus_s),
+    )
+
+
+def require_room(arm: ArmSettings) -> BusLoad:
+    """Forecast, refused where the bus cannot carry it.
+
+    Raises:
+        BusOverload: naming the load, the limit and the highest rate that fits.
+    """
+    load = forecast(arm)
+    if load.fits:
+        return load
+    if load.highest_cycle_hz:
+        remedy = f"at {arm.bitrate} bit/s at most {load.highest_cycle_hz} Hz fit"
+    else:
+        remedy = f"no cycle rate fits at {arm.bitrate} bit/s; raise the bit rate"
+    raise BusOverload(
+        f"{len(arm.drives)} drives at {1 / arm.cycle_s:.0f} Hz load the bus with up to {load.share:.0%}, allowed "
+        f"are {arm.max_bus_load:.0%}: {remedy}"
+    )

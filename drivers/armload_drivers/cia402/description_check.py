@@ -1,0 +1,46 @@
+"""What a drive's description says against its configuration, before the drive is asked. Nothing is read from a bus.
+
+A description is the vendor's word, and not always true; bring-up reads back what it writes all the same. But who reads
+here that a drive maps no torque offset need not find out at the cell.
+"""
+
+from __future__ import annotations
+
+from armload_drivers.bring_up.drive_objects import SAFETY
+from armload_drivers.cia402.arm_settings import DriveSettings
+from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.object_dictionary import Entry
+from armload_drivers.cia402.process_image import drive_image
+
+
+def description_gaps(drive: DriveSettings) -> tuple[str, ...]:
+    """What the configured drive needs and its description does not offer, in words; nothing without a description."""
+    described = drive.description
+    if described is None:
+        return ()
+    gaps = [
+        gap
+        for layout in drive_image(drive).layouts
+        for entry in layout.entries
+        if (gap := _unmappable(described, entry))
+    ]
+    known = {key >> 8 for key in described.objects}
+    accepted = {int(name, 16) for name in drive.accept_missing}
+    gaps += [
+        f"{described.source} has no {index:04X}: {reason}; see accept_missing"
+        for index, reason in SAFETY.items()
+        if index not in known | accepted
+    ]
+    return tuple(gaps)
+
+
+def _unmappable(described: DeviceDescription, entry: Entry) -> str:
+    """Why a PDO could not carry an object; empty where it could."""
+    found = described.find(entry)
+    if found is None:
+        return f"{described.source} has no {entry}, which a PDO is to carry"
+    if not found.mappable:
+        return f"{described.source} lets no PDO carry {entry}"
+    if found.bits is not None and found.bits != entry.type.bits:
+        return f"{described.source} gives {entry} {found.bits} bits instead of {entry.type.bits}"
+    return ""

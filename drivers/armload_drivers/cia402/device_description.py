@@ -1,0 +1,379 @@
+"""Device descriptions (EDS, DCF) read tolerantly: what can be understood is kept, the rest is told.
+
+Rules of this file:
+- Vendors' files are wrong in many ways: keys in another case, empty defaults, expressions with `$NODEID`, counts
+  that do not count, bytes that are no UTF-8. Each of these is a warning that names section and key.
+- A file that is no description of a CiA 402 drive at all is refused with a `DescriptionError`. Nothing else is
+  ever raised, whatever the bytes are.
+- Nothing is guessed: a value that cannot be read is None.
+
+References:
+    CiA 306-1 (electronic data sheet), CiA 301, table 44 (data types).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from armload_drivers.cia402.object_dictionary import CONTROLWORD, DEVICE_TYPE, DEVICE_TYPE_SERVO, Entry
+from armload_drivers.driver_errors import DescriptionError
+
+LARGEST_BYTES = 8_000_000
+"""The largest file read for this project has 0.15 MB; what is larger than this is something else."""
+MOST_WARNINGS = 200
+"""Further ones are only counted."""
+UNTOLD = 0xFFFF_FFFF
+_LONGEST_QUOTE = 40
+
+_OBJECT = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2}))?")
+_TERM = re.compile(r"\s*([+-]?)\s*(\$nodeid|0x[0-9a-f]+|[0-9]+)\s*", re.IGNORECASE)
+_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
+_INTEGERS = {1: 1, 2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32, 0x10: 24, 0x15: 64, 0x16: 24, 0x1B: 64}
+"""Bits of the integer data types by code."""
+_SIGNED = frozenset({2, 3, 4, 0x10, 0x15})
+_RECORDS = frozenset({8, 9})
+"""Object types ARRAY and RECORD: their values stand in the subs."""
+_MOST_SUBS = 254
+
+
+@dataclass(frozen=True, slots=True)
+class DescribedValue:
+    """A value that may depend on the node id.
+
+    Attributes:
+        constant: The part that does not.
+        node_ids: How often the node id is added.
+    """
+
+    constant: int
+    node_ids: int = 0
+
+    def of(self, node_id: int) -> int:
+        """The value on one node."""
+        return self.constant + self.node_ids * node_id
+
+
+@dataclass(frozen=True, slots=True)
+class DescribedObject:
+    """One entry of a description.
+
+    Attributes:
+        index: Index.
+        subindex: Sub-index.
+        name: As the vendor calls it.
+        bits: Size of an integer; None for other types.
+        writable: Whether SDO may write it.
+        mappable: Whether a PDO may carry it.
+        value: The value that it is set to (DCF) or has after a reset (EDS); None where the file tells none.
+    """
+
+    index: int
+    subindex: int
+    name: str
+    bits: int | None
+    writable: bool
+    mappable: bool
+    value: DescribedValue | None
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceDescription:
+    """What a description tells of a drive.
+
+    Attributes:
+        source: Name of the file.
+        vendor_name: Vendor.
+        product_name: Product.
+        vendor_id: As 1018:1 is to tell it; None where the file tells none.
+        product_code: 1018:2, likewise.
+        revision: 1018:3, likewise.
+        node_id: Node id that a DCF is for.
+        objects: Entries by key (index, sub-index).
+        warnings: What was odd, each with section and key.
+    """
+
+    source: str
+    vendor_name: str
+    product_name: str
+    vendor_id: int | None
+    product_code: int | None
+    revision: int | None
+    node_id: int | None
+    objects: Mapping[int, DescribedObject] = field(repr=False)
+    warnings: tuple[str, ...] = field(repr=False)
+
+    def find(self, entry: Entry) -> DescribedObject | None:
+        """The description of an object; None where the drive does not have it."""
+        return self.objects.get(entry.key)
+
+    def value(self, entry: Entry, node_id: int) -> int | None:
+        """Value of an integer object on one node."""
+        found = self.find(entry)
+        return None if found is None or found.value is None else found.value.of(node_id)
+
+
+def read_description(path: Path) -> DeviceDescription:
+    """Read an EDS or DCF file.
+
+    Raises:
+        DescriptionError: it cannot be read, or is no description of a CiA 402 drive.
+    """
+    try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise DescriptionError(path.name, "", "", f"larger than {LARGEST_BYTES} bytes; this is no EDS or DCF file")
+        data = path.read_bytes()
+    except OSError as error:
+        raise DescriptionError(path.name, "", "", f"cannot be read: {error.strerror}") from error
+    return parse_description(data, path.name)
+
+
+def parse_description(data: bytes, source: str) -> DeviceDescription:
+    """Read the bytes of an EDS or DCF file.
+
+    Args:
+        data: The bytes.
+        source: Name of the file, for messages.
+
+    Raises:
+        DescriptionError: they are no description of a CiA 402 drive.
+    """
+    if len(data) > LARGEST_BYTES:
+        raise DescriptionError(source, "", "", f"larger than {LARGEST_BYTES} bytes; this is no EDS or DCF file")
+    return _Reader(source).read(data)
+
+
+def _shown(text: str) -> str:
+    """A quotation for a message."""
+    return repr(text if len(text) <= _LONGEST_QUOTE else text[:_LONGEST_QUOTE] + "...")
+
+
+class _Reader:
+    """One file being read."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._warnings: list[str] = []
+        self._unlisted = 0
+        self._sections: dict[str, dict[str, str]] = {}
+
+    def read(self, data: bytes) -> DeviceDescription:
+        """The whole of it."""
+        self._split(self._text(data))
+        objects = self._objects()
+        if not objects:
+            raise DescriptionError(self._source, "", "", "no section describes an object; is it an EDS or DCF file?")
+        self._check_lists()
+        if CONTROLWORD.key not in objects:
+            raise DescriptionError(self._source, "6040", "", "no controlword: this device is no CiA 402 drive")
+        profile = objects.get(DEVICE_TYPE.key)
+        if profile is not None and profile.value is not None:
+            number = profile.value.constant & 0xFFFF
+            if number not in {0, DEVICE_TYPE_SERVO & 0xFFFF}:
+                raise DescriptionError(self._source, "1000", "DefaultValue", f"device profile {number} instead of 402")
+        info = self._sections.get("deviceinfo", {})
+        if not info:
+            self._warn("DeviceInfo", "", "missing, so that the identity is not known")
+        commissioning = self._sections.get("devicecomissioning", self._sections.get("devicecommissioning", {}))
+        if self._unlisted:
+            self._warnings.append(f"{self._source}: {self._unlisted} more warnings of this kind")
+        return DeviceDescription(
+            source=self._source,
+            vendor_name=info.get("vendorname", ""),
+            product_name=info.get("productname", ""),
+            vendor_id=self._identity(info, "VendorNumber"),
+            product_code=self._identity(info, "ProductNumber"),
+            revision=self._identity(info, "RevisionNumber"),
+            node_id=self._node_id(commissioning),
+            objects=objects,
+            warnings=tuple(self._warnings),
+        )
+
+    def _warn(self, section: str, key: str, what: str) -> None:
+        """Keep a warning."""
+        if len(self._warnings) < MOST_WARNINGS:
+            self._warnings.append(f"{self._source}: [{section}]{' ' + key if key else ''}: {what}")
+        else:
+            self._unlisted += 1
+
+    # Text ----------------------------------------------------------------------------------------------------
+
+    def _text(self, data: bytes) -> str:
+        """The file as text."""
+        if b"\0" in data[:4096]:
+            raise DescriptionError(self._source, "", "", "contains zero bytes; is it an EDS or DCF file in text form?")
+        try:
+            return data.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            line = data.count(b"\n", 0, error.start) + 1
+            self._warn("(file)", f"line {line}", "bytes that are no UTF-8, read as Latin-1")
+            return data.decode("latin-1")
+
+    def _split(self, text: str) -> None:
+        """Sections and keys, names in lower case."""
+        section: dict[str, str] | None = None
+        title = ""
+        for number, line in enumerate(text.splitlines(), start=1):
+            stripped = line.strip()
+            if not stripped or stripped[0] in ";#":
+                continue
+            if stripped[0] == "[":
+                name, closed, _ = stripped[1:].partition("]")
+                title = name.strip()
+                if not closed:
+                    self._warn(_shown(title)[1:-1], f"line {number}", "section without its closing bracket")
+                if title.lower() in self._sections:
+                    self._warn(_shown(title)[1:-1], f"line {number}", "section again; the two are joined")
+                section = self._sections.setdefault(title.lower(), {})
+                continue
+            key, equals, value = stripped.partition("=")
+            key = key.strip().lower()
+            if section is None or not equals or not key:
+                self._warn(_shown(title)[1:-1], f"line {number}", f"not understood: {_shown(stripped)}")
+                continue
+            if key in section:
+                self._warn(_shown(title)[1:-1], _shown(key)[1:-1], "given again; the last one counts")
+            section[key] = value.strip()
+
+    # Numbers -------------------------------------------------------------------------------------------------
+
+    def _number(self, section: str, values: Mapping[str, str], key: str) -> DescribedValue | None:
+        """A number or an expression of numbers and `$NODEID`; None, with a warning, where it is neither."""
+        text = values.get(key.lower(), "")
+        if not text:
+            return None
+        constant = node_ids = at = 0
+        while at < len(text):
+            term = _TERM.match(text, at)
+            if term is None or (at > 0 and not term[1]) or len(text) > _LONGEST_QUOTE:
+                self._warn(section, key, f"{_shown(text)} is no number")
+                return None
+            sign = -1 if term[1] == "-" else 1
+            if term[2][0] == "$":
+                node_ids += sign
+            else:
+                constant += sign * int(term[2], 16 if term[2][:2].lower() == "0x" else 10)
+            at = term.end()
+        return DescribedValue(constant, node_ids)
+
+    def _plain(self, section: str, values: Mapping[str, str], key: str) -> int | None:
+        """A number without `$NODEID`."""
+        number = self._number(section, values, key)
+        if number is not None and number.node_ids:
+            self._warn(section, key, "depends on the node id, which makes no sense here")
+            return None
+        return None if number is None else number.constant
+
+    def _identity(self, info: Mapping[str, str], key: str) -> int | None:
+        """A number of 1018; some vendors write 0 or all ones for what they do not tell."""
+        number = self._plain("DeviceInfo", info, key)
+        if number is not None and not 0 <= number < 1 << 32:
+            self._warn("DeviceInfo", key, f"{number} does not fit 32 bits")
+            return None
+        return None if number in {0, UNTOLD} else number
+
+    def _node_id(self, commissioning: Mapping[str, str]) -> int | None:
+        """Node id of a DCF."""
+        number = self._plain("DeviceComissioning", commissioning, "NodeID")
+        if number is not None and not 1 <= number <= 127:
+            self._warn("DeviceComissioning", "NodeID", f"{number} is no node id")
+            return None
+        return number
+
+    # Objects -------------------------------------------------------------------------------------------------
+
+    def _objects(self) -> dict[int, DescribedObject]:
+        """All entries."""
+        objects: dict[int, DescribedObject] = {}
+        found = [(match, name) for name in self._sections if (match := _OBJECT.fullmatch(name))]
+        subs: dict[int, int] = {}
+        for match, _ in found:
+            if match[2] is not None:
+                index = int(match[1], 16)
+                subs[index] = subs.get(index, 0) + 1
+        for match, name in found:
+            index, sub = int(match[1], 16), int(match[2] or "0", 16)
+            values, title = self._sections[name], match[1].upper() + (f"sub{match[2]}" if match[2] else "")
+            if match[2] is None:
+                self._check_sub_number(title, values, subs.get(index, 0))
+                compact = self._plain(title, values, "CompactSubObj")
+                if compact:
+                    self._add_compact(objects, index, title, values, compact)
+                    continue
+                if index in subs or self._plain(title, values, "ObjectType") in _RECORDS:
+                    continue
+            objects[index << 8 | sub] = self._object(index, sub, title, values)
+        return objects
+
+    def _check_sub_number(self, title: str, values: Mapping[str, str], found: int) -> None:
+        """SubNumber against the subs that are there."""
+        told = self._plain(title, values, "SubNumber")
+        if told and told != found and not values.get("compactsubobj"):
+            self._warn(title, "SubNumber", f"tells {told}, the file has {found}")
+
+    def _add_compact(
+        self, objects: dict[int, DescribedObject], index: int, title: str, values: Mapping[str, str], count: int
+    ) -> None:
+        """An array described by its first element."""
+        if not 0 < count <= _MOST_SUBS:
+            self._warn(title, "CompactSubObj", f"{count} is no count of sub-indices")
+            return
+        for sub in range(1, count + 1):
+            objects[index << 8 | sub] = self._object(index, sub, title, values)
+
+    def _object(self, index: int, sub: int, title: str, values: Mapping[str, str]) -> DescribedObject:
+        """One entry."""
+        kind = self._plain(title, values, "DataType")
+        if kind is None and values.get("objecttype", "7").lower() not in {"2", "0x2"}:
+            self._warn(title, "DataType", "missing or unreadable")
+        bits = _INTEGERS.get(kind) if kind is not None else None
+        access = values.get("accesstype", "").lower()
+        if access not in {"ro", "wo", "rw", "rwr", "rww", "const"}:
+            self._warn(title, "AccessType", f"{_shown(access)} is none of ro, wo, rw, rwr, rww, const")
+        value = None
+        if bits is not None:
+            key = "ParameterValue" if values.get("parametervalue") else "DefaultValue"
+            value = self._number(title, values, key)
+            if value is not None and not self._fits(value.constant, bits, kind in _SIGNED):
+                self._warn(title, key, f"{value.constant} does not fit {bits} bits")
+                value = None
+        return DescribedObject(
+            index=index,
+            subindex=sub,
+            name=values.get("parametername", ""),
+            bits=bits,
+            writable=access in {"wo", "rw", "rwr", "rww"},
+            mappable=bool(self._plain(title, values, "PDOMapping")),
+            value=value,
+        )
+
+    @staticmethod
+    def _fits(number: int, bits: int, signed: bool) -> bool:
+        """Whether a type holds a number; signed types are often written as the unsigned hexadecimal pattern."""
+        return -(1 << bits - 1) * signed <= number < 1 << bits
+
+    def _check_lists(self) -> None:
+        """The lists of objects against the sections."""
+        listed: set[str] = set()
+        for title in _LISTS:
+            values = self._sections.get(title)
+            if values is None:
+                continue
+            names = [key for key in values if key.isdecimal()]
+            told = self._plain(title, values, "SupportedObjects")
+            if told != len(names):
+                self._warn(title, "SupportedObjects", f"tells {told}, the list has {len(names)}")
+            for key in names:
+                index = self._plain(title, values, key)
+                if index is None:
+                    continue
+                name = f"{index:04x}"
+                listed.add(name)
+                if name not in self._sections:
+                    self._warn(title, key, f"object {_shown(name)} is listed and not described")
+        for name in self._sections:
+            match = _OBJECT.fullmatch(name)
+            if match and match[2] is None and listed and name not in listed:
+                self._warn(match[1].upper(), "", "described and in no list")

@@ -1,0 +1,118 @@
+"""What a drive tells of its scale, put beside the configuration. Pure.
+
+    counts per axis turn = 608F increments per motor turn x gear ratio          (no 6092)
+    counts per axis turn = 6092 feed per shaft turn                             (6092 in use)
+    axis rated torque    = 6076 motor rated torque x gear ratio
+
+The gear ratio is 6091. Many drives leave it at 1 : 1 and know nothing of the gear behind their motor; then the
+joint's own gear ratio may be meant. Where the configuration gives a scale, either reading of the drive may agree
+with it; where it gives none and the two readings differ, nothing is guessed. A feed of 1 per turn is the value
+after a reset of drives that do not use 6092, and no position unit.
+
+References:
+    CiA 402-2, 7 (factor group).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback
+from armload_drivers.driver_errors import CommandError
+
+SCALE_TOLERANCE = 1e-3
+"""Relative difference of a position scale that passes as rounding."""
+RATING_TOLERANCE = 1e-2
+"""Relative difference of a rated current or torque that passes as rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToldScale:
+    """What a drive tells; None where it does not.
+
+    Attributes:
+        increments_per_motor_turn: 608F.
+        gear_ratio: 6091, motor turns per shaft turn.
+        feed_per_shaft_turn: 6092.
+        rated_torque_nm: 6076, of the motor.
+        rated_current_a: 6075, of the motor.
+    """
+
+    increments_per_motor_turn: float | None
+    gear_ratio: float | None
+    feed_per_shaft_turn: float | None
+    rated_torque_nm: float | None
+    rated_current_a: float | None
+
+
+def resolve(drive: DriveSettings, told: ToldScale) -> DriveSettings:
+    """Settings with every scale filled in.
+
+    Args:
+        drive: The configured drive.
+        told: What it tells.
+
+    Raises:
+        CommandError: the two contradict each other, or neither knows a scale; says which, and what to do.
+    """
+    gears = _gears(drive, told)
+    feed = told.feed_per_shaft_turn
+    feed_in_use = feed is not None and feed > 1.0
+    turns = _products(feed if feed_in_use else told.increments_per_motor_turn, [1.0] if feed_in_use else gears)
+    counts_per_rad = _agree(
+        "position units per rad (608F, 6091, 6092)",
+        "counts_per_axis_turn",
+        [turn / (2 * math.pi) for turn in turns],
+        drive.counts_per_rad,
+        SCALE_TOLERANCE,
+    )
+    torque_nm = _agree(
+        "rated torque in N m (6076, 6091)",
+        "rated_torque_nm",
+        _products(told.rated_torque_nm, gears),
+        drive.rated_torque_nm,
+        RATING_TOLERANCE,
+    )
+    current_a = drive.rated_current_a
+    if drive.feedback is EffortFeedback.CURRENT and (current_a is not None or drive.vendor_effort is None):
+        current_a = _agree(
+            "rated current in A (6075)",
+            "rated_current_a",
+            _products(told.rated_current_a, [1.0]),
+            current_a,
+            RATING_TOLERANCE,
+        )
+    return replace(drive, counts_per_rad=counts_per_rad, rated_torque_nm=torque_nm, rated_current_a=current_a)
+
+
+def _gears(drive: DriveSettings, told: ToldScale) -> list[float]:
+    """Gear ratios that the drive's motor-side figures may have to be multiplied by."""
+    if told.gear_ratio is not None and told.gear_ratio != 1.0:
+        return [told.gear_ratio]
+    return [1.0] if drive.gear_ratio in {None, 1.0} else [1.0, float(drive.gear_ratio or 1.0)]
+
+
+def _products(value: float | None, gears: list[float]) -> list[float]:
+    """A figure seen through each gear; empty where the drive tells none."""
+    return [] if not value else [value * gear for gear in gears]
+
+
+def _agree(what: str, key: str, told: list[float], configured: float | None, tolerance: float) -> float:
+    """The configured value where the drive's agrees, or the drive's where none is configured."""
+    shown = " or ".join(f"{value:.6g}" for value in told)
+    if configured is not None:
+        if told and not any(math.isclose(value, configured, rel_tol=tolerance) for value in told):
+            raise CommandError(
+                f"the drive tells {what} = {shown}, the configuration {configured:.6g}: one of the two is wrong, and "
+                "the arm would move by the wrong amount"
+            )
+        return configured
+    if len(told) == 1:
+        return told[0]
+    if told:
+        raise CommandError(
+            f"the drive tells {what} = {shown}, depending on which side of the gear is meant: give {key} in the "
+            "configuration"
+        )
+    raise CommandError(f"neither the drive nor the configuration tells {what}: give {key} in the configuration")

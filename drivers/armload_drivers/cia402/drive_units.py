@@ -1,0 +1,234 @@
+"""Counts and per mille of the drives to and from SI, for one arm. Only this file converts.
+
+    q_joint = C q_axis                    position_counts = sign_position counts_per_rad q_axis
+    tau_joint = C^-T tau_axis             per mille = sign_torque 1000 tau_axis / rated_torque
+    tau_axis = C^T tau_joint              i_motor = sign_torque rated_current per mille / 1000
+
+A vendor's object for the effort has a scale of its own in place of the rated one.
+
+An AXIS is one motor seen through its gear. The signs are the polarity (607E) that the drive tells.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
+from armload_drivers.cia402.object_dictionary import POLARITY_POSITION, POLARITY_TORQUE, DataType
+from armload_drivers.cia402.process_image import effort_entry
+from armload_drivers.driver_errors import CommandError
+from armload_drivers.servos import FloatArray, JointCommand
+
+_COUNTS_LIMIT = DataType.I32.bounds[1]
+_PERMILLE_LIMIT = DataType.I16.bounds[1]
+
+
+def interpolation_time(cycle_s: float) -> tuple[int, int]:
+    """Cycle time as 60C2 has it: value (1 to 255) and power of ten, in seconds.
+
+    Raises:
+        CommandError: no such pair equals the cycle time.
+    """
+    for exponent in range(0, -7, -1):
+        value = cycle_s / 10.0**exponent
+        if 1 <= round(value) <= DataType.U8.bounds[1] and math.isclose(value, round(value), rel_tol=1e-9):
+            return round(value), exponent
+    raise CommandError(
+        f"cycle {cycle_s} s cannot be told to a drive (60C2 holds 1 to 255 times a power of ten); "
+        "choose a cycle such as 1, 2, 4, 5, 8, 10 or 20 ms"
+    )
+
+
+def microseconds(time_s: float) -> int:
+    """Seconds as 1006 has them."""
+    return round(time_s * 1e6)
+
+
+def milliseconds(time_s: float) -> int:
+    """Seconds as 1016, 1017 and event timers have them; at least 1, since 0 switches them off."""
+    return max(1, round(time_s * 1e3))
+
+
+def saturate(value: float, kind: DataType) -> int:
+    """Nearest integer that an object can hold, which is how a drive reports what is out of range."""
+    lower, upper = kind.bounds
+    return min(max(round(value), lower), upper)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisUnits:
+    """Scale of one drive.
+
+    Attributes:
+        counts_per_rad: Position units per radian of the axis, with the sign of 607E bit 7.
+        torque_nm_per_permille: Axis torque that one per mille means, with the sign of 607E bit 5.
+        effort_per_unit: What one unit of the effort that the drive tells means: motor current in A, or axis
+            torque in N m, likewise.
+        effort_units_per_nm: Units of the effort that one N m at the axis makes; a drive knows one ratio between
+            torque and current, and 1000 per mille of the one and of the other are the same state. NaN where
+            only a vendor's object has a scale.
+    """
+
+    counts_per_rad: float
+    torque_nm_per_permille: float
+    effort_per_unit: float
+    effort_units_per_nm: float
+
+    @classmethod
+    def of(cls, drive: DriveSettings, polarity: int = 0) -> AxisUnits:
+        """Units of a drive whose 607E reads `polarity`.
+
+        Raises:
+            CommandError: the scale is neither configured nor read from the drive yet.
+        """
+        if drive.counts_per_rad is None or drive.rated_torque_nm is None:
+            raise CommandError(f"{drive.joint}: the drive's scale is not known before it is connected")
+        position_sign = -1.0 if polarity & POLARITY_POSITION else 1.0
+        torque_sign = -1.0 if polarity & POLARITY_TORQUE else 1.0
+        rated = drive.rated_torque_nm
+        if drive.feedback is EffortFeedback.CURRENT:
+            if drive.rated_current_a is None and drive.vendor_effort is None:
+                raise CommandError(f"{drive.joint}: the motor's rated current is not known before it is connected")
+            rated = math.nan if drive.rated_current_a is None else drive.rated_current_a
+        per_unit = 1e-3 * rated if drive.vendor_effort is None else drive.vendor_effort.per_unit
+        return cls(
+            counts_per_rad=position_sign * drive.counts_per_rad,
+            torque_nm_per_permille=torque_sign * drive.rated_torque_nm * 1e-3,
+            effort_per_unit=torque_sign * per_unit,
+            effort_units_per_nm=torque_sign * rated / drive.rated_torque_nm / per_unit,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RawAxes:
+    """One value per axis in drive units.
+
+    Attributes:
+        position_counts: 607A, 60C1:1 or 6064.
+        effort: 60B2 in per mille; or what tells the effort, 6077 or 6078 in per mille or a vendor's object.
+    """
+
+    position_counts: list[int]
+    effort: list[int]
+
+
+class ArmUnits:
+    """Conversion of whole cycles, coupling and signs resolved.
+
+    Args:
+        arm: The arm.
+        polarity: 607E of every drive; zeros where None.
+
+    Attributes:
+        axes: Units per axis.
+        feedback: What all drives send.
+
+    Raises:
+        CommandError: some drives send current and others torque.
+    """
+
+    def __init__(self, arm: ArmSettings, polarity: Sequence[int] | None = None) -> None:
+        bits = [0] * len(arm.drives) if polarity is None else list(polarity)
+        self.axes = tuple(AxisUnits.of(drive, sign) for drive, sign in zip(arm.drives, bits, strict=True))
+        self._joints = tuple(drive.joint for drive in arm.drives)
+        coupling = np.asarray(arm.coupling, dtype=np.float64)
+        inverse = np.linalg.inv(coupling)
+        self._counts = counts = np.array([axis.counts_per_rad for axis in self.axes])
+        self._torque = torque = np.array([axis.torque_nm_per_permille for axis in self.axes])
+        self._counts_from_joint = counts[:, None] * inverse
+        self._joint_from_counts = coupling / counts
+        self._permille_from_joint = coupling.T / torque[:, None]
+        effort = np.array([axis.effort_per_unit for axis in self.axes])
+        self._joint_from_effort = inverse.T * effort
+        self._motor_from_effort = effort
+        self._effort_per_nm = np.array([axis.effort_units_per_nm for axis in self.axes])
+        kinds_of_effort = [effort_entry(drive).type.bounds[1] for drive in arm.drives]
+        self._effort_limit = np.array(kinds_of_effort, dtype=np.float64)
+        kinds = {drive.feedback for drive in arm.drives}
+        if len(kinds) != 1:
+            raise CommandError("all drives of an arm have to send the same kind of feedback, current or torque")
+        self.feedback = kinds.pop()
+        self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
+        self._inverse = inverse
+        self._arm = arm
+
+    def targets(self, command: JointCommand) -> RawAxes:
+        """Setpoints of one cycle in drive units.
+
+        Args:
+            command: Joint setpoints.
+
+        Returns:
+            Target positions and torque offsets, rounded to the nearest.
+
+        Raises:
+            CommandError: a value is not finite, does not fit its object, or asks a torque offset of a drive
+                that has none.
+        """
+        self._require_finite("target position", command.position_rad)
+        self._require_finite("torque offset", command.torque_offset_nm)
+        counts = np.rint(self._counts_from_joint @ command.position_rad)
+        permille = np.rint(self._permille_from_joint @ command.torque_offset_nm)
+        self._require_range("target position", counts, _COUNTS_LIMIT)
+        self._require_range("torque offset", permille, _PERMILLE_LIMIT)
+        if not self._takes_offset.all() and permille[~self._takes_offset].any():
+            without = [j for j, takes in zip(self._joints, self._takes_offset, strict=True) if not takes]
+            raise CommandError(
+                f"the drives of {', '.join(without)} take no torque offset (60B2); run without feed-forward "
+                "or leave these joints out of it"
+            )
+        return RawAxes(counts.astype(np.int64).tolist(), permille.astype(np.int64).tolist())
+
+    def measured(self, axis_position_rad: FloatArray, axis_torque_nm: FloatArray) -> RawAxes:
+        """What drives report, quantised, and saturated as drives do it.
+
+        Args:
+            axis_position_rad: (n,) axis positions.
+            axis_torque_nm: (n,) axis torques.
+        """
+        counts = np.rint(self._counts * axis_position_rad).clip(-_COUNTS_LIMIT, _COUNTS_LIMIT)
+        effort = np.rint(axis_torque_nm * self._effort_per_nm).clip(-self._effort_limit, self._effort_limit)
+        return RawAxes(counts.astype(np.int64).tolist(), effort.astype(np.int64).tolist())
+
+    def _require_finite(self, what: str, values: FloatArray) -> None:
+        """Refuse values that are no numbers, and too few or too many of them."""
+        if values.shape != self._torque.shape:
+            raise CommandError(f"{what}s of shape {values.shape} for {len(self._joints)} joints")
+        if not np.isfinite(values).all():
+            joint = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise CommandError(f"{self._joints[joint]}: {what} {values[joint]} is no number; nothing was sent")
+
+    def _require_range(self, what: str, raw: FloatArray, limit: int) -> None:
+        """Refuse values that the drives' objects cannot hold."""
+        if (np.abs(raw) > limit).any():
+            axis = int(np.flatnonzero(np.abs(raw) > limit)[0])
+            raise CommandError(
+                f"{self._joints[axis]}: {what} is {raw[axis]:.0f} in drive units, outside +-{limit}. The "
+                "setpoint is wrong or the scaling in the configuration is; nothing was sent"
+            )
+
+    def joint_position_rad(self, counts: Sequence[int]) -> FloatArray:
+        """(n,) joint positions of the drives' 6064."""
+        return np.asarray(self._joint_from_counts @ np.array(counts, dtype=np.float64))
+
+    def joint_torque_nm(self, effort: Sequence[int]) -> FloatArray:
+        """(n,) joint torques of what the drives tell."""
+        return np.asarray(self._joint_from_effort @ np.array(effort, dtype=np.float64))
+
+    def motor_current_a(self, effort: Sequence[int]) -> FloatArray:
+        """(n,) motor currents of what the drives tell."""
+        return self._motor_from_effort * np.array(effort, dtype=np.float64)
+
+    def position_limits_counts(self, axis: int) -> tuple[int, int]:
+        """607D of one axis: the joints' limits, widened to the box that contains every coupled position."""
+        row = self._inverse[axis]
+        lower = np.array([drive.position_min_rad for drive in self._arm.drives])
+        upper = np.array([drive.position_max_rad for drive in self._arm.drives])
+        ends = np.stack([row * lower, row * upper])
+        span = np.array([ends.min(axis=0).sum(), ends.max(axis=0).sum()]) * self.axes[axis].counts_per_rad
+        limit = float(_COUNTS_LIMIT)
+        return math.floor(max(span.min(), -limit)), math.ceil(min(span.max(), limit))

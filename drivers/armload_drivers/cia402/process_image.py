@@ -1,0 +1,113 @@
+"""The cyclic frames of one arm, packed and unpacked, without a bus.
+
+Every drive has one RPDO and one TPDO, both synchronous:
+
+    RPDO1  6040 controlword (2), 607A target position or 60C1:1 set-point (4), 60B2 torque offset (2)
+    TPDO1  6041 statusword (2), 6064 position actual (4), 6078 current or 6077 torque actual (2)
+
+Drives without 60B2 get an RPDO of six bytes. Where a vendor's object for the effort has 32 bits, a frame cannot
+hold it beside the other two: it travels in TPDO2, on its own.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, OperationMode
+from armload_drivers.cia402.object_dictionary import Access, Entry, Mappable, PdoDirection
+
+MAX_PDO_BITS = 64
+
+
+@dataclass(frozen=True, slots=True)
+class PdoLayout:
+    """One PDO as it is mapped.
+
+    Attributes:
+        direction: As seen from the drive.
+        number: Which PDO of that direction, counted from 0.
+        cob_id: CAN identifier.
+        entries: Mapped objects in order.
+    """
+
+    direction: PdoDirection
+    number: int
+    cob_id: int
+    entries: tuple[Entry, ...]
+
+    @property
+    def format(self) -> struct.Struct:
+        """Little-endian layout of the frame's data."""
+        return struct.Struct("<" + "".join(entry.type.code for entry in self.entries))
+
+    @property
+    def length(self) -> int:
+        """Bytes of data."""
+        return self.format.size
+
+
+@dataclass(frozen=True, slots=True)
+class DriveImage:
+    """The PDOs of one drive.
+
+    Attributes:
+        rpdo: Setpoints.
+        tpdo: Feedback.
+        effort: Feedback of the effort, where `tpdo` has no room for it.
+    """
+
+    rpdo: PdoLayout
+    tpdo: PdoLayout
+    effort: PdoLayout | None = None
+
+    @property
+    def layouts(self) -> tuple[PdoLayout, ...]:
+        """All of them."""
+        both = (self.rpdo, self.tpdo)
+        return both if self.effort is None else (*both, self.effort)
+
+
+def target_entry(mode: OperationMode) -> Entry:
+    """Object that carries the position setpoint in a mode."""
+    if mode is OperationMode.INTERPOLATED_POSITION:
+        return od.INTERPOLATION_SETPOINT
+    return od.TARGET_POSITION
+
+
+def effort_entry(drive: DriveSettings) -> Entry:
+    """Object that tells the motor's effort."""
+    vendor = drive.vendor_effort
+    if vendor is not None:
+        return Entry(vendor.index, vendor.subindex, "vendor's effort", vendor.type, Access.RO, Mappable.TPDO)
+    return od.CURRENT_ACTUAL if drive.feedback is EffortFeedback.CURRENT else od.TORQUE_ACTUAL
+
+
+def temperature_entry(drive: DriveSettings) -> Entry | None:
+    """Object that tells a temperature, where the configuration names one; no PDO carries it."""
+    told = drive.temperature
+    if told is None:
+        return None
+    return Entry(told.index, told.subindex, "vendor's temperature", told.type, Access.RO)
+
+
+def _layout(direction: PdoDirection, number: int, node_id: int, entries: list[Entry]) -> PdoLayout:
+    """A PDO on the COB-ID of the pre-defined connection set."""
+    return PdoLayout(direction, number, direction.default_cob_id(number, node_id), tuple(entries))
+
+
+def drive_image(drive: DriveSettings) -> DriveImage:
+    """PDOs of a configured drive."""
+    setpoints = [od.CONTROLWORD, target_entry(drive.mode)]
+    if drive.torque_offset:
+        setpoints.append(od.TORQUE_OFFSET)
+    feedback, effort = [od.STATUSWORD, od.POSITION_ACTUAL], effort_entry(drive)
+    rpdo = _layout(PdoDirection.RECEIVE, 0, drive.node_id, setpoints)
+    if sum(entry.type.bits for entry in (*feedback, effort)) <= MAX_PDO_BITS:
+        return DriveImage(rpdo, _layout(PdoDirection.TRANSMIT, 0, drive.node_id, [*feedback, effort]))
+    return DriveImage(
+        rpdo,
+        _layout(PdoDirection.TRANSMIT, 0, drive.node_id, feedback),
+        _layout(PdoDirection.TRANSMIT, 1, drive.node_id, [effort]),
+    )

@@ -1,0 +1,172 @@
+"""The objects of a simulated drive, with the values they have after a reset."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, DriveSettings, Identity
+from armload_drivers.cia402.drive_units import AxisUnits, milliseconds
+from armload_drivers.cia402.object_dictionary import Access, DataType, Entry
+from armload_drivers.cia402.process_image import effort_entry, temperature_entry
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.simulation.drives.sdo_server import Dictionary
+
+QUICK_STOP_DECELERATION_RAD_S2 = 6.0
+"""6085 after a reset."""
+
+FOLLOWING_ERROR_TIMEOUT_MS = 20
+"""6066 after a reset."""
+
+
+CELSIUS = 40.0
+"""Temperature of every simulated drive, told where its configuration names an object for it."""
+
+SILENCE = 0
+"""What `DriveTraits.on_request` returns for a request that is to get no answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveTraits:
+    """In what a simulated drive differs from the configured one; for tests of what a master makes of it.
+
+    Attributes:
+        identity: What 1018 tells.
+        device_type: What 1000 tells.
+        polarity: 607E after a reset.
+        modes: Modes that 6502 offers; the configured one where None.
+        absent: Indices of objects that the drive lacks.
+        boot_message: Sends a boot-up message after a reset.
+        takes_mode: Follows 6060; otherwise 6061 stays 0.
+        stuck_in: Power state that no controlword gets it out of.
+        on_request: Called with every SDO request: None has it answered, `SILENCE` ignored, and any other number is
+            the abort code that it is refused with.
+    """
+
+    identity: Identity = SIMULATION_IDENTITY
+    device_type: int = od.DEVICE_TYPE_SERVO
+    polarity: int = 0
+    modes: frozenset[int] | None = None
+    absent: frozenset[int] = frozenset()
+    boot_message: bool = True
+    takes_mode: bool = True
+    stuck_in: State | None = None
+    on_request: Callable[[bytes], int | None] | None = None
+
+
+def _count(index: int, highest: int) -> tuple[Entry, int]:
+    """Sub-index 0 of a record."""
+    return Entry(index, 0, "highest sub-index", DataType.U8, Access.RO), highest
+
+
+def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: float) -> Dictionary:
+    """Objects of one drive without its PDO parameters, freshly reset, those it is to lack still included.
+
+    Positions are told in units of the configured scale. The drive describes itself as a motor whose encoder
+    sits on the axis: 608F tells the counts of an axis turn, 6091 a gear of 1, 6076 the axis's rated torque.
+    Max torque (6072) is kept but not enforced; the plant has the limits of its motors.
+
+    Args:
+        settings: The configured drive.
+        traits: In what it differs.
+        cycle_s: Interpolation period until 60C2 or 1006 is written.
+    """
+    units = AxisUnits.of(settings, traits.polarity)
+    modes = frozenset({int(settings.mode)}) if traits.modes is None else traits.modes
+    identity, node_id = traits.identity, settings.node_id
+    counts_per_rad = abs(units.counts_per_rad)
+    limit = DataType.I32.bounds
+    rated_current = 0.0 if settings.rated_current_a is None else settings.rated_current_a
+    rows: list[tuple[Entry, int | str]] = [
+        (od.DEVICE_TYPE, traits.device_type),
+        (od.ERROR_REGISTER, 0),
+        (od.ERROR_COUNT, 0),
+        *((entry, 0) for entry in od.ERROR_HISTORY),
+        (od.SYNC_COB_ID, od.SYNC_DEFAULT_COB_ID),
+        (od.CYCLE_PERIOD_US, 0),
+        (od.DEVICE_NAME, f"armload simulated drive, {settings.joint}"),
+        (od.SOFTWARE_VERSION, "1"),
+        (od.EMERGENCY_COB_ID, od.EMERGENCY_BASE + node_id),
+        _count(0x1016, 1),
+        (od.HEARTBEAT_CONSUMER, 0),
+        (od.HEARTBEAT_PRODUCER_MS, 0),
+        _count(0x1018, 4),
+        (od.VENDOR_ID, identity.vendor_id or 0),
+        (od.PRODUCT_CODE, identity.product_code or 0),
+        (od.REVISION, identity.revision or 0x0001_0000),
+        (od.SERIAL_NUMBER, node_id),
+        (od.SYNC_COUNTER_OVERFLOW, 0),
+        _count(0x1029, 1),
+        (od.COMMUNICATION_ERROR_BEHAVIOUR, 0),
+        _count(0x1200, 2),
+        (od.SDO_RX_COB_ID, od.SDO_RX_BASE + node_id),
+        (od.SDO_TX_COB_ID, od.SDO_TX_BASE + node_id),
+        (od.ABORT_CONNECTION_OPTION, 1),
+        (od.ERROR_CODE, 0),
+        (od.CONTROLWORD, 0),
+        (od.STATUSWORD, 0),
+        (od.QUICK_STOP_OPTION, 2),
+        (od.SHUTDOWN_OPTION, 0),
+        (od.DISABLE_OPTION, 1),
+        (od.HALT_OPTION, 1),
+        (od.FAULT_REACTION_OPTION, 2),
+        (od.MODE, 0),
+        (od.MODE_DISPLAY, 0),
+        (od.SUPPORTED_MODES, sum(1 << (mode - 1) for mode in modes)),
+        (od.POSITION_ACTUAL, 0),
+        (od.FOLLOWING_ERROR_WINDOW, round(settings.following_error_rad * counts_per_rad)),
+        (od.FOLLOWING_ERROR_TIMEOUT_MS, FOLLOWING_ERROR_TIMEOUT_MS),
+        (od.VELOCITY_ACTUAL, 0),
+        (od.MAX_TORQUE, settings.max_torque_permille),
+        (od.RATED_CURRENT_MA, round(rated_current * 1e3)),
+        (od.RATED_TORQUE_MNM, round(abs(units.torque_nm_per_permille) * 1e6)),
+        (od.TORQUE_ACTUAL, 0),
+        (od.CURRENT_ACTUAL, 0),
+        (od.TARGET_POSITION, 0),
+        _count(0x607D, 2),
+        (od.POSITION_LIMIT_MIN, limit[0]),
+        (od.POSITION_LIMIT_MAX, limit[1]),
+        (od.POLARITY, traits.polarity),
+        (od.QUICK_STOP_DECELERATION, round(QUICK_STOP_DECELERATION_RAD_S2 * counts_per_rad)),
+        _count(0x608F, 2),
+        (od.ENCODER_INCREMENTS, round(2 * math.pi * counts_per_rad)),
+        (od.ENCODER_REVOLUTIONS, 1),
+        _count(0x6091, 2),
+        (od.GEAR_MOTOR_REVOLUTIONS, 1),
+        (od.GEAR_SHAFT_REVOLUTIONS, 1),
+        (od.TORQUE_OFFSET, 0),
+        _count(0x60C1, 1),
+        (od.INTERPOLATION_SETPOINT, 0),
+        _count(0x60C2, 2),
+        (od.INTERPOLATION_TIME, milliseconds(cycle_s) if cycle_s < 0.255 else 255),
+        (od.INTERPOLATION_EXPONENT, -3),
+        (od.FOLLOWING_ERROR_ACTUAL, 0),
+    ]
+    dictionary = Dictionary()
+    for entry, value in rows:
+        dictionary.add(entry, value)
+    dictionary.allowed[od.ERROR_COUNT.key] = {0}
+    dictionary.allowed[od.MODE.key] = modes | {0}
+    dictionary.allowed[od.QUICK_STOP_OPTION.key] = {0, 1, 2, 5, 6}
+    dictionary.allowed[od.FAULT_REACTION_OPTION.key] = {0, 1, 2}
+    dictionary.allowed[od.ABORT_CONNECTION_OPTION.key] = {0, 1, 2, 3}
+    dictionary.allowed[od.COMMUNICATION_ERROR_BEHAVIOUR.key] = {0, 1, 2}
+    dictionary.allowed[od.POLARITY.key] = {0, 0x20, 0x80, 0xA0}
+    dictionary.allowed[od.SYNC_COB_ID.key] = {od.SYNC_DEFAULT_COB_ID}
+    dictionary.allowed[od.SYNC_COUNTER_OVERFLOW.key] = {0, *range(2, 241)}
+    for entry in (od.SHUTDOWN_OPTION, od.DISABLE_OPTION):
+        dictionary.allowed[entry.key] = {0, 1}
+    dictionary.allowed[od.HALT_OPTION.key] = {1, 2}
+    effort = effort_entry(settings)
+    if effort.key not in dictionary.entries:
+        dictionary.add(effort, 0)
+    temperature = temperature_entry(settings)
+    if temperature is not None and settings.temperature is not None:
+        dictionary.add(temperature, round(CELSIUS / settings.temperature.celsius_per_unit))
+    if not settings.torque_offset:
+        dictionary.remove([od.TORQUE_OFFSET.index])
+    if settings.rated_current_a is None:
+        dictionary.remove([od.RATED_CURRENT_MA.index, od.CURRENT_ACTUAL.index])
+    return dictionary

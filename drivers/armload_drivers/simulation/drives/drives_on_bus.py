@@ -1,0 +1,322 @@
+"""The simulated drives of an arm on a CAN bus: one bus object, one thread, one clock.
+
+The thread receives, lets the drives act, and sends. On a wall clock it also wakes up by itself, and the plant
+moves on without SYNC, as an arm does; what SYNC makes the drives do happens when the frame came, not when the thread
+got round to it. With a `VirtualClock` time is read at SYNC only: whoever sends SYNC owns the time, and the same
+commands give the same arm to the last bit.
+
+The drives can be told to fail (`fail`, `drop_feedback`, `switch_off`, `switch_on`). Such calls come from other
+threads; the drives' thread carries them out before the next frame.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import Self
+
+import can
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.object_dictionary import NmtCommand
+from armload_drivers.driver_errors import BusError, DriverError, SimulationError, StateError
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.drives.drive_pdos import Pdo
+from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
+from armload_drivers.simulation.plant_interface import Plant
+from armload_drivers.simulation.virtual_clock import Clock, VirtualClock
+
+WAKE_S = 0.002
+"""On a wall clock the plant is advanced at least this often."""
+
+LONGEST_GAP_S = 0.05
+"""On a wall clock, time that passed between two looks at the bus counts for the drives' timers up to this much: a
+simulator that its computer did not let run must not take that for a silent master. The plant gets all of it."""
+
+OLDEST_S = 0.2
+"""A SYNC whose stamp is older is of an interface whose clock is not this computer's."""
+
+MOST_FRAMES = 256
+"""Frames taken in at once before timers get their turn."""
+
+IDLE_S = 0.01
+"""With a virtual clock nothing happens without frames; this bounds how long `stop` takes."""
+
+_NMT_COMMANDS = {command.value: command for command in NmtCommand}
+
+
+class SimulatedDrives:
+    """All drives of one arm.
+
+    Args:
+        arm: The arm; the simulated drives are what it says, with the simulation's identity.
+        plant: What they move. It belongs to the drives' thread from `start` to `stop`.
+        bus: Where they answer. It is the caller's to open and to close, and nobody else reads from it.
+        clock: Wall clock, or the virtual clock that lockstep SYNC advances.
+        traits: Per node id, in what a drive differs.
+
+    Attributes:
+        frames_lost: Frames that the bus did not take.
+    """
+
+    def __init__(
+        self,
+        arm: ArmSettings,
+        plant: Plant,
+        bus: can.BusABC,
+        clock: Clock,
+        traits: Mapping[int, DriveTraits] | None = None,
+    ) -> None:
+        self.frames_lost = 0
+        self._arm, self._plant, self._bus, self._clock = arm, plant, bus, clock
+        self._virtual = clock if isinstance(clock, VirtualClock) else None
+        self._lockstep = self._virtual is not None
+        self._wait_s = IDLE_S if self._lockstep else WAKE_S
+        self._now_s = self._wall_s = clock()
+        self._messages: dict[int, can.Message] = {}
+        self._setpoint_routes: dict[int, list[tuple[SimulatedDrive, Pdo]]] = {}
+        self._calls: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._failure: Exception | None = None
+        self._routes_valid = False
+        chosen = {} if traits is None else traits
+        self._drives = {
+            drive.node_id: SimulatedDrive(
+                drive,
+                axis,
+                plant,
+                cycle_s=arm.cycle_s,
+                traits=chosen.get(drive.node_id, DriveTraits()),
+                send=self._send,
+                rerouted=self._invalidate_routes,
+            )
+            for axis, drive in enumerate(arm.drives)
+        }
+
+    def start(self) -> None:
+        """Switch the drives on.
+
+        Raises:
+            StateError: they are on already.
+        """
+        if self._thread is not None:
+            raise StateError("the simulated drives are running already")
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._run, name="simulated-drives", daemon=True)
+        if self._virtual is not None:
+            self._virtual.follow(self._why_ended)
+        self._thread.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether the drives' thread is alive; `stop` tells why it ended early."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def _why_ended(self) -> str:
+        """Why the drives' thread does not live any more; empty while it does."""
+        if self.running:
+            return ""
+        return "they have been stopped" if self._failure is None else f"their thread ended early: {self._failure!r}"
+
+    def stop(self) -> None:
+        """Switch the drives off and end their thread. Idempotent.
+
+        Raises:
+            SimulationError: the thread had ended before, because of this error.
+        """
+        if self._thread is None:
+            return
+        self._stopping.set()
+        self._thread.join()
+        self._thread = None
+        for drive in self._drives.values():
+            drive.switch_off()
+        self.raise_failure()
+
+    def raise_failure(self) -> None:
+        """Raise what ended the drives' thread, once; for owners that only wait.
+
+        Raises:
+            SimulationError: because of this error.
+        """
+        failure, self._failure = self._failure, None
+        if isinstance(failure, DriverError):
+            raise failure
+        if failure is not None:
+            raise SimulationError(f"the simulated drives ended early: {failure!r}") from failure
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def fail(self, node_id: int, code: int, *, persistent: bool = False) -> None:
+        """Let a drive detect a fault.
+
+        Args:
+            node_id: Which drive.
+            code: Error code (603F).
+            persistent: Whether the cause outlives a fault reset.
+        """
+        self._calls.put(lambda: self._drives[node_id].fail(code, self._now_s, persistent=persistent))
+
+    def drop_feedback(self, node_id: int, cycles: int) -> None:
+        """Lose a drive's TPDOs of the next SYNCs."""
+        self._calls.put(lambda: setattr(self._drives[node_id], "dropped_feedback", cycles))
+
+    def switch_off(self, node_id: int) -> None:
+        """Take a drive's supply away."""
+        self._calls.put(self._drives[node_id].switch_off)
+
+    def switch_on(self, node_id: int) -> None:
+        """Give it back: the drive boots."""
+        self._calls.put(lambda: self._drives[node_id].switch_on(self._now_s))
+
+    def _run(self) -> None:
+        """Body of the thread."""
+        try:
+            for drive in self._drives.values():
+                drive.switch_on(self._now_s)
+            while not self._stopping.is_set():
+                message = self._bus.recv(self._wait_s)
+                self._look_at_clock()
+                self._carry_out_calls()
+                if message is not None:
+                    self._receive(message)
+                    self._receive_backlog()
+                if not self._lockstep:
+                    self._plant.advance(self._clock())
+                    self._tick()
+        except (can.CanError, OSError) as error:
+            self._failure = BusError(f"the simulated drives lost their bus: {error}")
+        except Exception as error:  # noqa: BLE001 - a thread's error is raised where the drives are stopped
+            self._failure = error
+
+    def _receive_backlog(self) -> None:
+        """On a wall clock, take in what is waiting before any timer looks for it; a flood has to stop somewhere."""
+        for _ in range(0 if self._lockstep else MOST_FRAMES):
+            message = self._bus.recv(0.0)
+            if message is None:
+                return
+            self._receive(message)
+
+    def _look_at_clock(self) -> None:
+        """Take over the wall clock; a virtual one is read at SYNC."""
+        if not self._lockstep:
+            wall_s = self._clock()
+            self._now_s += min(wall_s - self._wall_s, LONGEST_GAP_S)
+            self._wall_s = wall_s
+
+    def _carry_out_calls(self) -> None:
+        """Do what other threads asked for."""
+        while True:
+            try:
+                call = self._calls.get_nowait()
+            except Empty:
+                return
+            call()
+
+    def _receive(self, message: can.Message) -> None:
+        """Hand a frame to those whom it concerns."""
+        if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
+            return
+        cob_id, data = message.arbitration_id, message.data
+        if cob_id == od.SYNC_DEFAULT_COB_ID:
+            self._sync(len(data), message.timestamp)
+            return
+        if not self._routes_valid:
+            self._build_routes()
+        routes = self._setpoint_routes.get(cob_id)
+        if routes is not None:
+            for drive, pdo in routes:
+                drive.setpoints(pdo, data, self._now_s)
+        elif cob_id == od.NMT_COB_ID:
+            self._command(data)
+        elif cob_id & ~0x7F == od.SDO_RX_BASE:
+            server = self._drives.get(cob_id & 0x7F)
+            if server is not None:
+                server.request(data, self._now_s)
+        elif cob_id & ~0x7F == od.HEARTBEAT_BASE:
+            for drive in self._drives.values():
+                drive.heard(cob_id & 0x7F, self._now_s)
+
+    def _sync(self, length: int, stamp_s: float) -> None:
+        """One SYNC: measure, latch, answer.
+
+        Args:
+            length: Bytes of the SYNC; a drive with 1019 set wants the counter, one without wants none.
+            stamp_s: When it came, on the interface's clock.
+        """
+        time_s = self._clock()
+        if self._lockstep:
+            self._now_s = time_s
+        else:
+            age_s = time.time() - stamp_s
+            time_s -= age_s if 0.0 < age_s < OLDEST_S else 0.0
+        self._plant.advance(time_s)
+        sample = self._plant.sample(self._arm.cycle_s)
+        columns = zip(
+            sample.axis_position_rad.tolist(),
+            sample.axis_velocity_rad_s.tolist(),
+            sample.axis_demand_rad.tolist(),
+            sample.axis_torque_nm.tolist(),
+            strict=True,
+        )
+        for drive, values in zip(self._drives.values(), columns, strict=True):
+            drive.power.measure(*values)
+            drive.power.lock_onto_sync(time_s)
+            drive.sync(self._now_s, length)
+        if self._virtual is not None:
+            self._tick()
+            self._virtual.acted(time_s)
+
+    def _tick(self) -> None:
+        """Let timers act."""
+        for drive in self._drives.values():
+            drive.tick(self._now_s)
+
+    def _command(self, data: bytearray) -> None:
+        """NMT: to one node or, with node id 0, to all."""
+        if len(data) != 2 or data[0] not in _NMT_COMMANDS:
+            return
+        command = _NMT_COMMANDS[data[0]]
+        for drive in self._drives.values():
+            if data[1] in {0, drive.node_id}:
+                drive.command(command, self._now_s)
+
+    def _invalidate_routes(self) -> None:
+        """COB-IDs may have changed."""
+        self._routes_valid = False
+
+    def _build_routes(self) -> None:
+        """Which RPDO of which drive listens to which COB-ID."""
+        self._setpoint_routes = {}
+        for drive in self._drives.values():
+            for pdo in drive.rpdos:
+                if pdo.cob_id is not None:
+                    self._setpoint_routes.setdefault(pdo.cob_id, []).append((drive, pdo))
+        self._routes_valid = True
+
+    def _send(self, cob_id: int, data: bytes | bytearray) -> None:
+        """Send a frame; one that the bus does not take is lost, as on a real drive."""
+        message = self._messages.get(cob_id)
+        if message is None:
+            message = self._messages[cob_id] = can.Message(arbitration_id=cob_id, is_extended_id=False)
+        message.data = bytearray(data)
+        message.dlc = len(data)
+        try:
+            self._bus.send(message)
+        except can.CanOperationError:
+            self.frames_lost += 1

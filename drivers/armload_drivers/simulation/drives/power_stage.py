@@ -1,0 +1,312 @@
+"""The power side of one simulated drive: state machine, setpoints, ramps, following error, faults.
+
+Rules of this file:
+- Losing the master ends in what 6007 says. A quick stop begun that way does not end by itself when frames come
+  back: the controlword first has to withdraw "enable operation".
+- A drive that loses its torque engages its brake; the plant does that.
+- Time comes from `advance`, which the drive calls before anything else.
+- Setpoints are interpolated over the period that SYNC has, as drives do that lock onto it: one that is a little longer
+  than 60C2 says would else end every cycle in a stop, and torque is measured just then.
+
+What is simplified: halt (bit 8) is not there, 605D is kept without effect, and max torque (6072) is kept but not
+enforced.
+
+References:
+    CiA 402-2, 8 (device control), 10.4 (quick stop), 11 (interpolated position mode), 14 (cyclic
+    synchronous position mode).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode
+from armload_drivers.cia402.drive_units import AxisUnits, saturate
+from armload_drivers.cia402.process_image import effort_entry
+from armload_drivers.cia402.state_machine import FAULT_RESET_BIT, POWERED, Command, DriveMachine, State
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.drives.sdo_server import Abort, Dictionary, SdoAbort
+from armload_drivers.simulation.plant_interface import Plant
+
+FOLLOWING_ERROR = 0x8611
+
+_VOLTAGE_ENABLED = 0x0010
+_LIMIT_ACTIVE, _FOLLOWING, _FOLLOWING_ERROR = 0x0800, 0x1000, 0x2000
+_ENABLE_OPERATION_BIT, _INTERPOLATE = 0x0008, 0x0010
+_WINDOW_OFF = 0xFFFF_FFFF
+_SHORTEST_STOP_S = 1e-3
+_STAYS_IN_QUICK_STOP = frozenset({5, 6, 7, 8})
+_SLOW_DOWN_OPTIONS = {5: od.DISABLE_OPTION, 8: od.SHUTDOWN_OPTION}
+"""Option code that says how a drive leaves operation, by the number of the transition."""
+_IP, _CSP = int(OperationMode.INTERPOLATED_POSITION), int(OperationMode.CYCLIC_SYNCHRONOUS_POSITION)
+
+_LOCK_RANGE, _LOCK_GAIN = 0.5, 0.1
+"""SYNC periods that differ from 60C2 by less than this share are followed, by this share of their difference each."""
+
+Report = Callable[[int], None]
+"""Tells the world of an error code; 0 where none is left."""
+
+
+class PowerStage:
+    """What moves one axis.
+
+    Args:
+        settings: The configured drive.
+        traits: In what the drive differs.
+        axis: Its axis in the plant.
+        plant: What it moves; the axis is without torque at first.
+        dictionary: The drive's objects; those of CiA 402 are kept up to date here.
+        report: Called with the code of an error.
+
+    Attributes:
+        machine: Power state.
+    """
+
+    def __init__(
+        self,
+        settings: DriveSettings,
+        traits: DriveTraits,
+        axis: int,
+        *,
+        plant: Plant,
+        dictionary: Dictionary,
+        report: Report,
+    ) -> None:
+        self.machine = DriveMachine()
+        self._settings, self._traits = settings, traits
+        self._axis, self._plant = axis, plant
+        self._values = dictionary.values
+        self._report = report
+        self._now_s = 0.0
+        self._obeyed: tuple[int, State] | None = None
+        self._interlocked = False
+        self._persistent_fault = False
+        self._limited = False
+        self._lag_since_s: float | None = None
+        self._ramp_end_s: float | None = None
+        self._sync_s: float | None = None
+        self._offset_permille = 0
+        self._velocity_rad_s = 0.0
+        self._vendor_effort = None if settings.vendor_effort is None else effort_entry(settings)
+        for entry in (od.POLARITY, od.INTERPOLATION_TIME, od.INTERPOLATION_EXPONENT, od.MODE):
+            dictionary.reactions[entry.key] = self._take_settings
+        dictionary.vetoes[od.POLARITY.key] = self._only_without_power
+        self._take_settings()
+
+    def _only_without_power(self, _: int) -> None:
+        """Veto for objects that may not change while the motor carries torque."""
+        if self.machine.state in POWERED:
+            raise SdoAbort(Abort.DEVICE_STATE)
+
+    def _take_settings(self) -> None:
+        """Take over objects that the cycle needs in another form."""
+        values = self._values
+        self._units = AxisUnits.of(self._settings, values[od.POLARITY.key])
+        self._told_period_s = values[od.INTERPOLATION_TIME.key] * 10.0 ** values[od.INTERPOLATION_EXPONENT.key]
+        self._period_s = self._told_period_s
+        if self._traits.takes_mode:
+            values[od.MODE_DISPLAY.key] = values[od.MODE.key]
+
+    def advance(self, now_s: float) -> None:
+        """Let time pass: a ramp may end."""
+        self._now_s = now_s
+        if self._ramp_end_s is not None and now_s >= self._ramp_end_s:
+            self._finish_ramp()
+
+    def lock_onto_sync(self, time_s: float) -> None:
+        """Follow the period of SYNC, which came at a time."""
+        before_s, self._sync_s = self._sync_s, time_s
+        if before_s is not None:
+            late_s = time_s - before_s - self._told_period_s
+            if abs(late_s) < _LOCK_RANGE * self._told_period_s:
+                self._period_s += _LOCK_GAIN * (self._told_period_s + late_s - self._period_s)
+
+    def measure_at_rest(self) -> None:
+        """Store the position between SYNCs, for SDO; without drawing noise."""
+        position = self._plant.hold_position(self._axis)
+        self._values[od.POSITION_ACTUAL.key] = saturate(position * self._units.counts_per_rad, od.DataType.I32)
+
+    def measure(self, position_rad: float, velocity_rad_s: float, demand_rad: float, torque_nm: float) -> None:
+        """Store actual values."""
+        units, values = self._units, self._values
+        self._velocity_rad_s = velocity_rad_s
+        counts = position_rad * units.counts_per_rad
+        values[od.POSITION_ACTUAL.key] = saturate(counts, od.DataType.I32)
+        values[od.VELOCITY_ACTUAL.key] = saturate(velocity_rad_s * units.counts_per_rad, od.DataType.I32)
+        lag = demand_rad * units.counts_per_rad - counts
+        values[od.FOLLOWING_ERROR_ACTUAL.key] = saturate(lag, od.DataType.I32)
+        permille = saturate(torque_nm / units.torque_nm_per_permille, od.DataType.I16)
+        values[od.TORQUE_ACTUAL.key] = permille
+        values[od.CURRENT_ACTUAL.key] = permille
+        if self._vendor_effort is not None:
+            values[self._vendor_effort.key] = saturate(torque_nm * units.effort_units_per_nm, self._vendor_effort.type)
+
+    @property
+    def powered(self) -> bool:
+        """Whether the motor carries torque."""
+        return self.machine.state in POWERED
+
+    def obey(self) -> None:
+        """Act on the controlword, and follow the setpoints while operation is enabled."""
+        machine = self.machine
+        word = self._values[od.CONTROLWORD.key]
+        if self._interlocked and not word & _ENABLE_OPERATION_BIT:
+            self._interlocked = False
+        if (word, machine.state) != self._obeyed and not self._interlocked:
+            self._make_transitions(word & ~FAULT_RESET_BIT if self._persistent_fault else word)
+            self._obeyed = (word, machine.state)
+        if machine.state is State.OPERATION_ENABLED:
+            self._follow(word)
+        if machine.state in POWERED:
+            self._add_torque()
+
+    def _make_transitions(self, word: int) -> None:
+        """Let the state machine act on a controlword, and the plant on its transitions."""
+        before = self.machine.state
+        if before is self._traits.stuck_in:
+            return
+        made = self.machine.receive(word)
+        after = self.machine.state
+        if 15 in made:
+            self._report(0)
+        elif after is State.QUICK_STOP_ACTIVE and before is not after:
+            self._begin_stop(self._values[od.QUICK_STOP_OPTION.key])
+        elif after is State.OPERATION_ENABLED and before is not after:
+            self._ramp_end_s = None
+            if before not in POWERED:
+                self._lag_since_s = None
+                self._plant.set_powered(self._axis, True)
+        elif before in POWERED and after not in POWERED:
+            option = _SLOW_DOWN_OPTIONS.get(made[-1])
+            if option is None:
+                self.remove_torque()
+            else:
+                self._begin_stop(self._values[option.key])
+
+    def _follow(self, word: int) -> None:
+        """Hand setpoints to the plant."""
+        values = self._values
+        mode = values[od.MODE_DISPLAY.key]
+        if mode == _CSP:
+            counts = values[od.TARGET_POSITION.key]
+        elif mode == _IP and word & _INTERPOLATE:
+            counts = values[od.INTERPOLATION_SETPOINT.key]
+        else:
+            return
+        lower, upper = values[od.POSITION_LIMIT_MIN.key], values[od.POSITION_LIMIT_MAX.key]
+        limited = min(max(counts, lower), upper) if lower < upper else counts
+        self._limited = limited != counts
+        self._plant.set_target(self._axis, limited / self._units.counts_per_rad, self._period_s)
+
+    def _add_torque(self) -> None:
+        """Hand the torque offset to the plant: the torque loop takes it on every ramp as well."""
+        offset = self._values[od.TORQUE_OFFSET.key]
+        if offset != self._offset_permille:
+            self._offset_permille = offset
+            self._plant.set_torque_offset(self._axis, offset * self._units.torque_nm_per_permille)
+
+    def supervise_lag(self) -> None:
+        """Fault where the following error stays outside 6065 for 6066."""
+        window = self._values[od.FOLLOWING_ERROR_WINDOW.key]
+        if (
+            self.machine.state is not State.OPERATION_ENABLED
+            or window == _WINDOW_OFF
+            or abs(self._values[od.FOLLOWING_ERROR_ACTUAL.key]) <= window
+        ):
+            self._lag_since_s = None
+        elif self._lag_since_s is None:
+            self._lag_since_s = self._now_s
+        if self._lag_since_s is not None:
+            allowed_s = self._values[od.FOLLOWING_ERROR_TIMEOUT_MS.key] * 1e-3
+            if self._now_s - self._lag_since_s >= allowed_s:
+                self.fail(FOLLOWING_ERROR)
+
+    def _begin_stop(self, option: int) -> None:
+        """Slow down on the quick stop ramp, or let go at once where the option code says so."""
+        if option == 0:
+            self._finish_ramp()
+            return
+        deceleration = self._values[od.QUICK_STOP_DECELERATION.key] / abs(self._units.counts_per_rad)
+        over_s = max(_SHORTEST_STOP_S, abs(self._velocity_rad_s) / deceleration if deceleration else 0.0)
+        self._plant.slow_down(self._axis, over_s)
+        self._ramp_end_s = self._now_s + over_s
+
+    def _finish_ramp(self) -> None:
+        """The axis stands: what a quick stop or a fault reaction ends in."""
+        self._ramp_end_s = None
+        if self.machine.state is State.FAULT_REACTION_ACTIVE:
+            self.machine.fault_reaction_done()
+            self.remove_torque()
+        elif (
+            self.machine.state is State.QUICK_STOP_ACTIVE
+            and self._values[od.QUICK_STOP_OPTION.key] not in _STAYS_IN_QUICK_STOP
+        ):
+            self.machine.quick_stop_done()
+            self.remove_torque()
+        elif self.machine.state not in POWERED:
+            self.remove_torque()
+
+    def remove_torque(self) -> None:
+        """Torque off; nothing of the old motion remains."""
+        self._ramp_end_s = None
+        self._lag_since_s = None
+        self._limited = False
+        self._plant.set_powered(self._axis, False)
+        if self._offset_permille:
+            self._offset_permille = 0
+            self._plant.set_torque_offset(self._axis, 0.0)
+
+    @property
+    def statusword(self) -> int:
+        """Statusword of the present state, without bit 9 (remote)."""
+        state = self.machine.state
+        word = self.machine.status_bits | _VOLTAGE_ENABLED
+        if state is State.OPERATION_ENABLED:
+            mode = self._values[od.MODE_DISPLAY.key]
+            interpolating = bool(self._values[od.CONTROLWORD.key] & _INTERPOLATE)
+            if mode == _CSP or (mode == _IP and interpolating):
+                word |= _FOLLOWING
+            if self._lag_since_s is not None:
+                word |= _FOLLOWING_ERROR
+            if self._limited:
+                word |= _LIMIT_ACTIVE
+        return word
+
+    def fail(self, code: int, *, persistent: bool = False) -> None:
+        """Detect a fault: report it, react as 605E says, then FAULT.
+
+        Args:
+            code: Error code.
+            persistent: The cause stays, and with it FAULT, whatever the master resets.
+        """
+        if self.machine.state in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
+            return
+        powered = self.powered
+        self._persistent_fault = persistent
+        self._report(code)
+        self.machine.fault()
+        if powered:
+            self._begin_stop(self._values[od.FAULT_REACTION_OPTION.key])
+        else:
+            self._finish_ramp()
+
+    def lose_master(self, code: int) -> bool:
+        """React as 6007 says.
+
+        Args:
+            code: Error code of the loss; a fault carries it.
+
+        Returns:
+            Whether the reaction is a fault, which has been reported then.
+        """
+        if self.machine.state is not State.OPERATION_ENABLED:
+            return False
+        option = self._values[od.ABORT_CONNECTION_OPTION.key]
+        if option == 1:
+            self.fail(code)
+        elif option:
+            self._interlocked = True
+            reaction = Command.DISABLE_VOLTAGE if option == 2 else Command.QUICK_STOP
+            self._make_transitions(reaction.value[1])
+        return option == 1

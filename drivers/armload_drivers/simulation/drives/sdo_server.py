@@ -1,0 +1,218 @@
+"""An object dictionary and the SDO server in front of it, without a bus.
+
+Expedited and segmented transfers in both directions. Block transfers are refused with the abort code that
+the standard has for it; a client then falls back.
+
+References:
+    CiA 301, 7.2.4 (SDO protocol), table 22 (abort codes).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from armload_drivers.cia402.object_dictionary import Access, DataType, Entry
+
+_INITIATE = struct.Struct("<BHB")
+_ABORT = struct.Struct("<BHBI")
+_SIZE = struct.Struct("<I")
+_SEGMENT = 7
+_EXPEDITED, _SIZED, _TOGGLE, _LAST = 0x02, 0x01, 0x10, 0x01
+
+
+class Abort(IntEnum):
+    """SDO abort codes that this server uses."""
+
+    TOGGLE = 0x0503_0000
+    UNKNOWN_COMMAND = 0x0504_0001
+    UNSUPPORTED_ACCESS = 0x0601_0000
+    READ_ONLY = 0x0601_0002
+    NO_OBJECT = 0x0602_0000
+    NOT_MAPPABLE = 0x0604_0041
+    PDO_TOO_LONG = 0x0604_0042
+    LENGTH = 0x0607_0010
+    NO_SUBINDEX = 0x0609_0011
+    VALUE_RANGE = 0x0609_0030
+    VALUE_TOO_HIGH = 0x0609_0031
+    VALUE_TOO_LOW = 0x0609_0032
+    DEVICE_STATE = 0x0800_0022
+
+
+class SdoAbort(Exception):
+    """A transfer is refused; never leaves the drive but as an abort frame.
+
+    Attributes:
+        code: The reason.
+    """
+
+    def __init__(self, code: Abort) -> None:
+        super().__init__(code.name)
+        self.code = code
+
+
+@dataclass(slots=True)
+class Dictionary:
+    """Values of one device's objects and the rules for writing them.
+
+    Attributes:
+        entries: Entries by key.
+        values: Integer values by key; the device reads and writes these directly.
+        texts: Values of strings by key.
+        allowed: Values that a write may have, by key; all that the type holds where there is none.
+        vetoes: Called with the new value before a write by SDO; raises `SdoAbort` to refuse it.
+        reactions: Called after a write by SDO.
+    """
+
+    entries: dict[int, Entry] = field(default_factory=dict)
+    values: dict[int, int] = field(default_factory=dict)
+    texts: dict[int, bytes] = field(default_factory=dict)
+    allowed: dict[int, Collection[int]] = field(default_factory=dict)
+    vetoes: dict[int, Callable[[int], None]] = field(default_factory=dict)
+    reactions: dict[int, Callable[[], None]] = field(default_factory=dict)
+
+    def add(self, entry: Entry, value: int | str) -> None:
+        """Add an entry with its first value."""
+        self.entries[entry.key] = entry
+        if isinstance(value, str):
+            self.texts[entry.key] = value.encode()
+        else:
+            self.values[entry.key] = value
+
+    def remove(self, indices: Iterable[int]) -> None:
+        """Take whole objects out, so that SDO does not find them; the device keeps its values."""
+        gone = set(indices)
+        self.entries = {key: entry for key, entry in self.entries.items() if entry.index not in gone}
+
+    def _find(self, index: int, subindex: int) -> Entry:
+        """Entry, or the abort that tells what is missing."""
+        entry = self.entries.get(index << 8 | subindex)
+        if entry is None:
+            known = any(key >> 8 == index for key in self.entries)
+            raise SdoAbort(Abort.NO_SUBINDEX if known else Abort.NO_OBJECT)
+        return entry
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """Bytes of an object, as SDO transports them."""
+        entry = self._find(index, subindex)
+        if entry.type is DataType.STRING:
+            return self.texts[entry.key]
+        return struct.pack("<" + entry.type.code, self.values[entry.key])
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an object from the bytes that SDO transported."""
+        entry = self._find(index, subindex)
+        if entry.access is Access.RO:
+            raise SdoAbort(Abort.READ_ONLY)
+        if len(data) * 8 != entry.type.bits:
+            raise SdoAbort(Abort.LENGTH)
+        (value,) = struct.unpack("<" + entry.type.code, data)
+        key = entry.key
+        if key in self.allowed and value not in self.allowed[key]:
+            raise SdoAbort(Abort.VALUE_RANGE)
+        if key in self.vetoes:
+            self.vetoes[key](value)
+        self.values[key] = value
+        if key in self.reactions:
+            self.reactions[key]()
+
+
+class SdoServer:
+    """Answers one client.
+
+    Args:
+        dictionary: What it serves.
+    """
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        self._dictionary = dictionary
+        self._index = 0
+        self._subindex = 0
+        self._toggle = 0
+        self._outgoing: bytes | None = None
+        self._incoming: bytearray | None = None
+
+    def receive(self, request: bytes) -> bytes | None:
+        """Take in a request and return the answer of eight bytes; None where there is none."""
+        if len(request) != 8:
+            return self._abort(Abort.UNKNOWN_COMMAND)
+        command = request[0]
+        handler = {
+            0: self._download_segment,
+            1: self._initiate_download,
+            2: self._initiate_upload,
+            3: self._upload_segment,
+        }.get(command >> 5)
+        if command >> 5 == 4:
+            self._outgoing, self._incoming = None, None
+            return None
+        try:
+            if handler is None:
+                _, self._index, self._subindex = _INITIATE.unpack_from(request)
+                raise SdoAbort(Abort.UNKNOWN_COMMAND)
+            return handler(command, request)
+        except SdoAbort as refusal:
+            return self._abort(refusal.code)
+
+    def _abort(self, code: Abort) -> bytes:
+        """Abort frame for the transfer under way."""
+        self._outgoing, self._incoming = None, None
+        return _ABORT.pack(0x80, self._index, self._subindex, code)
+
+    def _initiate_upload(self, _: int, request: bytes) -> bytes:
+        """Answer a read: at once where it fits, else announce the size."""
+        _, self._index, self._subindex = _INITIATE.unpack_from(request)
+        data = self._dictionary.upload(self._index, self._subindex)
+        if 0 < len(data) <= 4:
+            head = _INITIATE.pack(0x43 | (4 - len(data)) << 2, self._index, self._subindex)
+            return head + data.ljust(4, b"\0")
+        self._outgoing, self._toggle = data, 0
+        return _INITIATE.pack(0x41, self._index, self._subindex) + _SIZE.pack(len(data))
+
+    def _upload_segment(self, command: int, _: bytes) -> bytes:
+        """Send the next seven bytes."""
+        if self._outgoing is None:
+            raise SdoAbort(Abort.UNKNOWN_COMMAND)
+        self._check_toggle(command)
+        data, rest = self._outgoing[:_SEGMENT], self._outgoing[_SEGMENT:]
+        self._outgoing = rest or None
+        head = self._toggle_bit() | (_SEGMENT - len(data)) << 1 | (0 if rest else _LAST)
+        return bytes([head]) + data.ljust(_SEGMENT, b"\0")
+
+    def _initiate_download(self, command: int, request: bytes) -> bytes:
+        """Take a write: at once where it is expedited, else wait for segments."""
+        _, self._index, self._subindex = _INITIATE.unpack_from(request)
+        if command & _EXPEDITED:
+            size = 4 - (command >> 2 & 3) if command & _SIZED else self._expected_size()
+            self._dictionary.download(self._index, self._subindex, bytes(request[4 : 4 + size]))
+        else:
+            self._incoming, self._toggle = bytearray(), 0
+        return _INITIATE.pack(0x60, self._index, self._subindex).ljust(8, b"\0")
+
+    def _expected_size(self) -> int:
+        """Bytes of the object, for clients that do not tell how many they send."""
+        entry = self._dictionary.entries.get(self._index << 8 | self._subindex)
+        return 4 if entry is None else entry.type.bits // 8
+
+    def _download_segment(self, command: int, request: bytes) -> bytes:
+        """Collect up to seven bytes and write the object after the last."""
+        if self._incoming is None:
+            raise SdoAbort(Abort.UNKNOWN_COMMAND)
+        self._check_toggle(command)
+        self._incoming += request[1 : 8 - (command >> 1 & 7)]
+        if command & _LAST:
+            data, self._incoming = bytes(self._incoming), None
+            self._dictionary.download(self._index, self._subindex, data)
+        return bytes([0x20 | self._toggle_bit()]).ljust(8, b"\0")
+
+    def _check_toggle(self, command: int) -> None:
+        """The toggle bit alternates, beginning with 0."""
+        if bool(command & _TOGGLE) != bool(self._toggle):
+            raise SdoAbort(Abort.TOGGLE)
+
+    def _toggle_bit(self) -> int:
+        """Toggle bit of this answer; flips it for the next."""
+        bit, self._toggle = self._toggle, self._toggle ^ _TOGGLE
+        return bit

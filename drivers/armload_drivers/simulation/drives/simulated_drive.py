@@ -1,0 +1,359 @@
+"""One simulated CiA 402 drive: what a slave does with frames, SYNC and time. No bus, no thread, no clock.
+
+Rules of this file:
+- Whatever a frame or the passing of time causes is decided here and in `simulated_power`; `simulated_drives` only
+  carries frames.
+- At SYNC the drive first stores the actual values, then latches the RPDO that came before, obeys it, and sends
+  its TPDOs, so that the statusword already answers the controlword that this SYNC latched.
+- A lost master (1016), an overdue RPDO (1400:5) and leaving OPERATIONAL with torque on end in what 6007 says.
+
+What is simplified: an NMT reset of communication resets the whole node.
+
+References:
+    CiA 301, 7.2 (services), 7.3 (NMT).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from itertools import pairwise
+
+from armload_drivers.cia402 import emergency
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import DriveSettings
+from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState, PdoDirection
+from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits, build_dictionary
+from armload_drivers.simulation.drives.drive_pdos import Pdo
+from armload_drivers.simulation.drives.power_stage import PowerStage
+from armload_drivers.simulation.drives.sdo_server import SdoServer
+from armload_drivers.simulation.plant_interface import Plant
+
+HEARTBEAT_LOST = 0x8130
+PDO_TOO_SHORT = 0x8210
+SYNC_LENGTH = 0x8240
+RPDO_OVERDUE = 0x8250
+
+_COMMUNICATION_ERROR, _PROFILE_ERROR = 0x11, 0x21
+"""Error register (1001): generic, and communication or device profile."""
+_REMOTE = 0x0200
+"""Bit 9 of the statusword: PDOs are obeyed."""
+
+Send = Callable[[int, bytes | bytearray], None]
+"""Sends a frame: COB-ID and data."""
+
+
+class SimulatedDrive:
+    """One slave.
+
+    Args:
+        settings: The configured drive.
+        axis: Its axis in the plant.
+        plant: What it moves.
+        cycle_s: Configured cycle.
+        traits: In what it differs from the configured drive.
+        send: Sends a frame.
+        rerouted: Called when COB-IDs of RPDOs may have changed.
+
+    Attributes:
+        node_id: Node id.
+        state: NMT state; None while it has no supply.
+        power: What moves its axis.
+        rpdos: Receive PDOs.
+        dropped_feedback: TPDOs of so many SYNCs to come are not sent; a fault to be injected.
+    """
+
+    def __init__(
+        self,
+        settings: DriveSettings,
+        axis: int,
+        plant: Plant,
+        *,
+        cycle_s: float,
+        traits: DriveTraits,
+        send: Send,
+        rerouted: Callable[[], None],
+    ) -> None:
+        self.node_id = settings.node_id
+        self.dropped_feedback = 0
+        self.state: NmtState | None = None
+        self._settings, self._traits = settings, traits
+        self._axis, self._plant = axis, plant
+        self._cycle_s = cycle_s
+        self._send, self._rerouted = send, rerouted
+        self._initialise()
+
+    def _initialise(self) -> None:
+        """Everything as after power-on."""
+        node_id = self.node_id
+        self.dictionary = dictionary = build_dictionary(self._settings, self._traits, self._cycle_s)
+        self._values = dictionary.values
+        self.server = SdoServer(dictionary)
+        self.power = PowerStage(
+            self._settings,
+            self._traits,
+            self._axis,
+            plant=self._plant,
+            dictionary=dictionary,
+            report=self._report_fault,
+        )
+        first = {PdoDirection.RECEIVE: (od.CONTROLWORD,), PdoDirection.TRANSMIT: (od.STATUSWORD,)}
+        self.rpdos, self.tpdos = (
+            [
+                Pdo(direction, number, node_id, dictionary, first[direction] if number == 0 else ())
+                for number in range(od.PDO_COUNT)
+            ]
+            for direction in PdoDirection
+        )
+        dictionary.remove(self._traits.absent)
+        self._frames = [bytearray(8) for _ in self.tpdos]
+        self._heartbeat_due_s: float | None = None
+        self._master_overdue_s: float | None = None
+        self._now_s = 0.0
+        dictionary.reactions[od.CONTROLWORD.key] = self._obey_and_tell
+        dictionary.reactions[od.HEARTBEAT_PRODUCER_MS.key] = self._restart_heartbeat
+        dictionary.reactions[od.HEARTBEAT_CONSUMER.key] = self._restart_consumer
+        for pdo in self.rpdos:
+            key = PdoDirection.RECEIVE.cob_id_entry(self.rpdos.index(pdo)).key
+            dictionary.reactions[key] = self._refresh_of(pdo)
+
+    def _refresh_of(self, pdo: Pdo) -> Callable[[], None]:
+        """Reaction to a write of an RPDO's COB-ID."""
+
+        def refresh() -> None:
+            pdo.refresh()
+            self._rerouted()
+
+        return refresh
+
+    # NMT -----------------------------------------------------------------------------------------------------
+
+    def switch_on(self, now_s: float) -> None:
+        """Supply on: boot."""
+        self._pass_time(now_s)
+        self._boot()
+
+    def switch_off(self) -> None:
+        """Supply off: nothing answers any more, the brake falls in."""
+        self.power.remove_torque()
+        self.state = None
+
+    def _boot(self) -> None:
+        """Reset and announce; then PRE-OPERATIONAL by itself."""
+        self.power.remove_torque()
+        now_s = self._now_s
+        self._initialise()
+        self._pass_time(now_s)
+        self.power.machine.initialised()
+        self._tell_state()
+        self._rerouted()
+        if self._traits.boot_message:
+            self._send(od.HEARTBEAT_BASE + self.node_id, bytes([NmtState.BOOT_UP.value]))
+        self.state = NmtState.PRE_OPERATIONAL
+
+    def command(self, command: NmtCommand, now_s: float) -> None:
+        """Obey an NMT command."""
+        self._pass_time(now_s)
+        if self.state is None:
+            return
+        if command in {NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION}:
+            self._boot()
+            return
+        target = {
+            NmtCommand.START: NmtState.OPERATIONAL,
+            NmtCommand.STOP: NmtState.STOPPED,
+            NmtCommand.PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+        }[command]
+        if self.state is NmtState.OPERATIONAL and target is not NmtState.OPERATIONAL:
+            self.power.lose_master(HEARTBEAT_LOST)
+        if target is not self.state:
+            self.state = target
+            for pdo in (*self.rpdos, *self.tpdos):
+                pdo.refresh()
+            self._tell_state()
+
+    def fail(self, code: int, now_s: float, *, persistent: bool = False) -> None:
+        """Detect a fault; see `PowerStage.fail`. Without effect while there is no supply."""
+        self._pass_time(now_s)
+        if self.state is not None:
+            self.power.fail(code, persistent=persistent)
+
+    def _pass_time(self, now_s: float) -> None:
+        """Every entry from outside begins here."""
+        self._now_s = now_s
+        self.power.advance(now_s)
+
+    def _tell_state(self) -> None:
+        """Bring the statusword up to date."""
+        remote = _REMOTE if self.state is NmtState.OPERATIONAL else 0
+        self._values[od.STATUSWORD.key] = self.power.statusword | remote
+
+    # Frames --------------------------------------------------------------------------------------------------
+
+    def request(self, data: bytes | bytearray, now_s: float) -> None:
+        """Serve an SDO request."""
+        self._pass_time(now_s)
+        if self.state in {NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL}:
+            self.power.measure_at_rest()
+            self._tell_state()
+            answer = self._serve(bytes(data))
+            if answer is not None:
+                self._send(od.SDO_TX_BASE + self.node_id, answer)
+
+    def _serve(self, request: bytes) -> bytes | None:
+        """Answer of the SDO server, or what the traits say instead."""
+        decide = self._traits.on_request
+        verdict = None if decide is None else decide(request)
+        if verdict is None:
+            return self.server.receive(request)
+        return None if verdict == SILENCE else struct.pack("<B3sI", 0x80, request[1:4], verdict)
+
+    def setpoints(self, pdo: Pdo, data: bytes | bytearray, now_s: float) -> None:
+        """Take in an RPDO; SYNC latches it, or it acts at once where it is event-driven."""
+        self._pass_time(now_s)
+        if self.state is not NmtState.OPERATIONAL:
+            return
+        if len(data) < pdo.length:
+            self._announce(PDO_TOO_SHORT, _COMMUNICATION_ERROR)
+            return
+        if pdo.timer_s:
+            pdo.deadline_s = now_s + pdo.timer_s
+        if pdo.synchronous:
+            pdo.pending = bytes(data)
+        else:
+            pdo.store(bytes(data))
+            self._obey_and_tell()
+
+    def heard(self, node_id: int, now_s: float) -> None:
+        """Take in another node's heartbeat."""
+        watched = self._values[od.HEARTBEAT_CONSUMER.key]
+        if watched >> 16 & 0x7F == node_id and watched & 0xFFFF:
+            self._master_overdue_s = now_s + (watched & 0xFFFF) * 1e-3
+
+    # The cycle -----------------------------------------------------------------------------------------------
+
+    def sync(self, now_s: float, length: int = 0) -> None:
+        """Latch, obey and answer. `power.measure` comes first.
+
+        Args:
+            now_s: Time.
+            length: Bytes of the SYNC; one that does not fit 1019 is reported and not obeyed.
+        """
+        self._pass_time(now_s)
+        if self.state is not NmtState.OPERATIONAL:
+            return
+        if length != bool(self._values[od.SYNC_COUNTER_OVERFLOW.key]):
+            self._announce(SYNC_LENGTH, _COMMUNICATION_ERROR)
+            return
+        for pdo in self.rpdos:
+            if pdo.pending is not None:
+                pdo.store(pdo.pending)
+                pdo.pending = None
+        self.power.obey()
+        self.power.supervise_lag()
+        self._tell_state()
+        if self.dropped_feedback:
+            self.dropped_feedback -= 1
+            return
+        for number, pdo in enumerate(self.tpdos):
+            if pdo.cob_id is not None and pdo.type < od.PDO_EVENT_DRIVEN:
+                pdo.syncs += 1
+                if pdo.syncs >= pdo.type:
+                    pdo.syncs = 0
+                    self._transmit(number)
+
+    def tick(self, now_s: float) -> None:
+        """Let the drive's own timers act."""
+        self._pass_time(now_s)
+        if self.state is None:
+            return
+        if self._heartbeat_due_s is not None and now_s >= self._heartbeat_due_s:
+            self._send(od.HEARTBEAT_BASE + self.node_id, bytes([self.state.value]))
+            self._heartbeat_due_s += self._values[od.HEARTBEAT_PRODUCER_MS.key] * 1e-3
+            self._heartbeat_due_s = max(self._heartbeat_due_s, now_s)
+        if self._master_overdue_s is not None and now_s > self._master_overdue_s:
+            self._master_overdue_s = None
+            self._lose_master()
+        if self.state is NmtState.OPERATIONAL:
+            for pdo in self.rpdos:
+                if pdo.deadline_s is not None and now_s > pdo.deadline_s:
+                    pdo.deadline_s = None
+                    self._lose_connection(RPDO_OVERDUE)
+            self._tell_state()
+            self._send_events()
+
+    def _transmit(self, number: int) -> None:
+        """Send a TPDO."""
+        pdo = self.tpdos[number]
+        if pdo.cob_id is None:
+            return
+        frame = self._frames[number]
+        if len(frame) != pdo.length:
+            frame = self._frames[number] = bytearray(pdo.length)
+        pdo.pack_into(frame)
+        self._send(pdo.cob_id, frame)
+
+    def _send_events(self) -> None:
+        """Send event-driven TPDOs: on a new statusword, and when their timer is over."""
+        for number, pdo in enumerate(self.tpdos):
+            if pdo.cob_id is None or pdo.synchronous or self.state is not NmtState.OPERATIONAL:
+                continue
+            event = self._values[od.STATUSWORD.key] if pdo.carries(od.STATUSWORD) else 0
+            due = pdo.deadline_s is not None and self._now_s >= pdo.deadline_s
+            if event != pdo.last_event or due:
+                pdo.last_event = event
+                pdo.deadline_s = self._now_s + pdo.timer_s if pdo.timer_s else None
+                self._transmit(number)
+
+    def _obey_and_tell(self) -> None:
+        """Obey a controlword that came without SYNC."""
+        self.power.obey()
+        self._tell_state()
+        self._send_events()
+
+    # Errors --------------------------------------------------------------------------------------------------
+
+    def _report_fault(self, code: int) -> None:
+        """The power stage has a fault, or none any more (0)."""
+        if code:
+            self._announce(code, _PROFILE_ERROR)
+        else:
+            self._values[od.ERROR_CODE.key] = 0
+            self._values[od.ERROR_REGISTER.key] = 0
+            self._send(od.EMERGENCY_BASE + self.node_id, emergency.pack(0, 0))
+
+    def _announce(self, code: int, register: int) -> None:
+        """Send an emergency message and keep its code."""
+        values = self._values
+        values[od.ERROR_CODE.key] = code
+        values[od.ERROR_REGISTER.key] = register
+        history = [entry.key for entry in od.ERROR_HISTORY]
+        for newer, older in reversed(list(pairwise(history))):
+            values[older] = values[newer]
+        values[history[0]] = code
+        values[od.ERROR_COUNT.key] = min(values[od.ERROR_COUNT.key] + 1, len(history))
+        if self.state in {NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL}:
+            self._send(od.EMERGENCY_BASE + self.node_id, emergency.pack(code, register))
+
+    def _lose_connection(self, code: int) -> None:
+        """The master is not heard any more: tell it, and react as 6007 says."""
+        if not self.power.lose_master(code):
+            self._announce(code, _COMMUNICATION_ERROR)
+
+    def _lose_master(self) -> None:
+        """The heartbeat being watched is overdue: 6007, then 1029."""
+        self._lose_connection(HEARTBEAT_LOST)
+        behaviour = self._values[od.COMMUNICATION_ERROR_BEHAVIOUR.key]
+        if behaviour == 0 and self.state is NmtState.OPERATIONAL:
+            self.state = NmtState.PRE_OPERATIONAL
+        elif behaviour == 2:
+            self.state = NmtState.STOPPED
+
+    def _restart_heartbeat(self) -> None:
+        """1017 was written."""
+        period_ms = self._values[od.HEARTBEAT_PRODUCER_MS.key]
+        self._heartbeat_due_s = self._now_s + period_ms * 1e-3 if period_ms else None
+
+    def _restart_consumer(self) -> None:
+        """1016 was written: watching begins with the next heartbeat."""
+        self._master_overdue_s = None

@@ -1,0 +1,369 @@
+"""`JointServos` without a bus: the simulated arm is commanded directly, in virtual time.
+
+What is kept of the real thing: the life of an arm, the timing (a command is latched at the SYNC whose
+feedback is returned, and reached one cycle later), the drives' units (every number passes through counts and
+per mille), statuswords, following errors, and failures that a test or a demonstration scripts. What is not
+modelled: boot, SDO, NMT, heartbeat, bus load. A cycle takes no longer than it takes to compute.
+
+Rules:
+- Nothing moves or costs time but by a call: `enable`, `exchange`, `stop` and `disable` let SYNCs pass.
+- A drive in FAULT has no torque and its brake engaged; the others hold. Nothing resets it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
+from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_moves
+from armload_drivers.cia402.drive_units import ArmUnits, RawAxes
+from armload_drivers.cia402.offset_fade import OffsetFade
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.driver_errors import ServoFault, ServoTimeout, SimulationError, StateError
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
+
+QUICK_STOP_S = 0.2
+"""Time in which a drive's own quick stop ramp brings its setpoint to rest."""
+STANDSTILL_RAD_S = 1e-3
+"""Every axis slower than this: the arm stands."""
+STANDSTILL_TIMEOUT_S = 2.0
+
+_VOLTAGE_AND_REMOTE = 0x0210
+"""Bits 4 (voltage enabled) and 9 (remote) of the statusword."""
+
+
+class FailureKind(Enum):
+    """What a drive can be told to do wrong."""
+
+    FAULT = auto()
+    """The drive goes to FAULT and stays there."""
+    MISSING_FEEDBACK = auto()
+    """The drive works, but its feedback does not arrive."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptedFailure:
+    """One failure that is going to happen.
+
+    Attributes:
+        kind: What fails.
+        joint: Index of the joint whose drive fails.
+        cycle: Number of the SYNC since `connect` at which it begins.
+        cycles: For how many cycles feedback is missing; a fault lasts.
+    """
+
+    kind: FailureKind
+    joint: int
+    cycle: int
+    cycles: int = 1
+
+
+class _Life(Enum):
+    """Where the whole arm is between `connect` and `close`."""
+
+    CLOSED = auto()
+    CONNECTED = auto()
+    ENABLED = auto()
+    STOPPED = auto()
+
+
+class FakeServos:
+    """All joint servos of a simulated arm, without a bus.
+
+    Attributes:
+        n: Number of joints.
+        cycle_s: Duration of one cycle.
+        simulated: Always True.
+    """
+
+    def __init__(self, arm: ArmSettings, plant: ArmPlant, failures: Sequence[ScriptedFailure] = ()) -> None:
+        """Put drives on a simulated arm.
+
+        Args:
+            arm: Scaling and limits of the drives.
+            plant: The arm; its owner is now this object.
+            failures: What is to go wrong, and when.
+
+        Raises:
+            SimulationError: The settings and the plant do not describe the same number of joints.
+        """
+        if len(arm.drives) != plant.n:
+            raise SimulationError(f"{len(arm.drives)} drives are configured for a plant of {plant.n} joints")
+        self.n = plant.n
+        self.cycle_s = arm.cycle_s
+        self.simulated = True
+        self._arm = arm
+        self._plant = plant
+        self._failures = tuple(failures)
+        self._units = ArmUnits(arm)
+        self._life = _Life.CLOSED
+        self._states = [State.SWITCH_ON_DISABLED] * self.n
+        self._missed = np.zeros(self.n, dtype=np.int64)
+        self._begin_s = 0.0
+        self._cycle = 0
+        self._offset_permille = [0] * self.n
+        self._fade: OffsetFade | None = None
+        self._last = self._reported(plant.sample(arm.cycle_s))
+
+    def connect(self) -> None:
+        """Take up the drives; nothing is energised.
+
+        Raises:
+            StateError: Connected already.
+        """
+        if self._life is not _Life.CLOSED:
+            raise StateError("the servos are connected already; close them first")
+        self._begin_s = self._plant.time_s
+        self._cycle = 0
+        self._missed[:] = 0
+        self._life = _Life.CONNECTED
+
+    def enable(self) -> JointFeedback:
+        """Power every axis where it stands.
+
+        Returns:
+            Feedback of the first enabled cycle.
+
+        Raises:
+            StateError: Not connected, or enabled already.
+            ServoFault: A drive is in FAULT.
+        """
+        if self._life is not _Life.CONNECTED:
+            raise StateError("the servos must be connected and disabled before they are enabled")
+        self._raise_fault("enabling")
+        self._fade = None
+        self._add_torque([0] * self.n)
+        for axis in range(self.n):
+            self._plant.set_powered(axis, True)
+            self._states[axis] = State.OPERATION_ENABLED
+        self._life = _Life.ENABLED
+        return self._sync("enabling")
+
+    def exchange(self, command: JointCommand) -> JointFeedback:
+        """Let one SYNC pass that latches a command.
+
+        Args:
+            command: Setpoints of this cycle; the velocity is not used, as by drives without 60B1.
+
+        Returns:
+            Feedback sampled at that SYNC.
+
+        Raises:
+            StateError: Not enabled, or stopped.
+            CommandError: A setpoint is not finite or does not fit its object; nothing has moved.
+            ServoFault: A drive is in FAULT or went there in this cycle.
+            ServoTimeout: Feedback of a joint was missing in more cycles in a row than the settings allow.
+        """
+        if self._life is not _Life.ENABLED:
+            raise StateError("the servos must be enabled before setpoints are exchanged")
+        raw = self._units.targets(command)
+        feedback = self._sync("exchanging setpoints")
+        for axis, units in enumerate(self._units.axes):
+            self._plant.set_target(axis, raw.position_counts[axis] / units.counts_per_rad, self.cycle_s)
+        self._add_torque(raw.effort)
+        return feedback
+
+    def stop(self) -> None:
+        """Quick stop: bring every setpoint to rest within `QUICK_STOP_S`, wait for standstill and hold.
+
+        Torque offsets go to zero meanwhile, evenly and within `OFFSET_FADE_S`.
+
+        Raises:
+            StateError: Not connected.
+            ServoTimeout: The arm does not come to rest.
+        """
+        if self._life is _Life.CLOSED:
+            raise StateError("the servos must be connected before they are stopped")
+        if self._life is not _Life.ENABLED:
+            return
+        self._life = _Life.STOPPED
+        self._fade_offsets()
+        self._pass_sync()
+        for axis, state in enumerate(self._states):
+            if state is State.OPERATION_ENABLED:
+                self._plant.slow_down(axis, QUICK_STOP_S)
+                self._states[axis] = State.QUICK_STOP_ACTIVE
+        self._wait_for_standstill("quick stop", QUICK_STOP_S)
+
+    def disable(self) -> None:
+        """Engage brakes and remove torque, once the arm stands still.
+
+        Axes without a brake keep their torque until the others have lost theirs. Then all are watched for
+        `HOLDING_WATCH_S`.
+
+        Raises:
+            StateError: Not connected.
+            ServoTimeout: The arm does not come to rest; torque stays on.
+            AxisMoves: An axis moves without torque.
+        """
+        if self._life is _Life.CLOSED:
+            raise StateError("the servos must be connected before they are disabled")
+        if self._life is _Life.CONNECTED:
+            return
+        self._fade_offsets()
+        self._wait_for_standstill("disabling", 0.0)
+        self._remove_torque()
+        self._require_rest()
+
+    def close(self) -> None:
+        """Stop and disable where that is still to be done, and let go of the drives. Idempotent.
+
+        Raises:
+            ServoTimeout: The arm does not come to rest; torque is off all the same.
+            AxisMoves: An axis moves without torque.
+        """
+        if self._life is _Life.CLOSED:
+            return
+        try:
+            self.stop()
+            self.disable()
+        finally:
+            self._remove_torque()
+            self._life = _Life.CLOSED
+
+    def _remove_torque(self) -> None:
+        """Switch every axis off, those without a brake last."""
+        for axis in sorted(range(self.n), key=lambda axis: not self._drive(axis).has_brake):
+            self._plant.set_powered(axis, False)
+            if self._states[axis] is not State.FAULT:
+                self._states[axis] = State.SWITCH_ON_DISABLED
+        self._add_torque([0] * self.n)
+        self._life = _Life.CONNECTED
+
+    def _require_rest(self) -> None:
+        """Watch where the axes go without torque."""
+        begun_rad = self._plant.sample(self.cycle_s).axis_position_rad
+        for _ in range(math.ceil(HOLDING_WATCH_S / self.cycle_s)):
+            sample = self._pass_sync()
+        moved_rad = np.abs(sample.axis_position_rad - begun_rad)
+        if moved_rad.max() > HELD_RAD:
+            axis = int(moved_rad.argmax())
+            raise axis_moves(self._drive(axis), float(moved_rad[axis]))
+
+    def _add_torque(self, permille: list[int]) -> None:
+        """Put torque offsets (n,) in force."""
+        self._offset_permille = permille
+        for axis, units in enumerate(self._units.axes):
+            self._plant.set_torque_offset(axis, permille[axis] * units.torque_nm_per_permille)
+
+    def _fade_offsets(self) -> None:
+        """From the next SYNC on, take torque offsets to zero. Idempotent."""
+        if self._fade is None:
+            self._fade = OffsetFade(self._offset_permille, self.cycle_s)
+
+    def _wait_for_standstill(self, step: str, least_s: float) -> None:
+        """Let SYNCs pass until nothing moves and no torque offset is left, for `least_s` at least."""
+        first = self._cycle
+        while True:
+            sample = self._pass_sync()
+            elapsed_s = (self._cycle - first) * self.cycle_s
+            speed = np.abs(sample.axis_velocity_rad_s)
+            faded = self._fade is None or self._fade.done
+            if elapsed_s >= least_s and faded and speed.max() < STANDSTILL_RAD_S:
+                return
+            if elapsed_s > least_s + STANDSTILL_TIMEOUT_S:
+                drive = self._drive(int(speed.argmax()))
+                raise ServoTimeout(
+                    drive.node_id,
+                    drive.joint,
+                    step,
+                    f"still turning at {speed.max():.3g} rad/s after {elapsed_s:.1f} s",
+                    "An axis without torque and without a brake falls: secure it",
+                )
+
+    def _sync(self, step: str) -> JointFeedback:
+        """Let one SYNC pass and report it.
+
+        Raises:
+            ServoFault: A drive is in FAULT.
+            ServoTimeout: Too much feedback is missing.
+        """
+        sample = self._pass_sync()
+        missing = self._missing()
+        reported = self._reported(sample)
+        for axis in np.flatnonzero(missing):
+            reported.position_counts[axis] = self._last.position_counts[axis]
+            reported.effort[axis] = self._last.effort[axis]
+        self._last = reported
+        self._missed = np.where(missing, self._missed + 1, 0)
+        self._raise_fault(step)
+        if self._missed.max() > self._arm.max_missing_cycles:
+            drive = self._drive(int(self._missed.argmax()))
+            raise ServoTimeout(
+                drive.node_id,
+                drive.joint,
+                step,
+                f"no feedback for {self._missed.max()} cycles",
+                "Check the drive's supply and its cable",
+            )
+        with_current = self._units.feedback is EffortFeedback.CURRENT
+        return JointFeedback(
+            cycle=self._cycle,
+            time_s=self._begin_s + self._cycle * self.cycle_s,
+            position_rad=self._units.joint_position_rad(reported.position_counts),
+            velocity_rad_s=None,
+            current_a=self._units.motor_current_a(reported.effort) if with_current else None,
+            torque_nm=None if with_current else self._units.joint_torque_nm(reported.effort),
+            statusword=self._statusword(),
+            missing=missing,
+        )
+
+    def _pass_sync(self) -> PlantSample:
+        """Advance the arm by a cycle and let faults happen."""
+        self._cycle += 1
+        self._plant.advance(self._begin_s + self._cycle * self.cycle_s)
+        sample = self._plant.sample(self.cycle_s)
+        if self._fade is not None and not self._fade.done:
+            self._add_torque(self._fade.next())
+        lag = np.abs(sample.axis_demand_rad - sample.axis_position_rad)
+        for axis, drive in enumerate(self._arm.drives):
+            powered = self._states[axis] in {State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE}
+            if powered and (lag[axis] > drive.following_error_rad or self._fails(FailureKind.FAULT, axis)):
+                self._plant.set_powered(axis, False)
+                self._states[axis] = State.FAULT
+        return sample
+
+    def _fails(self, kind: FailureKind, axis: int) -> bool:
+        """Whether the script says so for the present cycle."""
+        return any(
+            failure.kind is kind
+            and failure.joint == axis
+            and failure.cycle <= self._cycle < failure.cycle + failure.cycles
+            for failure in self._failures
+        )
+
+    def _missing(self) -> NDArray[np.bool_]:
+        """Joints (n,) whose feedback does not arrive in the present cycle."""
+        return np.array([self._fails(FailureKind.MISSING_FEEDBACK, axis) for axis in range(self.n)])
+
+    def _raise_fault(self, step: str) -> None:
+        """Report the first drive in FAULT."""
+        for axis, state in enumerate(self._states):
+            if state is State.FAULT:
+                drive = self._drive(axis)
+                raise ServoFault(
+                    drive.node_id,
+                    drive.joint,
+                    step,
+                    "the drive is in FAULT, without torque",
+                    f"It faults when it lags by more than {drive.following_error_rad} rad, or by script",
+                )
+
+    def _statusword(self) -> NDArray[np.uint16]:
+        """Statuswords (n,) of the present states."""
+        return np.array([state.bits | _VOLTAGE_AND_REMOTE for state in self._states], dtype=np.uint16)
+
+    def _reported(self, sample: PlantSample) -> RawAxes:
+        """A sample in the drives' units."""
+        return self._units.measured(sample.axis_position_rad, sample.axis_torque_nm)
+
+    def _drive(self, axis: int) -> DriveSettings:
+        """Settings of one drive."""
+        return self._arm.drives[axis]

@@ -1,0 +1,290 @@
+"""The simulated arm: MuJoCo's mechanics under six servo loops, advanced by an argument called time.
+
+It has no clock, bus or thread. Its owner advances it, gives the setpoints that a drive would have latched,
+and takes samples as a drive would at SYNC. What a sample tells is in SI units and not yet quantised:
+counts and per mille are the drives' business.
+
+The timing of a drive: a target latched at SYNC k is reached by linear interpolation at SYNC k + 1, which
+is the one cycle of delay that a bus costs. A torque offset is in force from the next step on.
+
+Two arms of one specification that are given the same calls are equal to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_drivers.driver_errors import SimulationError
+from armload_drivers.servos import FloatArray
+from armload_drivers.simulation import servo_loops as servo
+from armload_drivers.simulation.mujoco_model import TIME_STEP_S, build_model
+from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant
+
+NOISE_CYCLE_S = 0.01
+"""Cycle that the noise of a specification belongs to: white noise grows with the square root of the rate."""
+
+BRAKE_FACTOR = 2.0
+"""Torque of a brake in terms of the drive's greatest torque."""
+
+STEP_TOLERANCE = 1e-6
+"""Share of a step by which a time may lie before a step and still mean it."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlantSample:
+    """What the drives measure at one instant, and the truth beside it.
+
+    Attributes:
+        time_s: The plant's time.
+        axis_position_rad: (n,) encoders, on the motors' side of elastic gears.
+        axis_velocity_rad_s: (n,) their velocity.
+        axis_demand_rad: (n,) setpoints of the position loops at this instant.
+        axis_torque_nm: (n,) torque as the drives' current sensors tell it: what the drive believes to give,
+            plus noise. Ripple and gain error are in the motor; what the servo does about them shows.
+        joint_position_rad: (n,) truth, on the links' side of elastic gears.
+        joint_velocity_rad_s: (n,) truth.
+        joint_torque_nm: (n,) truth: the motors' torque at the joints, ripple and gain error included.
+        link_torque_nm: (n,) truth: the torque that moves and carries links and payload, without rotors
+            and friction.
+    """
+
+    time_s: float
+    axis_position_rad: FloatArray
+    axis_velocity_rad_s: FloatArray
+    axis_demand_rad: FloatArray
+    axis_torque_nm: FloatArray
+    joint_position_rad: FloatArray
+    joint_velocity_rad_s: FloatArray
+    joint_torque_nm: FloatArray
+    link_torque_nm: FloatArray
+
+
+class ArmPlant:
+    """A simulated arm with its servo loops, powered off at first.
+
+    Attributes:
+        n: Number of joints and axes.
+    """
+
+    def __init__(self, spec: PlantSpec) -> None:
+        """Build the arm, standing still at its start position.
+
+        Args:
+            spec: The arm.
+
+        Raises:
+            SimulationError: MuJoCo is missing, or no such arm can exist.
+        """
+        built = build_model(spec)
+        self.n = len(spec.joints)
+        self._spec = spec
+        self._mujoco = built.mujoco
+        self._model = built.model
+        self._data = built.data
+        self._hinges = built.hinges_per_joint
+        self._to_axis = np.ascontiguousarray(np.linalg.inv(spec.coupling))
+        self._parameter = _parameters(spec, built.axis_inertia_kg_m2)
+        self._noise_nm = np.array([joint.torque_noise_nm for joint in spec.joints])
+        self._random = np.random.default_rng(spec.seed)
+        self._step = 0
+
+        # Views into MuJoCo's memory: taken once, a lookup costs more than the kernel.
+        self._position = self._data.qpos
+        self._velocity = self._data.qvel
+        self._applied = self._data.qfrc_applied
+        self._friction = self._model.dof_frictionloss
+        self._link_torque = np.zeros(self._model.nv)
+        self._mujoco.mj_rne(self._model, self._data, 0, self._link_torque)
+
+        self._state = np.zeros((servo.STATES, self.n))
+        for axis in range(self.n):
+            self.set_powered(axis, False)
+
+    @property
+    def time_s(self) -> float:
+        """Time that the arm has been advanced to, in whole steps of 1 ms."""
+        return self._step * TIME_STEP_S
+
+    def advance(self, time_s: float) -> None:
+        """Let time pass, in whole steps; a time that has passed already changes nothing.
+
+        Args:
+            time_s: Time to stop at.
+
+        Raises:
+            SimulationError: The simulation has diverged.
+        """
+        steps = math.floor(time_s / TIME_STEP_S + STEP_TOLERANCE)
+        step_once, rne, model, data = self._mujoco.mj_step, self._mujoco.mj_rne, self._model, self._data
+        while self._step < steps:
+            sane = servo.servo_step(
+                self._parameter,
+                self._state,
+                self._to_axis,
+                self._position,
+                self._velocity,
+                self._link_torque,
+                self._applied,
+                self._friction,
+                self._hinges,
+                self._step,
+            )
+            if not sane:
+                self._raise_diverged()
+            step_once(model, data)
+            rne(model, data, 1, self._link_torque)
+            self._step += 1
+
+    def set_target(self, axis: int, position_rad: float, over_s: float) -> None:
+        """Move an axis's setpoint linearly from where it is now, then hold it.
+
+        Args:
+            axis: Index of the axis.
+            position_rad: New setpoint.
+            over_s: Time to reach it in; one cycle for a drive in a cyclic mode.
+
+        Raises:
+            SimulationError: The target is not a finite number.
+        """
+        if not math.isfinite(position_rad):
+            raise SimulationError(f"{self._spec.joints[axis].name}: the target {position_rad} is no position")
+        self._ramp(axis, position_rad, over_s)
+
+    def slow_down(self, axis: int, over_s: float) -> None:
+        """Bring an axis's setpoint from its present speed to a stop at an even deceleration: quick stop.
+
+        Args:
+            axis: Index of the axis.
+            over_s: Time to stop in.
+        """
+        begin, finish, first, steps, slowing = self._state[: servo.RAMP_SLOWING + 1, axis]
+        elapsed = self._step - first
+        speed = 0.0
+        # A ramp that ends at this very instant is still in motion: targets arrive at SYNC.
+        if steps > 0.0 and elapsed < steps + 0.5:
+            left = 1.0 - elapsed / steps
+            speed = (finish - begin) / (steps * TIME_STEP_S) * (2.0 * left if slowing else 1.0)
+        self._ramp(axis, self._demand(axis) + 0.5 * speed * over_s, over_s)
+        self._state[servo.RAMP_SLOWING, axis] = 1.0
+
+    def set_torque_offset(self, axis: int, torque_nm: float) -> None:
+        """Have a torque added inside an axis's servo loop (60B2), from the next step on.
+
+        Args:
+            axis: Index of the axis.
+            torque_nm: Torque at the axis.
+
+        Raises:
+            SimulationError: The torque is not a finite number.
+        """
+        if not math.isfinite(torque_nm):
+            raise SimulationError(f"{self._spec.joints[axis].name}: the offset {torque_nm} is no torque")
+        self._state[servo.OFFSET, axis] = torque_nm
+
+    def set_powered(self, axis: int, on: bool) -> None:
+        """Switch an axis's servo loop and torque on or off.
+
+        Off, the motor gives no torque and the brake, where there is one, is engaged. On, the setpoint is the
+        present position, and the brake is released with the integrator at the torque that holds links and
+        payload, as drives do that load the motor before they release the brake.
+
+        Args:
+            axis: Index of the axis.
+            on: Whether it is to be powered.
+        """
+        state = self._state
+        self._ramp(axis, self.hold_position(axis), 0.0)
+        state[servo.POWERED, axis] = float(on)
+        state[servo.BRAKED, axis] = float(not on and self._spec.joints[axis].has_brake)
+        holding = float(self._spec.coupling[:, axis] @ self._link_torque[:: self._hinges])
+        state[servo.INTEGRAL, axis] = holding - state[servo.OFFSET, axis] if on else 0.0
+        if not on:
+            state[servo.TORQUE, axis] = state[servo.TRUE_TORQUE, axis] = 0.0
+
+    def hold_position(self, axis: int) -> float:
+        """Where an axis is, for initialising targets.
+
+        Args:
+            axis: Index of the axis.
+
+        Returns:
+            The axis's position in rad.
+        """
+        return float(self._to_axis[axis] @ self._position[:: self._hinges])
+
+    def sample(self, cycle_s: float) -> PlantSample:
+        """Measure, as the drives do at SYNC; every call draws noise anew.
+
+        Args:
+            cycle_s: Period of the samples; sets the noise, sigma = noise at 100 Hz * sqrt(0.01 s / cycle_s).
+
+        Returns:
+            Measurements and truth, as copies.
+        """
+        motor_position = self._position[:: self._hinges]
+        motor_velocity = self._velocity[:: self._hinges]
+        noise = self._noise_nm * (math.sqrt(NOISE_CYCLE_S / cycle_s) * self._random.standard_normal(self.n))
+        return PlantSample(
+            time_s=self.time_s,
+            axis_position_rad=self._to_axis @ motor_position,
+            axis_velocity_rad_s=self._to_axis @ motor_velocity,
+            axis_demand_rad=np.array([self._demand(axis) for axis in range(self.n)]),
+            axis_torque_nm=self._state[servo.TORQUE] + noise,
+            joint_position_rad=self._position.reshape(self.n, -1).sum(axis=1),
+            joint_velocity_rad_s=self._velocity.reshape(self.n, -1).sum(axis=1),
+            joint_torque_nm=self._to_axis.T @ self._state[servo.TRUE_TORQUE],
+            link_torque_nm=self._link_torque[:: self._hinges].copy(),
+        )
+
+    def _demand(self, axis: int) -> float:
+        """Setpoint of an axis at this instant."""
+        return float(servo.setpoint(self._state, axis, self._step))
+
+    def _ramp(self, axis: int, position_rad: float, over_s: float) -> None:
+        """Let an axis's setpoint go linearly from where it is to a position."""
+        state = self._state
+        state[servo.RAMP_FROM, axis] = self._demand(axis)
+        state[servo.RAMP_TO, axis] = position_rad
+        state[servo.RAMP_BEGIN, axis] = self._step
+        state[servo.RAMP_STEPS, axis] = over_s / TIME_STEP_S
+        state[servo.RAMP_SLOWING, axis] = 0.0
+
+    def _raise_diverged(self) -> None:
+        """Name the joint that ran away."""
+        speed = self._velocity[:: self._hinges]
+        worst = int(np.argmax(np.where(np.isfinite(speed), np.abs(speed), np.inf)))
+        raise SimulationError(
+            f"the simulated arm has diverged at {self.time_s:.3f} s: {self._spec.joints[worst].name} turns "
+            f"at {speed[worst]:.3g} rad/s. Look for an inertia or a gear that is far too small."
+        )
+
+
+def _parameters(spec: PlantSpec, axis_inertia_kg_m2: FloatArray) -> FloatArray:
+    """The servo kernel's constants (PARAMETERS, n)."""
+    n = len(spec.joints)
+    velocity_gain = 2.0 * math.pi * servo.VELOCITY_BANDWIDTH_HZ * axis_inertia_kg_m2
+    parameter = np.zeros((servo.PARAMETERS, n))
+    parameter[servo.VELOCITY_GAIN] = velocity_gain
+    parameter[servo.INTEGRAL_GAIN] = velocity_gain * (TIME_STEP_S / servo.INTEGRAL_TIME_S)
+    if spec.torque_gain_error is not None:
+        parameter[servo.GAIN_ERROR] = spec.torque_gain_error
+    if spec.torque_gain_drift_per_s is not None:
+        parameter[servo.GAIN_DRIFT] = spec.torque_gain_drift_per_s * TIME_STEP_S
+    for i, joint in enumerate(spec.joints):
+        parameter[servo.MAX_TORQUE, i] = joint.max_torque_nm
+        parameter[servo.RIPPLE, i] = joint.torque_ripple_nm
+        parameter[servo.RIPPLE_PER_RAD, i] = joint.ripple_per_motor_turn * joint.gear_ratio
+        parameter[servo.COULOMB, i] = joint.coulomb_nm * spec.friction_scale
+        parameter[servo.STRIBECK, i] = joint.stribeck_nm * spec.friction_scale
+        parameter[servo.STRIBECK_VELOCITY, i] = joint.stribeck_velocity_rad_s
+        parameter[servo.BRAKE, i] = BRAKE_FACTOR * joint.max_torque_nm
+        if spec.variant is PlantVariant.HARSH:
+            parameter[servo.LOSS_FORWARD, i] = 1.0 / servo.EFFICIENCY_FORWARD - 1.0
+            parameter[servo.LOSS_BACKWARD, i] = 1.0 - servo.EFFICIENCY_BACKWARD
+        else:
+            parameter[servo.LOSS_FORWARD, i] = joint.load_friction * spec.friction_scale
+            parameter[servo.LOSS_BACKWARD, i] = joint.load_friction * spec.friction_scale
+    return parameter

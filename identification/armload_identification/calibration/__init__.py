@@ -1,0 +1,1 @@
+"""The arm itself from its runs: drive gains, body, friction."""

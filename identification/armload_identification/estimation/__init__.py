@@ -1,0 +1,1 @@
+"""Least squares, friction columns, prior knowledge, intervals, physical consistency."""

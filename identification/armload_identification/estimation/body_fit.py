@@ -1,0 +1,483 @@
+"""Fit an arm's body and friction to runs without a payload.
+
+The columns are those of `body`. Which of the links' and rotors' parameters can be told apart at all is decided by
+the kinematics; how well a run tells these is another question: a prior far wider than any arm holds what it does not
+tell near zero, and is not felt elsewhere.
+
+Load-dependent friction mu |tau_link| knows the links' torque without the rotors', and so it tells even the rotors
+that turn with a link as one, which no torque of links and rotors alone can show. It makes the problem bilinear: it
+is solved by Gauss and Newton. A drive's torque may belong to another instant than its position; that delay, one for
+the arm, is fitted too: a millisecond of it is worth 4 % of a payload's centre of mass on the paper's motion.
+
+References:
+    Gautier, Numerical calculation of the base inertial parameters of robots, Journal of Robotic Systems 8(4), 1991.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.estimation.uncertainty import coefficient_deviation
+from armload_identification.model.base_parameters import base_columns
+from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
+from armload_identification.model.chain import Chain
+from armload_identification.model.regressor import PARAMETERS, body_regressor
+
+FloatArray = NDArray[np.float64]
+
+_PRIOR_FACTOR: Final = 30.0
+"""Width of the prior in terms of an arm whose greatest torque is its own weight at full reach."""
+_PRIOR_DELAY_S: Final = 0.02
+_TURN_OVER: Final = 0.01
+"""The direction of motion turns over within this share of a joint's greatest speed."""
+REVERSAL: Final = 0.10
+"""Share of a joint's greatest speed at which a sample weighs 0.7. A servo needs 50 ms to get over a reversal; on
+er50's motions a tenth leaves these out, and rotors, mu and delay come out within 2 % of the truth."""
+_SLOWEST_RAD_S: Final = 1e-4
+_LEAST_NOISE: Final = 0.01
+"""Share of a joint's torque that no fit is expected to go below: where it starts from."""
+_ITERATIONS: Final = 30
+_SEARCHES: Final = 4
+_GRID: Final = 33
+GREATEST_LOAD_FRICTION: Final = 0.5
+"""No gear that an arm is built with loses more of its load to friction."""
+_SETTLED: Final = 1e-4
+_ZERO: Final = 1e-9
+_SHORTEST: Final = 0.05
+_STATES: Final = 100
+_TOLD: Final = 0.1
+_STRIBECK_VELOCITIES_RAD_S: Final = (0.01, 0.02, 0.05, 0.1)
+_GRAVITY_M_S2: Final = 9.81
+_HAND_M: Final = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class ArmSamples:
+    """What a fit needs of a run, K samples of n joints.
+
+    Attributes:
+        interval_s: Time between samples.
+        position_rad: (K, n).
+        velocity_rad_s: (K, n).
+        acceleration_rad_s2: (K, n).
+        torque_nm: (K, n) smoothed joint torque.
+        valid: (K,) samples to use.
+        noise_nm: (n,) standard deviation of the noise in the torque before smoothing.
+    """
+
+    interval_s: float
+    position_rad: FloatArray
+    velocity_rad_s: FloatArray
+    acceleration_rad_s2: FloatArray
+    torque_nm: FloatArray
+    valid: NDArray[np.bool_]
+    noise_nm: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class BodyFit:
+    """A body fitted to runs.
+
+    Attributes:
+        model: The body.
+        residual_rms_nm: (n,) RMS of torque minus prediction over all samples used, reversals included.
+        torque_rms_nm: (n,) RMS of the torque, for scale.
+        base_parameters: How many parameters of links and rotors the kinematics can tell.
+        determined: How many of these have a standard deviation below a tenth of the prior's.
+        rotor_deviation_kg_m2: (n,) robust standard deviations; 0 where no rotor was fitted.
+        load_deviation: (n,) of the load-dependent friction; inf where none was fitted.
+        delay_deviation_s: Of the torque's delay.
+    """
+
+    model: BodyModel
+    residual_rms_nm: FloatArray
+    torque_rms_nm: FloatArray
+    base_parameters: int
+    determined: int
+    rotor_deviation_kg_m2: FloatArray
+    load_deviation: FloatArray
+    delay_deviation_s: float
+
+
+def reversal_weights(velocity_rad_s: FloatArray, share: float = REVERSAL) -> FloatArray:
+    """Weights that leave out reversals: x / sqrt(1 + x^2), x = (dq / v)^2, v a small share of the greatest speed.
+
+    Near a reversal friction is what no model of it says: presliding, backlash and ripple. A joint that stands
+    still keeps its weight.
+
+    Args:
+        velocity_rad_s: (N, n).
+        share: v in terms of each joint's greatest speed.
+
+    Returns:
+        (N, n) factors on the rows of the whitened system, 0 to 1.
+    """
+    peak = np.abs(velocity_rad_s).max(axis=0)
+    slow = share * peak
+    moving = peak > _SLOWEST_RAD_S
+    ratio = (velocity_rad_s / np.where(moving, slow, 1.0)) ** 2
+    weight = ratio / np.sqrt(1.0 + ratio**2)
+    return np.asarray(np.where(moving, weight, 1.0), dtype=np.float64)
+
+
+def reversal_speed(velocity_rad_s: FloatArray) -> FloatArray:
+    """(n,) speed about which the direction of motion turns over, from the greatest speed of each joint.
+
+    Args:
+        velocity_rad_s: (N, n).
+    """
+    return np.asarray(np.maximum(_TURN_OVER * np.abs(velocity_rad_s).max(axis=0), _SLOWEST_RAD_S))
+
+
+def fit_body(
+    runs: Sequence[ArmSamples],
+    chain: Chain,
+    coupling: FloatArray,
+    *,
+    stribeck: bool = False,
+    load_friction: bool = True,
+) -> BodyFit:
+    """Fit links, rotors and friction to runs without a payload.
+
+    Args:
+        runs: What was measured.
+        chain: The arm.
+        coupling: (n, n) C of its motors.
+        stribeck: Whether friction near standstill has a column of its own.
+        load_friction: Whether friction grows with the links' torque.
+
+    Returns:
+        The body.
+    """
+    system = _System(runs, chain, coupling)
+    velocities = _STRIBECK_VELOCITIES_RAD_S if stribeck else (None,)
+    fits = [system.fit(velocity, load_friction) for velocity in velocities]
+    best = min(fits, key=lambda fit: fit.cost)
+    return system.named(best)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A solution and what it leaves.
+
+    Attributes:
+        cost: Sum of the logarithms of the joints' weighted residuals.
+        parameters: (p,) all of them.
+        used: (p,) which were free.
+        noise_nm: (n,) weighted residual per joint.
+        left: (N, n) residual.
+        stribeck: (N, n) shape of the friction near standstill; 0 without it.
+        stribeck_velocity: Of that shape.
+    """
+
+    cost: float
+    parameters: FloatArray
+    used: NDArray[np.bool_]
+    noise_nm: FloatArray
+    left: FloatArray
+    stribeck: FloatArray
+    stribeck_velocity: float | None
+
+
+class _System:
+    """The bilinear model of runs, and its solution by Gauss and Newton.
+
+    Parameters in this order: the links' base parameters, rotors, Coulomb, viscous, offset, Stribeck and
+    load-dependent friction, each per joint, and the delay. The links' do not hold what their rotors add; where only
+    the load-dependent friction could tell the two apart and there is none, the links' do.
+
+    A joint's torque depends on the links beyond it alone and on its own friction, so that every joint has rows of
+    its own few columns.
+    """
+
+    def __init__(self, runs: Sequence[ArmSamples], chain: Chain, coupling: FloatArray) -> None:
+        q, dq, ddq, self._torque = (
+            np.vstack([getattr(run, name) for run in runs])
+            for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "torque_nm")
+        )
+        n = chain.n
+        self._n, self._coupling, self._dq = n, coupling, dq
+        self._noise = np.sqrt(np.mean([run.noise_nm**2 for run in runs], axis=0))
+        self._parts = [(len(run.torque_nm), run.interval_s) for run in runs]
+        valid = np.concatenate([run.valid for run in runs])
+        self._used_samples = int(np.count_nonzero(valid))
+        self._weight = np.where(valid[:, None], reversal_weights(dq), 0.0)
+        self._valid = valid
+        base = base_columns(chain, coupling)
+        self._base, self._rotor_base = base[: PARAMETERS * n], base[PARAMETERS * n :]
+        links = body_regressor(chain, q, dq, ddq)[:, :, self._base]
+        rotors = rotor_columns(ddq, coupling).transpose(0, 2, 1)
+        self._links = [_Columns.of(links[:, joint]) for joint in range(n)]
+        self._rotors = [_Columns.of(rotors[:, joint]) for joint in range(n)]
+        thin = slice(None, None, max(len(q) // _STATES, 1))
+        self._inertias = _inertia_columns(chain, q[thin])[:, :, self._base]
+        self._turn_over = reversal_speed(dq)
+        self._direction = smooth_sign(dq, self._turn_over)
+        self._moving = np.abs(dq).max(axis=0) > self._turn_over
+        self._level = np.sqrt(np.mean(self._torque[valid] ** 2, axis=0))
+        greatest = float(np.abs(self._torque[valid]).max())
+        mass, reach = _size(chain, greatest)
+        link = np.tile(mass * np.array([1.0] + [reach] * 3 + [reach**2] * 6), n)[self._base]
+        own = np.full(4 * n, _PRIOR_FACTOR * greatest)
+        self._width = np.concatenate([link, np.full(n, mass * reach**2), own, np.ones(n), [_PRIOR_DELAY_S]])
+        edges = np.cumsum([0, link.size, *[n] * 6])
+        names = ("links", "rotors", "coulomb", "viscous", "offset", "stribeck", "load")
+        self._of = {name: slice(*pair) for name, pair in zip(names, pairwise(edges), strict=True)}
+
+    def fit(self, stribeck_velocity: float | None, load_friction: bool) -> _Fit:
+        """The best solution; a joint whose friction does not grow with its load is left without that column."""
+        plain = self._gauss_newton(stribeck_velocity, np.zeros(self._n, dtype=bool), None)
+        allowed = self._moving & load_friction
+        while allowed.any():
+            found = self._gauss_newton(stribeck_velocity, allowed, plain)
+            load = found.parameters[self._of["load"]]
+            possible = (load > 0.0) & (load <= GREATEST_LOAD_FRICTION)
+            if (possible | ~allowed).all():
+                # A solution that has run away is worse than none.
+                return found if found.cost <= plain.cost else plain
+            allowed = allowed & possible
+        return plain
+
+    def named(self, fit: _Fit) -> BodyFit:
+        """A solution by name."""
+        n, of, x = self._n, self._of, fit.parameters
+        links = np.zeros(PARAMETERS * n)
+        links[self._base] = x[of["links"]]
+        model = BodyModel(
+            links=links.reshape(n, PARAMETERS),
+            base=self._base.reshape(n, PARAMETERS),
+            rotor_inertia_kg_m2=x[of["rotors"]],
+            coulomb_nm=x[of["coulomb"]],
+            viscous_nm_s_rad=x[of["viscous"]],
+            offset_nm=x[of["offset"]],
+            stribeck_nm=x[of["stribeck"]],
+            stribeck_velocity_rad_s=np.full(n, fit.stribeck_velocity or _STRIBECK_VELOCITIES_RAD_S[0]),
+            load_friction=x[of["load"]],
+            torque_delay_s=float(x[-1]),
+            reversal_speed_rad_s=self._turn_over,
+            coupling=self._coupling,
+        )
+        white, robust = self._deviations(fit)
+        inertial = np.concatenate([np.ones(of["links"].stop, dtype=bool), self._rotor_base])
+        rotor = robust[of["rotors"]]
+        return BodyFit(
+            model=model,
+            residual_rms_nm=np.sqrt(np.mean(fit.left[self._valid] ** 2, axis=0)),
+            torque_rms_nm=self._level,
+            base_parameters=int(np.count_nonzero(inertial)),
+            determined=int(np.count_nonzero((white / self._width)[: inertial.size][inertial] < _TOLD)),
+            rotor_deviation_kg_m2=np.where(np.isfinite(rotor), rotor, 0.0),
+            load_deviation=robust[of["load"]],
+            delay_deviation_s=float(robust[-1]),
+        )
+
+    def _gauss_newton(self, stribeck_velocity: float | None, allowed: NDArray[np.bool_], start: _Fit | None) -> _Fit:
+        """A solution with load-dependent friction on the joints allowed."""
+        of = self._of
+        used = np.ones(self._width.size, dtype=bool)
+        used[of["rotors"]] = self._rotor_base | allowed
+        used[of["stribeck"]] = stribeck_velocity is not None
+        used[of["load"]] = allowed
+        if start is None:
+            x = np.zeros(self._width.size)
+            noise = np.maximum(np.maximum(self._noise, _LEAST_NOISE * self._level), _ZERO)
+            stribeck = np.zeros_like(self._dq)
+            if stribeck_velocity is not None:
+                stribeck = self._direction * np.exp(-((self._dq / stribeck_velocity) ** 2))
+        else:
+            stribeck = start.stribeck
+            x, noise = self._searched(start, allowed, used)
+        cost = np.inf
+        left, carried = self._left(x, stribeck)
+        for _ in range(_ITERATIONS):
+            step = self._step(x, left, carried, noise, used, stribeck)
+            share = 1.0
+            while True:
+                trial = x + share * step
+                left, carried = self._left(trial, stribeck)
+                reached = self._noise_of(left)
+                after = float(np.sum(np.log(reached)))
+                if after < cost or share < _SHORTEST:
+                    break
+                share *= 0.5
+            if not after < cost - _SETTLED:
+                break
+            x, noise, cost = trial, reached, after
+        left, _ = self._left(x, stribeck)
+        return _Fit(cost, x, used, noise, left, stribeck, stribeck_velocity)
+
+    def _searched(
+        self, start: _Fit, allowed: NDArray[np.bool_], used: NDArray[np.bool_]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Where to begin: rotors and load-dependent friction by a search joint by joint, the rest fitted to them.
+
+        From anywhere else Gauss and Newton may end in a minimum with rotors as heavy as the arm.
+        """
+        of, x, noise = self._of, start.parameters.copy(), start.noise_nm
+        others = used.copy()
+        others[of["rotors"]] = others[of["load"]] = False
+        for _ in range(_SEARCHES):
+            inertia = self._inertias @ x[of["links"]] + x[of["rotors"]]
+            greatest = np.maximum(inertia.min(axis=0), 0.0)
+            without = x.copy()
+            without[of["load"]] = 0.0
+            left, carried = self._left(without, start.stribeck)
+            for joint in map(int, np.flatnonzero(allowed)):
+                rotor = self._rotors[joint].column(joint)
+                total = carried[:, joint] + rotor * x[of["rotors"]][joint]
+                found = self._search(joint, total, rotor, float(greatest[joint]), left[:, joint])
+                x[of["rotors"].start + joint], x[of["load"].start + joint] = found
+            left, carried = self._left(x, start.stribeck)
+            x = x + self._step(x, left, carried, noise, others, start.stribeck)
+            noise = self._noise_of(self._left(x, start.stribeck)[0])
+        return x, noise
+
+    def _search(
+        self, joint: int, total: FloatArray, rotor: FloatArray, greatest: float, left: FloatArray
+    ) -> tuple[float, float]:
+        """Rotor and load-dependent friction of a joint, by what its torque leaves without the latter."""
+        weight, direction = self._weight[:, joint], self._direction[:, joint]
+        own = np.column_stack([direction, self._dq[:, joint], np.ones_like(left)]) * weight[:, None]
+        basis, _ = np.linalg.qr(own)
+        inertia = np.linspace(0.0, greatest, _GRID)
+        columns = (direction * weight)[:, None] * np.abs(total[:, None] - rotor[:, None] * inertia)
+        columns -= basis @ (basis.T @ columns)
+        along = np.maximum(columns.T @ (left * weight), 0.0)
+        size = np.maximum(np.sum(columns**2, axis=0), _ZERO)
+        best = int(np.argmax(along**2 / size))
+        return float(inertia[best]), float(min(along[best] / size[best], GREATEST_LOAD_FRICTION))
+
+    def _left(self, x: FloatArray, stribeck: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(N, n) what the parameters leave of the torque, and the links' own torque."""
+        of = self._of
+        carried = np.column_stack([columns @ x[of["links"]] for columns in self._links])
+        rotors = np.column_stack([columns @ x[of["rotors"]] for columns in self._rotors])
+        friction = x[of["coulomb"]] + x[of["load"]] * np.abs(carried)
+        torque = carried + rotors + self._direction * friction + self._dq * x[of["viscous"]]
+        torque += x[of["offset"]] + stribeck * x[of["stribeck"]]
+        return self._torque - torque + x[-1] * self._rate(torque), carried
+
+    def _step(
+        self,
+        x: FloatArray,
+        left: FloatArray,
+        carried: FloatArray,
+        noise: FloatArray,
+        used: NDArray[np.bool_],
+        stribeck: FloatArray,
+    ) -> FloatArray:
+        """(p,) by the equations' Gram matrix: what it rounds off the next step makes good."""
+        gram = np.diag(np.ones(x.size))
+        side = -x / self._width
+        change = self._rate(self._torque - left)
+        for joint in range(self._n):
+            rows, place = self._rows(joint, x, change, carried, stribeck)
+            rows = rows * (self._weight[:, joint] / noise[joint])[:, None]
+            gram[np.ix_(place, place)] += rows.T @ rows
+            side[place] += rows.T @ (left[:, joint] * self._weight[:, joint] / noise[joint])
+        step = np.zeros_like(x)
+        step[used] = self._width[used] * np.linalg.solve(gram[np.ix_(used, used)], side[used])
+        return step
+
+    def _rows(
+        self, joint: int, x: FloatArray, change: FloatArray, carried: FloatArray, stribeck: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.intp]]:
+        """(N, k) derivative of a joint's torque, in the prior's widths, and the parameters' places."""
+        of, load = self._of, x[self._of["load"]][joint]
+        direction, column = self._direction[:, joint], carried[:, joint]
+        links, rotors = self._links[joint], self._rotors[joint]
+        rows = np.column_stack(
+            [
+                links.values * (1.0 + load * direction * np.sign(column))[:, None],
+                rotors.values,
+                direction,
+                self._dq[:, joint],
+                np.ones_like(direction),
+                stribeck[:, joint],
+                direction * np.abs(column),
+                -change[:, joint],
+            ]
+        )
+        own = [of[name].start + joint for name in ("coulomb", "viscous", "offset", "stribeck", "load")]
+        place = np.concatenate([links.place, of["rotors"].start + rotors.place, own, [x.size - 1]])
+        return rows * self._width[place], place
+
+    def _deviations(self, fit: _Fit) -> tuple[FloatArray, FloatArray]:
+        """(p,) standard deviations, if the residual were white and as it is; inf where a parameter was not used."""
+        x, used = fit.parameters, np.flatnonzero(fit.used)
+        _, carried = self._left(x, fit.stribeck)
+        everything = np.zeros((len(fit.left), self._n, x.size))
+        change = self._rate(self._torque - fit.left)
+        for joint in range(self._n):
+            rows, place = self._rows(joint, x, change, carried, fit.stribeck)
+            everything[:, joint, place] = rows * (self._weight[:, joint] / fit.noise_nm[joint])[:, None]
+        everything = everything[:, :, used]
+        prior = np.eye(used.size)
+        triangle = np.asarray(np.linalg.qr(np.vstack([everything.reshape(-1, used.size), prior]), mode="r"))
+        white, robust = np.full(x.size, np.inf), np.full(x.size, np.inf)
+        white[used] = self._width[used] * np.sqrt(np.sum(np.linalg.inv(triangle) ** 2, axis=1))
+        residual = fit.left * self._weight / fit.noise_nm
+        robust[used] = self._width[used] * coefficient_deviation(everything, residual, triangle)
+        return white, robust
+
+    def _noise_of(self, left: FloatArray) -> FloatArray:
+        """(n,) weighted RMS of what is left."""
+        size = np.sqrt(np.sum((left * self._weight) ** 2, axis=0) / self._used_samples)
+        return np.asarray(np.maximum(size, _ZERO))
+
+    def _rate(self, torque: FloatArray) -> FloatArray:
+        """(N, n) change of torque with time, run by run."""
+        rates, first = [], 0
+        for length, interval_s in self._parts:
+            rates.append(np.gradient(torque[first : first + length], interval_s, axis=0))
+            first += length
+        return np.vstack(rates)
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """The columns of a matrix that are not zero.
+
+    Attributes:
+        values: (N, k) these.
+        place: (k,) where they belong.
+    """
+
+    values: FloatArray
+    place: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, matrix: FloatArray) -> _Columns:
+        place = np.flatnonzero(np.any(matrix != 0.0, axis=0))
+        return cls(np.ascontiguousarray(matrix[:, place]), place)
+
+    def __matmul__(self, parameters: FloatArray) -> FloatArray:
+        return np.asarray(self.values @ parameters[self.place])
+
+    def column(self, index: int) -> FloatArray:
+        """(N,) one column of the whole matrix."""
+        found = np.flatnonzero(self.place == index)
+        return self.values[:, found[0]] if found.size else np.zeros(len(self.values))
+
+
+def _inertia_columns(chain: Chain, q: FloatArray) -> FloatArray:
+    """(N, n, 10 n) what the links' parameters make of the inertia that each joint turns, the others at rest."""
+    still = np.zeros_like(q)
+    gravity = body_regressor(chain, q, still, still)
+    columns = []
+    for joint, unit in enumerate(np.eye(chain.n)):
+        pushed = body_regressor(chain, q, still, np.tile(unit, (len(q), 1)))
+        columns.append(pushed[:, joint] - gravity[:, joint])
+    return np.stack(columns, axis=1)
+
+
+def _size(chain: Chain, torque_nm: float) -> tuple[float, float]:
+    """Mass and length that no link of an arm of such torque exceeds by far."""
+    reach = float(np.sum(np.sqrt(np.sum(chain.placement[:, :3, 3] ** 2, axis=1)))) + _HAND_M
+    return _PRIOR_FACTOR * torque_nm / (_GRAVITY_M_S2 * reach), reach

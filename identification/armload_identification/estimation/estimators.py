@@ -1,0 +1,105 @@
+"""The estimators to choose from, and the payload's fit by one of them."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.estimation.body_fit import REVERSAL, BodyFit, reversal_weights
+from armload_identification.estimation.friction_columns import FrictionDifference, fit_with_friction
+from armload_identification.estimation.least_squares import (
+    NOTHING_KNOWN,
+    Estimate,
+    Prior,
+    estimate,
+    estimate_reweighted,
+    estimate_robust,
+)
+from armload_identification.model.body_model import BodyModel
+from armload_identification.model.chain import Chain
+from armload_identification.signals.load_signal import SCATTER, LoadSignal
+
+FloatArray = NDArray[np.float64]
+
+_NEGLIGIBLE: Final = 1e-3
+_REPEATED_REVERSAL: Final = 0.05
+"""`REVERSAL` where two runs are compared phase by phase, so that half of what a servo does at a reversal cancels."""
+
+
+class Estimator(StrEnum):
+    """How a payload is fitted to a torque difference; identification/README.md has what chose the default."""
+
+    OLS = "ols"
+    """Least squares with equal weights, as in the paper."""
+    WLS = "wls"
+    """Weights by each joint's noise: from the scatter between periods, else from the residual."""
+    ROBUST = "robust"
+    """Weights by each joint's residual, reversals and outliers weighing less (Huber)."""
+    FRICTION = "friction"
+    """Weights by each joint's residual, reversals weighing less, friction columns where the data justify them."""
+
+
+def least_noise(signal: LoadSignal) -> FloatArray:
+    """(n,) noise that a fit may not go below: that of the averages, where periods tell it.
+
+    Noise above the motion's band says little about that within it; there the residual alone decides.
+
+    Args:
+        signal: The torque difference.
+    """
+    return signal.averaged_noise_nm * (1.0 if signal.noise_source == SCATTER else _NEGLIGIBLE)
+
+
+def steadiness(signal: LoadSignal) -> FloatArray:
+    """(K, n) weights that leave out reversals, by how well they cancel between the two runs.
+
+    Args:
+        signal: The torque difference.
+    """
+    repeated = signal.periodic and min(signal.periods) > 0
+    return reversal_weights(signal.velocity_rad_s, _REPEATED_REVERSAL if repeated else REVERSAL)
+
+
+def fit_payload(
+    signal: LoadSignal,
+    regressor: FloatArray,
+    chain: Chain,
+    body: BodyModel,
+    estimator: Estimator,
+    prior: Prior | None = None,
+    arm: BodyFit | None = None,
+) -> tuple[Estimate, FrictionDifference | None]:
+    """Fit a payload.
+
+    Args:
+        signal: Torque difference and unloaded torque.
+        regressor: (K, n, 10) of the payload.
+        chain: The arm.
+        body: The arm's body.
+        estimator: How.
+        prior: What is known beforehand.
+        arm: How well the body is known, where it was fitted to the unloaded run.
+
+    Returns:
+        The fit, and the friction beside it where the estimator looks for some.
+    """
+    least = least_noise(signal)
+    steady = steadiness(signal)
+
+    def solve(columns: FloatArray, expected: FloatArray, deviation: FloatArray) -> Estimate:
+        known = (prior or NOTHING_KNOWN).and_nuisance(expected, deviation)
+        return estimate_reweighted(columns, signal.torque_nm, signal.valid, least, steady, known)
+
+    match estimator:
+        case Estimator.OLS:
+            return estimate(regressor, signal.torque_nm, signal.valid, np.ones_like(least), None, prior), None
+        case Estimator.WLS:
+            weighted = estimate if signal.noise_source == SCATTER else estimate_reweighted
+            return weighted(regressor, signal.torque_nm, signal.valid, least, None, prior), None
+        case Estimator.ROBUST:
+            return estimate_robust(regressor, signal.torque_nm, signal.valid, least, steady, prior), None
+        case Estimator.FRICTION:
+            return fit_with_friction(signal, regressor, chain, body, solve, arm)

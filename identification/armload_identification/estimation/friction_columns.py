@@ -1,0 +1,271 @@
+"""Friction that a difference of two runs does not cancel, fitted with the payload where the data ask for it.
+
+A gear under load rubs more, so that the loaded run's friction exceeds the unloaded run's by
+
+    mu s (|tau_link,loaded| - |tau_link,unloaded|),    s the direction of motion,
+
+with tau_link the torque of links and payload WITHOUT friction. Built from the motors' torque, friction and all, the
+same column makes results worse. So body and friction are fitted to the unloaded run first; the loaded run's link
+torque is that of the body plus the payload's, and is iterated with the payload.
+
+A gear that has warmed up between the runs rubs less: a difference of viscous friction, d dq. Such columns cost
+accuracy where nothing has changed.
+
+A joint gets a column only where its coefficient is significant by a robust t test; mu must be positive and
+possible besides. The columns are thrown out one after the other, the least justified first.
+
+The empty arm's own run tells mu too, and much more exactly, from torques many times the payload's. Where the
+difference does not contradict it, it is what is known of mu beforehand: a payload of the paper's size tells its own
+centre of mass and mu apart only poorly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.estimation.body_fit import (
+    GREATEST_LOAD_FRICTION,
+    ArmSamples,
+    BodyFit,
+    fit_body,
+    reversal_speed,
+)
+from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.uncertainty import nuisance_deviation
+from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
+from armload_identification.model.chain import Chain
+from armload_identification.signals.load_signal import LoadSignal, low_pass_cutoff
+
+FloatArray = NDArray[np.float64]
+Solver = Callable[[FloatArray, FloatArray, FloatArray], Estimate]
+"""Fits a (K, n, 10 + r) regressor, given the expected values of the r last parameters and their deviations."""
+
+SIGNIFICANT_LOAD: Final = 3.0
+"""Robust t from which load-dependent friction counts; white noise alone reaches it in one joint of 740."""
+SIGNIFICANT_VISCOUS: Final = 4.0
+"""The same for a change of viscous friction, of which there is less reason to expect any: one joint in 16,000."""
+_THINNED: Final = 8.0
+"""Samples per period of the low-pass' cutoff that are kept."""
+_ALIKE: Final = 0.03
+"""Share of mu by which the same gear may rub differently under another load, one standard deviation."""
+_HOPELESS: Final = 1.0 / 3.0
+"""Columns below this share of their threshold go together."""
+_ROUGH: Final = 2
+"""Iterations while columns are still being chosen."""
+_ITERATIONS: Final = 12
+_SETTLED: Final = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionDifference:
+    """Friction of the loaded run beyond that of the unloaded run, n joints.
+
+    Attributes:
+        load_joints: (n,) True where load-dependent friction has a column.
+        load: (n,) its coefficient mu; 0 where there is no column.
+        load_t: (n,) robust t statistic of it.
+        viscous_joints: (n,) True where a change of viscous friction has a column.
+        viscous_nm_s_rad: (n,) the change; 0 where there is no column.
+        viscous_t: (n,) robust t statistic of it.
+        torque_nm: (K, n) all of it as a torque.
+        known_deviation: (2 n,) of what the unloaded run told of mu, and nothing of viscous changes, beforehand; inf
+            where it told nothing.
+        known: (2 n,) what it told.
+        doubts_nm: (k, K, n) by how much the torque difference is off for one standard deviation of each thing that
+            was taken from the unloaded run: the rotors' inertia, the delay of the torque.
+    """
+
+    load_joints: NDArray[np.bool_]
+    load: FloatArray
+    load_t: FloatArray
+    viscous_joints: NDArray[np.bool_]
+    viscous_nm_s_rad: FloatArray
+    viscous_t: FloatArray
+    torque_nm: FloatArray
+    known_deviation: FloatArray
+    known: FloatArray
+    doubts_nm: FloatArray
+
+
+def unloaded_body(signal: LoadSignal, chain: Chain, coupling: FloatArray) -> BodyFit:
+    """Body and friction of the arm by the unloaded half of a pair of runs.
+
+    Args:
+        signal: The pair.
+        chain: The arm.
+        coupling: (n, n) C of its motors.
+    """
+    step = 1
+    if not signal.periodic:
+        # What was low-passed tells no more at every sample than at every few.
+        step = max(
+            int(1.0 / (_THINNED * low_pass_cutoff(signal.velocity_rad_s, signal.interval_s) * signal.interval_s)), 1
+        )
+    run = ArmSamples(
+        step * signal.interval_s,
+        signal.position_rad[::step],
+        signal.velocity_rad_s[::step],
+        signal.acceleration_rad_s2[::step],
+        signal.unloaded_nm[::step],
+        signal.valid[::step],
+        signal.averaged_noise_nm,
+    )
+    return fit_body([run], chain, coupling)
+
+
+def load_column(empty_nm: FloatArray, payload_nm: FloatArray, direction: FloatArray) -> FloatArray:
+    """The column s (|tau_link,loaded| - |tau_link,unloaded|) of every joint.
+
+    Args:
+        empty_nm: (K, n) torque of the links without payload.
+        payload_nm: (K, n) torque of the payload.
+        direction: (K, n) direction of motion, -1 to 1.
+    """
+    return np.asarray(direction * (np.abs(empty_nm + payload_nm) - np.abs(empty_nm)))
+
+
+def fit_with_friction(
+    signal: LoadSignal, regressor: FloatArray, chain: Chain, body: BodyModel, solve: Solver, arm: BodyFit | None = None
+) -> tuple[Estimate, FrictionDifference]:
+    """Fit a payload together with the friction that the data justify.
+
+    Args:
+        signal: Torque difference and its motion.
+        regressor: (K, n, 10) of the payload.
+        chain: The arm.
+        body: Its links; only their torque is used.
+        solve: Fits a regressor to the torque difference.
+        arm: How well the body is known, where it was fitted to the unloaded run; its friction is used too then.
+
+    Returns:
+        The fit, whose parameters behind the ten are mu of the joints that have it and then the viscous changes,
+        and these by joint.
+    """
+    columns = _Columns(signal, regressor, chain, body, solve)
+    n = chain.n
+    moving = np.abs(signal.velocity_rad_s).max(axis=0) > reversal_speed(signal.velocity_rad_s)
+    fit, chosen = _justified(columns, np.concatenate([moving, moving]))
+    expected = np.concatenate([body.load_friction, np.zeros(n)])
+    deviation = np.full(2 * n, np.inf)
+    if arm is not None:
+        own, doubt = body.load_friction, np.hypot(arm.load_deviation, _ALIKE * body.load_friction)
+        told = moving & (own > SIGNIFICANT_LOAD * arm.load_deviation)
+        both = chosen | np.concatenate([told, np.zeros(n, dtype=bool)])
+        trial, coefficient = columns.iterate(fit, both, _ROUGH)
+        free = _deviation(trial, both)[:n]
+        told &= np.abs(coefficient[:n] - own) <= SIGNIFICANT_LOAD * np.hypot(free, doubt)
+        chosen = chosen | np.concatenate([told, np.zeros(n, dtype=bool)])
+        deviation[:n][told] = doubt[told]
+    if not chosen.any():
+        return fit, columns.result(fit, np.zeros(2 * n), chosen, expected, deviation, arm)
+    fit, coefficient = columns.iterate(fit, chosen, _ITERATIONS, expected, deviation)
+    return fit, columns.result(fit, coefficient, chosen, expected, deviation, arm)
+
+
+def _justified(columns: _Columns, chosen: NDArray[np.bool_]) -> tuple[Estimate, NDArray[np.bool_]]:
+    """The columns that the difference alone justifies, (2 n,), and a rough fit with them."""
+    n = chosen.size // 2
+    threshold = np.repeat([SIGNIFICANT_LOAD, SIGNIFICANT_VISCOUS], n)
+    fit = columns.plain()
+    while chosen.any():
+        fit, coefficient = columns.iterate(fit, chosen, _ROUGH)
+        merit = np.where(chosen, coefficient / _deviation(fit, chosen) / threshold, np.inf)
+        merit[:n] = np.where(coefficient[:n] > GREATEST_LOAD_FRICTION, 0.0, merit[:n])
+        merit[n:] = np.abs(merit[n:])
+        if merit.min() >= 1.0:
+            return fit, chosen
+        chosen = chosen & (merit >= _HOPELESS) & (np.arange(2 * n) != np.argmin(merit))
+    return columns.plain(), chosen
+
+
+def _deviation(fit: Estimate, chosen: NDArray[np.bool_]) -> FloatArray:
+    """(2 n,) standard deviations, inf where there is no column."""
+    deviation = np.full(chosen.size, np.inf)
+    deviation[chosen] = nuisance_deviation(fit)[0]
+    return deviation
+
+
+class _Columns:
+    """The 2 n columns beside the payload's: load-dependent friction, then viscous changes."""
+
+    def __init__(self, signal: LoadSignal, regressor: FloatArray, chain: Chain, body: BodyModel, solve: Solver) -> None:
+        self._signal, self._regressor, self._solve, self._coupling = signal, regressor, solve, body.coupling
+        self._velocity = signal.velocity_rad_s
+        self._empty = body.link_torque(chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
+        self._direction = smooth_sign(signal.velocity_rad_s, reversal_speed(signal.velocity_rad_s))
+
+    def plain(self) -> Estimate:
+        """The payload alone."""
+        return self._solve(self._regressor, np.empty(0), np.empty(0))
+
+    def iterate(
+        self,
+        fit: Estimate,
+        chosen: NDArray[np.bool_],
+        rounds: int,
+        expected: FloatArray | None = None,
+        deviation: FloatArray | None = None,
+    ) -> tuple[Estimate, FloatArray]:
+        """The fit with the chosen columns, and all 2 n coefficients, until the payload in the columns stays."""
+        n = self._velocity.shape[1]
+        mean = np.zeros(2 * n) if expected is None else expected
+        spread = np.full(2 * n, np.inf) if deviation is None else deviation
+        for _ in range(rounds):
+            theta = fit.theta[:10]
+            own = np.concatenate([self._load(theta), self._velocity], axis=1)
+            tall = own[:, None, :] * np.tile(np.eye(n), 2)
+            everything = np.concatenate([self._regressor, tall[:, :, chosen]], axis=2)
+            fit = self._solve(everything, mean[chosen], spread[chosen])
+            size = np.abs(theta / fit.scale[:10]).max()
+            if np.abs((fit.theta[:10] - theta) / fit.scale[:10]).max() < _SETTLED * size:
+                break
+        coefficient = np.zeros(2 * n)
+        coefficient[chosen] = fit.theta[10:]
+        return fit, coefficient
+
+    def result(
+        self,
+        fit: Estimate,
+        coefficient: FloatArray,
+        chosen: NDArray[np.bool_],
+        expected: FloatArray,
+        deviation: FloatArray,
+        arm: BodyFit | None,
+    ) -> FrictionDifference:
+        """Coefficients by name."""
+        load, viscous = np.split(coefficient, 2)
+        load_joints, viscous_joints = np.split(chosen, 2)
+        t = coefficient / _deviation(fit, chosen) if chosen.any() else np.zeros(chosen.size)
+        load_t, viscous_t = np.split(t, 2)
+        torque_nm = self._load(fit.theta[:10]) * load + self._velocity * viscous
+        return FrictionDifference(
+            load_joints=load_joints,
+            load=load,
+            load_t=load_t,
+            viscous_joints=viscous_joints,
+            viscous_nm_s_rad=viscous,
+            viscous_t=viscous_t,
+            torque_nm=torque_nm,
+            known_deviation=deviation,
+            known=expected,
+            doubts_nm=self._doubts(fit, load, torque_nm, arm),
+        )
+
+    def _load(self, theta: FloatArray) -> FloatArray:
+        return load_column(self._empty, self._regressor @ theta, self._direction)
+
+    def _doubts(self, fit: Estimate, load: FloatArray, friction: FloatArray, arm: BodyFit | None) -> FloatArray:
+        """What one standard deviation of every rotor, and of the delay, does to the torque difference."""
+        if arm is None:
+            return np.zeros((0, *self._empty.shape))
+        payload = self._regressor @ fit.theta[:10]
+        turned = np.sign(self._empty + payload) - np.sign(self._empty)
+        per_rotor = rotor_columns(self._signal.acceleration_rad_s2, self._coupling).transpose(1, 0, 2)
+        rotors = per_rotor * arm.rotor_deviation_kg_m2[:, None, None] * (load * self._direction * turned)
+        change = np.gradient(payload + friction, self._signal.interval_s, axis=0)
+        return np.concatenate([rotors, arm.delay_deviation_s * change[None]])

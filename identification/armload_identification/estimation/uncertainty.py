@@ -1,0 +1,271 @@
+"""Honest 95 % intervals from coloured residuals.
+
+Residuals of such fits are not white: friction, ripple and drift colour them, and the textbook covariance is too
+small by 4 to 10 times. Resampling a few periods does not cover either. What counts is the residual's power at
+the frequencies at which the regressor moves, so the residual's spectrum S_j(f) is estimated per joint, locally,
+from the residual itself, and
+
+    cov(theta) = A^-1 [ sum_j sum_f Phi_j(f)^* S_j(f) Phi_j(f)^T ] A^-1,     A = Phi^T S^-1 Phi
+
+(the sandwich of White and of Newey and West in the frequency domain). What the fit took out of the residual is
+given back bin by bin by its leverage; because a local spectrum rests on few bins, the quantile is Student's with
+the freedom of Satterthwaite for each quantity. Systematic error that is alike in every period is in the residual
+and so in the interval, as far as the parameters did not absorb it.
+
+References:
+    Newey, West, Econometrica 55(3), 1987. Bell, McCaffrey, Survey Methodology 28(2), 2002.
+    Satterthwaite, Biometrics Bulletin 2(6), 1946.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from armload_identification.estimation.least_squares import Estimate
+from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
+
+FloatArray = NDArray[np.float64]
+
+CONFIDENCE: Final = 0.95
+DETERMINED_SHARE: Final = 0.20
+REFERENCE_LENGTH_M: Final = 0.1
+"""DESIGN.md: determined is what has a half width of at most 20 % of m, 0.1 m, or m (0.1 m)^2."""
+_WIDEST_HALF_WINDOW: Final = 8
+"""Bins on either side over which a spectrum is averaged: half the bin's number, from 1 to this.
+
+Chosen by simulation with white noise and 30 % of its variance from noise of 0.1 to 2 s memory: fixed windows of
+4, 8, 16 bins cover 92, 89, 84 % where 95 is asked, this one 93.5 to 95 %, because slow noise has its power at the
+lowest bins, where a gravity-driven regressor has it too. On the excitation of `er50` with 1, 3 and 10 periods, 300
+seeds each: 94.4 to 95.3 % over all ten quantities, none below 91.7 %.
+"""
+_BAND_SHARE: Final = 0.9999
+_FREEST: Final = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """Uncertainty of the ten quantities a payload file names, in the order of `PARAMETER_NAMES`.
+
+    Attributes:
+        values: (10,) mass, centre of mass, inertia about the centre of mass.
+        half_width_95: (10,) half width of the 95 % interval; inf where the data say nothing.
+        degrees_of_freedom: (10,) of Student's t.
+        determined: (10,) as DESIGN.md defines it.
+        covariance: (10, 10) of theta, robust; directions without information are left out.
+    """
+
+    values: FloatArray
+    half_width_95: FloatArray
+    degrees_of_freedom: FloatArray
+    determined: NDArray[np.bool_]
+    covariance: FloatArray
+
+    @property
+    def interval_95(self) -> FloatArray:
+        """(10, 2) low and high."""
+        return np.stack([self.values - self.half_width_95, self.values + self.half_width_95], axis=1)
+
+    @property
+    def undetermined_names(self) -> tuple[str, ...]:
+        """Names of what is not determined."""
+        return tuple(name for name, known in zip(PARAMETER_NAMES, self.determined, strict=True) if not known)
+
+
+def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray | None = None) -> Uncertainty:
+    """Intervals of the ten quantities of a fit.
+
+    Args:
+        fit: The plain estimate, on equidistant samples.
+        parameters: What is reported; derivatives are taken and intervals centred there.
+        shifts: (k, p) by how much theta moves with one standard deviation of k other errors, such as those of
+            the drive gains.
+
+    Returns:
+        Intervals and what is determined.
+    """
+    values, slope = derived(parameters)
+    gradient = np.zeros((10, fit.theta.size))
+    gradient[:, :10] = slope
+    _, diagonal, right = np.linalg.svd(fit.root * fit.scale)
+    half = fit.scale[:, None] * right[: fit.rank].T / diagonal[: fit.rank]
+    # Rows of the orthonormal basis of what the parameters can explain, per sample and joint.
+    basis = fit.whitened @ half
+    residual = fit.residual_nm * fit.weight_1_nm * fit.sample_weight
+    contrast = gradient @ half
+    spectrum = _ResidualSpectrum(basis, residual)
+    # What was known before has an error of unit deviation of its own.
+    known = fit.prior_rows @ half
+    variance = spectrum.variance(contrast) + np.sum((contrast @ known.T) ** 2, axis=1)
+    freedom = spectrum.freedom(contrast)
+    if shifts is not None:
+        systematic = np.sum((gradient @ shifts.T) ** 2, axis=1)
+        # Satterthwaite: what does not come from the residual takes no freedom from it.
+        freedom = np.minimum(freedom * ((variance + systematic) / np.maximum(variance, 1e-300)) ** 2, _FREEST)
+        variance = variance + systematic
+    width = student.ppf(0.5 + CONFIDENCE / 2.0, freedom) * np.sqrt(variance)
+    if fit.rank < fit.theta.size:
+        blind = np.abs((gradient * fit.scale) @ fit.undetermined).max(axis=1)
+        seen = np.sqrt(np.sum((gradient * fit.scale) ** 2, axis=1))
+        width[blind > 1e-6 * seen] = np.inf
+    mass = abs(parameters.mass_kg)
+    unit = np.array([mass] + [REFERENCE_LENGTH_M] * 3 + [mass * REFERENCE_LENGTH_M**2] * 6)
+    return Uncertainty(
+        values=values,
+        half_width_95=width,
+        degrees_of_freedom=freedom,
+        determined=width <= DETERMINED_SHARE * unit,
+        covariance=(half @ (spectrum.covariance() + known.T @ known) @ half.T)[:10, :10],
+    )
+
+
+def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
+    """By how much theta moves when torque is added.
+
+    Args:
+        fit: The fit.
+        torque_nm: (k, N, n) k additions to the torque.
+
+    Returns:
+        (k, p); along directions that the data do not determine it does not move.
+    """
+    _, diagonal, right = np.linalg.svd(fit.root * fit.scale)
+    half = fit.scale[:, None] * right[: fit.rank].T / diagonal[: fit.rank]
+    seen = np.einsum("tjp,ktj->kp", fit.whitened, torque_nm * (fit.weight_1_nm * fit.sample_weight))
+    return np.asarray(seen @ half @ half.T)
+
+
+def nuisance_deviation(fit: Estimate) -> tuple[FloatArray, FloatArray]:
+    """Robust standard deviation of every parameter behind the payload's ten.
+
+    Args:
+        fit: A fit on equidistant samples.
+
+    Returns:
+        (p - 10,) standard deviations, inf for all where the fit is not of full rank, and their degrees of freedom.
+    """
+    extra = fit.theta.size - 10
+    if fit.rank < fit.theta.size:
+        return np.full(extra, np.inf), np.ones(extra)
+    half: FloatArray = np.asarray(np.linalg.inv(fit.root), dtype=np.float64)
+    spectrum = _ResidualSpectrum(fit.whitened @ half, fit.residual_nm * fit.weight_1_nm * fit.sample_weight)
+    contrast = half[10:]
+    known = np.sum((contrast @ (fit.prior_rows @ half).T) ** 2, axis=1)
+    return np.sqrt(spectrum.variance(contrast) + known), spectrum.freedom(contrast)
+
+
+def coefficient_deviation(rows: FloatArray, residual: FloatArray, triangle: FloatArray) -> FloatArray:
+    """Robust standard deviations of all parameters of a least squares fit.
+
+    Args:
+        rows: (N, n, p) whitened rows, on equidistant samples.
+        residual: (N, n) whitened residual.
+        triangle: (p, p) R of a QR factorisation of the rows, a prior's among them.
+
+    Returns:
+        (p,) standard deviations; the prior's own error is not in them.
+    """
+    half = np.asarray(np.linalg.inv(triangle), dtype=np.float64)
+    return np.sqrt(_ResidualSpectrum(rows @ half, residual).variance(half))
+
+
+def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
+    """Mass, centre of mass and inertia about it, and how they change with theta.
+
+        c = s / m,    I_com = I - (s^T s 1 - s s^T) / m
+
+    Args:
+        parameters: Where.
+
+    Returns:
+        (10,) quantities in the order of `PARAMETER_NAMES`, and (10, 10) derivatives by theta.
+    """
+    mass, first = parameters.mass_kg, parameters.theta[1:4]
+    slope = np.zeros((10, 10))
+    slope[0, 0] = 1.0
+    slope[1:4, 0] = -first / mass**2
+    slope[1:4, 1:4] = np.eye(3) / mass
+    slope[4:, 4:] = np.eye(6)
+    steiner = np.zeros((6, 3))
+    for row in range(3):
+        for other in range(3):
+            if other != row:
+                steiner[row, other] = -2.0 * first[other]
+    for row, (one, two) in enumerate(((0, 1), (0, 2), (1, 2)), start=3):
+        steiner[row, one] = first[two]
+        steiner[row, two] = first[one]
+    slope[4:, 1:4] = steiner / mass
+    # Euler: the Steiner part is of degree two in s, so its value is half of what s does to it.
+    slope[4:, 0] = -0.5 * steiner @ first / mass**2
+    inertia = parameters.inertia_about_com
+    about = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    return np.concatenate([[mass], parameters.center_of_mass_m, about]), slope
+
+
+class _ResidualSpectrum:
+    """Local spectra of a whitened residual, and what they mean for combinations of parameters.
+
+    Args:
+        basis: (N, n, r) orthonormal columns Q that the fit could use.
+        residual: (N, n) whitened residual.
+    """
+
+    def __init__(self, basis: FloatArray, residual: FloatArray) -> None:
+        samples = residual.shape[0]
+        transformed = np.fft.rfft(basis, axis=0) / np.sqrt(samples)
+        leverage = np.sum(np.abs(transformed) ** 2, axis=2)
+        held = np.cumsum(leverage.sum(axis=1))
+        bins = min(int(np.searchsorted(held, _BAND_SHARE * held[-1])) + 2 * _WIDEST_HALF_WINDOW, held.size)
+        self._basis, leverage = transformed[:bins], leverage[:bins]
+        power = np.abs(np.fft.rfft(residual, axis=0)[:bins]) ** 2 / samples
+        # Every bin but the first (and the last of an even number) stands for two frequencies.
+        self._twice = np.full(bins, 2.0)
+        self._twice[0] = 1.0
+        if bins == held.size and samples % 2 == 0:
+            self._twice[-1] = 1.0
+        self._window = _window(bins)
+        self._free = np.maximum(self._window @ (1.0 - np.minimum(leverage, 1.0)), 1e-12)
+        self._level = (self._window @ power) / self._free
+        self._expected = self._level * (1.0 - np.minimum(leverage, 1.0))
+
+    def covariance(self) -> FloatArray:
+        """(r, r) covariance of the coefficients of the basis."""
+        root = np.sqrt(self._level * self._twice[:, None])
+        weighted = (self._basis * root[:, :, None]).reshape(-1, self._basis.shape[2])
+        # Real and imaginary part apart: a product of real matrices is all that is asked for.
+        return np.asarray(weighted.real.T @ weighted.real + weighted.imag.T @ weighted.imag)
+
+    def variance(self, contrast: FloatArray) -> FloatArray:
+        """(k,) variance of contrast (k, r) times the coefficients."""
+        return np.asarray(np.sum((contrast @ self.covariance()) * contrast, axis=1))
+
+    def freedom(self, contrast: FloatArray) -> FloatArray:
+        """(k,) Satterthwaite's degrees of freedom of these variances."""
+        gain = np.abs(self._basis @ contrast.T) ** 2 * (self._twice[:, None] / self._free)[:, :, None]
+        share = (self._window.T @ gain.reshape(len(gain), -1)).reshape(gain.shape)
+        spread = share * self._expected[:, :, None]
+        # A bin of the periodogram has two degrees of freedom; the first and last have one.
+        square = np.sum(spread**2 * (2.0 / self._twice)[:, None, None], axis=(0, 1))
+        total = np.sum(spread, axis=(0, 1))
+        freedom = np.divide(2.0 * total**2, square, out=np.full(total.shape, _FREEST), where=square > 0.0)
+        return np.asarray(np.clip(freedom, 1.0, _FREEST))
+
+
+@lru_cache(maxsize=32)
+def _window(bins: int) -> FloatArray:
+    """(bins, bins) rows of a moving average over frequency, wider the higher; below zero it is mirrored."""
+    rows = np.arange(bins)
+    half = np.clip(rows // 2, 1, _WIDEST_HALF_WINDOW)
+    window = np.zeros((bins, bins))
+    for offset in range(-_WIDEST_HALF_WINDOW, _WIDEST_HALF_WINDOW + 1):
+        columns = np.abs(rows + offset)
+        there = (abs(offset) <= half) & (columns < bins)
+        np.add.at(window, (rows[there], columns[there]), 1.0)
+    window /= window.sum(axis=1, keepdims=True)
+    window.flags.writeable = False
+    return window

@@ -1,0 +1,1 @@
+"""Fourier excitations: criterion, search, and the limits that a motion must keep."""

@@ -1,0 +1,217 @@
+"""Collision geometry of a URDF: how near an arm's links come to each other and to what stands around it.
+
+Boxes, cylinders, spheres and meshes, as the file has them; a mesh counts as its convex hull, which holds it. Needs
+Pinocchio with coal (the `urdf` extra); nothing here is loaded before a URDF is named.
+
+Between the samples. The distance of two rigid bodies changes at most as fast as the points of one move in the frame of
+the other. For links a < b only the joints between them matter, and a point of b at a distance r from its joint moves at
+
+    V = sum_{j=a+1..b} |dq_j| (|p_{j+1}| + ... + |p_b| + r)
+
+with p_k the offset of joint k in joint k - 1. From a sample with distance d the next one is taken (d - keep + SURPLUS)
+/ V later, so that with samples no nearer than keep the distance never falls below keep - SURPLUS / 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.identification_errors import ModelError
+from armload_identification.model.chain import Chain
+from armload_identification.model.derivative_bounds import rate_bounds
+
+FloatArray = NDArray[np.float64]
+
+SURPLUS_M = 0.003
+"""Room that is kept at least; half of it is what the bound between samples may take off."""
+_SAME_LINE_M = 1e-3
+_SAME_DIRECTION = 1e-3
+_POSES = 8
+_SEED = 1
+_SLOW_M_S = 1e-9
+
+
+class Meshes:
+    """Collision geometry of one arm.
+
+    Args:
+        file: The URDF; meshes are looked for beside it.
+        chain: The arm as its configuration has it.
+        joint_names: Its joints, which the URDF has to have by the same names.
+        keep_m: Distance that is kept from everything, at least `SURPLUS_M`.
+        touching: Pairs of links that may touch each other, besides those that a joint connects.
+
+    Attributes:
+        keep_m: What is kept at every sample.
+        least_m: What is kept at any time.
+
+    Raises:
+        ModelError: Pinocchio is missing, the file cannot be used, or describes another arm.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        chain: Chain,
+        joint_names: tuple[str, ...],
+        keep_m: float,
+        touching: tuple[tuple[str, str], ...] = (),
+    ) -> None:
+        self._pin, self._coal = _load(file)
+        self.keep_m = max(keep_m, SURPLUS_M)
+        self.least_m = self.keep_m - 0.5 * SURPLUS_M
+        try:
+            self._model = self._pin.buildModelFromUrdf(str(file))
+            self._geometry = self._pin.buildGeomFromUrdf(
+                self._model, str(file), self._pin.GeometryType.COLLISION, package_dirs=[str(file.parent)]
+            )
+        except (ValueError, RuntimeError) as error:
+            raise ModelError(f"{file}: {error}. Expected a URDF with its meshes beside it") from error
+        self._require_same_arm(file, chain, joint_names)
+        self._data = self._model.createData()
+        for body in self._geometry.geometryObjects:
+            self._make_solid(file, body)
+        links = [self._model.frames[body.parentFrame].name for body in self._geometry.geometryObjects]
+        self._pair(_connected(file) | _known(file, touching, links), links)
+        self._placements = self._geometry.createData()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each distance lies between."""
+        return self._names
+
+    def distances(self, q: FloatArray) -> FloatArray:
+        """Distance of every pair.
+
+        Args:
+            q: (n,) configuration in rad.
+
+        Returns:
+            (K,) in m, negative where they overlap.
+        """
+        self._pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._placements, q)
+        self._pin.computeDistances(self._geometry, self._placements)
+        return np.array([result.min_distance for result in self._placements.distanceResults])
+
+    def nearest(self, trajectory: FourierTrajectory) -> tuple[float, str]:
+        """What no distance falls below along a motion, or up to the first place where that is less than `least_m`.
+
+        Args:
+            trajectory: One period.
+
+        Returns:
+            Distance in m and what it lies between; inf where there is nothing that could touch.
+        """
+        rates = rate_bounds(trajectory)[0]
+        return self._nearest(rates, trajectory.period_s, lambda t: trajectory.evaluate(t).position_rad)
+
+    def nearest_on_line(self, start_rad: FloatArray, goal_rad: FloatArray) -> tuple[float, str]:
+        """As `nearest`, on the straight way between two configurations (n,)."""
+        way = goal_rad - start_rad
+        return self._nearest(np.abs(way), 1.0, lambda share: start_rad + share * way)
+
+    def _nearest(
+        self, rates: FloatArray, duration_s: float, position: Callable[[float], FloatArray]
+    ) -> tuple[float, str]:
+        """Samples as far apart as the distances allow; speeds (n,) bound the joints'."""
+        if not self._names:
+            return np.inf, "nothing"
+        speed = np.maximum(np.array([reach @ rates for reach in self._reach]), _SLOW_M_S)
+        smallest, between, time_s = np.inf, "", 0.0
+        while True:
+            distances = self.distances(position(time_s))
+            worst = int(distances.argmin())
+            if distances[worst] < smallest:
+                smallest, between = float(distances[worst]), self._names[worst]
+            if smallest < self.keep_m or time_s >= duration_s:
+                return smallest - 0.5 * SURPLUS_M, between
+            time_s = min(time_s + float(((distances - self.keep_m + SURPLUS_M) / speed).min()), duration_s)
+
+    def _require_same_arm(self, file: Path, chain: Chain, joint_names: tuple[str, ...]) -> None:
+        """The URDF's joints are the configuration's, turning about the same lines."""
+        pin, model = self._pin, self._model
+        found = tuple(model.names)[1:]
+        if found != joint_names or model.nq != chain.n:
+            raise ModelError(
+                f"{file}: moving joints {', '.join(found)}; expected {', '.join(joint_names)} in this order, each of "
+                "type revolute, and all others fixed"
+            )
+        data = model.createData()
+        for q in np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (_POSES, chain.n)):
+            poses = chain.forward(q)
+            columns = pin.computeJointJacobians(model, data, q)
+            for i, name in enumerate(joint_names):
+                axis, direction = poses[i, :3, :3] @ chain.axis[i], columns[3:, i]
+                apart = np.linalg.norm(np.cross(data.oMi[i + 1].translation - poses[i, :3, 3], axis))
+                if np.abs(direction - axis).max() > _SAME_DIRECTION or apart > _SAME_LINE_M:
+                    raise ModelError(
+                        f"{file}: {name} turns about another line than [kinematics] says, {apart:.3f} m away; both "
+                        "have to have the same base frame, the same zeros and the same directions"
+                    )
+
+    def _make_solid(self, file: Path, body: Any) -> None:
+        """A mesh becomes its convex hull."""
+        shape = body.geometry
+        if isinstance(shape, self._coal.BVHModelBase):
+            shape.buildConvexHull(True, "Qt")
+            if shape.convex is None:
+                raise ModelError(f"{file}: no convex hull of the mesh {body.meshPath}: expected a body with a volume")
+            body.geometry = shape.convex
+        body.geometry.computeLocalAABB()
+
+    def _pair(self, apart: set[frozenset[str]], links: list[str]) -> None:
+        """All pairs of bodies whose links are neither one nor connected, and the reach of their relative motion."""
+        bodies = list(self._geometry.geometryObjects)
+        offsets = [float(np.linalg.norm(placement.translation)) for placement in self._model.jointPlacements]
+        names, reaches = [], []
+        for i, first in enumerate(bodies):
+            for k in range(i):
+                low, high = sorted((bodies[k], first), key=lambda body: body.parentJoint)
+                pair = frozenset((links[i], links[k]))
+                if low.parentJoint == high.parentJoint or pair in apart:
+                    continue
+                self._geometry.addCollisionPair(self._pin.CollisionPair(k, i))
+                names.append(f"{links[k]} to {links[i]}")
+                centre = high.placement.act(np.array(high.geometry.aabb_center))
+                lever = float(np.linalg.norm(centre)) + float(high.geometry.aabb_radius)
+                reach = np.zeros(self._model.nq)
+                for joint in range(low.parentJoint + 1, high.parentJoint + 1):
+                    reach[joint - 1] = sum(offsets[joint + 1 : high.parentJoint + 1]) + lever
+                reaches.append(reach)
+        self._names, self._reach = tuple(names), reaches
+
+
+def _load(file: Path) -> tuple[Any, Any]:
+    """Pinocchio and coal."""
+    try:
+        import coal
+        import pinocchio
+    except ImportError as error:
+        raise ModelError(f'{file}: a URDF needs Pinocchio with coal: pip install "armload[urdf]"') from error
+    return pinocchio, coal
+
+
+def _connected(file: Path) -> set[frozenset[str]]:
+    """Pairs of links that a joint connects."""
+    try:
+        joints = ElementTree.parse(file).getroot().iter("joint")
+        ends = [(joint.find("parent"), joint.find("child")) for joint in joints]
+    except ElementTree.ParseError as error:
+        raise ModelError(f"{file}: {error}. Expected a URDF") from error
+    return {frozenset((a.attrib["link"], b.attrib["link"])) for a, b in ends if a is not None and b is not None}
+
+
+def _known(file: Path, touching: tuple[tuple[str, str], ...], links: list[str]) -> set[frozenset[str]]:
+    """Pairs that may touch, each of links that are there."""
+    for name in {name for pair in touching for name in pair}:
+        if name not in links:
+            known = ", ".join(sorted(set(links)))
+            raise ModelError(f"{file}: no link {name!r} with a collision geometry; those that have one: {known}")
+    return {frozenset(pair) for pair in touching}

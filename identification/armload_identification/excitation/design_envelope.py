@@ -1,0 +1,205 @@
+"""Everything that a motion has to stay within: the joints' ranges and rates, their torque, and the workspace.
+
+Every limit is a row k of one form, the relative excess
+
+    e_k(t) <= 0,   e_k = |value - centre| / room - 1   or   (keep - clearance) / CLEARANCE_SCALE_M,
+
+so that an optimiser need not know what it means. `worst` bounds every row for all times, between the samples too;
+how that is proven stands in `fourier` (joints), `strength` (torque) and `workspace` (clearances).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.limit_margins import LimitMargins
+from armload_identification.excitation.workspace import Workspace
+from armload_identification.identification_errors import ExcitationError
+
+FloatArray = NDArray[np.float64]
+
+CLEARANCE_SCALE_M = 0.2
+"""A sphere this deep inside an obstacle counts as much as a speed of twice its limit."""
+
+_ORDERS = 4
+_JOINT_ARRAYS = (
+    "position_min_rad",
+    "position_max_rad",
+    "velocity_max_rad_s",
+    "acceleration_max_rad_s2",
+    "jerk_max_rad_s3",
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ExcitationLimits:
+    """What each of n joints may do.
+
+    Attributes:
+        position_min_rad: (n,) least position.
+        position_max_rad: (n,) greatest position.
+        velocity_max_rad_s: (n,) greatest speed.
+        acceleration_max_rad_s2: (n,) greatest acceleration.
+        jerk_max_rad_s3: (n,) greatest jerk.
+
+    Raises:
+        ExcitationError: shapes differ, a range is empty, or a limit is not a finite number above 0.
+    """
+
+    position_min_rad: FloatArray
+    position_max_rad: FloatArray
+    velocity_max_rad_s: FloatArray
+    acceleration_max_rad_s2: FloatArray
+    jerk_max_rad_s3: FloatArray
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.position_min_rad)
+        for name in _JOINT_ARRAYS:
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.shape != shape or array.ndim != 1 or not np.all(np.isfinite(array)):
+                raise ExcitationError(f"{name} is {array.tolist()}; expected {shape} finite numbers")
+            object.__setattr__(self, name, array)
+        for i in range(shape[0]):
+            low, high = self.position_min_rad[i], self.position_max_rad[i]
+            if not low < high:
+                raise ExcitationError(f"joint {i + 1}: positions from {low} to {high} rad; expected min < max")
+            for name, unit in zip(_JOINT_ARRAYS[2:], ("rad/s", "rad/s2", "rad/s3"), strict=True):
+                value = getattr(self, name)[i]
+                if not value > 0.0:
+                    raise ExcitationError(f"joint {i + 1}: {name} is {value} {unit}; expected above 0")
+
+    def reduced(self, position_margin_rad: float, rate_share: float) -> ExcitationLimits:
+        """Tighter limits, to leave room for the ramps and the servo.
+
+        Args:
+            position_margin_rad: Taken off at both ends of every range.
+            rate_share: Share of speed, acceleration and jerk that is kept, above 0 and at most 1.
+
+        Raises:
+            ExcitationError: nothing is left of a range, or the share is out of range.
+        """
+        if not (0.0 < rate_share <= 1.0 and position_margin_rad >= 0.0):
+            raise ExcitationError(
+                f"margin {position_margin_rad} rad, share {rate_share}; expected at least 0, and above 0 up to 1"
+            )
+        return ExcitationLimits(
+            self.position_min_rad + position_margin_rad,
+            self.position_max_rad - position_margin_rad,
+            self.velocity_max_rad_s * rate_share,
+            self.acceleration_max_rad_s2 * rate_share,
+            self.jerk_max_rad_s3 * rate_share,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """All limits of a motion.
+
+    Attributes:
+        joints: Ranges and rates of the joints.
+        torque: What the joints can give, and what arm and payload ask for.
+        workspace: What the arm must not touch.
+
+    Raises:
+        ExcitationError: numbers of joints that differ.
+    """
+
+    joints: ExcitationLimits
+    torque: TorqueLimits
+    workspace: Workspace
+    _centre: FloatArray = field(init=False, repr=False)
+    _room: FloatArray = field(init=False, repr=False)
+    _available: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        n = len(self.joints.position_min_rad)
+        if not n == self.torque.chain.n == self.workspace.chain.n:
+            raise ExcitationError(
+                f"limits of {n} joints, torque of {self.torque.chain.n}, workspace of {self.workspace.chain.n}"
+            )
+        joints = self.joints
+        centre = np.zeros((_ORDERS, 1, n))
+        centre[0] = 0.5 * (joints.position_max_rad + joints.position_min_rad)
+        half = 0.5 * (joints.position_max_rad - joints.position_min_rad)
+        room = np.stack([half, joints.velocity_max_rad_s, joints.acceleration_max_rad_s2, joints.jerk_max_rad_s3])
+        object.__setattr__(self, "_centre", centre)
+        object.__setattr__(self, "_room", room[:, None, :])
+        object.__setattr__(self, "_available", np.tile(self.torque.available_nm, self.torque.cases))
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints.position_min_rad)
+
+    @property
+    def rows(self) -> int:
+        """K, how many limits there are."""
+        return (_ORDERS + self.torque.cases) * self.n + len(self.workspace.names)
+
+    def excess(self, states: FloatArray) -> FloatArray:
+        """Relative excess over every limit, at or below zero inside.
+
+        Args:
+            states: (4, N, n) position, velocity, acceleration, jerk.
+
+        Returns:
+            (N, K).
+        """
+        joints = np.abs(states - self._centre) / self._room - 1.0
+        torque = self.torque.demand(*states[:3]) / self._available - 1.0
+        clearance = (self.workspace.keep_m - self.workspace.clearances(states[0])) / CLEARANCE_SCALE_M
+        return np.concatenate([*joints, torque, clearance], axis=1)
+
+    def slope(self, weight: FloatArray, states: FloatArray) -> FloatArray:
+        """Derivative of the weighted sum of all excesses by the states.
+
+        Args:
+            weight: (N, K) weight of each; most may be zero and then cost nothing.
+            states: (4, N, n) position, velocity, acceleration, jerk.
+
+        Returns:
+            (4, N, n).
+        """
+        joints, torque, clearance = np.split(weight, [_ORDERS * self.n, (_ORDERS + self.torque.cases) * self.n], axis=1)
+        slope = np.stack(np.split(joints, _ORDERS, axis=1)) * np.sign(states - self._centre) / self._room
+        slope[:3] += self.torque.slope(torque / self._available, *states[:3])
+        slope[0] -= self.workspace.slope(clearance / CLEARANCE_SCALE_M, states[0])
+        return np.asarray(slope)
+
+    def worst(self, trajectory: FourierTrajectory) -> FloatArray:
+        """What no excess is ever above along a trajectory, between samples too.
+
+        Args:
+            trajectory: One period of the motion.
+
+        Returns:
+            (K,).
+        """
+        reach = trajectory.bounds()
+        furthest = np.maximum(reach.position_max_rad - self._centre[0, 0], self._centre[0, 0] - reach.position_min_rad)
+        sizes = np.stack([furthest, reach.velocity_max_rad_s, reach.acceleration_max_rad_s2, reach.jerk_max_rad_s3])
+        joints = (sizes / self._room[:, 0] - 1.0).ravel()
+        torque = self.torque.greatest(trajectory) / self._available - 1.0
+        clearance = (self.workspace.keep_m - self.workspace.least(trajectory)) / CLEARANCE_SCALE_M
+        return np.concatenate([joints, torque, clearance])
+
+    def margins(self, trajectory: FourierTrajectory) -> LimitMargins:
+        """Room that a trajectory leaves at any time, between samples too.
+
+        Args:
+            trajectory: One period of the motion.
+        """
+        worst = self.worst(trajectory)
+        joints, torque, clearance = np.split(worst, [_ORDERS * self.n, (_ORDERS + self.torque.cases) * self.n])
+        room = -joints.reshape(_ORDERS, -1) * self._room[:, 0]
+        in_torque = (-torque * self._available).reshape(self.torque.cases, -1).min(axis=0)
+        nearest: dict[str, float] = {}
+        for name, excess in zip(self.workspace.names, clearance, strict=True):
+            distance_m = float(self.workspace.keep_m - excess * CLEARANCE_SCALE_M)
+            nearest[name] = min(nearest.get(name, np.inf), distance_m)
+        return LimitMargins(room[0], room[1], room[2], room[3], in_torque, nearest)

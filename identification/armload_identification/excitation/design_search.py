@@ -1,0 +1,256 @@
+"""One start of an excitation's design: from a random motion to a good one that keeps every limit.
+
+An augmented Lagrangian on a grid of the period; SciPy's L-BFGS-B solves the inner problems, with the criterion's
+derivative from `information` and the limits' from `envelope`. What a limit is exceeded by between the grid's samples
+is measured after every round and kept free in the next. The little that is left over at the end is taken away by
+making the motion smaller, until every limit is kept for certain, between the samples too.
+
+The linear algebra is held to one thread: with more, the last digits, and so the end of a start, depend on how many
+there are; and threads that wait for each other over matrices of ten rows took six times as long on a busy machine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, minimize
+from threadpoolctl import threadpool_limits
+
+from armload_identification.excitation.design_envelope import Envelope
+from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
+from armload_identification.excitation.information import Criterion
+from armload_identification.identification_errors import ExcitationError
+
+FloatArray = NDArray[np.float64]
+
+_ORDERS = 4  # position, velocity, acceleration, jerk
+_SAMPLES_PER_HARMONIC = 24
+_LEAST_ROUNDS = 6
+_MOST_ROUNDS = 10
+_ITERATIONS_PER_ROUND = 150
+_MEMORY = 20
+_SMALLEST_GAIN = 1e-9
+_DRAWS = 400
+_DRAW_PENALTY = 1.0
+_DRAWN_OFFSET = 0.5  # share of half a joint's range
+_SMALLEST_DRAW = 0.2  # a large first motion may have to be pulled through an obstacle, a small one grows around it
+_FIRST_PENALTY = 0.3  # soft at first: a start may cross a limit on its way to a better optimum
+_PENALTY_GROWTH = 3.0
+_RESERVE_FROM_ROUND = 3
+_CLOSE = 1e-3  # a greatest excess that making the motion smaller can take away at little cost
+_INSIDE = 1e-6  # room that is left to every limit, relative
+_SMALLEST_SHARE = 0.5
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodRange:
+    """Periods to choose from.
+
+    Attributes:
+        shortest_s: The shortest.
+        longest_s: The longest.
+        step_s: The period is a multiple of it, such as of the bus's cycle.
+
+    Raises:
+        ExcitationError: not 0 < shortest <= longest, or a step that is not within them.
+    """
+
+    shortest_s: float
+    longest_s: float
+    step_s: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.shortest_s <= self.longest_s < np.inf or not 0.0 < self.step_s <= self.longest_s:
+            raise ExcitationError(
+                f"periods from {self.shortest_s} to {self.longest_s} s in steps of {self.step_s} s; "
+                "expected 0 < shortest <= longest, and a step above 0 and at most the longest"
+            )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Attempt:
+    """Where one start ended.
+
+    Attributes:
+        cost: The criterion of one period; inf where no motion within the limits was found.
+        score: What starts are compared by: the criterion for the same time of measuring, whatever the period.
+        trajectory: The motion, or None.
+        history: (I,) criterion after each iteration; the early ones may be outside the limits.
+    """
+
+    cost: float
+    score: float
+    trajectory: FourierTrajectory | None
+    history: FloatArray
+
+
+class Search:
+    """The problem that every start solves; holds no state that a start changes, and can be sent to a process.
+
+    The variables x (n, 2 H + 1) are scaled: an offset of 1 is half the joint's range, and so is a coefficient of 1,
+    unless it alone reaches the speed limit before. One more variable u = ln(f / f_0) is the base frequency f, free
+    within its range: the k-th derivative grows with exp(k u). What is compared is the criterion for the same time of
+    measuring: faster tells more until a limit stops it.
+    """
+
+    def __init__(self, criterion: Criterion, envelope: Envelope, harmonics: int, periods: PeriodRange) -> None:
+        self._criterion = criterion
+        self._envelope = envelope
+        self._harmonics = harmonics
+        self._step_s = periods.step_s
+        self._reference_s = float(np.sqrt(periods.shortest_s * periods.longest_s))
+        half_span = 0.5 * float(np.log(periods.longest_s / periods.shortest_s))
+        self._half_span = half_span
+        samples = _SAMPLES_PER_HARMONIC * harmonics
+        times_s = np.arange(samples) * (self._reference_s / samples)
+        frequency_hz = 1.0 / self._reference_s
+        self._basis = [fourier_basis(frequency_hz, harmonics, times_s, order) for order in range(_ORDERS)]
+        omega = 2.0 * np.pi * frequency_hz * np.arange(1, harmonics + 1)
+        joints = envelope.joints
+        half = 0.5 * (joints.position_max_rad - joints.position_min_rad)
+        reach = np.minimum(half[:, None], joints.velocity_max_rad_s[:, None] / np.concatenate([omega, omega]))
+        self._middle = 0.5 * (joints.position_max_rad + joints.position_min_rad)
+        self._scale = np.column_stack([half, reach])
+
+    def run(self, source: np.random.SeedSequence) -> Attempt:
+        """One start.
+
+        Args:
+            source: Of its random numbers; the same source gives the same attempt, in any process.
+        """
+        with threadpool_limits(1):
+            return self._run(np.random.default_rng(source))
+
+    def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory) -> float:
+        """A criterion of one period of a trajectory, on as many samples as the search uses."""
+        return self._cost(criterion, trajectory, trajectory.period_s)
+
+    def _run(self, rng: np.random.Generator) -> Attempt:
+        x = self._drawn(rng)
+        multipliers = np.zeros((len(self._basis[0]), self._envelope.rows))
+        reserve = np.zeros(self._envelope.rows)
+        penalty = _FIRST_PENALTY
+        history: list[float] = []
+        for finished in range(1, _MOST_ROUNDS + 1):
+            x = self._inner(x, multipliers, reserve, penalty, history)
+            excess = self._envelope.excess(self._states(x))
+            if finished >= _RESERVE_FROM_ROUND:
+                worst = self._envelope.worst(self._trajectory(x))
+                if finished >= _LEAST_ROUNDS and worst.max() <= _CLOSE:
+                    break
+                reserve = np.maximum(0.0, worst - excess.max(axis=0))
+            multipliers = np.maximum(0.0, multipliers + penalty * (excess + reserve))
+            penalty *= _PENALTY_GROWTH
+        trajectory = self._inside(self._in_steps(self._trajectory(x)))
+        if trajectory is None:
+            return Attempt(np.inf, np.inf, None, np.array(history))
+        cost, score = (
+            self.cost_of(self._criterion, trajectory),
+            self._cost(self._criterion, trajectory, self._reference_s),
+        )
+        return Attempt(cost, score, trajectory, np.array(history) * (cost / score))
+
+    def _drawn(self, rng: np.random.Generator) -> FloatArray:
+        """The most promising of many random motions: informative, and not far outside the limits."""
+        n, width = self._scale.shape
+        best, least = np.zeros(n * width + 1), np.inf
+        for _ in range(_DRAWS):
+            size = rng.uniform(_SMALLEST_DRAW, 1.0)
+            x = rng.normal(size=(n, width)) * (size / np.sqrt(2.0 * self._harmonics))
+            x[:, 0] = rng.uniform(-_DRAWN_OFFSET, _DRAWN_OFFSET, n)
+            drawn = np.append(x.ravel(), self._half_span * rng.uniform(-1.0, 1.0))
+            states = self._states(drawn)
+            cost = self._criterion.cost(states[0], states[1], states[2], self._reference_s)
+            outside = np.maximum(0.0, self._envelope.excess(states))
+            value = float(np.log(cost) + 0.5 * _DRAW_PENALTY * np.sum(outside**2))
+            if value < least:
+                best, least = drawn, value
+        return best
+
+    def _inner(
+        self, x: FloatArray, multipliers: FloatArray, reserve: FloatArray, penalty: float, history: list[float]
+    ) -> FloatArray:
+        """The minimum of the augmented Lagrangian for fixed multipliers."""
+        latest = np.inf
+
+        def lagrangian(trial: FloatArray) -> tuple[float, FloatArray]:
+            nonlocal latest
+            value, gradient, latest = self._lagrangian(trial, multipliers, reserve, penalty)
+            return value, gradient
+
+        def iterated(intermediate_result: OptimizeResult) -> None:
+            history.append(latest)
+
+        bounds = np.full((len(x), 2), (-np.inf, np.inf))
+        bounds[-1] = (-self._half_span, self._half_span)
+        options = {"maxcor": _MEMORY, "maxiter": _ITERATIONS_PER_ROUND, "ftol": _SMALLEST_GAIN, "gtol": 0.0}
+        found = minimize(lagrangian, x, jac=True, method="L-BFGS-B", bounds=bounds, callback=iterated, options=options)
+        return np.asarray(found.x)
+
+    def _lagrangian(
+        self, x: FloatArray, multipliers: FloatArray, reserve: FloatArray, penalty: float
+    ) -> tuple[float, FloatArray, float]:
+        """Augmented Lagrangian of log(cost), its gradient by x, and the cost."""
+        states = self._states(x)
+        cost, slope = self._criterion.cost_and_slope(states[0], states[1], states[2], self._reference_s)
+        if not np.isfinite(cost):
+            return np.inf, np.zeros_like(x), cost
+        active = np.maximum(0.0, multipliers + penalty * (self._envelope.excess(states) + reserve))
+        value = np.log(cost) + (np.sum(active**2) - np.sum(multipliers**2)) / (2.0 * penalty)
+        total = self._envelope.slope(active, states)
+        total[:3] += slope / cost
+        faster = np.exp(x[-1])
+        by_coefficient = sum(faster**order * total[order].T @ self._basis[order] for order in range(_ORDERS))
+        by_frequency = sum(order * np.sum(total[order] * states[order]) for order in range(1, _ORDERS))
+        return float(value), np.append((by_coefficient * self._scale).ravel(), by_frequency), cost
+
+    def _states(self, x: FloatArray) -> FloatArray:
+        """(4, N, n) position, velocity, acceleration and jerk on the grid."""
+        coefficients = (x[:-1].reshape(self._scale.shape) * self._scale).T
+        faster = np.exp(x[-1])
+        states = np.stack([faster**order * (b @ coefficients) for order, b in enumerate(self._basis)])
+        states[0] += self._middle
+        return states
+
+    def _trajectory(self, x: FloatArray) -> FourierTrajectory:
+        coefficients = x[:-1].reshape(self._scale.shape) * self._scale
+        harmonics = self._harmonics
+        return FourierTrajectory(
+            float(np.exp(x[-1])) / self._reference_s,
+            coefficients[:, 0] + self._middle,
+            coefficients[:, 1 : 1 + harmonics],
+            coefficients[:, 1 + harmonics :],
+        )
+
+    def _cost(self, criterion: Criterion, trajectory: FourierTrajectory, measured_s: float) -> float:
+        """A criterion of a trajectory for a time of measuring."""
+        samples = len(self._basis[0])
+        state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
+        return criterion.cost(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2, measured_s)
+
+    def _in_steps(self, trajectory: FourierTrajectory) -> FourierTrajectory:
+        """The same path with the next longer period of whole steps; slower keeps every limit that was kept."""
+        steps = ceil(trajectory.period_s / self._step_s * (1.0 - _ROUNDING))
+        return FourierTrajectory(
+            1.0 / (steps * self._step_s), trajectory.offset_rad, trajectory.sin_rad, trajectory.cos_rad
+        )
+
+    def _inside(self, trajectory: FourierTrajectory) -> FourierTrajectory | None:
+        """The motion made smaller about its offset, as little as all limits ask for; None where that does not help."""
+        less = 0.0
+        while less <= 1.0 - _SMALLEST_SHARE:
+            smaller = FourierTrajectory(
+                trajectory.base_frequency_hz,
+                trajectory.offset_rad,
+                (1.0 - less) * trajectory.sin_rad,
+                (1.0 - less) * trajectory.cos_rad,
+            )
+            worst = float(self._envelope.worst(smaller).max())
+            if worst <= -_INSIDE:
+                return smaller
+            less += max(1e-4, 0.5 * less, min(worst, 0.02))
+        return None

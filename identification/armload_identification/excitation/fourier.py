@@ -1,0 +1,310 @@
+"""Finite Fourier series of the joints, their derivatives, and the excitation file that holds them.
+
+q_i(t) = q_i0 + sum_k a_ik sin(k w_f t) + b_ik cos(k w_f t)            Chen 2016, eq. (6)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armload_identification import strict_toml
+from armload_identification.excitation.limit_margins import LimitMargins
+from armload_identification.identification_errors import ExcitationError, ModelError
+
+FloatArray = NDArray[np.float64]
+
+CRITERIA = ("a-optimal", "a-optimal-mean", "a-optimal-max", "d-optimal", "condition-number")
+"""What an excitation may have been designed for."""
+ROBUST_CRITERIA = ("a-optimal-mean", "a-optimal-max")
+"""Those that look at a set of payloads."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FourierState:
+    """Where a trajectory is.
+
+    Attributes:
+        position_rad: (n,) for one time, (N, n) for N times; the others alike.
+        velocity_rad_s: First derivative.
+        acceleration_rad_s2: Second derivative.
+        jerk_rad_s3: Third derivative.
+    """
+
+    position_rad: FloatArray
+    velocity_rad_s: FloatArray
+    acceleration_rad_s2: FloatArray
+    jerk_rad_s3: FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FourierBounds:
+    """What a trajectory never exceeds, at any time; each (n,).
+
+    Attributes:
+        position_min_rad: Lower bound of the position.
+        position_max_rad: Upper bound of the position.
+        velocity_max_rad_s: Bound of the speed.
+        acceleration_max_rad_s2: Bound of the acceleration's size.
+        jerk_max_rad_s3: Bound of the jerk's size.
+    """
+
+    position_min_rad: FloatArray
+    position_max_rad: FloatArray
+    velocity_max_rad_s: FloatArray
+    acceleration_max_rad_s2: FloatArray
+    jerk_max_rad_s3: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class FourierTrajectory:
+    """Periodic motion of n joints with H harmonics of one base frequency.
+
+    Attributes:
+        base_frequency_hz: w_f / (2 pi).
+        offset_rad: (n,) q_i0.
+        sin_rad: (n, H) a_ik.
+        cos_rad: (n, H) b_ik.
+
+    Raises:
+        ModelError: shapes that do not fit, no harmonic, a number that is not finite, a frequency not above 0.
+    """
+
+    base_frequency_hz: float
+    offset_rad: FloatArray
+    sin_rad: FloatArray
+    cos_rad: FloatArray
+    _all_orders: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.base_frequency_hz) and self.base_frequency_hz > 0.0):
+            raise ModelError(f"base_frequency_hz is {self.base_frequency_hz}; expected a number above 0")
+        for name in ("offset_rad", "sin_rad", "cos_rad"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if not np.all(np.isfinite(array)):
+                raise ModelError(f"{name} holds a number that is not finite: {array.tolist()}")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        shape = self.sin_rad.shape
+        fits = len(shape) == 2 and shape[1] > 0 and self.cos_rad.shape == shape
+        if not fits or self.offset_rad.shape != shape[:1]:
+            raise ModelError(
+                f"offset_rad has the shape {self.offset_rad.shape}, sin_rad {shape}, cos_rad "
+                f"{self.cos_rad.shape}; expected (n,), (n, H), (n, H)"
+            )
+        omega = 2.0 * np.pi * self.base_frequency_hz * np.arange(1, self.harmonics + 1)
+        a, b = self.sin_rad, self.cos_rad
+        orders = [
+            (a, b),
+            (-omega * b, omega * a),
+            (-(omega**2) * a, -(omega**2) * b),
+            (omega**3 * b, -(omega**3) * a),
+        ]
+        object.__setattr__(self, "_all_orders", np.hstack([np.hstack(order).T for order in orders]))
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.sin_rad.shape[0])
+
+    @property
+    def harmonics(self) -> int:
+        """H."""
+        return int(self.sin_rad.shape[1])
+
+    @property
+    def period_s(self) -> float:
+        """Duration of one period."""
+        return 1.0 / self.base_frequency_hz
+
+    def evaluate(self, t_s: ArrayLike) -> FourierState:
+        """Position and its first three derivatives, analytically.
+
+        Args:
+            t_s: One time, or (N,) times.
+
+        Returns:
+            Arrays (n,) or (N, n).
+        """
+        omega = 2.0 * np.pi * self.base_frequency_hz * np.arange(1, self.harmonics + 1)
+        angle = np.asarray(t_s, dtype=np.float64)[..., None] * omega
+        values = np.concatenate([np.sin(angle), np.cos(angle)], axis=-1) @ self._all_orders
+        position, velocity, acceleration, jerk = np.split(values, 4, axis=-1)
+        return FourierState(position + self.offset_rad, velocity, acceleration, jerk)
+
+    def bounds(self) -> FourierBounds:
+        """What the motion never exceeds, between samples too, at most 5e-6 of the amplitude too wide.
+
+        A trigonometric polynomial p of degree H, sampled at N > 2 H equidistant points of its period, obeys
+
+            max |p(t)| <= max |p(t_j)| / cos(pi H / N)
+
+        References:
+            Ehlich, Zeller, Schwankung von Polynomen zwischen Gitterpunkten, Math. Zeitschrift 86, 1964.
+        """
+        samples = 1024 * self.harmonics
+        widen = 1.0 / np.cos(np.pi * self.harmonics / samples)
+        state = self.evaluate(np.arange(samples) * (self.period_s / samples))
+        low, high = state.position_rad.min(axis=0), state.position_rad.max(axis=0)
+        middle, half = 0.5 * (low + high), 0.5 * (high - low) * widen
+        velocity, acceleration, jerk = (
+            np.abs(d).max(axis=0) * widen for d in (state.velocity_rad_s, state.acceleration_rad_s2, state.jerk_rad_s3)
+        )
+        return FourierBounds(middle - half, middle + half, velocity, acceleration, jerk)
+
+
+def fourier_basis(base_frequency_hz: float, harmonics: int, t_s: ArrayLike, derivative: int = 0) -> FloatArray:
+    """The columns 1, sin(k w_f t), cos(k w_f t), k = 1 to H, or a derivative of them.
+
+    Args:
+        base_frequency_hz: w_f / (2 pi).
+        harmonics: H.
+        t_s: One time, or (N,) times.
+        derivative: How many times the columns are differentiated.
+
+    Returns:
+        (2 H + 1,) or (N, 2 H + 1).
+    """
+    omega = 2.0 * np.pi * base_frequency_hz * np.arange(1, harmonics + 1)
+    angle = np.asarray(t_s, dtype=np.float64)[..., None] * omega
+    sine, cosine = np.sin(angle), np.cos(angle)
+    columns = ((sine, cosine), (cosine, -sine), (-sine, -cosine), (-cosine, sine))[derivative % 4]
+    one = np.full((*angle.shape[:-1], 1), 1.0 if derivative == 0 else 0.0)
+    return np.concatenate([one, *(omega**derivative * c for c in columns)], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """A trajectory, how many periods of it are to be driven, and where it comes from.
+
+    Attributes:
+        trajectory: One period.
+        periods: Whole periods that are streamed and recorded.
+        design: The file's `[design]`: criterion, cost, condition_number, seed, restarts, command,
+            armload_version; empty for a trajectory that nobody designed.
+        history: Criterion per iteration of the design, to five digits in the file; empty where none is told.
+        margins: Room that the design left to each limit, or None.
+    """
+
+    trajectory: FourierTrajectory
+    periods: int
+    design: Mapping[str, str | int | float] = field(default_factory=dict)
+    history: tuple[float, ...] = ()
+    margins: LimitMargins | None = None
+
+    def __post_init__(self) -> None:
+        if self.periods < 1:
+            raise ModelError(f"periods is {self.periods}; expected at least 1")
+
+    @property
+    def duration_s(self) -> float:
+        """Time of all periods together."""
+        return self.periods * self.trajectory.period_s
+
+
+def read_excitation(path: Path) -> Excitation:
+    """Read an excitation file.
+
+    Args:
+        path: TOML with `[excitation]` and, if designed, `[design]`.
+
+    Raises:
+        ExcitationError: not readable, or wrong, naming file, key, value and what was expected.
+    """
+    try:
+        content = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise ExcitationError(f"{path}: cannot be read: {problem}") from problem
+    return parse_excitation(content, str(path))
+
+
+def parse_excitation(content: str, source: str = "excitation") -> Excitation:
+    """An excitation from the text of its file.
+
+    Args:
+        content: TOML.
+        source: What messages call it.
+
+    Raises:
+        ExcitationError: naming source, key, value and what was expected.
+    """
+    root = strict_toml.parse(content, source, ExcitationError)
+    table = root.table("excitation")
+    frequency_hz = table.number("base_frequency_hz", above=0.0)
+    harmonics = table.integer("harmonics", least=1)
+    periods = table.integer("periods", least=1)
+    offset = table.array("offset_rad", None)
+    shape = (len(offset), harmonics)
+    trajectory = FourierTrajectory(frequency_hz, offset, table.array("sin_rad", shape), table.array("cos_rad", shape))
+    table.close()
+    design: dict[str, str | int | float] = {}
+    history: tuple[float, ...] = ()
+    if "design" in root:
+        record = root.table("design")
+        design = {
+            "criterion": record.text("criterion", CRITERIA),
+            "cost": record.number("cost"),
+            "condition_number": record.number("condition_number"),
+            "seed": record.integer("seed", least=0),
+            "restarts": record.integer("restarts", least=1),
+            "command": record.text("command"),
+            "armload_version": record.text("armload_version"),
+        }
+        if "history" in record:
+            history = tuple(float(c) for c in record.array("history", None))
+        record.close()
+    margins = LimitMargins.from_table(root.table("margins"), trajectory.n) if "margins" in root else None
+    root.close()
+    return Excitation(trajectory, periods, design, history, margins)
+
+
+def format_excitation(excitation: Excitation) -> str:
+    """The text of an excitation's file; `parse_excitation` gives back the same numbers."""
+    trajectory = excitation.trajectory
+    lines = [
+        "# q_i(t) = offset_i + sum_k sin_ik sin(2 pi k f t) + cos_ik cos(2 pi k f t), one row per joint",
+        "[excitation]",
+        f"base_frequency_hz = {strict_toml.number(trajectory.base_frequency_hz)}",
+        f"harmonics = {trajectory.harmonics}",
+        f"periods = {excitation.periods}",
+        f"offset_rad = {strict_toml.array(trajectory.offset_rad)}",
+        f"sin_rad = {strict_toml.array(trajectory.sin_rad)}",
+        f"cos_rad = {strict_toml.array(trajectory.cos_rad)}",
+    ]
+    if excitation.design:
+        lines += ["", "[design]", *(f"{key} = {_toml(value)}" for key, value in excitation.design.items())]
+        if excitation.history:
+            lines.append(f"history = [{', '.join(repr(float(f'{c:.5g}')) for c in excitation.history)}]")
+    if excitation.margins is not None:
+        lines += ["", *excitation.margins.lines()]
+    return "\n".join(lines) + "\n"
+
+
+def write_excitation(path: Path, excitation: Excitation) -> None:
+    """Write an excitation file.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        excitation: What to write.
+
+    Raises:
+        ExcitationError: what would be written does not read back, or the file cannot be written.
+    """
+    content = format_excitation(excitation)
+    parse_excitation(content, str(path))
+    try:
+        path.write_text(content, encoding="utf-8")
+    except OSError as problem:
+        raise ExcitationError(f"{path}: cannot be written: {problem}") from problem
+
+
+def _toml(value: Any) -> str:
+    """A text, a whole number or a float as TOML."""
+    if isinstance(value, str):
+        return strict_toml.text(value)
+    return str(int(value)) if isinstance(value, int) else strict_toml.number(value)

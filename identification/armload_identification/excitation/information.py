@@ -1,0 +1,219 @@
+"""How much a motion tells about a payload: the information matrix, and the criteria made from it.
+
+    M = sum_t Phi_t^T W Phi_t
+
+A-optimal: the trace of the covariance of the parameters' errors, each relative to a scale, with W the inverse
+covariance of the joints' torque noise; for one expected payload, or its mean or its greatest value over a set.
+D-optimal: the volume of the errors' ellipsoid. Condition number: cond(Phi) = sqrt(cond(M)) with W = 1 (Chen 2016).
+METHOD: the condition number alone is a poor criterion, because it knows neither the noise nor the payload.
+
+Directions of the parameter space that no motion of the arm can show (few joints, an axis along gravity) are
+left out of all: they would make every motion equally bad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.excitation.fourier import CRITERIA, ROBUST_CRITERIA
+from armload_identification.excitation.information_kernels import information_into, slope_into
+from armload_identification.identification_errors import ExcitationError
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters
+from armload_identification.model.regressor import payload_regressor
+
+FloatArray = NDArray[np.float64]
+
+NOISE_RATE_HZ = 100.0
+"""Sampling rate at which a torque noise is told."""
+
+SHARPNESS = 50
+"""Exponent that stands for the greatest of several costs."""
+
+_ARM_LENGTH_M = 0.1  # a centre of mass this far out, for the scale of parameters that are expected to be about zero
+_RANK_TOLERANCE = 1e-8
+_PROBE_STATES = 200
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Criterion:
+    """A cost of a motion of one period, to be made small.
+
+    Attributes:
+        name: One of `CRITERIA`.
+        chain: The arm.
+        row_weight: (n,) diagonal of W for one sample at NOISE_RATE_HZ.
+        bases: One (10, r) per payload: theta = basis x, over the r directions that the arm can show; carries the
+            scales.
+    """
+
+    name: str
+    chain: Chain
+    row_weight: FloatArray
+    bases: tuple[FloatArray, ...]
+
+    @property
+    def rank(self) -> int:
+        """How many directions of the ten the arm can show."""
+        return int(self.bases[0].shape[1])
+
+    def cost(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, period_s: float) -> float:
+        """The criterion of N equidistant samples (N, n) of a period; inf where they do not show everything.
+
+        A-optimal: sum of the squared relative standard deviations after one period sampled at NOISE_RATE_HZ.
+        D-optimal: geometric mean of the squared relative standard deviations along the ellipsoid's axes.
+        """
+        reduced = [self._reduced(basis, q, dq, ddq, period_s) for basis in self.bases]
+        values = [np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64) for matrix in reduced]
+        if not all(_tells_everything(value) for value in values):
+            return np.inf
+        costs = [self._cost(value) for value in values]
+        return max(costs) if self.name == "a-optimal-max" else float(np.mean(costs))
+
+    def cost_and_slope(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray, period_s: float
+    ) -> tuple[float, FloatArray]:
+        """The criterion and its derivative by the samples.
+
+        The greatest of several numbers, and the least, have corners at which an optimiser stands still. In their place
+        stand (sum x^k)^(1/k) and (sum x^-k)^(-1/k), k = SHARPNESS: smooth, and at most P^(1/k) too large or too
+        small for P numbers. So the greatest cost of three payloads is at most 2 % too large here, and the condition
+        number, from ten eigenvalues of the information each way, at most 5 %.
+
+        Returns:
+            The cost, and (3, N, n) its derivative by q, dq and ddq.
+        """
+        q, dq, ddq = (np.ascontiguousarray(a) for a in (q, dq, ddq))
+        slope = np.zeros((3, *q.shape))
+        costs, gains = [], []
+        for basis in self.bases:
+            value, vector = np.linalg.eigh(self._reduced(basis, q, dq, ddq, period_s))
+            if not _tells_everything(value):
+                return np.inf, slope
+            cost, by_value = self._smooth_cost(np.asarray(value, dtype=np.float64))
+            costs.append(cost)
+            gains.append(basis @ (vector * by_value) @ vector.T @ basis.T)
+        if self.name == "a-optimal-max":
+            total, shares = _smooth_greatest(np.array(costs), SHARPNESS)
+        else:
+            total, shares = float(np.mean(costs)), np.full(len(costs), 1.0 / len(costs))
+        gain = np.ascontiguousarray(sum(share * part for share, part in zip(shares, gains, strict=True)))
+        slope_into(self.chain.packed, self._weight(period_s, len(q)), gain, q, dq, ddq, slope)
+        return total, slope
+
+    def _weight(self, period_s: float, samples: int) -> FloatArray:
+        """(n,) weight of one sample: as many of them as NOISE_RATE_HZ gives in a period."""
+        return np.asarray(self.row_weight * (period_s * NOISE_RATE_HZ / samples))
+
+    def _reduced(
+        self, basis: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, period_s: float
+    ) -> FloatArray:
+        """(r, r) information about x."""
+        information = np.empty((10, 10))
+        states = [np.ascontiguousarray(a) for a in (q, dq, ddq)]
+        information_into(self.chain.packed, self._weight(period_s, len(q)), *states, information)
+        return np.asarray(basis.T @ information @ basis)
+
+    def _cost(self, value: FloatArray) -> float:
+        """The criterion of one information's eigenvalues (r,)."""
+        if self.name == "condition-number":
+            return float(np.sqrt(value[-1] / value[0]))
+        return self._smooth_cost(value)[0]
+
+    def _smooth_cost(self, value: FloatArray) -> tuple[float, FloatArray]:
+        """The same without corners, and its derivative by the eigenvalues."""
+        if self.name == "condition-number":
+            (greatest, up), (least, down) = _smooth_greatest(value, SHARPNESS), _smooth_greatest(1.0 / value, SHARPNESS)
+            condition = float(np.sqrt(greatest * least))
+            return condition, 0.5 * condition * (up / greatest - down / (least * value**2))
+        if self.name == "d-optimal":
+            mean = float(np.exp(-np.mean(np.log(value))))
+            return mean, -mean / (len(value) * value)
+        return float(np.sum(1.0 / value)), -1.0 / value**2
+
+
+def named_criterion(
+    name: str,
+    chain: Chain,
+    torque_noise_nm: FloatArray,
+    expected_payload: InertialParameters,
+    payload_set: Sequence[InertialParameters] = (),
+) -> Criterion:
+    """A criterion by its name in `CRITERIA`.
+
+    Each parameter's error is taken relative to its expected value, but at least to the scale that "determined"
+    is measured by: the mass m, the first moment m (0.1 m), the inertia m (0.1 m)^2. Otherwise a parameter that
+    is expected to be zero would be asked for with infinite accuracy. The scale moves the optimum of the A-optimal
+    criteria; it only sets the unit of the D-optimal cost, and means nothing to the condition number.
+
+    Args:
+        name: "a-optimal", the default of the program; "a-optimal-mean" or "a-optimal-max" over a set of payloads;
+            "d-optimal"; "condition-number".
+        chain: The arm.
+        torque_noise_nm: (n,) standard deviation of one raw torque sample at NOISE_RATE_HZ.
+        expected_payload: In the flange frame.
+        payload_set: In the flange frame; for the robust criteria.
+
+    Raises:
+        ExcitationError: an unknown name, an empty set, or a noise or a mass that is not above zero.
+    """
+    if name not in CRITERIA:
+        raise ExcitationError(f"criterion is {name!r}; expected one of {', '.join(CRITERIA)}")
+    if name == "condition-number":
+        return condition_number(chain)
+    noise = np.asarray(torque_noise_nm, dtype=np.float64)
+    if noise.shape != (chain.n,) or not np.all(noise > 0.0):
+        raise ExcitationError(f"torque_noise_nm is {noise.tolist()}; expected {chain.n} numbers above 0")
+    payloads = tuple(payload_set) if name in ROBUST_CRITERIA else (expected_payload,)
+    if not payloads:
+        raise ExcitationError(f"criterion {name} needs a set of payloads; none is given")
+    return _criterion(name, chain, 1.0 / noise**2, tuple(_scale(payload) for payload in payloads))
+
+
+def condition_number(chain: Chain) -> Criterion:
+    """The paper's criterion, cond(Phi) in SI units.
+
+    References:
+        Chen 2016, eq. (7).
+    """
+    return _criterion("condition-number", chain, np.ones(chain.n), (np.ones(10),))
+
+
+def _tells_everything(value: FloatArray) -> bool:
+    """Whether no eigenvalue (ascending) of an information is zero to within rounding."""
+    return bool(value[0] > 1e-14 * value[-1])
+
+
+def _smooth_greatest(values: FloatArray, sharpness: int) -> tuple[float, FloatArray]:
+    """(sum x^k)^(1/k) of positive numbers, and its derivative by each."""
+    greatest = values.max()
+    relative = (values / greatest) ** sharpness
+    total = float(greatest * np.sum(relative) ** (1.0 / sharpness))
+    return total, np.asarray(relative / np.sum(relative) * total / values)
+
+
+def _scale(payload: InertialParameters) -> FloatArray:
+    """(10,) what each parameter's error is measured by."""
+    mass_kg = payload.mass_kg
+    if not mass_kg > 0.0:
+        raise ExcitationError(f"the expected payload's mass is {mass_kg} kg; expected a number above 0")
+    least = mass_kg * np.repeat([1.0, _ARM_LENGTH_M, _ARM_LENGTH_M**2], [1, 3, 6])
+    return np.maximum(np.abs(payload.theta), least)
+
+
+def _criterion(name: str, chain: Chain, row_weight: FloatArray, scales: tuple[FloatArray, ...]) -> Criterion:
+    """The criterion over the directions that some motion can show."""
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-np.pi, np.pi, (_PROBE_STATES, chain.n))
+    dq, ddq = rng.normal(size=(2, _PROBE_STATES, chain.n))
+    phi = payload_regressor(chain, q, dq, ddq) * np.sqrt(row_weight)[:, None]
+    bases = []
+    for scale in scales:
+        _, singular, directions = np.linalg.svd((phi * scale).reshape(-1, 10), full_matrices=False)
+        visible = directions[singular > _RANK_TOLERANCE * singular[0]]
+        bases.append(np.ascontiguousarray(scale[:, None] * visible.T))
+    return Criterion(name, chain, row_weight, tuple(bases))

@@ -1,0 +1,179 @@
+"""Whether the joints are strong enough for a motion: for the arm itself and the heaviest payload expected.
+
+The same path is driven empty and loaded, and at any speed from standstill to full. At a steady share r of the full
+speed and with a share c of the payload links, rotors and payload ask for
+
+    tau(r, c) = (1 - r^2) (g_arm + c g_load) + r^2 (tau_arm + c tau_load),
+
+linear in r^2 and in c: what holds standing and at full speed, each empty and fully loaded, holds for all in between.
+Those four cases are what is bounded here. Friction is added with its greatest size: what is viscous as at full
+speed, Coulomb's at all times. Without a body model links, rotors and friction are a stated share of each joint's
+limit, and the four cases become two.
+
+Between the samples. A function whose second derivative never exceeds B is nowhere further than B h^2 / 8 from the
+straight line between two samples h apart, and a straight line nowhere above its ends. The demand is the greatest of
++-tau +-f_v dq, each with the B of torque and of speed from `derivative_bounds`; hence for every time t
+
+    |tau(t)| + f_v |dq(t)| <= max_j (|tau(t_j)| + f_v |dq(t_j)|) + B h^2 / 8.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.identification_errors import ModelError
+from armload_identification.model.chain import Chain
+from armload_identification.model.derivative_bounds import rate_bounds, torque_curvature
+from armload_identification.model.dynamics import ArmBody, ArmDynamics
+from armload_identification.model.payload import InertialParameters
+
+FloatArray = NDArray[np.float64]
+
+SURPLUS_SHARE = 0.002
+"""What the bound between the samples may add, as a share of a joint's torque; it sets the number of samples."""
+MOST_SAMPLES = 65536
+"""With no more than these a motion far beyond the limits, which nobody wants, is bounded more coarsely."""
+_FEWEST_SAMPLES = 256
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueLimits:
+    """What the joints can give, and what arm and payload ask for.
+
+    Attributes:
+        chain: The arm.
+        body: The arm itself, as far as it is not part of a stated share.
+        payload: The heaviest one expected, in the flange frame.
+        available_nm: (n,) greatest torque for body, payload and viscous friction.
+
+    Raises:
+        ModelError: shapes that do not fit, or a joint without any torque to give.
+    """
+
+    chain: Chain
+    body: ArmBody
+    payload: InertialParameters
+    available_nm: FloatArray
+    _models: tuple[ArmDynamics, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        available = np.array(self.available_nm, dtype=np.float64)
+        if available.shape != (self.chain.n,) or not np.all((available > 0.0) & (available < np.inf)):
+            raise ModelError(
+                f"torque for arm and payload is {available.tolist()} N m; expected {self.chain.n} numbers above 0"
+            )
+        object.__setattr__(self, "available_nm", available)
+        loaded = ArmDynamics(self.chain, self.body.carrying(self.chain, self.payload))
+        empty = ArmDynamics(self.chain, self.body)
+        object.__setattr__(self, "_models", (loaded, empty) if np.any(self.body.links) else (loaded,))
+
+    @classmethod
+    def from_body(
+        cls, chain: Chain, body: ArmBody, payload: InertialParameters, torque_max_nm: FloatArray
+    ) -> TorqueLimits:
+        """Limits from a model of the arm.
+
+        Args:
+            chain: The arm.
+            body: Its links, rotors and friction.
+            payload: The heaviest one expected, in the flange frame.
+            torque_max_nm: (n,) greatest torque of each joint.
+
+        Raises:
+            ModelError: Coulomb friction alone uses up a joint's torque, or shapes that do not fit.
+        """
+        return cls(chain, body, payload, np.asarray(torque_max_nm) - body.coulomb_nm)
+
+    @classmethod
+    def from_share(
+        cls, chain: Chain, arm_share: FloatArray, payload: InertialParameters, torque_max_nm: FloatArray
+    ) -> TorqueLimits:
+        """Limits from a stated share that the arm needs for itself.
+
+        Args:
+            chain: The arm.
+            arm_share: (n,) share of each joint's torque that links, rotors and friction take at most, from 0 to 1.
+            payload: The heaviest one expected, in the flange frame.
+            torque_max_nm: (n,) greatest torque of each joint.
+
+        Raises:
+            ModelError: a share out of range, or shapes that do not fit.
+        """
+        share = np.asarray(arm_share, dtype=np.float64)
+        if share.shape != (chain.n,) or not np.all((share >= 0.0) & (share < 1.0)):
+            raise ModelError(f"the arm's share of the torque is {share.tolist()}; expected {chain.n} numbers in [0, 1)")
+        return cls(chain, ArmBody.massless(chain.n), payload, (1.0 - share) * np.asarray(torque_max_nm))
+
+    @property
+    def cases(self) -> int:
+        """How many cases of load and speed are bounded."""
+        return 2 * len(self._models)
+
+    def demand(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """Size of the torque in every case: loaded in motion, loaded at rest, then the same empty.
+
+        Args:
+            q: (N, n) positions in rad.
+            dq: (N, n) velocities in rad/s.
+            ddq: (N, n) accelerations in rad/s2.
+
+        Returns:
+            (N, cases n) in N m, viscous friction included.
+        """
+        friction = np.tile(self.body.viscous_nm_s_rad * np.abs(dq), self.cases)
+        return np.asarray(np.abs(self._torque(q, dq, ddq)) + friction)
+
+    def slope(self, weight: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """Derivative of the weighted sum of all demands by the samples.
+
+        Args:
+            weight: (N, cases n) weight of each.
+            q: (N, n) positions in rad.
+            dq: (N, n) velocities in rad/s.
+            ddq: (N, n) accelerations in rad/s2.
+
+        Returns:
+            (3, N, n) derivative by q, dq and ddq.
+        """
+        total = np.zeros((3, *q.shape))
+        if not np.any(weight):
+            return total
+        still = np.zeros_like(q)
+        parts = np.split(weight * np.sign(self._torque(q, dq, ddq)), self.cases, axis=1)
+        for case, moving, resting in zip(self._models, parts[0::2], parts[1::2], strict=True):
+            total += case.slope(moving, q, dq, ddq)
+            total[0] += case.slope(resting, q, still, still)[0]
+        pressing = sum(np.split(weight, self.cases, axis=1))
+        total[1] += pressing * self.body.viscous_nm_s_rad * np.sign(dq)
+        return total
+
+    def greatest(self, trajectory: FourierTrajectory) -> FloatArray:
+        """What no case ever exceeds along a trajectory, between samples too.
+
+        Args:
+            trajectory: One period of the motion at full speed.
+
+        Returns:
+            (cases n,) in N m, in the order of `demand`.
+        """
+        rates = rate_bounds(trajectory)
+        friction = self.body.viscous_nm_s_rad * rates[2]
+        curvature = np.concatenate([np.tile(torque_curvature(m, rates) + friction, 2) for m in self._models])
+        allowed = 8.0 * SURPLUS_SHARE * np.tile(self.available_nm, self.cases)
+        wanted = ceil(trajectory.period_s * float(np.sqrt(np.max(curvature / allowed))))
+        samples = min(max(_FEWEST_SAMPLES, wanted), MOST_SAMPLES)
+        step_s = trajectory.period_s / samples
+        state = trajectory.evaluate(np.arange(samples) * step_s)
+        demand = self.demand(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2).max(axis=0)
+        return np.asarray(demand + curvature * step_s**2 / 8.0)
+
+    def _torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """(N, cases n) torque of links, rotors and payload, with its sign."""
+        still = np.zeros_like(q)
+        motions = ((dq, ddq), (still, still))
+        return np.concatenate([model.torque(q, *motion) for model in self._models for motion in motions], axis=1)

@@ -1,0 +1,290 @@
+"""Where an arm may be: spheres around its links and its tool, and what they must not touch.
+
+Obstacles are half-spaces (a floor, a wall) and boxes; links may also be kept apart from each other, sphere by
+sphere. A CLEARANCE is the distance of a sphere's surface from one of them, negative inside it.
+
+Between the samples. The distance from a half-space, from a box and from
+another sphere's centre each change at most as fast as the centres move: they are distances from convex sets, or
+norms, and so 1-Lipschitz. Every time t lies within half a step h of a sample t_j, hence
+
+    clearance(t) >= clearance(t_j) - V h / 2,
+
+with V the greatest speed of the centre (the sum of both for two spheres) from `derivative_bounds`. Whoever asks
+for `least` gets the smallest sample less V h / 2: a bound for every time, at most SURPLUS_M too small per sphere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.excitation.clearance import BOX_NUMBERS, clearances_into, slope_into
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.identification_errors import ModelError
+from armload_identification.model.chain import Chain
+from armload_identification.model.derivative_bounds import point_speed, rate_bounds
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SURPLUS_M = 0.003
+"""What the bound between the samples may take off a sphere's clearance; it sets the number of samples."""
+MOST_SAMPLES = 65536
+"""With no more than these a motion far beyond the limits, which nobody wants, is bounded more coarsely."""
+_FEWEST_SAMPLES = 64
+_AT_ONCE = 8192
+_UNIT_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sphere:
+    """A sphere around a part of the arm.
+
+    Attributes:
+        link: What it is fixed in: 0 the base, i the link that turns with joint i, n + 1 the flange, for the tool.
+        center_m: (3,) centre in the base frame, in joint frame i, or in the flange frame.
+        radius_m: Radius.
+    """
+
+    link: int
+    center_m: FloatArray
+    radius_m: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class HalfSpace:
+    """Everything on the far side of a plane, such as a floor.
+
+    Attributes:
+        name: For messages.
+        normal: (3,) unit vector in the base frame, pointing to where the arm may be.
+        offset_m: Distance of the plane from the base frame's origin, along the normal.
+        links: What must not touch it, as `Sphere.link`.
+    """
+
+    name: str
+    normal: FloatArray
+    offset_m: float
+    links: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Box:
+    """A box that stands in the way.
+
+    Attributes:
+        name: For messages.
+        pose: (4, 4) of its centre in the base frame; its edges are parallel to the axes of this pose.
+        size_m: (3,) lengths of its edges.
+        links: What must not touch it, as `Sphere.link`.
+    """
+
+    name: str
+    pose: FloatArray
+    size_m: FloatArray
+    links: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Workspace:
+    """Where an arm may be.
+
+    Attributes:
+        chain: The arm.
+        spheres: Around its links and its tool.
+        half_spaces: Where it must not be.
+        boxes: Where it must not be.
+        apart: Pairs of links, as `Sphere.link`, whose spheres must not touch each other.
+        keep_m: Distance that a motion is to keep from everything.
+        names: (K,) what each clearance is a distance from.
+
+    Raises:
+        ModelError: a link that the arm does not have, a size not above 0, a normal that is no unit vector, an
+            obstacle or a pair without any sphere that it could meet.
+    """
+
+    chain: Chain
+    spheres: tuple[Sphere, ...] = ()
+    half_spaces: tuple[HalfSpace, ...] = ()
+    boxes: tuple[Box, ...] = ()
+    apart: tuple[tuple[int, int], ...] = ()
+    keep_m: float = 0.0
+    names: tuple[str, ...] = field(init=False)
+    _packed: tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, IntArray, IntArray] = field(
+        init=False, repr=False
+    )
+
+    def __post_init__(self) -> None:
+        self._require_sense()
+        meets = [self._meeting(self.half_spaces), self._meeting(self.boxes)]
+        pairs = [
+            (a, b)
+            for first, second in self.apart
+            for a, one in enumerate(self.spheres)
+            for b, other in enumerate(self.spheres)
+            if (one.link, other.link) == (first, second)
+        ]
+        names = [self.half_spaces[k].name for _, k in meets[0]] + [self.boxes[k].name for _, k in meets[1]]
+        names += [f"{self._link(self.spheres[a].link)} to {self._link(self.spheres[b].link)}" for a, b in pairs]
+        for name in {o.name for o in self._obstacles} | {f"{self._link(a)} to {self._link(b)}" for a, b in self.apart}:
+            if name not in names:
+                raise ModelError(f"workspace: nothing can ever touch {name!r}; give the links named there a sphere")
+        planes = np.array([[*h.normal, h.offset_m] for h in self.half_spaces]).reshape(-1, 4)
+        boxes = np.array([[*b.pose[:3, :3].ravel(), *b.pose[:3, 3], *(0.5 * b.size_m)] for b in self.boxes])
+        packed = (
+            np.array([min(s.link, self.chain.n) for s in self.spheres], dtype=np.int64),
+            np.array([self._packed_sphere(s) for s in self.spheres]).reshape(-1, 4),
+            np.ascontiguousarray(planes),
+            np.array(meets[0], dtype=np.int64).reshape(-1, 2),
+            np.ascontiguousarray(boxes.reshape(-1, BOX_NUMBERS)),
+            np.array(meets[1], dtype=np.int64).reshape(-1, 2),
+            np.array(pairs, dtype=np.int64).reshape(-1, 2),
+        )
+        object.__setattr__(self, "names", tuple(names))
+        object.__setattr__(self, "_packed", packed)
+
+    def centres(self, q: FloatArray) -> FloatArray:
+        """Where the spheres are.
+
+        Args:
+            q: (n,) configuration in rad.
+
+        Returns:
+            (S, 3) centres in the base frame.
+        """
+        poses = np.concatenate([np.eye(4)[None], self.chain.forward(q)])  # base, links, flange
+        return np.array([poses[s.link, :3, :3] @ s.center_m + poses[s.link, :3, 3] for s in self.spheres])
+
+    def clearances(self, q: FloatArray) -> FloatArray:
+        """Distance of every sphere from all that it must not touch.
+
+        Args:
+            q: (N, n) configurations in rad.
+
+        Returns:
+            (N, K) in m, negative inside; K may be zero.
+        """
+        q = np.ascontiguousarray(q)
+        out = np.empty((len(q), len(self.names)))
+        if self.names:
+            clearances_into(self.chain.packed, self.chain.n, *self._packed, q, out)
+        return out
+
+    def slope(self, weight: FloatArray, q: FloatArray) -> FloatArray:
+        """Derivative of the weighted sum of all clearances by the configurations.
+
+        Args:
+            weight: (N, K) weight of each clearance.
+            q: (N, n) configurations in rad.
+
+        Returns:
+            (N, n) in m/rad.
+        """
+        q, weight = np.ascontiguousarray(q), np.ascontiguousarray(weight)
+        slope = np.zeros_like(q)
+        if self.names:
+            slope_into(self.chain.packed, self.chain.n, *self._packed, weight, q, slope)
+        return slope
+
+    def least(self, trajectory: FourierTrajectory) -> FloatArray:
+        """What each clearance never falls below along a trajectory, between samples too.
+
+        Args:
+            trajectory: One period of the motion.
+
+        Returns:
+            (K,) in m, negative where the bound does not exclude a touch.
+        """
+        rates, period_s = rate_bounds(trajectory), trajectory.period_s
+        return self._least(rates, period_s, 0.0, lambda t: trajectory.evaluate(t).position_rad)
+
+    def least_on_line(self, start_rad: FloatArray, goal_rad: FloatArray) -> FloatArray:
+        """What each clearance never falls below on the straight way between two configurations.
+
+        Args:
+            start_rad: (n,) where it begins.
+            goal_rad: (n,) where it ends.
+
+        Returns:
+            (K,) in m, negative where the bound does not exclude a touch.
+        """
+        way = goal_rad - start_rad
+        rates = np.zeros((4, len(way)))
+        rates[0] = np.abs(way)
+        return self._least(rates, 1.0, 0.5, lambda share: start_rad + way * share[:, None])
+
+    def _least(
+        self, rates: FloatArray, duration_s: float, first: float, position: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """(K,) the smallest clearance of a motion, from samples and the joints' greatest rates (4, n).
+
+        The first sample lies that many steps after the beginning: 0 where the end is the beginning, else 0.5.
+        """
+        if not self.names:
+            return np.zeros(0)
+        speed = np.array([self._speed(s, rates) for s in self.spheres])
+        wanted = ceil(duration_s * float(speed.max()) / (2.0 * SURPLUS_M))
+        samples = min(max(_FEWEST_SAMPLES, wanted), MOST_SAMPLES)
+        step_s = duration_s / samples
+        smallest = np.full(len(self.names), np.inf)
+        for begin in range(0, samples, _AT_ONCE):
+            times_s = np.arange(begin + first, min(begin + _AT_ONCE, samples), 1.0, dtype=np.float64) * step_s
+            smallest = np.minimum(smallest, self.clearances(position(times_s)).min(axis=0))
+        on_plane, on_box, pairs = self._packed[3], self._packed[5], self._packed[6]
+        fastest = np.concatenate([speed[on_plane[:, 0]], speed[on_box[:, 0]], speed[pairs].sum(axis=1)])
+        return np.asarray(smallest - 0.5 * step_s * fastest)
+
+    @property
+    def _obstacles(self) -> tuple[HalfSpace | Box, ...]:
+        return (*self.half_spaces, *self.boxes)
+
+    def _speed(self, sphere: Sphere, rates: FloatArray) -> float:
+        """Greatest speed of a sphere's centre in m/s."""
+        lever_m = float(np.linalg.norm(self._in_link(sphere)))
+        return point_speed(self.chain, rates, min(sphere.link, self.chain.n), lever_m)
+
+    def _in_link(self, sphere: Sphere) -> FloatArray:
+        """(3,) centre in the link's joint frame, a tool's in the last one's."""
+        if sphere.link <= self.chain.n:
+            return sphere.center_m
+        flange = self.chain.flange
+        return np.asarray(flange[:3, :3] @ sphere.center_m + flange[:3, 3])
+
+    def _packed_sphere(self, sphere: Sphere) -> list[float]:
+        """Centre in the turned frame, and radius."""
+        center = self._in_link(sphere)
+        if sphere.link > 0:
+            center = self.chain.turned_back(min(sphere.link, self.chain.n) - 1) @ center
+        return [*center.tolist(), sphere.radius_m]
+
+    def _meeting(self, obstacles: Sequence[HalfSpace | Box]) -> list[tuple[int, int]]:
+        """Sphere and obstacle, for all that may meet."""
+        return [(s, k) for k, o in enumerate(obstacles) for s, ball in enumerate(self.spheres) if ball.link in o.links]
+
+    def _link(self, link: int) -> str:
+        """What a message calls a link."""
+        return "base" if link == 0 else "tool" if link == self.chain.n + 1 else f"link {link}"
+
+    def _require_sense(self) -> None:
+        """Refuse what no arm and no cell can have."""
+        known = range(self.chain.n + 2)
+        used = [s.link for s in self.spheres] + [link for pair in self.apart for link in pair]
+        used += [link for o in self._obstacles for link in o.links]
+        for link in used:
+            if link not in known:
+                raise ModelError(f"workspace: link {link} of an arm of {self.chain.n}; expected 0 to {known[-1]}")
+        for sphere in self.spheres:
+            if not sphere.radius_m > 0.0:
+                raise ModelError(f"workspace: a radius of {sphere.radius_m} m; expected a number above 0")
+        if not 0.0 <= self.keep_m < np.inf:
+            raise ModelError(f"workspace: a distance of {self.keep_m} m to keep; expected 0 or above")
+        for box in self.boxes:
+            if not np.all(box.size_m > 0.0):
+                raise ModelError(f"workspace: {box.name!r} has the size {box.size_m.tolist()} m; expected above 0")
+        for half_space in self.half_spaces:
+            if abs(np.linalg.norm(half_space.normal) - 1.0) > _UNIT_TOLERANCE:
+                raise ModelError(f"workspace: normal of {half_space.name!r} is no unit vector")

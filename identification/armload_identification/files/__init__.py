@@ -1,0 +1,1 @@
+"""Files of results: payload, body, gains; read strictly, written atomically."""

@@ -1,0 +1,1 @@
+"""Chain, bodies, regressor and dynamics of an arm and its payload."""

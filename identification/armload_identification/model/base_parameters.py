@@ -1,0 +1,57 @@
+"""Which parameters of an arm's links and rotors its motion can tell apart: the base parameters.
+
+References:
+    Gautier, Numerical calculation of the base inertial parameters of robots, Journal of Robotic Systems 8(4), 1991.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from armload_identification.model.body_model import rotor_columns
+from armload_identification.model.chain import Chain
+from armload_identification.model.regressor import PARAMETERS, body_regressor
+
+FloatArray = NDArray[np.float64]
+
+_STATES: Final = 200
+_SEED: Final = 20160606
+_BASE_TOLERANCE: Final = 1e-8
+
+
+def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
+    """Which parameters of links and rotors an arm's motion can tell apart.
+
+    Args:
+        chain: The arm.
+        coupling: (n, n) C of its motors.
+
+    Returns:
+        (11 n,) True for the base parameters: ten per link, then the rotors. Where a rotor turns with a link
+        as one, the link's inertia stands for both.
+    """
+    n = chain.n
+    q, dq, ddq = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (3, _STATES, n))
+    links = body_regressor(chain, q, dq, ddq).reshape(-1, PARAMETERS * n)
+    rotors = rotor_columns(ddq, coupling).transpose(0, 2, 1).reshape(-1, n)
+    base = np.zeros((PARAMETERS + 1) * n, dtype=bool)
+    base[_independent(links)] = True
+    # Rotors come second: whatever a link can stand for stays with the link.
+    orthogonal, _ = np.linalg.qr(links[:, base[: PARAMETERS * n]])
+    left = rotors - orthogonal @ (orthogonal.T @ rotors)
+    told = _independent(left / np.sqrt(np.sum(rotors**2, axis=0)), unit=False)
+    base[PARAMETERS * n + told] = True
+    return base
+
+
+def _independent(columns: FloatArray, *, unit: bool = True) -> NDArray[np.intp]:
+    """Indices of a largest well-conditioned set of independent columns."""
+    length = np.sqrt(np.sum(columns**2, axis=0)) if unit else np.ones(columns.shape[1])
+    scaled = columns / np.where(length > 0.0, length, 1.0)
+    triangle, order = qr(scaled, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(triangle))
+    return np.asarray(order[: int(np.count_nonzero(diagonal > _BASE_TOLERANCE * max(diagonal[0], 1.0)))])

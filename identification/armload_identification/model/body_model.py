@@ -1,0 +1,147 @@
+"""The empty arm: links, rotors and friction as one model of joint torque.
+
+    tau = Y(q, dq, ddq) beta + C^-T diag(I_r) C^-1 ddq + s (f_c + f_s exp(-(dq / v_s)^2) + mu |Y beta|) + f_v dq + f_0
+
+with s the direction of motion. Only as many of the links' parameters are kept as the arm's kinematics can tell
+apart: the base parameters. The others are zero and their effect is in the ones that stayed, so that the sum is
+the arm's torque while the single numbers are no link's mass or inertia.
+
+References:
+    Chen 2016, eqs. (1), (3). Gautier, Numerical calculation of the base inertial parameters of robots, Journal of
+    Robotic Systems 8(4), 1991.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.identification_errors import ModelError
+from armload_identification.model.chain import Chain
+from armload_identification.model.regressor import PARAMETERS, body_regressor
+
+FloatArray = NDArray[np.float64]
+
+LINK_PARAMETERS: Final = ("m", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+"""Names of a link's ten parameters, the inertia about the origin of its joint frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """Torque of an arm of n joints without a payload.
+
+    Attributes:
+        links: (n, 10) base parameters of the links in their joint frames; zero where regrouped into others.
+        base: (n, 10) True where a parameter is one of the base set.
+        rotor_inertia_kg_m2: (n,) of the axes, reflected through the gear; 0 where the links stand in for it: on
+            a joint whose rotor turns with a link as one and whose friction does not grow with its load.
+        coulomb_nm: (n,) friction of any speed.
+        viscous_nm_s_rad: (n,) friction per speed.
+        offset_nm: (n,) torque told at no load.
+        stribeck_nm: (n,) what friction near standstill exceeds Coulomb friction by.
+        stribeck_velocity_rad_s: (n,) speed at which that has died away to 37 %.
+        load_friction: (n,) friction per torque of the links.
+        torque_delay_s: The drives tell a torque this much later than the position that it belongs to.
+        reversal_speed_rad_s: (n,) speed about which the direction of motion turns over, s = tanh(dq / v).
+        coupling: (n, n) C with q_joint = C q_axis.
+
+    Raises:
+        ModelError: shapes that do not fit, or numbers that are not finite.
+    """
+
+    links: FloatArray
+    base: NDArray[np.bool_]
+    rotor_inertia_kg_m2: FloatArray
+    coulomb_nm: FloatArray
+    viscous_nm_s_rad: FloatArray
+    offset_nm: FloatArray
+    stribeck_nm: FloatArray
+    stribeck_velocity_rad_s: FloatArray
+    load_friction: FloatArray
+    torque_delay_s: float
+    reversal_speed_rad_s: FloatArray
+    coupling: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.rotor_inertia_kg_m2)
+        shapes = {"links": (n, PARAMETERS), "base": (n, PARAMETERS), "coupling": (n, n)}
+        for field in fields(self):
+            array = np.asarray(getattr(self, field.name))
+            if field.name != "torque_delay_s" and array.shape != shapes.get(field.name, (n,)):
+                raise ModelError(
+                    f"{field.name} has the shape {array.shape}; expected {shapes.get(field.name, (n,))} for {n} joints"
+                )
+            if not np.isfinite(array).all():
+                raise ModelError(f"{field.name} of the body holds a number that is not finite: {array.tolist()}")
+        if (self.reversal_speed_rad_s <= 0.0).any() or (self.stribeck_velocity_rad_s <= 0.0).any():
+            raise ModelError("the body's reversal and Stribeck speeds must be above 0")
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.rotor_inertia_kg_m2)
+
+    def link_torque(self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """Torque of the links alone, Y beta.
+
+        Args:
+            chain: The arm.
+            q: (N, n) positions in rad.
+            dq: (N, n) velocities in rad/s.
+            ddq: (N, n) accelerations in rad/s2.
+
+        Returns:
+            (N, n) in N m, without rotors and friction.
+        """
+        return np.asarray(body_regressor(chain, q, dq, ddq) @ self.links.ravel())
+
+    def torque(
+        self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray | None = None
+    ) -> FloatArray:
+        """Joint torque of the arm, friction included.
+
+        Args:
+            chain: The arm.
+            q: (N, n) positions in rad.
+            dq: (N, n) velocities in rad/s.
+            ddq: (N, n) accelerations in rad/s2.
+            payload_nm: (N, n) torque of a payload, which is added and takes part in load-dependent friction.
+
+        Returns:
+            (N, n) in N m.
+        """
+        carried = self.link_torque(chain, q, dq, ddq)
+        if payload_nm is not None:
+            carried = carried + payload_nm
+        direction = smooth_sign(dq, self.reversal_speed_rad_s)
+        slow = np.exp(-((dq / self.stribeck_velocity_rad_s) ** 2))
+        friction = self.coulomb_nm + self.stribeck_nm * slow + self.load_friction * np.abs(carried)
+        rotors = np.einsum("tij,i->tj", rotor_columns(ddq, self.coupling), self.rotor_inertia_kg_m2)
+        return np.asarray(carried + rotors + direction * friction + self.viscous_nm_s_rad * dq + self.offset_nm)
+
+
+def smooth_sign(dq: FloatArray, reversal_speed_rad_s: FloatArray) -> FloatArray:
+    """Direction of motion, tanh(dq / v): -1 to 1, and 0 at standstill.
+
+    Args:
+        dq: (N, n) velocities in rad/s.
+        reversal_speed_rad_s: (n,) v.
+    """
+    return np.asarray(np.tanh(dq / reversal_speed_rad_s))
+
+
+def rotor_columns(ddq: FloatArray, coupling: FloatArray) -> FloatArray:
+    """Joint torque per unit inertia of each axis' rotor: C^-T e_i (C^-1 ddq)_i.
+
+    Args:
+        ddq: (N, n) joint accelerations in rad/s2.
+        coupling: (n, n) C.
+
+    Returns:
+        (N, n, n) [sample, axis, joint] in N m per kg m2.
+    """
+    to_axis = np.linalg.inv(coupling)
+    return np.asarray((ddq @ to_axis.T)[:, :, None] * to_axis[None, :, :])

@@ -1,0 +1,292 @@
+"""The arm as a chain of revolute joints, and its poses.
+
+A joint FRAME stands where the joint is and turns with it: at q = 0 it lies at `placement` in the previous
+joint's frame, and q turns it about `axis`. The flange is fixed in the last joint's frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armload_identification.identification_errors import ModelError
+
+FloatArray = NDArray[np.float64]
+
+_ROTATION_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Kinematics of an arm with n revolute joints, and the gravity that acts on it.
+
+    Attributes:
+        placement: (n, 4, 4) joint frame at q = 0 in the previous joint's frame (the first: in the base).
+        axis: (n, 3) unit vector of the joint axis in its own frame.
+        flange: (4, 4) flange in the last joint's frame.
+        gravity_m_s2: (3,) acceleration of gravity in the base frame, (0, 0, -9.81) on an upright arm.
+        packed: Everything above as one array for the kernels of `regressor`; not to be written to.
+
+    Raises:
+        ModelError: a shape, an axis without direction, a matrix that is no pose, a number that is not finite.
+    """
+
+    placement: FloatArray
+    axis: FloatArray
+    flange: FloatArray
+    gravity_m_s2: FloatArray
+    packed: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        placement = _array("placement", self.placement, (None, 4, 4))
+        n = placement.shape[0]
+        if n == 0:
+            raise ModelError("a chain needs at least one joint; placement is empty")
+        axis = _array("axis", self.axis, (n, 3))
+        flange = _array("flange", self.flange, (4, 4))
+        gravity = _array("gravity_m_s2", self.gravity_m_s2, (3,))
+        for i, pose in enumerate(placement):
+            _require_pose(f"placement of joint {i + 1}", pose)
+        _require_pose("flange", flange)
+        length = np.sqrt(np.sum(axis**2, axis=1))
+        for i in range(n):
+            if length[i] < _ROTATION_TOLERANCE:
+                raise ModelError(
+                    f"axis of joint {i + 1} is {axis[i].tolist()}; expected a direction, such as [0, 0, 1]"
+                )
+        axis /= length[:, None]
+        for array in (placement, axis, flange, gravity):
+            array.flags.writeable = False
+        object.__setattr__(self, "placement", placement)
+        object.__setattr__(self, "axis", axis)
+        object.__setattr__(self, "flange", flange)
+        object.__setattr__(self, "gravity_m_s2", gravity)
+        object.__setattr__(self, "packed", _pack(placement, axis, flange, gravity))
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.placement.shape[0])
+
+    def turned_back(self, joint: int) -> FloatArray:
+        """Orientation of a joint frame in the turned one of `packed`, whose z is the joint's axis.
+
+        Args:
+            joint: Index from 0.
+
+        Returns:
+            (3, 3) rotation that takes coordinates in the joint frame to coordinates in the turned one.
+        """
+        start = 3 + 12 * self.n + 9 * joint
+        return np.array(self.packed[start : start + 9].reshape(3, 3))
+
+    @classmethod
+    def from_modified_dh(cls, rows: ArrayLike, flange: ArrayLike, gravity_m_s2: ArrayLike) -> Chain:
+        """Chain from modified (Craig) Denavit-Hartenberg rows.
+
+            T_i = Rx(alpha_{i-1}) Tx(a_{i-1}) Tz(d_i) Rz(theta_i)
+
+        Args:
+            rows: (n, 4) alpha_{i-1} in rad, a_{i-1} in m, d_i in m, and the angle in rad added to q_i.
+            flange: (4, 4) flange in the last link's frame.
+            gravity_m_s2: (3,) acceleration of gravity in the base frame.
+
+        Raises:
+            ModelError: as the class.
+
+        References:
+            Craig, Introduction to Robotics, 3rd ed. 2005, eq. (3.6).
+        """
+        table = _array("rows", rows, (None, 4))
+        placement = np.array([_rot_x(al) @ _shift(a, 0.0, d) @ _rot_z(off) for al, a, d, off in table])
+        return cls(placement.reshape(-1, 4, 4), _z_axes(len(table)), np.asarray(flange), np.asarray(gravity_m_s2))
+
+    @classmethod
+    def from_standard_dh(cls, rows: ArrayLike, flange: ArrayLike, gravity_m_s2: ArrayLike) -> Chain:
+        """Chain from standard (distal) Denavit-Hartenberg rows.
+
+            T_i = Rz(theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i)
+
+        A standard D-H frame i sits at the far end of link i. The joint frames of the chain stay at the
+        joints: joint frame i is D-H frame i-1 turned by q_i, and the last row goes into the flange.
+
+        Args:
+            rows: (n, 4) alpha_i in rad, a_i in m, d_i in m, and the angle in rad added to q_i.
+            flange: (4, 4) flange in D-H frame n.
+            gravity_m_s2: (3,) acceleration of gravity in the base frame.
+
+        Raises:
+            ModelError: as the class.
+
+        References:
+            Siciliano et al., Robotics: Modelling, Planning and Control, 2009, eq. (2.52).
+        """
+        table = _array("rows", rows, (None, 4))
+        link = [_rot_z(off) @ _shift(a, 0.0, d) @ _rot_x(al) for al, a, d, off in table]
+        placement = np.array([np.eye(4), *link[:-1]][: len(link)]).reshape(-1, 4, 4)
+        end = _array("flange", flange, (4, 4))
+        return cls(placement, _z_axes(len(table)), link[-1] @ end if link else end, np.asarray(gravity_m_s2))
+
+    @classmethod
+    def from_origins(
+        cls,
+        xyz_m: ArrayLike,
+        rpy_rad: ArrayLike,
+        axis: ArrayLike,
+        flange: ArrayLike,
+        gravity_m_s2: ArrayLike,
+    ) -> Chain:
+        """Chain from the origins and axes of a URDF.
+
+        Args:
+            xyz_m: (n, 3) origin of each joint in the previous joint's frame.
+            rpy_rad: (n, 3) its orientation, Rz(yaw) Ry(pitch) Rx(roll).
+            axis: (n, 3) joint axis in the joint's frame, of any length.
+            flange: (4, 4) flange in the last joint's frame.
+            gravity_m_s2: (3,) acceleration of gravity in the base frame.
+
+        Raises:
+            ModelError: as the class.
+        """
+        origin = _array("xyz_m", xyz_m, (None, 3))
+        angles = _array("rpy_rad", rpy_rad, (len(origin), 3))
+        placement = np.array([pose_from_xyz_rpy(p, a) for p, a in zip(origin, angles, strict=True)])
+        return cls(placement.reshape(-1, 4, 4), np.asarray(axis), np.asarray(flange), np.asarray(gravity_m_s2))
+
+    def head(self, joints: int) -> Chain:
+        """The first joints alone, with the flange in the frame of the last of them.
+
+        Args:
+            joints: How many, 1 to n.
+
+        Raises:
+            ModelError: not 1 to n.
+        """
+        if not 1 <= joints <= self.n:
+            raise ModelError(f"head of {joints} joints asked of a chain of {self.n}; expected 1 to {self.n}")
+        return Chain(self.placement[:joints], self.axis[:joints], np.eye(4), self.gravity_m_s2)
+
+    def forward(self, q: ArrayLike) -> FloatArray:
+        """Poses of all joint frames and of the flange.
+
+        Args:
+            q: (n,) joint positions in rad.
+
+        Returns:
+            (n + 1, 4, 4) poses in the base frame; the last is the flange.
+
+        Raises:
+            ModelError: q has another shape or is not finite.
+        """
+        angle = _array("q", q, (self.n,))
+        poses = np.empty((self.n + 1, 4, 4))
+        pose = np.eye(4)
+        for i in range(self.n):
+            pose = pose @ self.placement[i] @ _rotation(self.axis[i], angle[i])
+            poses[i] = pose
+        poses[self.n] = pose @ self.flange
+        return poses
+
+
+def pose_from_xyz_rpy(xyz_m: ArrayLike, rpy_rad: ArrayLike) -> FloatArray:
+    """Pose from a URDF origin.
+
+    Args:
+        xyz_m: (3,) position.
+        rpy_rad: (3,) roll, pitch, yaw about the fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    Returns:
+        (4, 4) homogeneous matrix.
+
+    Raises:
+        ModelError: another shape, or not finite.
+    """
+    position = _array("xyz_m", xyz_m, (3,))
+    roll, pitch, yaw = _array("rpy_rad", rpy_rad, (3,))
+    pose = _rot_z(yaw) @ _rotation(np.array([0.0, 1.0, 0.0]), pitch) @ _rot_x(roll)
+    pose[:3, 3] = position
+    return pose
+
+
+def _pack(placement: FloatArray, axis: FloatArray, flange: FloatArray, gravity: FloatArray) -> FloatArray:
+    """One array for the kernels, with every joint frame turned so that its axis is z.
+
+    Layout: -gravity (3) | per joint: rotation (9), position (3) | per joint: rotation (9) from the turned
+    frame back to the joint frame | flange in the turned last frame: rotation (9), position (3).
+    """
+    n = placement.shape[0]
+    turn = [_turn_z_onto(a) for a in axis]
+    before = [np.eye(3), *turn]
+    parts = [-gravity]
+    for i in range(n):
+        parts.append((before[i].T @ placement[i, :3, :3] @ turn[i]).ravel())
+        parts.append(before[i].T @ placement[i, :3, 3])
+    parts.extend(r.T.ravel() for r in turn)
+    parts.append((turn[-1].T @ flange[:3, :3]).ravel())
+    parts.append(turn[-1].T @ flange[:3, 3])
+    return np.ascontiguousarray(np.concatenate(parts))
+
+
+def _turn_z_onto(axis: FloatArray) -> FloatArray:
+    """(3, 3) rotation that takes z to the axis; the identity for z itself."""
+    if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] > 0.0:
+        return np.eye(3)
+    other = np.zeros(3)
+    other[int(np.argmin(np.abs(axis)))] = 1.0
+    x = np.cross(other, axis)
+    x /= np.sqrt(np.sum(x**2))
+    return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+    """A finite float copy of the given shape, None matching any length."""
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"{name} is not an array of numbers: {error}") from error
+    wanted = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ")"
+    if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
+        raise ModelError(f"{name} has the shape {array.shape}; expected {wanted}")
+    if not np.all(np.isfinite(array)):
+        raise ModelError(f"{name} holds a number that is not finite: {array.tolist()}")
+    return array
+
+
+def _require_pose(name: str, pose: FloatArray) -> None:
+    """Raise unless the matrix is a rotation and a translation."""
+    rotation = pose[:3, :3]
+    orthonormal = np.allclose(rotation.T @ rotation, np.eye(3), rtol=0.0, atol=_ROTATION_TOLERANCE)
+    if not orthonormal or np.linalg.det(rotation) < 0.0 or not np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0]):
+        raise ModelError(
+            f"{name} is no pose: {pose.tolist()}; expected a right-handed rotation, a position and the row 0 0 0 1"
+        )
+
+
+def _rotation(axis: FloatArray, angle_rad: float) -> FloatArray:
+    """(4, 4) turn about a unit axis (Rodrigues)."""
+    x, y, z = axis
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    pose = np.eye(4)
+    pose[:3, :3] = c * np.eye(3) + s * cross + (1.0 - c) * np.outer(axis, axis)
+    return pose
+
+
+def _rot_x(angle_rad: float) -> FloatArray:
+    return _rotation(np.array([1.0, 0.0, 0.0]), angle_rad)
+
+
+def _rot_z(angle_rad: float) -> FloatArray:
+    return _rotation(np.array([0.0, 0.0, 1.0]), angle_rad)
+
+
+def _shift(x: float, y: float, z: float) -> FloatArray:
+    pose = np.eye(4)
+    pose[:3, 3] = (x, y, z)
+    return pose
+
+
+def _z_axes(n: int) -> FloatArray:
+    return np.tile([0.0, 0.0, 1.0], (n, 1))

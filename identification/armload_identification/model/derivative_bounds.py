@@ -1,0 +1,134 @@
+"""What the derivatives of an arm's motion never exceed, whatever the joints do within given rates.
+
+A quantity is bounded by a row of numbers: its size, and the size of each of its time derivatives,
+
+    |f| <= F_0,  |f'| <= F_1,  |f''| <= F_2, ...
+
+Sums add up; every product that mechanics knows (of numbers, dot, cross) obeys |a b| <= |a| |b| and Leibniz' rule,
+
+    |(f g)^(m)| <= sum_j  binomial(m, j) F_j G_{m-j},
+
+and a vector that is fixed in a link turning with w has v' = w x v, so that
+
+    V_{m+1} <= sum_j  binomial(m, j) W_j V_{m-j}.
+
+With these three rules alone the Newton-Euler equations, written in the base's directions, give the bounds below.
+They hold for every configuration, not for the one motion at hand: far above what happens, and certain.
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.model.chain import Chain
+from armload_identification.model.dynamics import ArmDynamics
+
+FloatArray = NDArray[np.float64]
+
+_ORDERS = 5
+
+
+def rate_bounds(trajectory: FourierTrajectory) -> FloatArray:
+    """Bounds of the joints' first to fourth derivatives along a trajectory.
+
+    The fourth is the third's times the highest frequency: no derivative of a trigonometric polynomial of degree H
+    exceeds H w_f times the polynomial (Bernstein's inequality).
+
+    Returns:
+        (4, n) in rad/s, rad/s2, rad/s3, rad/s4.
+    """
+    reach = trajectory.bounds()
+    highest = 2.0 * np.pi * trajectory.base_frequency_hz * trajectory.harmonics
+    jerk = reach.jerk_max_rad_s3
+    return np.array([reach.velocity_max_rad_s, reach.acceleration_max_rad_s2, jerk, highest * jerk])
+
+
+def point_speed(chain: Chain, rates: FloatArray, link: int, lever_m: float) -> float:
+    """Greatest speed of a point that is fixed in a link.
+
+    Args:
+        chain: The arm.
+        rates: (4, n) from `rate_bounds`.
+        link: Number of the joint that the link turns with, from 1; 0 is the base, where nothing moves.
+        lever_m: Distance of the point from the joint frame's origin.
+
+    Returns:
+        Speed in m/s.
+    """
+    angular = _angular(chain, rates)
+    speed = sum(_offset(chain, j) * angular[j][0] for j in range(link))
+    return float(speed + lever_m * angular[link][0])
+
+
+def torque_curvature(dynamics: ArmDynamics, rates: FloatArray) -> FloatArray:
+    """Bound of the second time derivative of the joints' torques.
+
+    Args:
+        dynamics: The arm and what it carries.
+        rates: (4, n) from `rate_bounds`.
+
+    Returns:
+        (n,) in N m/s2.
+    """
+    chain, body = dynamics.chain, dynamics.body
+    n = chain.n
+    angular = _angular(chain, rates)
+    offset = [_fixed(_offset(chain, k), angular[k]) for k in range(n)]
+    acceleration = np.zeros(3)
+    acceleration[0] = np.sqrt(np.sum(chain.gravity_m_s2**2))
+    moment = np.zeros((n, 3))
+    for k in range(n):
+        theta = body.links[k]
+        turning = angular[k + 1]
+        acceleration = acceleration + offset[k][2:]
+        first = _fixed(float(np.sqrt(np.sum(theta[1:4] ** 2))), turning)
+        force = abs(theta[0]) * acceleration + first[2:]
+        # angular momentum I w = sum_i lambda_i u_i (u_i . w) over the principal axes u_i, fixed in the link
+        axis = _fixed(1.0, turning)[:4]
+        momentum = _principal_sum(theta) * _product(_product(axis, axis), turning)
+        about_origin = _product(first[:3], acceleration) + momentum[1:]
+        arm = np.zeros(3)
+        for i in range(k, -1, -1):
+            moment[i] += about_origin + _product(arm, force)
+            arm = arm + offset[i][:3]
+    torque = np.array([_product(_fixed(1.0, angular[i])[:3], moment[i])[2] for i in range(n)])
+    return np.asarray(torque + body.rotor_inertia_kg_m2 * rates[3])
+
+
+def _angular(chain: Chain, rates: FloatArray) -> list[FloatArray]:
+    """Angular velocity of the base and of every link, with three derivatives: w_k = w_{k-1} + z_k dq_k."""
+    angular = [np.zeros(4)]
+    for i in range(chain.n):
+        axis = _fixed(1.0, angular[-1])[:4]  # z_k is fixed in link k - 1 too
+        angular.append(angular[-1] + _product(axis, rates[:, i]))
+    return angular
+
+
+def _fixed(length: float, angular: FloatArray) -> FloatArray:
+    """A vector fixed in a link, with four derivatives."""
+    row = np.zeros(_ORDERS)
+    row[0] = length
+    for m in range(_ORDERS - 1):
+        row[m + 1] = sum(comb(m, j) * angular[j] * row[m - j] for j in range(m + 1))
+    return row
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Leibniz' rule."""
+    return np.array([sum(comb(m, j) * a[j] * b[m - j] for j in range(m + 1)) for m in range(len(a))])
+
+
+def _offset(chain: Chain, joint: int) -> float:
+    """Distance of a joint's origin from the previous one's."""
+    return float(np.sqrt(np.sum(chain.placement[joint, :3, 3] ** 2)))
+
+
+def _principal_sum(theta: FloatArray) -> float:
+    """Sum of the sizes of the principal moments about the frame's origin."""
+    ixx, iyy, izz, ixy, ixz, iyz = theta[4:]
+    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    return float(np.sum(np.abs(np.linalg.eigvalsh(tensor))))

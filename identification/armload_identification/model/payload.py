@@ -1,0 +1,221 @@
+"""A payload's ten inertial parameters, whether any body can have them, and what identification says of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armload_identification.identification_errors import ModelError
+
+FloatArray = NDArray[np.float64]
+
+PARAMETER_NAMES = ("mass", "cx", "cy", "cz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+"""The ten in the order used everywhere: mass, centre of mass, tensor elements."""
+
+SMALLEST_MARGIN = 1e-6
+"""A body that is written out has at least this margin, after reading the file back."""
+
+
+@dataclass(frozen=True, eq=False)
+class InertialParameters:
+    """Inertial parameters of a rigid body in some frame.
+
+    Attributes:
+        theta: (10,) [m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz], inertia as TENSOR elements
+            (Ixy = -int xy dm) about the ORIGIN of the frame, in kg, kg m, kg m2. They need not be possible.
+
+    Raises:
+        ModelError: not ten finite numbers.
+
+    References:
+        Chen 2016, eq. (4), with the sign of the products as URDF has it.
+    """
+
+    theta: FloatArray
+
+    def __post_init__(self) -> None:
+        theta = np.array(self.theta, dtype=np.float64)
+        if theta.shape != (10,) or not np.all(np.isfinite(theta)):
+            raise ModelError(f"theta is {theta.tolist()}; expected ten finite numbers")
+        theta.flags.writeable = False
+        object.__setattr__(self, "theta", theta)
+
+    @classmethod
+    def from_center_of_mass(
+        cls, mass_kg: float, center_of_mass_m: ArrayLike, inertia_kg_m2: ArrayLike
+    ) -> InertialParameters:
+        """Parameters from mass, centre of mass and the inertia about it.
+
+            I_origin = I_com + m (c^T c 1 - c c^T)
+
+        Args:
+            mass_kg: Mass.
+            center_of_mass_m: (3,) centre of mass in the frame.
+            inertia_kg_m2: (3, 3) symmetric inertia tensor about the centre of mass, in the frame's axes.
+
+        Raises:
+            ModelError: another shape, or a tensor that is not symmetric.
+        """
+        center = np.asarray(center_of_mass_m, dtype=np.float64)
+        inertia = np.asarray(inertia_kg_m2, dtype=np.float64)
+        if center.shape != (3,) or inertia.shape != (3, 3):
+            raise ModelError(
+                f"centre of mass has the shape {center.shape}, inertia {inertia.shape}; expected (3,) and (3, 3)"
+            )
+        if not np.allclose(inertia, inertia.T, rtol=0.0, atol=1e-9 * float(np.max(np.abs(inertia)))):
+            raise ModelError(f"inertia {inertia.tolist()} is not symmetric")
+        about_origin = inertia + mass_kg * (center @ center * np.eye(3) - np.outer(center, center))
+        return cls(np.concatenate([[mass_kg], mass_kg * center, _six(about_origin)]))
+
+    @classmethod
+    def from_pseudo_inertia(cls, pseudo_inertia: ArrayLike) -> InertialParameters:
+        """Parameters from the pseudo-inertia matrix, the inverse of `pseudo_inertia`.
+
+        Args:
+            pseudo_inertia: (4, 4) symmetric matrix [[Sigma, m c], [m c^T, m]].
+
+        Raises:
+            ModelError: another shape.
+        """
+        matrix = np.asarray(pseudo_inertia, dtype=np.float64)
+        if matrix.shape != (4, 4):
+            raise ModelError(f"pseudo-inertia has the shape {matrix.shape}; expected (4, 4)")
+        sigma = matrix[:3, :3]
+        inertia = np.trace(sigma) * np.eye(3) - sigma
+        return cls(np.concatenate([[matrix[3, 3]], matrix[:3, 3], _six(inertia)]))
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass."""
+        return float(self.theta[0])
+
+    @property
+    def center_of_mass_m(self) -> FloatArray:
+        """(3,) centre of mass in the frame.
+
+        Raises:
+            ModelError: the mass is zero.
+        """
+        if self.theta[0] == 0.0:
+            raise ModelError("a body without mass has no centre of mass")
+        return np.asarray(self.theta[1:4] / self.theta[0])
+
+    @property
+    def inertia_about_origin(self) -> FloatArray:
+        """(3, 3) inertia tensor about the frame's origin, in kg m2."""
+        ixx, iyy, izz, ixy, ixz, iyz = self.theta[4:]
+        return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+
+    @property
+    def inertia_about_com(self) -> FloatArray:
+        """(3, 3) inertia tensor about the centre of mass, in the frame's axes, in kg m2.
+
+        Raises:
+            ModelError: the mass is zero.
+        """
+        c = self.center_of_mass_m
+        return self.inertia_about_origin - self.mass_kg * (c @ c * np.eye(3) - np.outer(c, c))
+
+    @property
+    def values(self) -> FloatArray:
+        """(10,) mass, centre of mass, tensor elements about it, in kg, m, kg m2; as `PARAMETER_NAMES`."""
+        return np.concatenate([[self.mass_kg], self.center_of_mass_m, _six(self.inertia_about_com)])
+
+    @property
+    def pseudo_inertia(self) -> FloatArray:
+        """(4, 4) pseudo-inertia J = int [r; 1] [r; 1]^T dm = [[Sigma, m c], [m c^T, m]].
+
+        References:
+            Wensing, Kim, Slotine, Linear matrix inequalities for physically consistent inertial parameter
+            identification, IEEE RA-L 3(1), 2018, eq. (7).
+        """
+        inertia = self.inertia_about_origin
+        matrix = np.empty((4, 4))
+        matrix[:3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+        matrix[:3, 3] = matrix[3, :3] = self.theta[1:4]
+        matrix[3, 3] = self.theta[0]
+        return matrix
+
+    @property
+    def margin(self) -> float:
+        """Smallest eigenvalue of the pseudo-inertia over its trace; -inf where the trace is not positive."""
+        matrix = self.pseudo_inertia
+        trace = float(np.trace(matrix))
+        return float(np.linalg.eigvalsh(matrix)[0]) / trace if trace > 0.0 else -np.inf
+
+    @property
+    def is_physical(self) -> bool:
+        """True where some distribution of mass in space has these parameters: the margin is positive."""
+        return self.margin > 0.0
+
+    def transformed(self, pose: ArrayLike) -> InertialParameters:
+        """The same body's parameters in another frame: J' = T J T^T.
+
+        Args:
+            pose: (4, 4) pose T of the present frame in the other one, so that a point p becomes T p.
+
+        Raises:
+            ModelError: another shape.
+        """
+        matrix = np.asarray(pose, dtype=np.float64)
+        if matrix.shape != (4, 4):
+            raise ModelError(f"pose has the shape {matrix.shape}; expected (4, 4)")
+        return InertialParameters.from_pseudo_inertia(matrix @ self.pseudo_inertia @ matrix.T)
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """What a payload was identified from.
+
+    Attributes:
+        armload_version: Version of the program.
+        configuration_sha256: Hash of the robot's configuration file.
+        recordings_sha256: File name and hash of each recording.
+    """
+
+    armload_version: str
+    configuration_sha256: str
+    recordings_sha256: dict[str, str]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PayloadResult:
+    """What an identification says about a payload: the content of a payload file.
+
+    The ten values, their flags and intervals are in the order of `PARAMETER_NAMES`: mass, centre of mass, and
+    the inertia's tensor elements about the CENTRE OF MASS.
+
+    Attributes:
+        frame: Name of the frame that everything is told in.
+        model: The complete, physically possible set for the feed-forward. Determined values are the same numbers.
+        determined: (10,) True where the data determine the value.
+        interval_95: (10, 2) low and high end of the 95 % interval; nan where not determined.
+        residual_rms_nm: (n,) measured minus predicted torque, per joint.
+        noise_nm: (n,) standard deviation of the measured torque's noise, per joint, on the same signal.
+        provenance: What the result was made from.
+    """
+
+    frame: str
+    model: InertialParameters
+    determined: NDArray[np.bool_]
+    interval_95: FloatArray
+    residual_rms_nm: FloatArray
+    noise_nm: FloatArray
+    provenance: Provenance
+
+    @property
+    def values(self) -> FloatArray:
+        """(10,) of the model, in the order of `PARAMETER_NAMES`."""
+        return self.model.values
+
+    @property
+    def feedforward_ready(self) -> bool:
+        """True where mass and centre of mass are determined, without which no torque may be fed forward."""
+        return bool(np.all(self.determined[:4]))
+
+
+def _six(tensor: FloatArray) -> FloatArray:
+    """[Ixx, Iyy, Izz, Ixy, Ixz, Iyz] of a (3, 3) tensor."""
+    return np.asarray(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])

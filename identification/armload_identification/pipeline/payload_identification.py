@@ -1,0 +1,227 @@
+"""Identify a payload: from a loaded and an unloaded recording to parameters with honest intervals.
+
+recordings -> torque difference -> weighted least squares -> intervals -> physically possible set
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from armload_identification.estimation.body_fit import BodyFit
+from armload_identification.estimation.estimators import Estimator, fit_payload
+from armload_identification.estimation.friction_columns import FrictionDifference, unloaded_body
+from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
+from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.estimation.uncertainty import Uncertainty, quantify, shifts_by
+from armload_identification.identification_errors import EstimationError, ModelError
+from armload_identification.model.body_model import BodyModel
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
+from armload_identification.model.regressor import payload_regressor
+from armload_identification.recording.recording import Recording, RecordingSource, check_joints, hashes_by_name
+from armload_identification.signals.arm_motion import arm_motion, without_body
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.load_signal import LoadSignal, load_signal
+from armload_identification.verdict.operator_notes import notes_on
+from armload_identification.verdict.sanity import check_pair, check_run, check_signs, explain_negative_mass
+from armload_identification.verdict.validation import raw_residual_rms
+
+FloatArray = NDArray[np.float64]
+
+FLANGE: Final = "flange"
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """A payload identified from two recordings, and everything that a report shows of it.
+
+    All parameters are in the chain's flange frame.
+
+    Attributes:
+        plain: The weighted least squares estimate as it is, possible or not, with covariance of white
+            residuals, condition number, rank, singular values and weights.
+        physical: The physically possible estimate; this is what is reported and written.
+        friction: Friction that was fitted with it; None where the estimator has none.
+        uncertainty: Values, robust 95 % intervals and what is determined, about the physical estimate.
+        signal: Measured torque difference over time, raw and smoothed, with the motion it belongs to, the noise
+            per joint, the smoothing loss and how the two runs were laid over each other.
+        predicted_nm: (K, n) torque that the physical estimate predicts at the samples of `signal`, friction
+            that was fitted with it included.
+        residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus prediction, comparable to
+            `signal.noise_nm`.
+        sources: Of the loaded and, where there is one, the unloaded recording.
+        notes: What the operator should know, one sentence each.
+    """
+
+    plain: Estimate
+    friction: FrictionDifference | None
+    physical: PhysicalEstimate
+    uncertainty: Uncertainty
+    signal: LoadSignal
+    predicted_nm: FloatArray
+    residual_rms_nm: FloatArray
+    sources: tuple[RecordingSource, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def plain_parameters(self) -> InertialParameters:
+        """The plain estimate's ten parameters; no body need have them."""
+        return InertialParameters(self.plain.theta[:10])
+
+    @property
+    def parameters(self) -> InertialParameters:
+        """The physically possible parameters."""
+        return self.physical.parameters
+
+
+def identify(
+    loaded: Recording,
+    unloaded: Recording | None,
+    chain: Chain,
+    transmission: Transmission,
+    *,
+    estimator: Estimator = Estimator.FRICTION,
+    known: KnownPayload | None = None,
+    body: BodyModel | None = None,
+) -> Identification:
+    """Identify the payload that one run carried and the other did not.
+
+    Args:
+        loaded: Run with the payload.
+        unloaded: Run of the same motion without it; None where a body is given instead.
+        chain: The arm; the result is in its flange frame.
+        transmission: Gains and coupling; used where the recordings hold currents.
+        estimator: How the payload is fitted.
+        known: What is known of it beforehand.
+        body: The empty arm, in place of the unloaded run.
+
+    Returns:
+        Estimate, physically possible estimate, intervals, and the series behind them.
+
+    Raises:
+        RecordingError: recordings that do not fit the arm or each other, or cannot be right.
+        EstimationError: neither unloaded run nor body, or data that no payload explains.
+
+    References:
+        Chen 2016, eqs. (8) to (12); the difference of runs in place of a body model, unless one is given.
+    """
+    if transmission.gain_nm_a.size != chain.n:
+        raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
+    # Matrices of a few dozen columns: threads would wait for each other, on a busy machine for minutes.
+    with threadpool_limits(1):
+        return _identified(loaded, unloaded, chain, transmission, estimator, known, body)
+
+
+def _identified(
+    loaded: Recording,
+    unloaded: Recording | None,
+    chain: Chain,
+    transmission: Transmission,
+    estimator: Estimator,
+    known: KnownPayload | None,
+    body: BodyModel | None,
+) -> Identification:
+    """What `identify` does."""
+    runs = (loaded,) if unloaded is None else (loaded, unloaded)
+    for run in runs:
+        check_joints(run, chain.n)
+    signal = _signal(loaded, unloaded, chain, transmission, body)
+    prior = None if known is None else known.prior()
+    arm: BodyFit | None = None
+    if body is None:
+        arm = unloaded_body(signal, chain, transmission.coupling)
+        body = arm.model
+        signal = signal.with_delay(body.torque_delay_s)
+    regressor = payload_regressor(chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
+    fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior, arm)
+    check_signs(signal, regressor, fit)
+    plain = InertialParameters(fit.theta[:10])
+    if plain.mass_kg <= 0.0:
+        width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
+        raise explain_negative_mass(plain.mass_kg, float(width))
+    physical = make_physical(fit)
+    doubts = _doubts(loaded, transmission, signal, friction)
+    uncertainty = quantify(fit, physical.parameters, shifts_by(fit, doubts))
+    predicted = regressor @ physical.parameters.theta
+    if friction is not None:
+        predicted = predicted + friction.torque_nm
+    return Identification(
+        plain=fit,
+        friction=friction,
+        physical=physical,
+        uncertainty=uncertainty,
+        signal=signal,
+        predicted_nm=predicted,
+        residual_rms_nm=raw_residual_rms(signal, predicted),
+        sources=tuple(run.source for run in runs),
+        notes=tuple(notes_on(runs, transmission, signal, arm, fit, friction, physical, uncertainty)),
+    )
+
+
+def _signal(
+    loaded: Recording, unloaded: Recording | None, chain: Chain, transmission: Transmission, body: BodyModel | None
+) -> LoadSignal:
+    """Torque of the payload by the difference of runs, or by that of run and body."""
+    if unloaded is not None:
+        if body is not None:
+            raise EstimationError("an unloaded recording and a body were given; one of the two takes the arm away")
+        check_pair(loaded, unloaded, transmission)
+        return load_signal(loaded, unloaded, transmission)
+    if body is None:
+        raise EstimationError(
+            "no unloaded recording was given, and the arm's own torque is not known: it is many times the payload's. "
+            "Record the same excitation without the payload and give that file as --unloaded, or identify the arm's "
+            "body once with `armload identify-body` and give that file as --body."
+        )
+    check_run(loaded, transmission)
+    motion = arm_motion(loaded, transmission).with_delay(body.torque_delay_s)
+    empty = body.torque(chain, motion.position_rad, motion.velocity_rad_s, motion.acceleration_rad_s2)
+    return without_body(motion, empty)
+
+
+def _doubts(
+    loaded: Recording, transmission: Transmission, signal: LoadSignal, friction: FrictionDifference | None
+) -> FloatArray:
+    """(k, K, n) torque of one standard deviation of each systematic error: gains, what the unloaded run told."""
+    doubts = [np.zeros((0, *signal.torque_nm.shape))]
+    if loaded.torque_nm is None and transmission.deviation.any():
+        doubts.append(transmission.gain_shares(signal.torque_nm) * transmission.deviation[:, None, None])
+    if friction is not None:
+        doubts.append(friction.doubts_nm)
+    return np.concatenate(doubts)
+
+
+def payload_result(
+    result: Identification, armload_version: str, configuration_sha256: str, frame: str = FLANGE
+) -> PayloadResult:
+    """The content of a payload file.
+
+    Args:
+        result: What was identified.
+        armload_version: Version of the program.
+        configuration_sha256: Hash of the robot's configuration.
+        frame: Name of the frame that the chain's flange is.
+
+    Returns:
+        The content; what is not determined has no interval and no number but in the model.
+    """
+    known = result.uncertainty.determined
+    return PayloadResult(
+        frame=frame,
+        model=result.parameters,
+        determined=known,
+        interval_95=np.where(known[:, None], result.uncertainty.interval_95, np.nan),
+        residual_rms_nm=result.residual_rms_nm,
+        noise_nm=result.signal.noise_nm,
+        provenance=Provenance(
+            armload_version=armload_version,
+            configuration_sha256=configuration_sha256,
+            recordings_sha256=hashes_by_name(result.sources),
+        ),
+    )

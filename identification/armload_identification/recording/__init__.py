@@ -1,0 +1,1 @@
+"""Recordings: the one type, its readers, and which rows are garbage."""

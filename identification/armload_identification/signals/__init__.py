@@ -1,0 +1,1 @@
+"""Motion and joint torque of a run, and the difference of two runs."""

@@ -1,0 +1,136 @@
+"""Two runs of one motion without a known period: their positions as splines, and the time between them.
+
+Nothing is differentiated from samples: the measured position is fitted by a quintic spline by least squares,
+at the stamps as they are, and the spline is differentiated. How fine its knots are is decided by the data
+(generalised cross-validation). The runs are laid over each other by position.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_lsq_spline
+
+from armload_identification.identification_errors import RecordingError
+
+FloatArray = NDArray[np.float64]
+
+_DEGREE: Final = 5
+_COARSEST_KNOTS_S: Final = 2.0
+_SAMPLES_PER_KNOT: Final = 8
+"""At least; finer knots would follow the encoder's noise into the acceleration."""
+_REFINEMENTS: Final = 8
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMotion:
+    """Measured positions of one run as a function of time.
+
+    Attributes:
+        spline: (n,)-valued quintic spline of the time since `start_s`.
+        start_s: Time stamp of the first sample.
+        duration_s: Time of the last sample since the first.
+        knot_spacing_s: Spacing of the knots that was chosen.
+        fit_rad: (n,) RMS of the samples about the spline.
+    """
+
+    spline: BSpline
+    start_s: float
+    duration_s: float
+    knot_spacing_s: float
+    fit_rad: FloatArray
+
+
+def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
+    """Fit a quintic spline to measured positions, knots as fine as the data ask for.
+
+    Args:
+        time_s: (N,) increasing, irregular.
+        position_rad: (N, n) measured positions.
+
+    Returns:
+        The motion.
+
+    Raises:
+        RecordingError: too short for any spline.
+    """
+    elapsed = time_s - time_s[0]
+    interval_s = float(np.median(np.diff(elapsed)))
+    spacing_s = min(_COARSEST_KNOTS_S, elapsed[-1] / 4.0)
+    best: tuple[float, float, BSpline, FloatArray] | None = None
+    while spacing_s > 0.0:
+        knots = _knots(elapsed, spacing_s)
+        coefficients = knots.size - _DEGREE - 1
+        if coefficients < 0.5 * elapsed.size:
+            spline = make_lsq_spline(elapsed, position_rad, knots, k=_DEGREE)
+            misfit = np.mean((position_rad - spline(elapsed)) ** 2, axis=0)
+            # One score for all joints, so that no joint's units or stroke dominates.
+            score = float(np.sum(np.log(misfit + 1e-18)) - 2 * misfit.size * np.log1p(-coefficients / elapsed.size))
+            if best is None or score < best[0]:
+                best = (score, spacing_s, spline, np.sqrt(misfit))
+        spacing_s *= 0.5
+        if spacing_s < _SAMPLES_PER_KNOT * interval_s:
+            break
+    if best is None:
+        raise RecordingError(
+            f"{elapsed.size} samples over {elapsed[-1]:.3g} s are too few to fit a motion. Record a longer run."
+        )
+    return MeasuredMotion(best[2], float(time_s[0]), float(elapsed[-1]), best[1], best[3])
+
+
+def _knots(elapsed: FloatArray, spacing_s: float) -> FloatArray:
+    """Knots of a spline; in a hole of the data there are none, so that every coefficient is told by samples."""
+    pieces = max(1, round(elapsed[-1] / spacing_s))
+    edges = np.linspace(0.0, elapsed[-1], pieces + 1)
+    counts = np.histogram(elapsed, edges)[0]
+    inner = edges[1:-1][(counts[:-1] >= 2) & (counts[1:] >= 2)]
+    return np.concatenate([[0.0] * (_DEGREE + 1), inner, [elapsed[-1]] * (_DEGREE + 1)])
+
+
+def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
+    """Time to add to the first run's elapsed time to be at the same place of the second run's.
+
+    The speeds of all joints are correlated for a first guess, then the positions are laid over each other by
+    least squares (Gauss-Newton on the one unknown).
+
+    Args:
+        first: One run.
+        second: Another run of the same motion.
+
+    Returns:
+        Shift in s, to a small part of the sampling interval.
+
+    Raises:
+        RecordingError: the runs share no second of motion.
+    """
+    longest_s = max(first.duration_s, second.duration_s)
+    step_s = min(0.02, longest_s / 256.0)
+    grid = np.arange(0.0, longest_s, step_s)
+    speeds = []
+    for motion in (first, second):
+        speed = motion.spline.derivative()(np.minimum(grid, motion.duration_s))
+        speed[grid > motion.duration_s] = 0.0
+        speeds.append(np.fft.rfft(speed, 2 * grid.size, axis=0))
+    correlation = np.fft.irfft(np.sum(np.conj(speeds[0]) * speeds[1], axis=1), 2 * grid.size)
+    lag = int(np.argmax(correlation))
+    shift_s = (lag - 2 * grid.size if lag > grid.size else lag) * step_s
+    speed_of_second = second.spline.derivative()
+    for _ in range(_REFINEMENTS):
+        common = grid[(grid <= first.duration_s) & (grid + shift_s >= 0.0) & (grid + shift_s <= second.duration_s)]
+        if common.size * step_s < 1.0:
+            raise RecordingError(
+                "the loaded and the unloaded run share no motion. Record the same excitation in both runs."
+            )
+        ahead = first.spline(common) - second.spline(common + shift_s)
+        speed = speed_of_second(common + shift_s)
+        power = float(np.sum(speed**2))
+        if power == 0.0:
+            break
+        correction_s = float(np.sum(ahead * speed)) / power
+        shift_s += float(np.clip(correction_s, -0.5, 0.5))
+        if abs(correction_s) < 1e-9:
+            break
+    return shift_s

@@ -1,0 +1,1 @@
+"""Whether recordings and results can be trusted: sanity, validation, comparison, notes."""

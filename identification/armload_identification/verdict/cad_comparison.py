@@ -1,0 +1,79 @@
+"""A payload against CAD, in the paper's terms: Chen 2016, Table 2 and eq. (13).
+
+The paper tells mass, centre of mass and the inertia about the ORIGIN of the payload's frame, with products of
+inertia +int xy dm; this is the one place where the project does. Its error is |estimate - truth| / |truth|.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.identification_errors import PayloadFileError
+from armload_identification.model.payload import InertialParameters, PayloadResult
+
+FloatArray = NDArray[np.float64]
+
+_PRODUCTS = np.array([1.0] * 7 + [-1.0] * 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Ten values in the paper's convention: m, c_x, c_y, c_z, I_xx, I_yy, I_zz, I_xy, I_xz, I_yz.
+
+    Attributes:
+        frame: Name of the frame.
+        estimate: (10,) what was identified, complete as in the file's `[model]`.
+        truth: (10,) what it is compared with.
+        error: (10,) |estimate - truth| / |truth|; inf where the truth is 0 and the estimate is not.
+        determined: (10,) True where every value that the entry is made from was determined.
+    """
+
+    frame: str
+    estimate: FloatArray
+    truth: FloatArray
+    error: FloatArray
+    determined: NDArray[np.bool_]
+
+
+def compare(payload: PayloadResult, cad: PayloadResult) -> Comparison:
+    """Relative errors of an identified payload.
+
+    Args:
+        payload: What was identified.
+        cad: What is taken for true.
+
+    Returns:
+        Values and errors, inertia about the origin of the frame.
+
+    Raises:
+        PayloadFileError: the two are told in different frames.
+
+    References:
+        Chen 2016, eq. (13), Table 2.
+    """
+    if payload.frame != cad.frame:
+        raise PayloadFileError(
+            f"the payload is told in the frame {payload.frame!r}, the CAD file in {cad.frame!r}; expected one frame"
+        )
+    estimate, truth = in_papers_convention(payload.model), in_papers_convention(cad.model)
+    off = np.abs(estimate - truth)
+    error = np.divide(off, np.abs(truth), out=np.where(off > 0.0, np.inf, 0.0), where=truth != 0.0)
+    # The inertia about the origin holds mass and centre of mass too.
+    determined = np.asarray(payload.determined).copy()
+    determined[4:] &= determined[:4].all()
+    return Comparison(payload.frame, estimate, truth, error, determined)
+
+
+def in_papers_convention(body: InertialParameters) -> FloatArray:
+    """(10,) mass, centre of mass, inertia about the origin with products +int xy dm.
+
+    Args:
+        body: The body.
+
+    References:
+        Chen 2016, Table 2.
+    """
+    return np.asarray(np.concatenate([[body.mass_kg], body.center_of_mass_m, body.theta[4:]]) * _PRODUCTS)

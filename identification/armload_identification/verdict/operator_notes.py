@@ -1,0 +1,176 @@
+"""What the operator should know of an identification, one sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.estimation.body_fit import BodyFit
+from armload_identification.estimation.friction_columns import FrictionDifference
+from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.physical_consistency import PhysicalEstimate
+from armload_identification.estimation.uncertainty import Uncertainty
+from armload_identification.recording.recording import Recording
+from armload_identification.signals.joint_torque import SMOOTHING_LOSS_LIMIT, Transmission
+from armload_identification.signals.load_signal import LoadSignal
+
+_POOR_FIT: Final = 0.5
+_FEW_PERIODS: Final = 2
+_LOUD: Final = 5.0
+"""A joint's torque says something about the arm from this multiple of its noise."""
+_STRANGE: Final = 0.3
+"""Share of a joint's torque that an arm's own model does not leave; 0.24 is the most on the UR10e, at a wrist."""
+_PUSHES: Final = 0.02
+"""Friction that pushes by more than this share of the torque."""
+
+
+def notes_on(
+    runs: Sequence[Recording],
+    transmission: Transmission,
+    signal: LoadSignal,
+    arm: BodyFit | None,
+    fit: Estimate,
+    friction: FrictionDifference | None,
+    physical: PhysicalEstimate,
+    uncertainty: Uncertainty,
+) -> list[str]:
+    """Sentences on recordings, gains, signal and result.
+
+    Args:
+        runs: The loaded and, where there is one, the unloaded recording.
+        transmission: Gains and which of them are calibrated.
+        signal: The torque difference.
+        arm: The body fitted to the unloaded run, or None.
+        fit: The plain estimate.
+        friction: Friction that was fitted, or None.
+        physical: The physically possible estimate.
+        uncertainty: Intervals.
+    """
+    return [
+        *_on_recordings(runs),
+        *_on_gains(runs[0], transmission),
+        *_on_signal(signal),
+        *_on_result(fit, friction, physical, uncertainty),
+        *_on_arm(signal, arm),
+        *_on_misfit(signal, fit),
+    ]
+
+
+def joint_list(joints: NDArray[np.bool_]) -> str:
+    """'1, 2 and 5' for the joints that are True."""
+    names = [str(joint + 1) for joint in np.flatnonzero(joints)]
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+
+
+def _on_recordings(runs: Sequence[Recording]) -> list[str]:
+    notes = []
+    for name, run in zip(("loaded", "unloaded"), runs, strict=False):
+        source = run.source
+        if source.rows_dropped:
+            listed = ", ".join(f"{count} {reason}" for reason, count in source.reasons.items())
+            notes.append(f"{name} recording: {source.rows_dropped} of {source.rows_read} rows dropped ({listed}).")
+        if source.truncated:
+            notes.append(f"{name} recording: the file ends early; what came before was used.")
+    return notes
+
+
+def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
+    if loaded.torque_nm is not None or transmission.calibrated.all():
+        return []
+    if not transmission.calibrated.any():
+        return [
+            "Drive gains are nominal: an error in them is an error of the same size in the result. The intervals "
+            f"allow for {2 * transmission.deviation.max():.0%} (95 %) on each joint. Calibrate them with a weighed "
+            "payload: `armload calibrate-gains`."
+        ]
+    return [
+        f"The drive gains of joint {joint_list(~transmission.calibrated)} are nominal: the calibration could not "
+        "tell them."
+    ]
+
+
+def _on_signal(signal: LoadSignal) -> list[str]:
+    notes = []
+    lossy = np.flatnonzero(signal.smoothing_loss > SMOOTHING_LOSS_LIMIT)
+    if lossy.size:
+        listed = ", ".join(f"{joint + 1} ({signal.smoothing_loss[joint]:.0%})" for joint in lossy)
+        notes.append(
+            f"Smoothing took more than {SMOOTHING_LOSS_LIMIT:.0%} of the signal of joint {listed}: "
+            "it is mostly noise, or sampled too slowly."
+        )
+    if (~signal.valid).any():
+        notes.append(f"{np.count_nonzero(~signal.valid)} of {signal.valid.size} samples are holes and were not used.")
+    if signal.periodic and 0 < min(count for count in signal.periods if count) < _FEW_PERIODS:
+        notes.append(
+            "A run holds one period only, so that its noise was taken from the signal above the motion's band "
+            "and nothing shows whether the periods repeat each other. Record three or more."
+        )
+    return notes
+
+
+def _on_result(
+    fit: Estimate, friction: FrictionDifference | None, physical: PhysicalEstimate, uncertainty: Uncertainty
+) -> list[str]:
+    notes = []
+    if friction is not None and friction.load_joints.any():
+        listed = ", ".join(f"{j + 1} ({friction.load[j]:.3f})" for j in np.flatnonzero(friction.load_joints))
+        notes.append(f"Load-dependent friction was found, and taken out, on joint {listed}.")
+    if friction is not None and friction.viscous_joints.any():
+        listed = ", ".join(
+            f"{j + 1} ({friction.viscous_nm_s_rad[j]:+.2g} N m s/rad)" for j in np.flatnonzero(friction.viscous_joints)
+        )
+        notes.append(f"Viscous friction changed between the runs, and this was taken out, on joint {listed}.")
+    if fit.rank < fit.theta.size:
+        notes.append(
+            f"The motion determines {fit.rank} of {fit.theta.size} directions of the parameters; the rest was "
+            "chosen as a compact body and is marked as not determined."
+        )
+    if physical.changed and physical.plain_margin <= 0.0:
+        notes.append("The plain estimate is physically impossible; the nearest possible one is reported.")
+    if not uncertainty.determined[:4].any():
+        notes.append(
+            "Not even the mass is determined: the motion is too small or too slow, the runs are too short, or the "
+            "payload is too light for the noise. Design an excitation with `armload design` and record more periods."
+        )
+    elif uncertainty.undetermined_names:
+        notes.append("Not determined by these data: " + ", ".join(uncertainty.undetermined_names) + ".")
+    return notes
+
+
+def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
+    """Whether the unloaded run can be this arm's: its joints carry its own links and rub."""
+    if arm is None:
+        return []
+    loud = arm.torque_rms_nm > _LOUD * signal.averaged_noise_nm
+    speed = np.sqrt(np.mean(signal.velocity_rad_s**2, axis=0))
+    pushes = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed < -_PUSHES * arm.torque_rms_nm
+    strange = loud & ((arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm) | pushes)
+    if not strange.any():
+        return []
+    return [
+        f"The unloaded run's torque of joint {joint_list(strange)} is not that of this arm's links and friction: check "
+        "the joint order of positions and currents, and that the configuration belongs to this arm."
+    ]
+
+
+def _on_misfit(signal: LoadSignal, fit: Estimate) -> list[str]:
+    """Whether a payload explains the torque difference, of all joints and of each."""
+    torque, left = signal.torque_nm[signal.valid], fit.residual_nm[signal.valid]
+    measured = np.mean((torque * fit.weight_1_nm) ** 2)
+    misfit = np.mean((left * fit.weight_1_nm) ** 2)
+    if misfit > _POOR_FIT * measured:
+        return [
+            f"A payload explains only {1.0 - misfit / measured:.0%} of the torque difference: it is very light, or "
+            "columns, joint order or configuration do not belong to this arm."
+        ]
+    size, rest = np.sqrt(np.mean(torque**2, axis=0)), np.sqrt(np.mean(left**2, axis=0))
+    strange = (size > _LOUD * signal.averaged_noise_nm) & (rest > _POOR_FIT * size)
+    if not strange.any():
+        return []
+    return [
+        f"A payload does not explain the torque difference of joint {joint_list(strange)}: check the joint order of "
+        "positions and currents, and that the configuration belongs to this arm."
+    ]

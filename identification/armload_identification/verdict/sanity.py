@@ -1,0 +1,173 @@
+"""What is wrong with a pair of recordings, told before it becomes a wrong payload."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.estimation.least_squares import Estimate, estimate_reweighted
+from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.recording.recording import Recording
+from armload_identification.signals.joint_torque import Transmission, joint_torque
+from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.periods import whole_periods
+
+FloatArray = NDArray[np.float64]
+
+_MOVES_RAD: Final = 0.05
+_FEEDS_ENERGY: Final = -0.3
+"""Work over all turned-over energy below which a joint cannot be braked by friction."""
+_EXPLAINED: Final = 0.9
+_OPPOSED: Final = -0.8
+_CLEAR: Final = 5.0
+_STAYS: Final = 7
+"""A signal with any noise does not repeat its greatest value this often on end by chance."""
+_RATHER_THAN_CHANCE: Final = 3
+"""Nor where a coarse resolution lets it repeat other values, so much longer than these."""
+
+
+def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmission) -> None:
+    """Refuse recordings that are mixed up or whose torque cannot be right.
+
+    Friction takes energy from every motor over a run that ends where it began. A motor that gains energy has its
+    sign wrong.
+
+    Args:
+        loaded: Run with the payload.
+        unloaded: Run without it.
+        transmission: Gains and coupling.
+
+    Raises:
+        RecordingError: one file twice, labels exchanged, a torque column that stands still, or a wrong sign.
+    """
+    if loaded.source.sha256 == unloaded.source.sha256:
+        raise RecordingError(
+            f"{loaded.source.path} and {unloaded.source.path} are the same recording. "
+            "Give one run with and one run without the payload."
+        )
+    labels = (loaded.source.run().get("load"), unloaded.source.run().get("load"))
+    if labels[0] == "unloaded" or labels[1] == "loaded":
+        raise RecordingError(
+            f"{loaded.source.path} was recorded as '{labels[0]}' and {unloaded.source.path} as '{labels[1]}'. "
+            "Exchange the two files."
+        )
+    for run in (loaded, unloaded):
+        check_run(run, transmission)
+
+
+def check_run(run: Recording, transmission: Transmission) -> None:
+    """Refuse a run with a torque column that stands still, is cut off at a bound, or feeds energy in.
+
+    Args:
+        run: The run.
+        transmission: Gains and coupling.
+
+    Raises:
+        RecordingError: naming the joint and the remedy.
+    """
+    torque = joint_torque(run, transmission)
+    measured = torque if run.current_a is None or run.torque_nm is not None else run.current_a
+    moves = np.ptp(run.position_rad, axis=0) > _MOVES_RAD
+    still = np.flatnonzero(moves & (np.ptp(measured, axis=0) == 0.0))
+    if still.size:
+        raise RecordingError(
+            f"{run.source.path}: joint {still[0] + 1} moves, but its current or torque is always "
+            f"{measured[0, still[0]]:g}. Check the mapping of its 6077 or 6078, or the column map."
+        )
+    _refuse_saturation(run, measured, moves)
+    rows = _closed_part(run)
+    step = np.diff(run.position_rad[rows], axis=0)
+    work = 0.5 * (torque[rows][1:] + torque[rows][:-1]) * step
+    turned_over = np.sum(np.abs(work), axis=0)
+    share = np.divide(work.sum(axis=0), turned_over, out=np.zeros(run.n), where=turned_over > 0.0)
+    wrong = np.flatnonzero(moves & (share < _FEEDS_ENERGY))
+    if wrong.size or (moves.any() and work.sum() < 0.1 * _FEEDS_ENERGY * turned_over.sum()):
+        joints = ", ".join(str(joint + 1) for joint in wrong) or "several"
+        raise RecordingError(
+            f"{run.source.path}: the torque of joint {joints} pushes along the motion on the whole, so the motors "
+            "gain energy where friction should cost it. The sign of the current or torque is flipped: correct "
+            "it in the configuration or the log."
+        )
+
+
+def _refuse_saturation(run: Recording, measured: FloatArray, moves: NDArray[np.bool_]) -> None:
+    """Refuse a run in which a joint that moves stays at its greatest value, and nowhere else so long."""
+    for joint in np.flatnonzero(moves):
+        values = measured[:, joint]
+        bound = float(np.abs(values).max())
+        at_bound = np.abs(values) >= bound * (1.0 - 1e-9)
+        repeated = np.diff(values, prepend=np.nan) == 0.0
+        stays = _longest(at_bound & repeated)
+        if stays >= _STAYS and stays >= _RATHER_THAN_CHANCE * _longest(repeated & ~at_bound):
+            raise RecordingError(
+                f"{run.source.path}: joint {joint + 1} stays at its greatest value of {bound:.4g} for {stays + 1} "
+                "samples on end: the drive or the measurement is saturated, and the torque beyond is lost. "
+                "Record a slower run, or raise the drive's current limit."
+            )
+
+
+def _longest(flags: NDArray[np.bool_]) -> int:
+    """Length of the longest stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _closed_part(run: Recording) -> NDArray[np.intp]:
+    """Rows of a motion that ends where it began: whole periods, or all of it; none where it does not close."""
+    if run.phase_s is not None and run.excitation is not None:
+        inside = np.flatnonzero(np.isfinite(run.phase_s))
+        length_s = whole_periods(run) * run.excitation.trajectory.period_s
+        return inside[run.phase_s[inside] <= run.phase_s[inside[:1]] + length_s] if length_s else inside[:0]
+    if (np.abs(run.position_rad[-1] - run.position_rad[0]) < _MOVES_RAD).all():
+        return np.arange(run.time_s.size)
+    return np.empty(0, dtype=np.intp)
+
+
+def check_signs(signal: LoadSignal, regressor: FloatArray, fit: Estimate) -> None:
+    """Refuse a fit in which one joint contradicts all others.
+
+    Args:
+        signal: The torque difference.
+        regressor: (K, n, 10) Phi.
+        fit: The fit to all joints.
+
+    Raises:
+        RecordingError: a joint measures about the opposite of what the others ask of it.
+    """
+    measured = signal.torque_nm[signal.valid]
+    loud = np.sqrt(np.mean(measured**2, axis=0)) > _CLEAR * signal.averaged_noise_nm / np.sqrt(len(measured))
+    left = np.mean(fit.residual_nm[signal.valid] ** 2, axis=0) > (1.0 - _EXPLAINED) * np.mean(measured**2, axis=0)
+    for joint in np.flatnonzero(loud & left):
+        others = np.arange(measured.shape[1]) != joint
+        alone = estimate_reweighted(
+            regressor[:, others], signal.torque_nm[:, others], signal.valid, signal.averaged_noise_nm[others]
+        )
+        if alone.rank < regressor.shape[2]:
+            continue
+        predicted = (regressor[signal.valid][:, joint]) @ alone.theta
+        size = np.sqrt(np.mean(predicted**2) * np.mean(measured[:, joint] ** 2))
+        if size > 0.0 and np.mean(predicted * measured[:, joint]) < _OPPOSED * size:
+            raise RecordingError(
+                f"joint {joint + 1} measures the opposite of the payload torque that the other joints ask of it. "
+                "The sign of its current or torque is flipped: correct it in the configuration or the log."
+            )
+
+
+def explain_negative_mass(mass_kg: float, half_width_kg: float) -> EstimationError:
+    """The error for a mass that no payload has.
+
+    Args:
+        mass_kg: Plain estimate, not above 0.
+        half_width_kg: Half width of its 95 % interval.
+    """
+    if abs(mass_kg) <= half_width_kg:
+        return EstimationError(
+            f"the two runs do not differ by a payload: the mass comes out as {mass_kg:.3g} kg +- "
+            f"{half_width_kg:.2g} kg. Check that the payload was mounted in the loaded run."
+        )
+    return EstimationError(
+        f"the mass comes out negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. The loaded and the unloaded "
+        "recording are exchanged: exchange them."
+    )

@@ -1,0 +1,322 @@
+"""The command line as its user meets it: what it prints, and what it answers to wrong input."""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armload_controller.cli.design_command import CriterionName
+from armload_controller.config.robot import load_robot
+from armload_identification.excitation.fourier import (
+    CRITERIA,
+    Excitation,
+    FourierTrajectory,
+    read_excitation,
+    write_excitation,
+)
+from armload_identification.files.payload_file import read_payload, write_payload
+from armload_identification.model.payload import InertialParameters
+from armload_identification.recording.recording import read_recording
+from armload_identification.verdict.validation import validate
+
+PROGRAM = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
+CONFIGS = Path(str(resources.files("armload_configs")))
+
+
+@pytest.fixture(scope="module")
+def short_robot(tmp_path_factory):
+    """prbt with excitations of two periods of 2 s, so that a commissioning takes seconds."""
+    folder = tmp_path_factory.mktemp("robot")
+    text = (CONFIGS / "prbt.toml").read_text()
+    for seed, role in enumerate(("identification", "validation")):
+        rng = np.random.default_rng(seed)
+        swing = 0.07 * rng.choice([-1.0, 1.0], (2, 6, 2)) / np.array([1.0, 2.0])
+        trajectory = FourierTrajectory(0.5, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), swing[0], swing[1])
+        write_excitation(folder / f"{role}.toml", Excitation(trajectory, 2))
+        text = re.sub(rf'^{role} = ".*"$', f'{role} = "{role}.toml"', text, flags=re.MULTILINE)
+    path = folder / "short.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture(scope="module")
+def commissioned(armload, short_robot, tmp_path_factory):
+    """Folder and console text of one commissioning."""
+    output = tmp_path_factory.mktemp("commissioned") / "run"
+    result = armload("commission", short_robot, "--output", output)
+    assert result.exit_code == 0, result.output
+    return output, result.output
+
+
+def test_commission_leaves_recordings_payload_and_report(commissioned):
+    output, printed = commissioned
+    assert sorted(p.name for p in output.iterdir()) == [
+        "loaded_identification.mcap",
+        "loaded_validation.mcap",
+        "payload.toml",
+        "report.html",
+        "unloaded_identification.mcap",
+        "unloaded_validation.mcap",
+    ]
+    payload = read_payload(output / "payload.toml")
+    assert payload.model.mass_kg == pytest.approx(3.0, rel=0.1)
+    assert payload.model.is_physical
+    assert "truth" in printed
+    assert "residual" in printed
+    assert str(output / "report.html") in printed
+
+
+def test_what_is_not_determined_is_not_printed_as_a_number(commissioned):
+    output, printed = commissioned
+    payload = read_payload(output / "payload.toml")
+    assert not payload.determined[4:].all()
+    for name, determined in zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), payload.determined[4:], strict=True):
+        row = next(line for line in printed.splitlines() if re.search(rf"\b{name}\b", line) and "kg m2" in line)
+        assert ("not determined" in row) == (not determined)
+
+
+def test_identify_and_validate_take_the_recordings_again(commissioned, armload, short_robot, tmp_path):
+    output, _ = commissioned
+    file = tmp_path / "again.toml"
+    pair = ["--loaded", output / "loaded_identification.mcap", "--unloaded", output / "unloaded_identification.mcap"]
+    result = armload("identify", short_robot, *pair, "-o", file)
+    assert result.exit_code == 0, result.output
+    assert read_payload(file).model.mass_kg == read_payload(output / "payload.toml").model.mass_kg
+    fresh = ["--loaded", output / "loaded_validation.mcap", "--unloaded", output / "unloaded_validation.mcap"]
+    result = armload("validate", short_robot, file, *fresh)
+    assert result.exit_code in (0, 2)
+    assert ("passed" in result.output) == (result.exit_code == 0)
+
+
+def test_validate_fails_on_another_payload(commissioned, armload, short_robot, tmp_path):
+    output, _ = commissioned
+    result = read_payload(output / "payload.toml")
+    doubled = InertialParameters(2 * result.model.theta)
+    wrong = tmp_path / "wrong.toml"
+    write_payload(wrong, replace(result, model=doubled, determined=np.zeros(10, dtype=bool)))
+    fresh = ["--loaded", output / "loaded_validation.mcap", "--unloaded", output / "unloaded_validation.mcap"]
+    result = armload("validate", short_robot, wrong, *fresh)
+    assert result.exit_code == 2
+    assert "FAILED on" in result.output
+
+
+def test_the_second_half_takes_up_the_first(armload, short_robot, tmp_path):
+    output = tmp_path / "halves"
+    first = armload("commission", short_robot, "--runs", "unloaded", "--output", output)
+    assert first.exit_code == 0, first.output
+    assert "--runs loaded" in first.output
+    assert not (output / "payload.toml").exists()
+    second = armload("commission", short_robot, "--runs", "loaded", "--output", output)
+    assert second.exit_code == 0, second.output
+    assert (output / "payload.toml").exists()
+
+
+def test_the_second_half_without_the_first_is_refused(armload, short_robot, tmp_path):
+    result = armload("commission", short_robot, "--runs", "loaded", "--output", tmp_path / "empty")
+    assert result.exit_code == 1
+    assert "--runs unloaded" in str(result.exception)
+    result = armload("commission", short_robot, "--runs", "loaded")
+    assert "--output" in str(result.exception)
+
+
+def test_recordings_are_not_overwritten(commissioned, armload, short_robot):
+    output, _ = commissioned
+    before = (output / "unloaded_identification.mcap").read_bytes()
+    result = armload("commission", short_robot, "--output", output)
+    assert result.exit_code == 1
+    assert "none is overwritten" in str(result.exception)
+    assert (output / "unloaded_identification.mcap").read_bytes() == before
+
+
+def test_an_excitation_beyond_the_limits_switches_nothing_on(armload, short_robot, tmp_path):
+    shutil.copytree(short_robot.parent, tmp_path / "robot")
+    tight = tmp_path / "robot" / "tight.toml"
+    tight.write_text(short_robot.read_text().replace("position_max_rad = 2.3562", "position_max_rad = 1.3", 1))
+    result = armload("commission", tight, "--output", tmp_path / "run")
+    assert "prbt_joint_3: position" in str(result.exception)
+    assert "connecting" not in result.output
+
+
+def test_a_stopped_run_does_not_count_and_is_made_again(armload, short_robot, commissioned, tmp_path):
+    """What a stop leaves: three whole recordings and a partial one."""
+    complete, _ = commissioned
+    output = tmp_path / "stopped"
+    shutil.copytree(complete, output)
+    (output / "loaded_validation.mcap").rename(output / "loaded_validation.partial.mcap")
+    (output / "payload.toml").unlink()
+    result = armload("commission", short_robot, "--output", output)
+    assert result.exit_code == 0, result.output
+    assert "unloaded: recorded already" in result.output
+    assert "identification run" not in result.output
+    assert (output / "loaded_validation.mcap").exists()
+    assert (output / "loaded_validation.partial.mcap").exists()
+    assert (output / "payload.toml").exists()
+
+
+def test_the_verdict_is_about_the_validation_runs(commissioned, short_robot):
+    output, printed = commissioned
+    robot = load_robot(str(short_robot))
+    loaded, unloaded = (read_recording(output / f"{load}_validation.mcap") for load in ("loaded", "unloaded"))
+    model = read_payload(output / "payload.toml").model
+    judged = validate(loaded, unloaded, robot.chain(), robot.transmission(), model)
+    for name, residual in zip(robot.joint_names, judged.residual_rms_nm, strict=True):
+        row = next(line for line in printed.splitlines() if name in line)
+        assert f"{residual:.3f}" in row
+
+
+def test_an_output_that_is_a_file_is_refused(armload, short_robot, tmp_path):
+    file = tmp_path / "file.txt"
+    file.write_text("precious")
+    result = armload("commission", short_robot, "--output", file)
+    assert "cannot be made" in str(result.exception)
+    assert file.read_text() == "precious"
+
+
+def test_recordings_of_another_robot_are_refused(commissioned, armload):
+    output, _ = commissioned
+    pair = ["--loaded", output / "loaded_identification.mcap", "--unloaded", output / "unloaded_identification.mcap"]
+    result = armload("identify", "er50", *pair)
+    assert "recorded on prbt, not on er50" in str(result.exception)
+
+
+def test_a_payload_in_another_frame_is_refused(commissioned, armload, short_robot, tmp_path):
+    output, _ = commissioned
+    file = tmp_path / "wrist.toml"
+    file.write_text((output / "payload.toml").read_text().replace('frame = "flange"', 'frame = "wrist"'))
+    pair = ["--loaded", output / "loaded_validation.mcap", "--unloaded", output / "unloaded_validation.mcap"]
+    result = armload("validate", short_robot, file, *pair)
+    assert "'wrist'" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("signal_name", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGTSTP", 130), ("SIGHUP", 143)]
+)
+def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, status):
+    output = tmp_path / "run"
+    running = subprocess.Popen(
+        [*PROGRAM, "commission", str(short_robot), "--output", str(output)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    for line in running.stdout:
+        if "connecting" in line:
+            break
+    while not list(output.glob("*.mcap")):
+        assert running.poll() is None
+    running.send_signal(getattr(signal, signal_name))
+    _, errors = running.communicate(timeout=60)
+    assert running.returncode == status, errors
+    assert "Traceback" not in errors
+    assert not list(output.glob("unloaded_identification.mcap"))
+
+
+@pytest.mark.parametrize("interface", ["socketcan", "slcan"])
+def test_any_other_bus_is_refused(armload, interface, tmp_path):
+    result = armload("commission", "er50", "--interface", interface, "--channel", "can0", "--output", tmp_path / "x")
+    assert result.exit_code == 1
+    assert "--simulated-drives" in str(result.exception)
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_cycle_that_does_not_fit_the_bus_is_refused(armload, tmp_path):
+    result = armload("commission", "er50", "--cycle-hz", "900", "--output", tmp_path / "x")
+    assert "command line: bus.cycle_hz = 900.0" in str(result.exception)
+    assert not (tmp_path / "x").exists()
+
+
+def test_simulate_needs_a_bus_that_others_can_reach(armload):
+    assert "--interface" in str(armload("simulate", "er50").exception)
+
+
+def test_simulate_names_the_payloads(armload):
+    result = armload("simulate", "er50", "--interface", "socketcan", "--channel", "vcan0", "--payload", "crate")
+    assert "paper" in str(result.exception)
+
+
+def test_identify_without_unloaded_is_refused_with_the_reason(commissioned, armload, short_robot):
+    output, _ = commissioned
+    result = armload("identify", short_robot, "--loaded", output / "loaded_identification.mcap")
+    assert result.exit_code == 1
+    assert "--unloaded" in str(result.exception)
+
+
+def test_design_writes_an_excitation_and_how_it_was_made(armload, tmp_path):
+    for robot in ("prbt.toml", "prbt_identification.toml", "prbt_validation.toml"):
+        shutil.copy(CONFIGS / robot, tmp_path)
+    words = ["design", tmp_path / "prbt.toml", "-o", tmp_path / "new.toml", "--restarts", "1", "--harmonics", "2"]
+    result = armload(*words, "--period-s", "5", "--seed", "4")
+    assert result.exit_code == 0, result.output
+    excitation = read_excitation(tmp_path / "new.toml")
+    assert excitation.trajectory.harmonics == 2
+    assert excitation.trajectory.period_s == pytest.approx(5.0)
+    assert "--seed 4" in excitation.design["command"]
+
+
+def test_design_chooses_the_period_on_request(armload, tmp_path):
+    words = [
+        "design",
+        "prbt",
+        "-o",
+        tmp_path / "auto.toml",
+        "--restarts",
+        "1",
+        "--harmonics",
+        "1",
+        "--period-s",
+        "auto",
+    ]
+    result = armload(*words)
+    assert result.exit_code == 0, result.output
+    excitation = read_excitation(tmp_path / "auto.toml")
+    assert 2.0 <= excitation.trajectory.period_s < 10.0
+    assert excitation.trajectory.period_s * 100 == pytest.approx(round(excitation.trajectory.period_s * 100))
+    assert excitation.periods * excitation.trajectory.period_s >= 30.0 - 1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--period-s", "10.005"], "10.005 s is 1000.500 cycles at 100 Hz.*give 10 or 10.01"),
+        (["--period-s", "0.4"], "harmonic 5 of 0.4 s has 8.0 setpoints a period.*--period-s 0.5 or more"),
+        (["--period-s", "-1"], "'-1' is no period"),
+        (["--period-s", "nan"], "'nan' is no period"),
+        (["--seed", "-1"], "--seed.*greater than or equal to 0"),
+        (["--harmonics", "0"], "--harmonics.*greater than or equal to 1"),
+        (["--periods", "0"], "--periods.*greater than or equal to 1"),
+        (["--criterion", "best"], "--criterion.*'a-optimal', 'a-optimal-mean'"),
+    ],
+)
+def test_design_refuses_what_makes_no_sense_before_it_works(armload, tmp_path, options, text):
+    result = armload("design", "prbt", "-o", tmp_path / "x.toml", *options)
+    assert result.exit_code == 2
+    assert re.search(text, " ".join(re.sub("[│╭╮╰╯─]", " ", result.output).split())), result.output
+    assert not (tmp_path / "x.toml").exists()
+
+
+def test_every_criterion_can_be_named(armload):
+    assert tuple(CriterionName) == CRITERIA
+
+
+def program(*words):
+    return subprocess.run([*PROGRAM, *words], capture_output=True, text=True, check=False)
+
+
+def test_errors_are_one_line_with_the_fix_and_no_traceback():
+    done = program("commission", "nonsense")
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("error: ")
+    assert "er50, prbt, ur10e" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_version():
+    assert program("--version").stdout.startswith("armload 0.")

@@ -1,0 +1,113 @@
+"""`armload export`: files, what is in their way, and what the operator is told."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from armload_controller.cli.main import app
+from armload_controller.control_errors import ExportError
+from armload_controller.export.export_files import write_texts
+from armload_controller.export.format_registry import ExportFormat
+from armload_identification.files.payload_file import write_payload
+from armload_identification.model.payload import PARAMETER_NAMES
+
+pytestmark = pytest.mark.pure
+
+TWO = {"a.h": "header\n", "a.c": "source\n"}
+ONE = {"a.txt": "text\n"}
+
+
+@pytest.fixture
+def export(tmp_path, make_subject):
+    """Run the command on a payload file of the prbt; errors keep their type."""
+
+    def export(*words, undetermined=(), robot="prbt"):
+        path = tmp_path / "payload.toml"
+        payload = make_subject("prbt").payload
+        known = np.array([name not in undetermined for name in PARAMETER_NAMES])
+        write_payload(path, replace(payload, determined=known))
+        return CliRunner().invoke(
+            app, ["export", str(path), "--robot", robot, *map(str, words)], env={"COLUMNS": "300"}
+        )
+
+    return export
+
+
+@pytest.mark.parametrize("export_format", ExportFormat)
+def test_every_format_writes_files_and_says_so(export, tmp_path, export_format):
+    folder = tmp_path / "new" / "folder"
+    result = export("--format", export_format, "--output", folder)
+    assert result.exit_code == 0, result.output
+    written = sorted(folder.iterdir())
+    assert len(written) == (2 if export_format in ("c", "ros2") else 1)
+    assert sorted(result.output.splitlines()) == [f"written: {path}" for path in written]
+    again = export("--format", export_format, "--output", folder)
+    assert sorted(again.output.splitlines()) == [f"unchanged: {path}" for path in written]
+
+
+def test_without_output_the_files_go_where_one_stands(export, tmp_path):
+    with contextlib.chdir(tmp_path):
+        assert export("--format", "ur").exit_code == 0
+    assert (tmp_path / "prbt_payload.script").read_text().splitlines()[-1].startswith("set_target_payload(2.7, ")
+
+
+def test_a_single_text_goes_into_the_file_named(export, tmp_path):
+    assert export("--format", "abb", "--output", tmp_path / "load.mod").exit_code == 0
+    assert "PERS loaddata prbt_load" in (tmp_path / "load.mod").read_text()
+
+
+def test_the_operator_is_told_what_is_not_determined(export, tmp_path):
+    result = export("--format", "kuka", "--output", tmp_path, undetermined=("ixx", "iyz"))
+    assert "note: not determined: ixx, iyz; the exported text says what is written for them" in result.output
+
+
+def test_the_operator_is_told_of_another_configuration(export, tmp_path):
+    result = export("--format", "kuka", "--output", tmp_path, robot="ur10e")
+    assert f"note: {tmp_path / 'payload.toml'} was identified with another configuration than ur10e's" in result.output
+
+
+def test_nothing_is_written_without_the_centre_of_mass(export, tmp_path):
+    result = export("--format", "c", "--output", tmp_path / "out", undetermined=("cy",))
+    assert isinstance(result.exception, ExportError)
+    assert str(result.exception).startswith(f"{tmp_path / 'payload.toml'}: not determined: cy; ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_format_is_refused_with_the_known_ones(export):
+    result = export("--format", "staubli")
+    assert result.exit_code == 2
+    for export_format in ExportFormat:
+        assert f"'{export_format}'" in result.output
+
+
+def test_a_file_with_another_content_is_in_the_way_of_all(tmp_path):
+    (tmp_path / "a.c").write_text("somebody's\n")
+    with pytest.raises(ExportError, match=r"a\.c: is there already with another content; remove it, or give another"):
+        write_texts(TWO, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.c"]
+    assert (tmp_path / "a.c").read_text() == "somebody's\n"
+
+
+def test_a_file_with_the_same_content_is_left_alone(tmp_path):
+    (tmp_path / "a.c").write_text(TWO["a.c"])
+    before = (tmp_path / "a.c").stat().st_mtime_ns
+    assert write_texts(TWO, tmp_path) == {tmp_path / "a.h": True, tmp_path / "a.c": False}
+    assert (tmp_path / "a.c").stat().st_mtime_ns == before
+
+
+def test_a_folder_may_have_a_suffix(tmp_path):
+    folder = tmp_path / "run.2"
+    folder.mkdir()
+    assert write_texts(ONE, folder) == {folder / "a.txt": True}
+    assert write_texts(TWO, tmp_path / "run.3") == {tmp_path / "run.3" / name: True for name in TWO}
+
+
+def test_a_file_where_a_folder_is_needed_is_an_error_that_names_it(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ExportError, match=r"file: cannot be written: (File exists|Not a directory)"):
+        write_texts(TWO, tmp_path / "file")

@@ -1,0 +1,145 @@
+"""`armload feedforward` as its user meets it."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.cycle.control_cycle import Cycle
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.motion.motion_control import MotionControl
+from armload_controller.motion.setpoints import plan_legs
+from armload_controller.session.arm_access import simulated_arm
+from armload_controller.session.commissioning import Load, run_leg
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory, read_excitation, write_excitation
+from armload_identification.files.payload_file import write_payload
+from armload_identification.model.payload import PayloadResult, Provenance
+
+SWING_RAD = np.array([[0.2, 0.9, 0.0, 0.0, 0.3, 0.2], [0.0, 0.0, 0.9, 0.2, -0.7, 0.0]])[:, :, None]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A sweep of one harmonic in 4 s, and the simulated payload as a payload file."""
+    folder = tmp_path_factory.mktemp("feedforward")
+    offset = np.array([0.0, 0.5, 1.2, 0.0, 0.6, 0.0])
+    sweep = FourierTrajectory(0.25, offset, *SWING_RAD)
+    write_excitation(folder / "sweep.toml", Excitation(sweep, 1))
+    shipped = load_robot("prbt").excitations["identification"].trajectory
+    write_excitation(folder / "long.toml", Excitation(shipped, 2))
+    body = load_robot("prbt").simulated_payload("block")
+    values = np.stack([body.values, body.values], axis=1)
+    known = np.ones(10, dtype=bool)
+    result = PayloadResult("flange", body, known, values, np.ones(6), np.ones(6), Provenance("0", "0", {}))
+    write_payload(folder / "payload.toml", result)
+    unknown = known.copy()
+    unknown[1] = False
+    interval = np.where(unknown[:, None], values, np.nan)
+    write_payload(folder / "unknown.toml", replace(result, determined=unknown, interval_95=interval))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def compared(armload, folder):
+    words = ["feedforward", "prbt", folder / "payload.toml", "--compare", "--mounted", "block"]
+    result = armload(*words, "--excitation", folder / "sweep.toml", "--picture", folder / "ff.svg")
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_the_payloads_share_of_the_following_error_falls(compared, folder):
+    lines = [line for line in compared.splitlines() if "% less" in line]
+    rows = {re.search(r"prbt_joint_\d", line)[0]: re.findall(r"(-?[\d.]+) % less", line) for line in lines}
+    assert set(rows) == {f"prbt_joint_{i}" for i in range(1, 7)}
+    starred = re.findall(r"(prbt_joint_\d) \*", compared)
+    assert {"prbt_joint_2", "prbt_joint_3", "prbt_joint_5"} == set(starred)
+    for joint in ("prbt_joint_2", "prbt_joint_3"):
+        identified, ideal = (float(share) for share in rows[joint])
+        assert identified > 40.0
+        assert ideal == pytest.approx(identified, abs=3.0)
+    svg = (folder / "ff.svg").read_text()
+    assert svg.lstrip().startswith("<?xml")
+
+
+@pytest.fixture(scope="module")
+def with_body(armload, folder):
+    """The comparison with the arm's body as `identify-body` finds it."""
+    robot = load_robot("prbt")
+    with simulated_arm(robot, Load.UNLOADED) as servos, Recorder(folder / "empty.mcap", recorded_with(folder)) as kept:
+        servos.connect()
+        limits = robot.motion_limits()
+        cycle = Cycle(servos, limits, TorqueGate(robot.torque_max_nm(), 0.01), MotionControl(), [kept])
+        leg = plan_legs(read_excitation(folder / "long.toml"), limits, 0.01).measured
+        run_leg(cycle, leg, limits, robot.cell(), lambda done: None)
+    found = armload("identify-body", "prbt", folder / "empty.mcap", "-o", folder / "body.toml")
+    assert found.exit_code == 0, found.output
+    words = ["feedforward", "prbt", folder / "payload.toml", "--compare", "--mounted", "block"]
+    words += ["--body", folder / "body.toml"]
+    result = armload(*words, "--excitation", folder / "sweep.toml", "--picture", folder / "body.svg")
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def recorded_with(folder):
+    return {
+        "excitation.toml": (folder / "long.toml").read_text(),
+        "run.json": '{"robot": "prbt", "load": "unloaded", "cycle_hz": 100}',
+    }
+
+
+def test_with_a_body_the_arms_own_torque_is_a_third_curve(with_body, folder):
+    assert "What the payload adds to the following error, RMS over time" in with_body
+    first, second = with_body.split("Following error beyond the servo's lag, RMS over time")
+    for text, columns in ((first, 3), (second, 3)):
+        for joint in range(1, 7):
+            (row,) = [line for line in text.splitlines() if f"prbt_joint_{joint} " in line and "% less" in line]
+            assert len(re.findall("% less", row)) == columns
+    (row,) = [line for line in second.splitlines() if "prbt_joint_3" in line and "% less" in line]
+    payload, _, arm = (float(share) for share in re.findall(r"(-?[\d.]+) % less", row))
+    assert arm > payload + 10.0
+    assert "no torque is added on" not in with_body
+    assert "payload and arm: " in (folder / "body.svg").read_text()
+
+
+def test_a_body_of_another_arm_is_refused_before_anything_moves(armload, folder, with_body):
+    words = ["feedforward", "er50", folder / "payload.toml", "--body", folder / "body.toml"]
+    result = armload(*words)
+    assert result.exit_code == 1
+    assert "coupled differently" in str(result.exception)
+
+
+def test_the_offset_is_tried_and_what_is_left_out_is_said(compared):
+    assert re.search(r"torque offset tried at standstill, answered with: prbt_joint_2 \d+ %", compared)
+    assert "no torque is added on prbt_joint_1" in compared
+
+
+def test_without_compare_the_offset_is_tried_and_nothing_else(armload, folder):
+    result = armload("feedforward", "prbt", folder / "payload.toml", "--mounted", "block")
+    assert result.exit_code == 0, result.output
+    assert "tried at standstill" in result.output
+    assert "less" not in result.output
+
+
+def test_a_payload_that_is_not_determined_switches_nothing_on(armload, folder):
+    result = armload("feedforward", "prbt", folder / "unknown.toml", "--compare")
+    assert result.exit_code == 1
+    assert "not determined: cx; a payload is fed forward only with" in str(result.exception)
+    assert "slow round" not in result.output
+
+
+def test_an_unknown_payload_to_mount_is_refused(armload, folder):
+    assert "block, gripper" in str(armload("feedforward", "prbt", folder / "payload.toml", "--mounted", "x").exception)
+
+
+def test_a_picture_that_is_no_picture_is_refused_before_anything_moves(armload, folder):
+    result = armload("feedforward", "prbt", folder / "payload.toml", "--compare", "--picture", folder / "ff.pdf")
+    assert ".svg or .png" in str(result.exception)
+    assert "slow round" not in result.output
+
+
+def test_any_other_bus_is_refused(armload, folder):
+    result = armload("feedforward", "prbt", folder / "payload.toml", "--interface", "socketcan", "--channel", "can0")
+    assert "--simulated-drives" in str(result.exception)

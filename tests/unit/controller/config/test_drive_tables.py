@@ -1,0 +1,110 @@
+"""`[bus]` and `[joints.drive]` of a robot's file, as the driver layer gets them."""
+
+import math
+from importlib import resources
+
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import ConfigurationError
+from armload_drivers.cia402.object_dictionary import DataType
+
+EDS = """\
+[DeviceInfo]
+VendorNumber=0x1AB
+[6040]
+ParameterName=Controlword
+DataType=0x6
+AccessType=rww
+"""
+
+
+@pytest.fixture
+def edited(tmp_path):
+    """A copy of er50 without its twin and excitations, with a text replaced once."""
+    text = (resources.files("armload_configs") / "er50.toml").read_text("utf-8")
+
+    def make(old="", new="", twin=False):
+        assert old in text
+        changed = text.replace(old, new, 1)
+        changed = "\n".join(
+            line
+            for line in changed.splitlines()
+            if not line.startswith(("identification =", "validation =", "[excitation]"))
+        )
+        if not twin:
+            changed = changed[: changed.index("[simulation]")]
+        path = tmp_path / "arm.toml"
+        path.write_text(changed)
+        (tmp_path / "drive.eds").write_text(EDS)
+        (tmp_path / "broken.eds").write_text("nonsense")
+        return str(path)
+
+    return make
+
+
+def drive(path, axis=0):
+    return load_robot(path).arm_settings().drives[axis]
+
+
+def test_a_scale_may_be_left_to_a_real_drive(edited):
+    settings = drive(edited("rated_current_a = 10.0", ""))
+    assert settings.rated_current_a is None
+    assert settings.gear_ratio == 120
+    assert settings.counts_per_rad == pytest.approx(120 * 2**17 / (2 * math.pi))
+    with pytest.raises(ConfigurationError, match="a simulated drive needs its scale"):
+        load_robot(edited("rated_current_a = 10.0", "", twin=True))
+
+
+def test_a_vendors_object_for_the_effort(edited):
+    table = 'effort_object = { index = 0x30D1, subindex = 2, type = "i32", a_per_unit = 0.001 }'
+    effort = drive(edited("has_brake = true", "has_brake = true\n" + table)).vendor_effort
+    assert (effort.index, effort.subindex, effort.type, effort.per_unit) == (0x30D1, 2, DataType.I32, 0.001)
+
+
+def test_a_vendors_object_for_a_temperature(edited):
+    table = 'temperature_object = { index = 0x3201, subindex = 1, type = "i16", celsius_per_unit = 0.1 }'
+    told = drive(edited("has_brake = true", "has_brake = true\n" + table)).temperature
+    assert (told.index, told.subindex, told.type, told.celsius_per_unit) == (0x3201, 1, DataType.I16, 0.1)
+    assert drive(edited()).temperature is None
+
+
+def test_what_a_drive_may_lack_is_named(edited):
+    settings = drive(edited("has_brake = true", 'has_brake = true\naccept_missing = ["605a", "6007"]'))
+    assert settings.accept_missing == {"605A", "6007"}
+
+
+def test_a_device_description_beside_the_file(edited):
+    settings = drive(edited("has_brake = true", 'has_brake = true\ndescription = "drive.eds"'))
+    assert settings.description.vendor_id == 0x1AB
+
+
+def test_the_bus(edited):
+    arm = load_robot(edited("[bus]", "[bus]\nsync_counter = 10\nother_nodes = [20]")).arm_settings()
+    assert (arm.sync_counter, arm.other_nodes) == (10, {20})
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("has_brake = true", 'has_brake = true\naccept_missing = ["6007h"]', "four hexadecimal digits"),
+        ("has_brake = true", 'has_brake = true\ndescription = "missing.eds"', "cannot be read"),
+        ("has_brake = true", 'has_brake = true\ndescription = "broken.eds"', "no section describes an object"),
+        (
+            "has_brake = true",
+            'has_brake = true\neffort_object = { index = 0x30D1, subindex = 2, type = "i32" }',
+            "give one scale",
+        ),
+        (
+            "has_brake = true",
+            'has_brake = true\neffort_object = { index = 0x30D1, subindex = 2, type = "i32", nm_per_unit = 0.1 }',
+            "needs effort_object.a_per_unit",
+        ),
+        ("[bus]", "[bus]\nsync_counter = 1", "2 to 240"),
+        ("[bus]", "[bus]\nother_nodes = [200]", "127"),
+    ],
+)
+def test_what_is_wrong_is_named(edited, old, new, words):
+    with pytest.raises(ConfigurationError) as raised:
+        load_robot(edited(old, new))
+    assert words in str(raised.value)

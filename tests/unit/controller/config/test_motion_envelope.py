@@ -1,0 +1,161 @@
+"""`[workspace]`, `[body]` and the torque shares of a robot's file: what ships, and what a wrong one is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import ConfigurationError
+
+
+def test_er50_stands_a_metre_above_the_floor_on_a_pedestal():
+    workspace = load_robot("er50").workspace()
+    assert {"floor", "pedestal", "link 1 to tool"} <= set(workspace.names)
+    stretched = np.array([[0.0, 1.5707963, -1.5707963 + 0.176, 0.0, 0.0, 0.0]])
+    floor = workspace.clearances(stretched)[0, [name == "floor" for name in workspace.names]]
+    centre = workspace.centres(stretched[0])[:, 2]
+    assert floor.min() == pytest.approx(
+        min(c + 1.0 - s.radius_m for c, s in zip(centre, workspace.spheres, strict=True))
+    )
+
+
+def test_er50_keeps_a_stated_share_of_its_torque_for_itself():
+    arm = load_robot("er50")
+    limits = arm.envelope(0.1, 0.7, 0.8).torque
+    share = np.array([0.35, 0.45, 0.35, 0.2, 0.2, 0.2])
+    np.testing.assert_allclose(limits.available_nm, 0.8 * (1.0 - share) * arm.torque_max_nm())
+    assert limits.payload.mass_kg == 16.0
+    assert not limits.body.links.any()
+
+
+def test_prbt_knows_its_body_from_its_maker_and_not_from_the_simulation():
+    arm = load_robot("prbt")
+    limits = arm.envelope(0.1, 0.7, 0.8).torque
+    np.testing.assert_allclose(limits.body.links[:, 0], [7.1, 1.7, 4.8, 0.9, 2.6, 0.02])
+    np.testing.assert_allclose(limits.available_nm, 0.8 * arm.torque_max_nm() - [11.0, 10.0, 4.5, 3.8, 3.5, 7.0])
+    assert limits.payload.mass_kg == 6.0
+
+
+def test_without_a_simulation_the_envelope_is_the_same(edited):
+    arm = load_robot("prbt")
+    text = Path(edited("[robot]", "[robot]", "prbt"))
+    text.write_text(text.read_text().split("# The simulated arm")[0])
+    alone = load_robot(str(text)).envelope(0.1, 0.7, 0.8)
+    np.testing.assert_array_equal(alone.torque.available_nm, arm.envelope(0.1, 0.7, 0.8).torque.available_nm)
+
+
+def test_the_following_error_limits_the_speed_where_the_lag_is_told(edited):
+    assert load_robot("er50").excitation_limits().velocity_max_rad_s[5] == pytest.approx(0.2 / 0.045)
+    slow = load_robot(edited("following_error_rad = 0.2", "following_error_rad = 0.02", "er50", count=1))
+    assert slow.excitation_limits().velocity_max_rad_s[0] == pytest.approx(0.02 / 0.045)
+    untold = load_robot(edited("following_lag_s = 0.045", "#", "er50", count=6))
+    np.testing.assert_array_equal(untold.excitation_limits().velocity_max_rad_s, [2.0, 2.0, 2.4, 4.0, 4.0, 5.0])
+
+
+def test_a_robot_without_a_workspace_has_nothing_in_its_way():
+    arm = load_robot("ur10e")
+    assert not arm.knows_workspace
+    assert arm.workspace().names == ()
+
+
+def test_planes_boxes_and_cells_become_obstacles(edited):
+    more = """[workspace]
+inside = { min_m = [-1.0, -1.1, -0.1], max_m = [1.0, 1.1, 1.5] }
+half_spaces = [{ name = "wall", normal = [0.0, -3.0, 0.0], offset_m = -0.8, links = [5, "tool"] }]
+boxes = [{ name = "table", xyz_m = [0.9, 0.0, 0.0], rpy_rad = [0.0, 0.0, 0.3], size_m = [0.4, 0.4, 0.4] }]
+"""
+    workspace = load_robot(edited("[workspace]\n", more, "prbt")).workspace()
+    assert {"inside, -x", "inside, +z", "wall", "table", "floor"} <= set(workspace.names)
+    q = np.zeros((1, 6))
+    height = workspace.centres(q[0])[:, 2]
+    found = workspace.clearances(q)[0, [name == "inside, +z" for name in workspace.names]]
+    moving = [(z, s.radius_m) for z, s in zip(height, workspace.spheres, strict=True) if s.link > 0]
+    assert found.min() == pytest.approx(min(1.5 - z - radius for z, radius in moving))
+    assert workspace.names.count("wall") == 2
+    assert workspace.half_spaces[-1].normal.tolist() == [0.0, -1.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("robot", "old", "new", "key", "words"),
+    [
+        ("prbt", 'link = "tool"', 'link = "gripper"', "workspace.spheres[12].link", "tool"),
+        ("prbt", 'link = "tool"', "link = 5", "workspace.spheres", "link = tool"),
+        ("prbt", "link = 3,", "link = 2,", "workspace.spheres", "link = 3"),
+        ("prbt", "link = 6,", "link = 7,", "workspace.spheres[11].link", '0 (the base) to 6, or "tool"'),
+        ("prbt", "[0, 4]", "[0, 9]", "workspace.apart[1]", '"tool"'),
+        ("prbt", "[0, 4]", "[0, 4, 5]", "workspace.apart[1]", "2 items"),
+        ("prbt", "radius_m = 0.12", "radius_m = 0.0", "workspace.spheres[1].radius_m", "greater than 0"),
+        ("prbt", "keep_m = 0.02", "", "workspace.keep_m", "required"),
+        ("prbt", "keep_m = 0.02", "keep_m = -1.0", "workspace.keep_m", "0"),
+        ("prbt", "floor_height_m", "floor_m", "workspace.floor_m", "did you mean floor_height_m"),
+        ("er50", "size_m = [0.6, 0.6, 0.6]", "size_m = [0.6, 0.0, 0.6]", "workspace.boxes[1].size_m[2]", "greater"),
+        ("er50", 'links = [2, 3, 4, 5, 6, "tool"]', "links = [8]", "workspace.boxes[1].links", '"tool"'),
+        ("er50", 'links = [2, 3, 4, 5, 6, "tool"]', "links = [0]", "workspace", "nothing can ever touch 'pedestal'"),
+        ("prbt", "[[body.links]]\nmass_kg = 0.02", "[[skip]]\nmass_kg = 0.02", "skip", "unknown"),
+        ("prbt", "coulomb_nm = 7.0\nviscous", "coulomb_nm = 21.0\nviscous", "body.links[6].coulomb_nm", "20.1"),
+        ("prbt", "coulomb_nm = 7.0\nviscous", "viscous", "body.links[6].coulomb_nm", "required"),
+        (
+            "prbt",
+            "torque_max_nm = 370.0",
+            "torque_max_nm = 370.0\narm_torque_share = 0.5",
+            "joints[1].arm_torque_share",
+            "not both",
+        ),
+        ("er50", "arm_torque_share = 0.35", "arm_torque_share = 1.0", "joints[1].arm_torque_share", "less than 1"),
+        ("er50", "mass_kg = 16.0", "mass_kg = 17.0", "heaviest_payload.mass_kg", "rated_payload_kg = 16"),
+        ("er50", "mass_kg = 3.0 ", "mass_kg = 30.0 ", "payload_set.gripper.mass_kg", "rated_payload_kg = 16"),
+        (
+            "er50",
+            "gravity_m_s2 = [0.0, 0.0, -9.81]",
+            "gravity_m_s2 = [0.0, 0.0, 0.0]",
+            "workspace.floor_height_m",
+            "up",
+        ),
+    ],
+)
+def test_what_is_wrong_is_named(edited, robot, old, new, key, words):
+    with pytest.raises(ConfigurationError) as caught:
+        load_robot(edited(old, new, robot))
+    assert caught.value.key == key
+    assert words in str(caught.value)
+
+
+def test_a_missing_body_is_named_when_it_is_needed(edited):
+    path = edited("arm_torque_share = 0.35", "#", "er50", count=2)
+    arm = load_robot(path)  # an arm that is not to be designed for may leave it out
+    with pytest.raises(ConfigurationError, match=r"joints\[1\]\.arm_torque_share.*or a \[body\]"):
+        arm.envelope(0.1, 0.7, 0.8)
+
+
+def test_friction_that_leaves_no_torque_to_move_with_is_named(edited):
+    arm = load_robot(edited("coulomb_nm = 7.0\nviscous", "coulomb_nm = 17.0\nviscous", "prbt"))
+    with pytest.raises(ConfigurationError, match=r"body\.links\[6\]\.coulomb_nm.*less than the 16\.08 N m"):
+        arm.envelope(0.1, 0.7, 0.8)
+
+
+@pytest.mark.parametrize("robot", ["er50", "prbt"])
+@pytest.mark.parametrize("role", ["identification", "validation"])
+def test_the_shipped_excitations_may_be_driven(robot, role):
+    load_robot(robot).require_drivable(role)
+
+
+@pytest.mark.parametrize(
+    ("robot", "old", "new", "words"),
+    [
+        ("er50", "floor_height_m = -1.0", "floor_height_m = -0.6", "of 'floor'"),
+        ("prbt", "torque_max_nm = 20.1", "torque_max_nm = 12.0", "N m of prbt_joint_6, which has 5 N m for it"),
+        ("er50", "torque_max_nm = 4788", "torque_max_nm = 600", "N m of joint_2, which has 330 N m for it"),
+    ],
+)
+def test_an_excitation_of_another_cell_or_arm_is_not_driven(edited, robot, old, new, words):
+    arm = load_robot(edited(old, new, robot))
+    with pytest.raises(ConfigurationError, match=r"excitation\.identification") as caught:
+        arm.require_drivable("identification")
+    assert words in str(caught.value)
+
+
+def test_an_arm_whose_strength_is_not_told_is_judged_by_its_cell_alone(edited):
+    load_robot(edited("arm_torque_share = 0.35", "#", "er50", count=2)).require_drivable("identification")

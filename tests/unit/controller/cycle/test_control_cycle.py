@@ -1,0 +1,522 @@
+"""The cycle: what is sent, and how every cause brings the arm to rest."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.control_errors import MotionError
+from armload_controller.cycle.control_cycle import Cycle
+from armload_controller.cycle.monitors import FollowingMonitor, JointTorque, TorqueWindow
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.cycle.safety import DECISIONS, Cause, StopStep, cause_of
+from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_controller.motion.motion_control import MotionControl, OperatorStop, SpeedOutOfRange, TerminationStop
+from armload_controller.motion.obstacles import Cell
+from armload_controller.motion.phase import Segment
+from armload_controller.motion.setpoints import plan_approach, plan_leg, plan_legs
+from armload_controller.session.commissioning import run_leg
+from armload_drivers.driver_errors import BusError, CommandError, ServoFault, ServoTimeout
+from armload_drivers.servos import JointFeedback
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory, format_excitation
+from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
+from armload_identification.model.chain import Chain
+from armload_identification.recording.recording import EXCITATION_ATTACHMENT, read_recording
+from armload_identification.signals.joint_torque import Transmission
+
+N = 2
+CYCLE_S = 0.01
+LIMITS = MotionLimits(
+    joint_names=("base", "elbow"),
+    position_min_rad=np.full(N, -2.0),
+    position_max_rad=np.full(N, 2.0),
+    velocity_max_rad_s=np.full(N, 2.0),
+    acceleration_max_rad_s2=np.full(N, 6.0),
+    jerk_max_rad_s3=np.full(N, 600.0),
+    following_error_rad=np.full(N, 0.05),
+)
+EXCITATION = Excitation(
+    FourierTrajectory(1.0, np.array([0.2, -0.2]), np.array([[0.05], [0.03]]), np.array([[0.02], [0.04]])), 2
+)
+PATH = EXCITATION.trajectory
+LEGS = plan_legs(EXCITATION, LIMITS, CYCLE_S)
+START = np.full(N, 0.1)
+TORQUE_MAX_NM = np.full(N, 50.0)
+TRANSMISSION = Transmission(np.ones(N), np.eye(N))
+CHAIN = Chain.from_origins(
+    np.array([[0.0, 0.0, 0.2], [0.5, 0.0, 0.0]]),
+    np.zeros((N, 3)),
+    np.array([[0.0, 0.0, 1.0]] * N),
+    np.eye(4),
+    np.array([0.0, 0.0, -9.81]),
+)
+CELL = Cell(Workspace(CHAIN))
+
+
+class Bumped:
+    """The excitation with a step in it, as a defect would make it."""
+
+    def __init__(self, at_s, step_rad=0.01):
+        self.at_s, self.step_rad = at_s, step_rad
+
+    def evaluate(self, t_s):
+        state, late = PATH.evaluate(t_s), (np.asarray(t_s) > self.at_s)[..., None]
+        return replace(state, position_rad=state.position_rad + self.step_rad * late)
+
+
+class Stranger:
+    """A user's plug-in that does what it is told at one cycle."""
+
+    name = "stranger"
+
+    def __init__(self, at, act):
+        self.at, self.act, self.calls = at, act, 0
+
+    def on_cycle(self, step):
+        self.calls += 1
+        return self.act(step) if step.feedback.cycle == self.at else None
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Approach and run the measured leg on some servos; the recording is closed whatever happens."""
+
+    def run(servos, control=None, plugins=(), leg=LEGS.measured, stopwatch=lambda: 0.0, cell=CELL):
+        control = control or MotionControl()
+        monitor = FollowingMonitor(LIMITS, max_skipped_cycles=3)
+        gate = TorqueGate(TORQUE_MAX_NM, CYCLE_S)
+        attachments = {EXCITATION_ATTACHMENT: format_excitation(EXCITATION)}
+        with Recorder(tmp_path / f"run{len(list(tmp_path.iterdir()))}.mcap", attachments) as recorder:
+            window = TorqueWindow(LIMITS.joint_names, TRANSMISSION, TORQUE_MAX_NM, CYCLE_S, None)
+            cycle = Cycle(servos, LIMITS, gate, control, [recorder, monitor, window, *plugins], stopwatch)
+            run_leg(cycle, leg, LIMITS, cell, lambda done: None)
+        return monitor.summary(), cycle
+
+    return run
+
+
+def first_of(segment):
+    """Setpoints sent before a segment of the measured leg begins."""
+    approach = plan_leg(plan_approach(START, LEGS.start_rad, LIMITS), CYCLE_S)
+    return len(approach) - 1 + plan_leg(LEGS.measured, CYCLE_S).segment.index(segment) - 1
+
+
+def distance_to_path(positions):
+    grid = PATH.evaluate(np.linspace(0.0, 1.0, 20001)).position_rad
+    return max(np.abs(grid - position).max(axis=1).min() for position in positions)
+
+
+def test_a_way_that_is_not_free_is_not_gone(ideal_servos, run):
+    elbow = CHAIN.forward(LEGS.start_rad)[1][:3, 3]
+    wall = HalfSpace("wall", np.array([0.0, -1.0, 0.0]), -elbow[1], (2,))
+    cell = Cell(Workspace(CHAIN, (Sphere(2, np.zeros(3), 0.01),), (wall,)))
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match=r"the way to the beginning is not free.*-0\.01. m of 'wall'") as raised:
+        run(servos, cell=cell)
+    assert cause_of(raised.value.__cause__) is Cause.BLOCKED
+    assert all((command.position_rad == START).all() for command in servos.sent)
+    assert servos.log[-2:] == ["stop", "disable"]
+
+
+def test_a_whole_leg_is_sent_and_recorded(ideal_servos, run, tmp_path):
+    servos = ideal_servos(N, CYCLE_S)
+    summary, _ = run(servos)
+    sent = np.array([command.position_rad for command in servos.sent])
+    plan = plan_leg(LEGS.measured, CYCLE_S)
+    begin = first_of(Segment.RAMP_UP)
+    np.testing.assert_allclose(sent[begin + 1 : begin + len(plan)], plan.position_rad[1:], atol=1e-8)
+    assert summary.cycles == len(sent)
+    assert summary.duration_s == pytest.approx(len(sent) * CYCLE_S)
+    recording = read_recording(tmp_path / "run0.mcap")
+    np.testing.assert_allclose(recording.position_rad, sent, atol=1e-12)
+    periods = ~np.isnan(recording.phase_s)
+    phase = recording.phase_s[periods]
+    np.testing.assert_allclose(phase, np.arange(1, 201) * CYCLE_S, atol=1e-12)
+    # The arm is where its setpoint was, so every recorded place is the one that belongs to the recorded phase.
+    np.testing.assert_allclose(recording.position_rad[periods], PATH.evaluate(phase).position_rad, atol=1e-8)
+    assert servos.log == ["enable", "stop", "disable"]
+
+
+def test_a_jump_in_the_plan_stops_before_it_is_sent(ideal_servos, run):
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match="off the checked path"):
+        run(servos, leg=replace(LEGS.measured, path=Bumped(0.105)))
+    assert len(servos.sent) == first_of(Segment.PERIODS) + 10
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+@pytest.mark.parametrize(("step_rad", "stops"), [(1e-5, False), (3e-5, True), (1e-4, True)])
+@pytest.mark.parametrize("joint", range(N))
+def test_nothing_leaves_that_is_a_tenth_of_a_milliradian_off_the_path(ideal_servos, step_rad, stops, joint):
+    """One joint jumps by so little that a few hundred rad/s3 nearly do it; where they do not, Ruckig takes a detour."""
+    servos = ideal_servos(N, CYCLE_S)
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
+    leg = replace(LEGS.measured, path=Bumped(0.105, step_rad * (np.arange(N) == joint)))
+    legs = plan_approach(START, LEGS.start_rad, LIMITS), leg
+    if stops:
+        with pytest.raises(MotionError, match="off the checked path"):
+            follow_all(cycle, legs)
+    else:
+        follow_all(cycle, legs)
+    begin = first_of(Segment.RAMP_UP) + 1
+    plan = plan_leg(leg, CYCLE_S).position_rad[1 : 1 + len(servos.sent) - begin]
+    sent = np.array([command.position_rad for command in servos.sent[begin : begin + len(plan)]])
+    assert len(sent) >= first_of(Segment.PERIODS) - begin
+    assert np.abs(sent - plan).max() <= 1e-4
+
+
+def test_nothing_is_switched_on_after_a_stop_was_asked_for(ideal_servos):
+    control = MotionControl()
+    control.stop(OperatorStop("Ctrl-C"))
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match=r"Nothing was switched on.*Ctrl-C"):
+        follow_all(Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), control, []), [])
+    assert servos.log == []
+
+
+def test_an_arm_that_stands_still_can_be_stopped(ideal_servos):
+    control = MotionControl()
+    servos = ideal_servos(N, CYCLE_S)
+    stranger = Stranger(10, lambda step: control.stop(OperatorStop("Ctrl-C")))
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), control, [stranger])
+    with pytest.raises(MotionError, match="Ctrl-C"), cycle.powered() as arm:
+        arm.hold(lambda: len(servos.sent) > 100)
+    assert len(servos.sent) < 20
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+@pytest.mark.parametrize("stubborn", ["exchange", "stop"])
+def test_a_step_of_a_stop_that_fails_does_not_keep_the_next_one_back(ideal_servos, run, stubborn):
+    class Stubborn(ideal_servos):
+        def exchange(self, command):
+            if stubborn == "exchange" and len(self.sent) >= 130:
+                raise BusError("no frame leaves")
+            return super().exchange(command)
+
+        def stop(self):
+            super().stop()
+            if stubborn == "stop":
+                raise ServoTimeout(3, "elbow", "quick stop", "still turning", "Look.")
+
+    servos = Stubborn(N, CYCLE_S)
+    with pytest.raises(MotionError, match="a plug-in failed") as caught:
+        run(servos, plugins=[Stranger(129, lambda step: 1 / 0)])
+    assert servos.log[1:] == ["stop", "disable"]
+    text = str(caught.value)
+    assert "While stopping" in text
+    assert ("no frame leaves" if stubborn == "exchange" else "still turning") in text
+
+
+def follow_all(cycle, legs):
+    with cycle.powered() as arm:
+        for leg in legs:
+            arm.follow(leg, lambda done: None)
+
+
+def test_a_setpoint_beyond_a_limit_stops_before_it_is_sent(ideal_servos):
+    """The plan was checked; this is about what is on its way to the drives all the same."""
+    highest = PATH.evaluate(np.linspace(0.0, 1.0, 1001)).position_rad[:, 0].max()
+    narrow = replace(LIMITS, position_max_rad=np.array([highest - 0.01, 2.0]))
+    servos = ideal_servos(N, CYCLE_S)
+    cycle = Cycle(servos, narrow, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
+    legs = plan_approach(START, LEGS.start_rad, LIMITS), LEGS.measured
+    with pytest.raises(MotionError, match=r"base: position .* is beyond the limit of") as caught:
+        follow_all(cycle, legs)
+    assert cause_of(caught.value.__cause__) is Cause.LIMIT
+    sent = np.array([command.position_rad[0] for command in servos.sent])
+    assert highest - 0.02 < sent.max() <= highest - 0.01
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+def test_torque_windows_and_checks_see_coupled_motors_as_joints():
+    """Power is the same on both sides of the gears: tau_joint . dq_joint = tau_motor . dq_motor."""
+    coupling = np.array([[1.0, 0.0], [0.2, 1.0]])
+    gain = np.array([30.0, 20.0])
+    current, motor_speed = np.array([1.5, -0.7]), np.array([0.3, 1.1])
+    feedback = JointFeedback(1, 0.01, np.zeros(N), None, current, None, np.zeros(N, np.uint16), np.zeros(N, bool))
+    torque = JointTorque(Transmission(gain, coupling))(feedback)
+    assert torque @ (coupling @ motor_speed) == pytest.approx((gain * current) @ motor_speed)
+
+
+@pytest.mark.parametrize(
+    ("event", "text", "steps"),
+    [
+        (ServoFault(3, "elbow", "streaming", "overcurrent", "Look."), "elbow", ["stop", "disable"]),
+        (ServoTimeout(3, "elbow", "streaming", "no feedback", "Look."), "does not answer", ["stop", "disable"]),
+        (BusError("bus-off"), "bus-off", ["disable"]),
+        (CommandError("no 60B2"), "no 60B2", ["stop", "disable"]),
+        (RuntimeError("broken program"), "broken program", ["stop", "disable"]),
+        (KeyboardInterrupt(), "operator", ["stop", "disable"]),
+    ],
+)
+def test_every_failure_brings_the_arm_to_rest_first(ideal_servos, run, event, text, steps):
+    servos = ideal_servos(N, CYCLE_S, {120: event})
+    with pytest.raises(MotionError, match=text) as caught:
+        run(servos)
+    assert servos.log[1:] == steps
+    assert len(servos.sent) == 120
+    assert len(caught.value.last_feedback) == 50
+    assert caught.value.last_feedback[-1].cycle == 120
+    assert caught.value.__cause__ is event
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (
+            lambda f: replace(f, position_rad=f.position_rad + np.array([0.0, 0.06])),
+            r"elbow: 0\.0600 rad behind its target",
+        ),
+        (lambda f: replace(f, position_rad=np.full(N, np.nan)), "does not follow"),
+        (
+            lambda f: replace(f, current_a=np.array([0.5, 900.0])),
+            r"elbow: .* N m measured, -50\.0 to 50\.0 N m expected",
+        ),
+        (lambda f: replace(f, time_s=f.time_s - CYCLE_S), "came again"),
+        (lambda f: replace(f, skipped_cycles=4), "4 cycles skipped in a row, 3 allowed"),
+    ],
+)
+def test_feedback_that_must_not_be_stops_before_anything_more_is_sent(ideal_servos, run, change, text):
+    servos = ideal_servos(N, CYCLE_S, {130: change})
+    with pytest.raises(MotionError, match=text):
+        run(servos)
+    assert len(servos.sent) == 131
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+def test_skipped_cycles_within_what_is_allowed_are_counted(ideal_servos, run):
+    servos = ideal_servos(N, CYCLE_S, {130: lambda f: replace(f, skipped_cycles=3)})
+    summary, _ = run(servos)
+    assert summary.skipped == 3
+
+
+@pytest.mark.parametrize("segment", [Segment.APPROACH, Segment.RAMP_UP, Segment.PERIODS, Segment.RAMP_DOWN])
+@pytest.mark.parametrize("reason", [OperatorStop("Ctrl-C"), TerminationStop("SIGTERM")])
+def test_a_stop_is_along_the_path(ideal_servos, run, segment, reason):
+    row = 20 if segment is Segment.APPROACH else first_of(segment) + 12
+    control = MotionControl()
+    servos = ideal_servos(N, CYCLE_S)
+    stranger = Stranger(row, lambda step: control.stop(reason))
+    with pytest.raises(MotionError, match=str(reason)) as caught:
+        run(servos, control, [stranger])
+    assert "along the path" in str(caught.value)
+    sent = np.array([command.position_rad for command in servos.sent])
+    assert row < len(sent) < row + 120
+    if segment is Segment.APPROACH:
+        line = LEGS.start_rad - START
+        share = (sent - START) @ line / (line @ line)
+        np.testing.assert_allclose(sent, START + share[:, None] * line, atol=1e-9)
+    else:
+        assert distance_to_path(sent[row:]) < 1e-4
+    assert np.abs(np.diff(sent, 2, axis=0)).max() <= 6.0 * CYCLE_S**2 * 1.01
+    np.testing.assert_allclose(sent[-1], sent[-2], atol=1e-9)
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+@pytest.mark.parametrize(
+    ("act", "text"),
+    [
+        (lambda step: 1 / 0, "plug-in 'stranger' raised ZeroDivisionError"),
+        (lambda step: np.full(N, np.nan), "plug-in 'stranger' returned"),
+        (lambda step: np.zeros(N + 1), "plug-in 'stranger' returned"),
+        (lambda step: step.ask_to_stop("enough"), "stranger: enough"),
+    ],
+)
+def test_a_plugin_that_fails_or_asks_stops_along_the_path(ideal_servos, run, act, text):
+    row = first_of(Segment.PERIODS) + 30
+    stranger = Stranger(row, act)
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match=text):
+        run(servos, plugins=[stranger])
+    sent = np.array([command.position_rad for command in servos.sent])
+    assert distance_to_path(sent[row:]) < 1e-4
+    assert np.abs(np.diff(sent, 2, axis=0)).max() <= 6.0 * CYCLE_S**2 * 1.01
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+def test_a_failed_plugin_is_not_called_again_while_a_polite_one_is(ideal_servos, run):
+    for act, again in ((lambda step: 1 / 0, False), (lambda step: step.ask_to_stop("enough"), True)):
+        stranger = Stranger(150, act)
+        with pytest.raises(MotionError):
+            run(ideal_servos(N, CYCLE_S), plugins=[stranger])
+        assert (stranger.calls > 151) == again
+
+
+class Stopwatch:
+    """Time that passes when somebody says so."""
+
+    def __init__(self):
+        self.now_s = 0.0
+
+    def __call__(self):
+        return self.now_s
+
+
+def test_a_plugin_that_is_too_slow_is_named(ideal_servos, run):
+    watch = Stopwatch()
+
+    class Slow:
+        name = "slow"
+        calls = 0
+
+        def on_cycle(self, step):
+            self.calls += 1
+            watch.now_s += 0.006 if step.feedback.cycle >= 100 else 0.001
+
+    slow = Slow()
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match=r"plug-in 'slow' took 6\.00 ms, its budget is 5\.00 ms"):
+        run(servos, plugins=[slow], stopwatch=watch)
+    assert slow.calls == 105
+    assert servos.log[1:] == ["stop", "disable"]
+
+
+def test_a_plugin_that_is_slow_now_and_then_may_go_on(ideal_servos, run):
+    watch = Stopwatch()
+
+    class Uneven:
+        name = "uneven"
+
+        def on_cycle(self, step):
+            watch.now_s += 0.001 if step.feedback.cycle % 5 == 0 else 0.006
+
+    summary, _ = run(ideal_servos(N, CYCLE_S), plugins=[Uneven()], stopwatch=watch)
+    assert summary.cycles > 200
+
+
+def test_torques_of_several_plugins_add_up(ideal_servos):
+    class Adding:
+        def __init__(self, name, torque_nm):
+            self.name, self.torque_nm = name, np.array(torque_nm)
+
+        def on_cycle(self, step):
+            return self.torque_nm
+
+    servos = ideal_servos(N, CYCLE_S)
+    plugins = [Adding("one", [3.0, -2.0]), Stranger(-1, None), Adding("other", [4.0, 1.0])]
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), plugins)
+    with cycle.powered() as arm:
+        arm.hold(lambda: len(servos.sent) >= 60)
+    np.testing.assert_allclose(servos.sent[58].torque_offset_nm, [7.0, -1.0])
+
+
+def test_a_late_cycle_names_the_plugin_that_blocked(ideal_servos, run):
+    watch = Stopwatch()
+
+    class Blocking:
+        name = "blocking"
+
+        def on_cycle(self, step):
+            watch.now_s += 0.5 if step.feedback.cycle == 100 else 0.0
+
+    servos = ideal_servos(N, CYCLE_S, {100: lambda f: replace(f, skipped_cycles=50)})
+    with pytest.raises(MotionError, match=r"50 cycles skipped.*plug-in 'blocking' took 500\.0 ms"):
+        run(servos, plugins=[Blocking()], stopwatch=watch)
+
+
+def test_timings_tell_what_each_plugin_costs(ideal_servos, run):
+    watch = Stopwatch()
+
+    class Busy:
+        name = "busy"
+
+        def on_cycle(self, step):
+            watch.now_s += 0.002
+
+    summary, cycle = run(ideal_servos(N, CYCLE_S), plugins=[Busy()], stopwatch=watch)
+    timing = cycle.timings[-1]
+    assert timing.name == "busy"
+    assert timing.calls == summary.cycles + 1
+    assert timing.longest_s == pytest.approx(0.002)
+    assert timing.total_s == pytest.approx(0.002 * timing.calls)
+
+
+def test_added_torque_is_ramped_in_clamped_and_out(ideal_servos, run):
+    class Greedy:
+        name = "greedy"
+
+        def on_cycle(self, step):
+            return np.array([1000.0, -7.0])
+
+    servos = ideal_servos(N, CYCLE_S)
+    run(servos, plugins=[Greedy()])
+    torque = np.array([command.torque_offset_nm for command in servos.sent])
+    np.testing.assert_allclose(torque.max(axis=0), [40.0, 0.0])
+    np.testing.assert_allclose(torque.min(axis=0), [0.0, -7.0])
+    assert np.abs(torque[0]).max() <= 1.0
+    assert np.abs(np.diff(torque, axis=0)).max() <= 2.1
+    np.testing.assert_array_equal(torque[-1], 0.0)
+    ramped_out = np.flatnonzero(torque[:, 0] == 40.0)[-1]
+    assert np.abs(np.diff([c.position_rad for c in servos.sent[ramped_out:]], axis=0)).max() < 1e-9
+
+
+def test_added_torque_goes_to_zero_on_a_stop_along_the_path(ideal_servos, run):
+    class Adding:
+        name = "adding"
+
+        def on_cycle(self, step):
+            if step.feedback.cycle == 200:
+                raise OSError("no space left")
+            return np.full(N, 10.0)
+
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match="no space left"):
+        run(servos, plugins=[Adding()])
+    torque = np.array([command.torque_offset_nm for command in servos.sent])
+    np.testing.assert_allclose(torque[199], 10.0)
+    assert np.abs(np.diff(torque[199:], axis=0)).max() < 0.3
+    np.testing.assert_array_equal(torque[-1], 0.0)
+
+
+def test_added_torque_leaves_with_the_operators_stop_and_not_after_it(ideal_servos, run):
+    control = MotionControl()
+
+    class Adding:
+        name = "adding"
+
+        def on_cycle(self, step):
+            if step.feedback.cycle == 200:
+                control.stop(OperatorStop("Ctrl-C"))
+            return np.full(N, 10.0)
+
+    servos = ideal_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match="Ctrl-C"):
+        run(servos, control, plugins=[Adding()])
+    torque = np.array([command.torque_offset_nm for command in servos.sent])
+    # The plug-in asks in the cycle whose command is the 201st; the gate takes 40 cycles.
+    np.testing.assert_allclose(torque[195:201], 10.0)
+    np.testing.assert_allclose(torque[201:241], 10.0 * (1.0 - np.arange(1, 41)[:, None] / 40.0) * np.ones(N), atol=1e-9)
+    np.testing.assert_array_equal(torque[241:], 0.0)
+
+
+def test_an_arm_that_is_switched_on_again_takes_torque_again(ideal_servos):
+    class Adding:
+        name = "adding"
+
+        def on_cycle(self, step):
+            return np.full(N, 10.0)
+
+    servos = ideal_servos(N, CYCLE_S)
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [Adding()])
+    for _ in range(2):
+        begun = len(servos.sent)
+        with cycle.powered() as arm:
+            arm.hold(lambda begun=begun: len(servos.sent) >= begun + 60)
+        torque = np.array([command.torque_offset_nm for command in servos.sent[begun:]])
+        np.testing.assert_allclose(torque[0], 0.025)
+        np.testing.assert_allclose(torque[58], 10.0)
+        np.testing.assert_array_equal(torque[-1], 0.0)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.0099, 1.001, float("nan")])
+def test_an_override_outside_1_to_100_per_cent_is_refused(share):
+    with pytest.raises(SpeedOutOfRange, match="1 to 100 %"):
+        MotionControl().set_speed(share)
+
+
+def test_every_cause_has_a_decision_and_an_advice():
+    assert set(DECISIONS) == set(Cause)
+    assert all(decision.advice for decision in DECISIONS.values())
+    assert all(decision.category.sequence[-1] is StopStep.DISABLE for decision in DECISIONS.values())
+    assert cause_of(ZeroDivisionError()) is Cause.PROGRAM

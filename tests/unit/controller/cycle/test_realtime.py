@@ -1,0 +1,45 @@
+"""The process is tuned for a while, whatever is permitted, and set back."""
+
+import gc
+import os
+import subprocess
+import sys
+
+from armload_controller.cycle.realtime import SWITCH_INTERVAL_S, tuned_for_cycles
+
+
+def state():
+    return sys.getswitchinterval(), gc.isenabled(), os.sched_getscheduler(0), os.sched_getaffinity(0)
+
+
+def test_everything_is_set_and_set_back():
+    before, told = state(), []
+    with tuned_for_cycles(told.append):
+        assert sys.getswitchinterval() == SWITCH_INTERVAL_S
+        assert not gc.isenabled()
+        assert (os.sched_getscheduler(0) == os.SCHED_FIFO) == (not any("SCHED_FIFO" in line for line in told))
+        assert (len(os.sched_getaffinity(0)) == 1) == (not any("affinity" in line for line in told))
+    assert state() == before
+    assert len(told) <= 1, "what is not permitted is said once"
+
+
+def test_what_is_not_permitted_is_said_with_what_to_do():
+    """A child without privileges: nothing may be left unsaid, and nothing may raise."""
+    code = (
+        "import resource\n"
+        "resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))\n"
+        "resource.setrlimit(resource.RLIMIT_MEMLOCK, (0, 0))\n"
+        "import os\n"
+        "os.geteuid() or os.setuid(65534)\n"
+        "from armload_controller.cycle.realtime import tuned_for_cycles\n"
+        "with tuned_for_cycles(print):\n"
+        "    pass\n"
+    )
+    # The package is imported before privileges go: an unprivileged user may not read this checkout.
+    code = "import armload_controller.cycle.realtime\n" + code
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("\n") == 1
+    assert "SCHED_FIFO (" in done.stdout
+    assert "locked memory" in done.stdout
+    assert "limits.conf" in done.stdout

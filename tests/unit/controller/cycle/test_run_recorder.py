@@ -1,0 +1,183 @@
+"""The recorder: what a reader finds, also after the writer was killed."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from armload_controller.control_errors import CommissioningError, RecordingFailed
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.motion.setpoints import Segment
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.recording.recording import MESSAGE_SCHEMA, TOPIC, read_recording
+
+N = 3
+CYCLE_S = 0.004
+
+
+def feedback(cycle, **changes):
+    values = {
+        "cycle": cycle,
+        "time_s": 12.5 + cycle * CYCLE_S,
+        "position_rad": np.array([0.1, -0.2, 0.3]) + 1e-3 * cycle,
+        "velocity_rad_s": None,
+        "current_a": np.array([1.0, 2.0, 3.0]) + cycle,
+        "torque_nm": None,
+        "statusword": np.full(N, 0x0637, np.uint16),
+        "missing": np.zeros(N, bool),
+    }
+    return JointFeedback(**(values | changes))
+
+
+COMMAND = JointCommand(np.array([0.1, 0.2, 0.3]), np.zeros(N), np.zeros(N))
+
+
+def test_every_number_comes_back(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, {"run.json": json.dumps({"robot": "x"})}) as recorder:
+        for cycle in range(300):
+            recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
+    recording = read_recording(path)
+    assert recording.time_s.shape == (300,)
+    np.testing.assert_array_equal(recording.position_rad[7], feedback(7).position_rad)
+    np.testing.assert_array_equal(recording.current_a[299], feedback(299).current_a)
+    assert recording.torque_nm is None
+    assert recording.source.run() == {"robot": "x"}
+    assert not recording.source.truncated
+
+
+def test_independent_readers_find_channel_schema_and_index(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, {}) as recorder:
+        for cycle in range(200):
+            recorder.write(feedback(cycle), COMMAND, Segment.PERIODS, cycle * CYCLE_S)
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        schema, channel, message = next(iter(reader.iter_messages()))
+        assert reader.get_summary().statistics.message_count == 200
+    assert (channel.topic, channel.message_encoding, schema.encoding) == (TOPIC, "json", "jsonschema")
+    body = json.loads(message.data)
+    assert set(body) <= set(MESSAGE_SCHEMA["properties"])
+    assert set(MESSAGE_SCHEMA["required"]) <= set(body)
+    assert message.log_time == 12_500_000_000
+
+
+def test_recordings_are_never_overwritten(tmp_path):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"precious")
+    with pytest.raises(CommissioningError, match="never overwritten"):
+        Recorder(path, {})
+    assert path.read_bytes() == b"precious"
+
+
+def test_a_second_attempt_keeps_what_the_first_left(tmp_path):
+    path = tmp_path / "a.mcap"
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError), Recorder(path, {}) as recorder:  # noqa: PT012
+            for cycle in range(30):
+                recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
+            raise ZeroDivisionError
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.partial-2.mcap", "a.partial.mcap"]
+
+
+def test_cycles_without_feedback_are_told_from_measured_ones(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, {}) as recorder:
+        for cycle in range(60):
+            missing = np.array([False, cycle in {20, 21}, False])
+            recorder.write(feedback(cycle, missing=missing), COMMAND, Segment.APPROACH, None)
+    recording = read_recording(path)
+    assert recording.source.reasons == {"feedback missing": 2}
+    assert len(recording.time_s) == 58
+
+
+def test_a_full_disk_is_named(tmp_path):
+    path = tmp_path / "a.mcap"
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limit[1]))
+    try:
+        with pytest.raises(RecordingFailed, match="too large"), Recorder(path, {}) as recorder:  # noqa: PT012
+            for cycle in range(10_000):
+                recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert not path.exists()
+
+
+def test_a_run_of_which_nothing_was_recorded_leaves_no_file(tmp_path):
+    with Recorder(tmp_path / "a.mcap", {"run.json": "{}"}):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_that_ends_with_an_error_stays_partial_and_whole(tmp_path):
+    path = tmp_path / "a.mcap"
+    with pytest.raises(ZeroDivisionError), Recorder(path, {}) as recorder:  # noqa: PT012
+        for cycle in range(30):
+            recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
+        raise ZeroDivisionError
+    assert not path.exists()
+    recording = read_recording(tmp_path / "a.partial.mcap")
+    assert len(recording.time_s) == 30
+    assert not recording.source.truncated
+
+
+PROMISED_S = 0.25
+"""So much of a run may be lost with the process."""
+
+
+@pytest.mark.parametrize("cycle_s", [0.002, 0.004, 0.02, 0.03])
+def test_the_file_is_never_more_than_a_quarter_of_a_second_behind(tmp_path, cycle_s):
+    """What is in the file at a moment is what a kill -9 at that moment leaves."""
+    partial = tmp_path / "a.partial.mcap"
+    behind_s, size, held_s = [], 0, np.nan
+    with Recorder(tmp_path / "a.mcap", {}) as recorder:
+        for cycle in range(round(2.0 / cycle_s)):
+            recorder.write(feedback(cycle, time_s=cycle * cycle_s), COMMAND, Segment.APPROACH, None)
+            if partial.stat().st_size != size:
+                size = partial.stat().st_size
+                held_s = read_recording(partial).time_s[-1] if cycle * cycle_s > 1.0 else np.nan
+            behind_s.append(cycle * cycle_s - held_s)
+    assert np.count_nonzero(np.isfinite(behind_s)) > 20
+    assert np.nanmax(behind_s) <= PROMISED_S
+
+
+WRITER = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from test_recorder import COMMAND, CYCLE_S, feedback
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.motion.setpoints import Segment
+
+with Recorder(Path(sys.argv[1]), {}) as recorder:
+    for cycle in range(100_000):
+        recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
+        print(cycle, flush=True)
+"""
+
+
+def test_kill_minus_nine_loses_at_most_a_quarter_of_a_second(tmp_path):
+    path = tmp_path / "killed.mcap"
+    writer = subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(path), str(Path(__file__).parent)], stdout=subprocess.PIPE, text=True
+    )
+    for line in writer.stdout:
+        if int(line) >= 1000:
+            break
+    os.kill(writer.pid, signal.SIGKILL)
+    written = [int(line), *(int(rest) for rest in writer.stdout if rest.strip())][-1]
+    writer.stdout.close()
+    writer.wait(timeout=10)
+    recording = read_recording(tmp_path / "killed.partial.mcap")
+    assert recording.source.truncated
+    lost_s = (feedback(written).time_s) - recording.time_s[-1]
+    assert -CYCLE_S * 1.5 <= lost_s <= 0.25
+    np.testing.assert_allclose(np.diff(recording.time_s), CYCLE_S, atol=1e-9)

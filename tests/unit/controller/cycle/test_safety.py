@@ -1,0 +1,83 @@
+"""The decision table written a second time, so that nobody changes what stops an arm by the way."""
+
+import pytest
+
+from armload_controller.control_errors import ControlError, RecordingFailed
+from armload_controller.cycle.monitors import FollowingError, LateCycle, StaleFeedback, TorqueError
+from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
+from armload_controller.cycle.safety import DECISIONS, Cause, PathDeviation, StopCategory, StopStep, cause_of
+from armload_controller.feedforward.offset_check import OffsetRefused
+from armload_controller.motion.joint_limits import LimitViolation
+from armload_controller.motion.motion_control import OperatorStop, PluginStop, StopRequested, TerminationStop
+from armload_controller.motion.paths import BlockedWay, InfeasibleMotion
+from armload_drivers.driver_errors import (
+    AxisMoves,
+    BusError,
+    BusOverload,
+    CommandError,
+    DriverError,
+    ForeignMaster,
+    ServoError,
+    ServoFault,
+    ServoTimeout,
+    StateError,
+    StatuswordError,
+    TransitionError,
+)
+
+DRIVE = (3, "elbow", "streaming", "what", "advice")
+ALONG, QUICK, OFF = StopCategory.ALONG_PATH, StopCategory.QUICK_STOP, StopCategory.TORQUE_OFF
+
+
+def bare(kind):
+    """An error of a kind, whatever it is made from."""
+    return kind.__new__(kind)
+
+
+@pytest.mark.parametrize(
+    ("error", "cause", "category"),
+    [
+        (KeyboardInterrupt(), Cause.OPERATOR_AGAIN, QUICK),
+        (OperatorStop("Ctrl-C"), Cause.OPERATOR, ALONG),
+        (StopRequested("somebody"), Cause.OPERATOR, ALONG),
+        (TerminationStop("SIGTERM"), Cause.TERMINATION, ALONG),
+        (PluginStop("stranger", "enough"), Cause.PLUGIN_REQUEST, ALONG),
+        (PluginFailed("stranger", "raised"), Cause.PLUGIN_FAILED, ALONG),
+        (PluginTooSlow("stranger", "slow"), Cause.PLUGIN_TOO_SLOW, ALONG),
+        (RecordingFailed("disk full"), Cause.RECORDING, ALONG),
+        (bare(OffsetRefused), Cause.OFFSET, ALONG),
+        (bare(BlockedWay), Cause.BLOCKED, ALONG),
+        (bare(LimitViolation), Cause.LIMIT, QUICK),
+        (PathDeviation("off"), Cause.DEVIATION, QUICK),
+        (bare(InfeasibleMotion), Cause.DEVIATION, QUICK),
+        (bare(FollowingError), Cause.FOLLOWING_ERROR, QUICK),
+        (bare(TorqueError), Cause.TORQUE, QUICK),
+        (StaleFeedback("again"), Cause.STALE, QUICK),
+        (bare(LateCycle), Cause.LATE, QUICK),
+        (ServoTimeout(*DRIVE), Cause.MISSING_FEEDBACK, QUICK),
+        (ServoFault(*DRIVE), Cause.DRIVE_FAULT, QUICK),
+        (ServoError(*DRIVE), Cause.DRIVE, QUICK),
+        (bare(AxisMoves), Cause.DRIVE, QUICK),
+        (bare(StatuswordError), Cause.DRIVE, QUICK),
+        (bare(TransitionError), Cause.DRIVE, QUICK),
+        (ForeignMaster("another master"), Cause.DRIVE, QUICK),
+        (DriverError("whatever"), Cause.DRIVE, QUICK),
+        (CommandError("no 60B2"), Cause.REFUSED, QUICK),
+        (BusError("bus-off"), Cause.BUS, OFF),
+        (BusOverload("full"), Cause.BUS, OFF),
+        (StateError("not enabled"), Cause.PROGRAM, QUICK),
+        (ControlError("whatever"), Cause.PROGRAM, QUICK),
+        (ZeroDivisionError(), Cause.PROGRAM, QUICK),
+        (SystemExit(1), Cause.PROGRAM, QUICK),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else "",
+)
+def test_every_error_has_its_cause_and_every_cause_its_stop(error, cause, category):
+    assert cause_of(error) is cause
+    assert DECISIONS[cause].category is category
+
+
+def test_what_a_stop_consists_of():
+    assert ALONG.sequence == (StopStep.RAMP_DOWN, StopStep.QUICK_STOP, StopStep.DISABLE)
+    assert QUICK.sequence == (StopStep.QUICK_STOP, StopStep.DISABLE)
+    assert OFF.sequence == (StopStep.DISABLE,)

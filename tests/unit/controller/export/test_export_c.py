@@ -1,0 +1,138 @@
+"""The exported C: compiled as strictly as gcc can, and equal to Python."""
+
+import ctypes
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.export.c99 import export_c
+from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+from armload_identification.model.chain import Chain, pose_from_xyz_rpy
+from armload_identification.model.regressor import payload_torque
+
+GCC = shutil.which("gcc")
+FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+
+needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc on this machine")
+
+
+@pytest.fixture
+def compiled(tmp_path):
+    """Compile an export into a library and give its function for numpy arrays."""
+
+    def compiled(subject, *optimisation):
+        texts = export_c(subject)
+        for name, text in texts.items():
+            (tmp_path / name).write_text(text)
+        source = next(name for name in texts if name.endswith(".c"))
+        library = tmp_path / "payload.so"
+        command = [GCC, *FLAGS, *optimisation, "-shared", "-fPIC", source, "-o", library, "-lm"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        function = getattr(ctypes.CDLL(str(library)), f"{source.removesuffix('.c')}_torque")
+        function.argtypes = [np.ctypeslib.ndpointer(np.float64, 1, flags="C_CONTIGUOUS")] * 4
+        function.restype = None
+        return function
+
+    return compiled
+
+
+def random_chain(seed: int, n: int) -> Chain:
+    rng = np.random.default_rng(seed)
+    xyz, rpy, axis = rng.uniform(-1, 1, (3, n, 3))
+    flange = pose_from_xyz_rpy(*rng.uniform(-1, 1, (2, 3)))
+    return Chain.from_origins(xyz, 3 * rpy, axis, flange, 9.81 * rng.uniform(-1, 1, 3))
+
+
+def require_equal(function, subject, tolerance_nm):
+    n = subject.chain.n
+    feedforward = PayloadFeedforward(subject.chain, subject.payload.model)
+    for state in np.random.default_rng(1).uniform(-3, 3, (300, 3, n)):
+        torque = np.full(n, np.nan)
+        function(*state, torque)
+        assert np.abs(torque - feedforward.torque_nm(*state)).max() <= tolerance_nm
+
+
+@needs_gcc
+@pytest.mark.parametrize("robot", ["er50", "prbt", "ur10e"])
+def test_shipped_arms_give_pythons_torque(compiled, make_subject, robot):
+    subject = make_subject(robot)
+    require_equal(compiled(subject), subject, 1e-12)
+
+
+@needs_gcc
+@pytest.mark.parametrize(("seed", "n"), [(1, 1), (2, 2), (3, 6), (4, 7)])
+def test_any_chain_gives_pythons_torque(compiled, make_subject, seed, n):
+    chain = random_chain(seed, n)
+    names = tuple(f"joint {i}" for i in range(n))
+    subject = make_subject(chain=chain, joint_names=names)
+    states = np.random.default_rng(seed).uniform(-3, 3, (3, 100, n))
+    largest_nm = np.abs(payload_torque(chain, subject.payload.model.theta, *states)).max()
+    require_equal(compiled(subject, "-O3", "-march=native"), subject, 1e-12 * max(1.0, largest_nm))
+
+
+@needs_gcc
+def test_the_torque_may_be_written_over_an_input(compiled, make_subject):
+    subject = make_subject("er50")
+    function = compiled(subject)
+    state = np.random.default_rng(5).uniform(-2, 2, (3, 6))
+    torque = np.zeros(6)
+    function(*state, torque)
+    for i in range(3):
+        arrays = state.copy()
+        function(*arrays, arrays[i])
+        np.testing.assert_array_equal(arrays[i], torque)
+
+
+@needs_gcc
+def test_the_header_is_cplusplus_as_well(make_subject, tmp_path):
+    texts = export_c(make_subject("er50"))
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "main.cpp").write_text('#include "er50_payload.h"\nint main() { return ER50_PAYLOAD_JOINTS - 6; }\n')
+    command = ["g++", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", "main.cpp"]
+    if shutil.which("g++") is None:
+        pytest.skip("no g++ on this machine")
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@needs_gcc
+def test_names_from_files_cannot_break_the_source(compiled, make_subject):
+    subject = replace(
+        make_subject("er50"), robot='7 Axis*/ "Ä"\\', payload_file="a*/b\\\n#error.toml", joint_names=("*/",) * 6
+    )
+    require_equal(compiled(subject), subject, 1e-12)
+
+
+@needs_gcc
+def test_the_object_needs_sine_and_cosine_and_nothing_else(make_subject, tmp_path):
+    texts = export_c(make_subject("prbt"))
+    assert sorted(texts) == ["prbt_payload.c", "prbt_payload.h"]
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    subprocess.run([GCC, *FLAGS, "-c", "prbt_payload.c"], cwd=tmp_path, check=True)
+    done = subprocess.run(["nm", "-g", "prbt_payload.o"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    symbols = {(*line.split()[-2:],) for line in done.stdout.splitlines()}
+    assert symbols == {("U", "cos"), ("U", "sin"), ("T", "prbt_payload_torque")}
+
+
+def test_the_header_says_what_is_no_measurement(make_subject):
+    header = export_c(make_subject("er50", undetermined=("ixy", "iyz")))["er50_payload.h"]
+    assert "NOT DETERMINED by the measurement: ixy, iyz." in header
+    assert "NOT DETERMINED" not in export_c(make_subject("er50"))["er50_payload.h"]
+
+
+def test_constants_keep_every_digit(make_subject):
+    subject = make_subject("er50")
+    source = export_c(subject)["er50_payload.c"]
+    block = source[source.index("BODY[10] = {") + 12 : source.index("};", source.index("BODY[10]"))]
+    np.testing.assert_array_equal([float(v) for v in block.split(",")], subject.payload.model.theta)
+
+
+def test_the_robots_name_becomes_an_identifier(make_subject):
+    names = {name: replace(make_subject("er50"), robot=name).identifier for name in ("ER-50 ", "7bot", "Ä", "kr_6")}
+    assert names == {"ER-50 ": "er_50", "7bot": "robot_7bot", "Ä": "robot", "kr_6": "kr_6"}

@@ -1,0 +1,154 @@
+"""The feed-forward plug-in: which torque, for which state, of which payload."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import ExportError
+from armload_controller.cycle.control_cycle import Cycle
+from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.export.subject import ExportSubject
+from armload_controller.feedforward.injection import FeedforwardPlugin, FollowingLag, PayloadRefused
+from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+from armload_controller.motion.motion_control import MotionControl
+from armload_controller.motion.phase import Segment
+from armload_controller.motion.setpoints import plan_approach, plan_legs
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
+
+ROBOT = load_robot("prbt")
+CYCLE_S = 0.01
+BODY = ROBOT.simulated_payload("gripper")
+ALL = np.ones(6, bool)
+TRAJECTORY = FourierTrajectory(
+    0.25, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((6, 1), 0.2), np.full((6, 1), 0.1)
+)
+LEGS = plan_legs(Excitation(TRAJECTORY, 1), ROBOT.motion_limits(), CYCLE_S)
+
+
+def payload(body=BODY, determined=None, frame="flange", joints=6):
+    known = np.ones(10, bool) if determined is None else determined
+    values = np.stack([body.values, body.values], axis=1)
+    noise = np.ones(joints)
+    return PayloadResult(frame, body, known, values, noise, noise, Provenance("0", "0", {}))
+
+
+def plugin(the_payload=None, joints=ALL):
+    added = FeedforwardPlugin(ROBOT.chain(), "prbt", the_payload or payload(), CYCLE_S)
+    added.allow(joints)
+    return added
+
+
+class Lagging:
+    """Distorts a perfect arm's feedback: it is where it was told to be some cycles ago."""
+
+    def __init__(self, servos, cycles):
+        self.servos, self.cycles = servos, cycles
+
+    def __call__(self, feedback):
+        sent = self.servos.sent
+        return replace(feedback, position_rad=sent[max(len(sent) - 1 - self.cycles, 0)].position_rad)
+
+
+def run(servos, added, cycles=0, at=None):
+    """Run the leg with the plug-in on an arm with a lag; references of all rows, and the torque sent with them."""
+    lagging = Lagging(servos, cycles)
+    servos.events = dict.fromkeys(range(5000), lagging)
+    references = []
+
+    class Watch:
+        name = "watch"
+
+        def on_cycle(self, step):
+            references.append(step.reference)
+            for act in (at or {}).get(len(references), ()):
+                act()
+
+    gate = TorqueGate(ROBOT.torque_max_nm(), CYCLE_S)
+    cycle = Cycle(servos, ROBOT.motion_limits(), gate, MotionControl(), [Watch(), added])
+    with cycle.powered() as arm:
+        arm.follow(plan_approach(arm.position_rad, LEGS.start_rad, ROBOT.motion_limits()), lambda done: None)
+        arm.follow(LEGS.measured, lambda done: None)
+    return references, np.array([command.torque_offset_nm for command in servos.sent])
+
+
+@pytest.mark.parametrize("cycles", [0, 5])
+def test_the_torque_is_the_payloads_where_the_arm_is(ideal_servos, cycles):
+    added = plugin()
+    references, torque = run(ideal_servos(6, CYCLE_S), added, cycles)
+    assert added.lag_s == pytest.approx(cycles * CYCLE_S, rel=0.02)
+    feedforward = PayloadFeedforward(ROBOT.chain(), BODY)
+    rows = [i for i, reference in enumerate(references) if reference.segment is Segment.PERIODS][50:]
+    delay_s = max(cycles - 0.5, 0.0) * CYCLE_S
+
+    def error_nm(delay_s):
+        """What was added beside the torque of a while ago."""
+        found = []
+        for row in rows[::20]:
+            state = TRAJECTORY.evaluate(references[row].state.phase_s - delay_s)
+            expected = feedforward.torque_nm(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2)
+            found.append(np.abs(torque[row] - expected).max())
+        return max(found)
+
+    assert error_nm(delay_s) < 0.02
+    assert error_nm(delay_s) < 0.2 * min(error_nm(delay_s + half) for half in (-0.5 * CYCLE_S, 0.5 * CYCLE_S))
+
+
+def test_joints_that_were_not_found_usable_get_nothing(ideal_servos):
+    usable = np.array([False, True, True, False, True, False])
+    _, torque = run(ideal_servos(6, CYCLE_S), plugin(joints=usable))
+    assert not torque[:, ~usable].any()
+    assert (np.abs(torque[:, usable]).max(axis=0) > 1.0).all()
+
+
+def test_nothing_is_added_until_it_is_allowed(ideal_servos):
+    _, torque = run(ideal_servos(6, CYCLE_S), FeedforwardPlugin(ROBOT.chain(), "prbt", payload(), CYCLE_S))
+    assert not torque.any()
+
+
+def test_the_payload_is_changed_in_motion_without_a_step(ideal_servos):
+    added = plugin()
+    heavier = payload(InertialParameters(1.5 * BODY.theta))
+    acts = {500: [lambda: added.set_payload(heavier, 0.3)], 600: [lambda: added.drop_payload(0.3)]}
+    _, torque = run(ideal_servos(6, CYCLE_S), added, at=acts)
+    _, undisturbed = run(ideal_servos(6, CYCLE_S), plugin())
+    np.testing.assert_array_equal(torque[:499], undisturbed[:499])
+    np.testing.assert_allclose(torque[535:598], 1.5 * undisturbed[535:598], atol=1e-9)
+    np.testing.assert_allclose(torque[635:], 0.0, atol=1e-12)
+    assert np.abs(np.diff(torque, axis=0)).max() < 2.0
+
+
+@pytest.mark.parametrize("missing", [0, 1, 3])
+def test_a_payload_without_mass_or_centre_is_refused_in_the_words_of_export(missing):
+    known = np.ones(10, bool)
+    known[missing] = False
+    with pytest.raises(PayloadRefused) as fed:
+        plugin(payload(determined=known))
+    names = tuple(f"j{i}" for i in range(6))
+    with pytest.raises(ExportError) as exported:
+        ExportSubject("prbt", names, ROBOT.chain(), payload(determined=known), "payload", "0", "0")
+    assert str(fed.value).replace("fed forward", "exported") == str(exported.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"), [({"frame": "base"}, "frame 'base'"), ({"joints": 7}, "7 joints, but prbt has 6")]
+)
+def test_a_payload_of_something_else_is_refused_also_while_running(changes, text):
+    added = plugin()
+    with pytest.raises(PayloadRefused, match=text):
+        added.set_payload(payload(**changes), 0.1)
+
+
+def test_the_lag_is_not_told_by_an_arm_that_stands():
+    lag = FollowingLag(2, CYCLE_S)
+    lag.add(np.full(2, 0.1), np.zeros(2))
+    assert lag.lag_s == 0.0
+
+
+def test_the_lag_of_one_joint_that_is_held_back_does_not_count():
+    lag = FollowingLag(3, CYCLE_S)
+    for _ in range(100):
+        lag.add(np.array([0.04, 0.04, 0.19]), np.ones(3))
+    assert lag.lag_s == pytest.approx(0.04)

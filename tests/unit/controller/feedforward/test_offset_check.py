@@ -1,0 +1,164 @@
+"""The torque offset asked at standstill, on the simulated arm: right ones pass, wrong ones never reach motion."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import MotionError
+from armload_controller.cycle.control_cycle import Cycle
+from armload_controller.cycle.monitors import FollowingMonitor
+from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.feedforward.offset_check import OffsetCheck, OffsetRefused, OffsetVerdict, tried_torque
+from armload_controller.motion.motion_control import MotionControl
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_drivers.simulation.fake_servos import FakeServos
+from armload_drivers.simulation.mujoco_plant import ArmPlant
+from armload_identification.model.regressor import payload_torque
+from armload_identification.signals.joint_torque import Transmission
+
+ROBOT = load_robot("prbt")
+POSITION = np.array([0.2, 0.7, 1.1, 0.3, 0.9, 0.4])
+PATH = POSITION + np.linspace(-1.0, 1.0, 50)[:, None] * np.array([1.0, 0.8, 0.6, 0.5, 0.9, 0.4])
+UNIT = Transmission(np.ones(2), np.eye(2))
+
+
+class WrongOffset:
+    """A plant whose drives make something else of their offset."""
+
+    def __init__(self, plant, factor):
+        self._plant, self._factor = plant, factor
+
+    def __getattr__(self, name):
+        return getattr(self._plant, name)
+
+    def set_torque_offset(self, axis, torque_nm):
+        self._plant.set_torque_offset(axis, torque_nm * self._factor[axis])
+
+
+def check(factor):
+    """Try the offset of a loaded arm at rest; the verdict, and how far the arm moved meanwhile."""
+    spec = replace(ROBOT.plant_spec("gripper"), start_position_rad=POSITION)
+    plant = ArmPlant(spec)
+    servos = FakeServos(ROBOT.arm_settings(), WrongOffset(plant, factor))
+    servos.connect()
+    limits = ROBOT.motion_limits()
+    tried = tried_torque(ROBOT.chain(), ROBOT.simulated_payload("gripper"), PATH)
+    offset = OffsetCheck(ROBOT.joint_names, ROBOT.transmission(), tried, servos.cycle_s)
+    gate = TorqueGate(ROBOT.torque_max_nm(), servos.cycle_s)
+    cycle = Cycle(servos, limits, gate, MotionControl(), [FollowingMonitor(limits, 3), offset])
+    with cycle.powered() as arm:
+        arm.hold(offset.done)
+        moved = np.abs(plant.sample(0.01).joint_position_rad - POSITION).max()
+        offset.verdict().require()
+    return offset.verdict(), moved
+
+
+def test_a_right_offset_is_usable_wherever_the_payload_weighs():
+    verdict, moved = check(np.ones(6))
+    assert verdict.usable[[1, 2, 4]].all()
+    assert not verdict.usable[0]
+    assert np.abs(verdict.gain[[1, 2, 4]] - 1.0).max() < 0.2
+    assert moved < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("factor", "text"),
+    [(-1.0, "the sign is wrong"), (2.0, "the scale is wrong"), (0.4, "the scale is wrong"), (0.0, "does not take it")],
+)
+def test_one_wrong_drive_is_named_and_stops(factor, text):
+    factors = np.ones(6)
+    factors[2] = factor
+    with pytest.raises(MotionError, match=f"added torque does not.*prbt_joint_3 was given.*{text}") as caught:
+        check(factors)
+    assert isinstance(caught.value.__cause__, OffsetRefused)
+    assert caught.value.__cause__.joints == ("prbt_joint_3",)
+
+
+def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(ideal_servos):
+    rng = np.random.default_rng(5)
+    check = OffsetCheck(("a", "b"), UNIT, np.array([0.01, 0.0]), 0.01)
+    servos = ideal_servos(2, 0.01)
+    servos.events = {k: lambda f: replace(f, current_a=rng.normal(size=2)) for k in range(10_000)}
+    limits = replace(ROBOT.motion_limits(), joint_names=("a", "b"))
+    limits = replace(limits, **{k: getattr(limits, k)[:2] for k in limits.__slots__ if k != "joint_names"})
+    cycle = Cycle(servos, limits, TorqueGate(np.full(2, 50.0), 0.01), MotionControl(), [check])
+    with cycle.powered() as arm:
+        arm.hold(check.done)
+    assert check.verdict().fits == 20
+    with pytest.raises(OffsetRefused, match="no joint's answer can be told from the noise"):
+        check.verdict().require()
+
+
+class Bench:
+    """Drives that answer an offset as they are told to, without an arm."""
+
+    def __init__(self, answer, tried_nm=(10.0, 40.0), cycle_s=0.01):
+        self.check = OffsetCheck(("a", "b"), UNIT, np.array(tried_nm), cycle_s)
+        self.cycle_s, zero = cycle_s, np.zeros(2)
+        told = sent = None
+        before = zero
+        cycle = 0
+        while not self.check.done():
+            offset = self.check.on_cycle(SimpleNamespace(sent=sent, feedback=told, command=None))
+            offset = zero if offset is None else offset
+            # As the cycle does it: the command that leaves now is the `sent` of the feedback that answers it.
+            sent = JointCommand(zero, zero, offset)
+            torque = answer(cycle * cycle_s, offset, before)
+            told = JointFeedback(cycle, cycle * cycle_s, zero, None, None, torque, np.zeros(2), np.zeros(2, bool))
+            before, cycle = offset, cycle + 1
+        self.verdict = self.check.verdict()
+
+
+def test_the_gain_is_told_apart_from_drift_and_delay():
+    def answer(time_s, offset, before):
+        return 3.0 + 2.0 * time_s - 80.0 * time_s**2 + np.array([1.0, 0.6]) * offset + 0.5 * (offset - before)
+
+    verdict = Bench(answer).verdict
+    np.testing.assert_allclose(verdict.gain, [1.0, 0.6], atol=0.02)
+    assert verdict.usable.tolist() == [True, False]
+    assert verdict.wrong.tolist() == [False, True]
+    exact = Bench(lambda time_s, offset, before: offset).verdict
+    np.testing.assert_allclose(exact.gain, 1.0, atol=1e-9)
+
+
+def test_a_slip_spoils_one_fit_and_not_the_verdict():
+    """A servo that lets go once: the torque steps by more than what was tried, in the middle of a fade."""
+
+    def answer(time_s, offset, before):
+        return offset + 60.0 * (3.1 < time_s < 3.5)
+
+    verdict = Bench(answer).verdict
+    np.testing.assert_allclose(verdict.gain, 1.0, atol=1e-6)
+
+
+def test_the_standard_error_is_how_far_the_gain_is_off():
+    gains, sigmas = [], []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        verdict = Bench(lambda time_s, offset, before, rng=rng: offset + rng.normal(size=2) * [2.0, 8.0]).verdict
+        gains.append(verdict.gain)
+        sigmas.append(verdict.sigma)
+    np.testing.assert_allclose(np.mean(sigmas, axis=0) / np.std(gains, axis=0), 1.0, atol=0.35)
+
+
+def test_what_is_usable_and_what_is_wrong():
+    """Nothing is added on a doubt, and nobody is accused on half a one."""
+    gain = np.array([1.0, 1.0, 1.34, 1.36, 0.64, 0.64, 0.64])
+    sigma = np.array([0.11, 0.13, 0.01, 0.01, 0.05, 0.07, 0.5])
+    verdict = OffsetVerdict(tuple("abcdefg"), np.ones(7), gain, sigma, 8)
+    assert verdict.usable.tolist() == [True, False, True, False, False, False, False]
+    assert verdict.wrong.tolist() == [False, False, False, True, True, False, False]
+    with pytest.raises(OffsetRefused) as refused:
+        verdict.require()
+    assert refused.value.joints == ("d", "e")
+    unsure = OffsetVerdict(("a", "f"), np.ones(2), gain[[0, 5]], sigma[[0, 5]], 8)
+    assert unsure.require().tolist() == [True, False]
+
+
+def test_a_fifth_of_what_the_payloads_weight_takes_is_tried():
+    chain, body = ROBOT.chain(), ROBOT.simulated_payload("gripper")
+    weight = [payload_torque(chain, body.theta, q, np.zeros(6), np.zeros(6)) for q in PATH]
+    np.testing.assert_allclose(tried_torque(chain, body, PATH), 0.2 * np.abs(weight).max(axis=0), rtol=1e-9)

@@ -1,0 +1,59 @@
+"""The pure check of setpoints."""
+
+import numpy as np
+import pytest
+
+from armload_controller.motion.joint_limits import LimitViolation, MotionLimits, check_setpoints
+
+LIMITS = MotionLimits(
+    joint_names=("base", "elbow"),
+    position_min_rad=np.array([-1.0, -2.0]),
+    position_max_rad=np.array([1.0, 2.0]),
+    velocity_max_rad_s=np.array([0.5, 0.6]),
+    acceleration_max_rad_s2=np.array([3.0, 4.0]),
+    jerk_max_rad_s3=np.array([30.0, 40.0]),
+    following_error_rad=np.array([0.1, 0.1]),
+)
+REST = np.zeros(2)
+
+
+def test_limits_themselves_are_allowed():
+    check_setpoints(LIMITS.position_max_rad, LIMITS.velocity_max_rad_s, LIMITS.acceleration_max_rad_s2, LIMITS)
+    check_setpoints(LIMITS.position_min_rad, -LIMITS.velocity_max_rad_s, -LIMITS.acceleration_max_rad_s2, LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "position", "velocity", "acceleration", "value", "bound"),
+    [
+        ("position", [0.0, 2.1], REST, REST, 2.1, 2.0),
+        ("position", [0.0, -2.1], REST, REST, -2.1, -2.0),
+        ("velocity", REST, [0.0, -0.7], REST, 0.7, 0.6),
+        ("acceleration", REST, REST, [0.0, 5.0], 5.0, 4.0),
+        ("acceleration", REST, REST, [0.0, -5.0], 5.0, 4.0),
+    ],
+)
+def test_violation_names_joint_quantity_value_and_bound(quantity, position, velocity, acceleration, value, bound):
+    with pytest.raises(LimitViolation) as caught:
+        check_setpoints(np.array(position), np.array(velocity), np.array(acceleration), LIMITS)
+    error = caught.value
+    assert (error.joint, error.quantity) == ("elbow", quantity)
+    assert error.value == pytest.approx(value)
+    assert error.bound == pytest.approx(bound)
+    assert "elbow" in str(error)
+    assert f"{value:.4f}" in str(error)
+
+
+@pytest.mark.parametrize("where", range(3))
+def test_nan_is_refused(where):
+    states = [np.zeros((4, 2)) for _ in range(3)]
+    states[where][2, 1] = np.nan
+    with pytest.raises(LimitViolation) as caught:
+        check_setpoints(*states, LIMITS)
+    assert caught.value.joint == "elbow"
+
+
+def test_one_bad_row_of_a_plan_is_found():
+    position = np.zeros((100, 2))
+    position[57, 0] = -1.001
+    with pytest.raises(LimitViolation, match=r"base: position -1\.0010 rad"):
+        check_setpoints(position, np.zeros_like(position), np.zeros_like(position), LIMITS)

@@ -1,0 +1,191 @@
+"""The phase: pause, resume, override and stop, each a change of the rate alone."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
+from armload_controller.motion.leg_stream import PhaseStream
+from armload_controller.motion.motion_control import MotionControl, OperatorStop
+from armload_controller.motion.phase import PhaseState, Segment, ramp_to_grid, ramp_to_rate
+from armload_controller.motion.setpoints import plan_leg, plan_legs
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+
+N = 2
+CYCLE_S = 0.01
+LIMITS = MotionLimits(
+    joint_names=("base", "elbow"),
+    position_min_rad=np.full(N, -2.0),
+    position_max_rad=np.full(N, 2.0),
+    velocity_max_rad_s=np.full(N, 1.0),
+    acceleration_max_rad_s2=np.full(N, 4.0),
+    jerk_max_rad_s3=np.full(N, 400.0),
+    following_error_rad=np.full(N, 0.05),
+)
+PATH = FourierTrajectory(0.5, np.array([0.2, -0.2]), np.array([[0.1], [0.08]]), np.array([[0.05], [0.1]]))
+LEGS = plan_legs(Excitation(PATH, 2), LIMITS, CYCLE_S)
+CYCLES_IN_PERIODS = 400
+
+
+def stream(leg, requests, most=20_000):
+    """All rows of a leg; `requests` are made of the control before the row of their number."""
+    control = MotionControl()
+    source = PhaseStream(leg, CYCLE_S, control)
+    rows = []
+    while len(rows) < most:
+        for request in requests.get(len(rows), ()):
+            request(control)
+        row = source.take()
+        if row is None:
+            return rows
+        rows.append(row)
+    pytest.fail("the stream does not end")
+
+
+def assert_continuous(rows):
+    """Within the limits, never backwards, on the path, without jumps in position, rate or acceleration."""
+    position, velocity, acceleration = (
+        np.array([getattr(row, name) for row in rows])
+        for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2")
+    )
+    check_setpoints(position, velocity, acceleration, LIMITS)
+    s, rate, gain = np.array([(r.state.phase_s, r.state.rate, r.state.acceleration_1_s) for r in rows]).T
+    assert rate.min() >= -1e-9
+    assert rate.max() <= 1.0 + 1e-9
+    np.testing.assert_allclose(position, PATH.evaluate(s).position_rad, atol=1e-12)
+    np.testing.assert_allclose(np.diff(s), (rate[1:] + rate[:-1]) / 2 * CYCLE_S, atol=5e-5)
+    bounds = LEGS.measured.bounds
+    assert np.abs(np.diff(rate)).max() <= bounds.acceleration_1_s * CYCLE_S * 1.001
+    assert np.abs(np.diff(gain)).max() <= bounds.jerk_1_s2 * CYCLE_S * 1.001
+
+
+def pause(control):
+    control.pause()
+
+
+def resume(control):
+    control.resume()
+
+
+def speed(share):
+    return lambda control: control.set_speed(share)
+
+
+def stop(control):
+    control.stop(OperatorStop("enough"))
+
+
+def test_undisturbed_the_stream_is_the_plan():
+    for leg in (LEGS.slow, LEGS.measured):
+        plan = plan_leg(leg, CYCLE_S)
+        rows = stream(leg, {})
+        np.testing.assert_array_equal([row.position_rad for row in rows], plan.position_rad[1:])
+        np.testing.assert_array_equal([row.acceleration_rad_s2 for row in rows], plan.acceleration_rad_s2[1:])
+        assert tuple(row.segment for row in rows) == plan.segment[1:]
+
+
+def test_after_a_pause_the_measured_periods_stay_on_the_grid():
+    rows = stream(LEGS.measured, {200: [pause], 400: [resume]})
+    assert_continuous(rows)
+    standing = [row.state.phase_s for row in rows[330:400]]
+    assert np.ptp(standing) < 1e-12
+    assert all(row.segment is Segment.SLOW for row in rows[200:401])
+    phases = np.array([row.state.phase_s for row in rows if row.segment is Segment.PERIODS])
+    grid = np.round(phases / CYCLE_S)
+    np.testing.assert_allclose(phases, grid * CYCLE_S, atol=1e-12)
+    assert len(set(grid)) == len(grid)
+    assert grid[-1] == CYCLES_IN_PERIODS
+    lost = CYCLES_IN_PERIODS - len(grid)
+    ramp = LEGS.measured.start_s / -CYCLE_S
+    assert 0 < lost <= 2 * ramp + 3
+
+
+def test_override_slows_down_what_is_not_measured_then_and_back():
+    rows = stream(LEGS.measured, {150: [speed(0.3)], 500: [speed(1.0)]})
+    assert_continuous(rows)
+    rates = np.array([row.state.rate for row in rows])
+    np.testing.assert_allclose(rates[260:500], 0.3, atol=1e-9)
+    assert all((row.segment is Segment.PERIODS) <= (row.state.rate == 1.0) for row in rows)
+    assert rows[-2].segment is Segment.RAMP_DOWN
+
+
+def test_a_run_that_begins_slow_ends_slow():
+    rows = stream(LEGS.measured, {0: [speed(0.5)]})
+    assert_continuous(rows)
+    assert max(row.state.rate for row in rows) <= 0.5 + 1e-9
+    assert rows[-1].state.phase_s > CYCLES_IN_PERIODS * CYCLE_S
+    assert Segment.PERIODS not in {row.segment for row in rows}
+
+
+def test_the_slow_round_obeys_the_override_and_still_ends_where_the_measured_begins():
+    rows = stream(LEGS.slow, {100: [speed(0.5)], 600: [pause], 700: [resume, speed(1.0)]})
+    assert_continuous(rows)
+    assert rows[-1].state.phase_s == pytest.approx(LEGS.slow.end_s, abs=1e-9)
+    assert max(row.state.rate for row in rows) <= 0.25 + 1e-9
+    assert {row.segment for row in rows} == {Segment.SLOW}
+
+
+@pytest.mark.parametrize("at", [0, 3, 40, 120, 399, 520, 560])
+def test_a_stop_ends_at_rest_on_the_path(at):
+    rows = stream(LEGS.measured, {at: [stop]})
+    assert len(rows) <= at + 120
+    if rows:
+        assert_continuous(rows)
+        assert abs(rows[-1].state.rate) < 1e-9
+
+
+def test_a_stop_while_paused_ends_at_once():
+    rows = stream(LEGS.measured, {200: [pause], 400: [stop]})
+    assert len(rows) == 400
+
+
+def test_stop_is_final():
+    control = MotionControl()
+    stop(control)
+    control.stop(OperatorStop("later"))
+    control.resume()
+    assert str(control.goal.stop) == "enough"
+    assert PhaseStream(LEGS.slow, CYCLE_S, control).take() is None
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(1, 700), st.sampled_from([pause, resume, speed(0.01), speed(0.4), speed(1.0)])),
+        max_size=8,
+    ),
+    st.sampled_from([LEGS.slow, LEGS.measured]),
+)
+def test_whatever_is_asked_in_whatever_order(requests, leg):
+    """After all requests the arm is resumed at full speed, and the leg comes to its end."""
+    table = {}
+    for at, request in requests:
+        table.setdefault(at, []).append(request)
+    table.setdefault(701, []).extend([resume, speed(1.0)])
+    rows = stream(leg, table)
+    assert_continuous(rows)
+    assert abs(rows[-1].state.rate) < 1e-6
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(0.001, 0.999), st.floats(-1.0, 1.0), st.floats(0.0, 3.0))
+def test_ramps_onto_the_grid_end_on_it(rate, share, phase_s):
+    bounds = LEGS.measured.bounds
+    most = min(bounds.acceleration_1_s, np.sqrt(2 * bounds.jerk_1_s2 * min(rate, 1.0 - rate)))
+    state = PhaseState(phase_s, rate, share * most)
+    for _ in range(3):
+        ramp = ramp_to_grid(state, bounds, CYCLE_S)
+        assert max(ramp.row(i).rate for i in range(ramp.cycles + 1)) <= 1.0 + 1e-9
+        assert ramp.cycles * CYCLE_S < 1.3
+        state = ramp.end
+        if state.rate > 0.999:
+            break
+    assert state.rate == pytest.approx(1.0)
+    assert state.phase_s / CYCLE_S == pytest.approx(round(state.phase_s / CYCLE_S), abs=1e-6)
+
+
+def test_a_ramp_to_a_rate_takes_whole_cycles():
+    ramp = ramp_to_rate(PhaseState(0.0, 0.0, 0.0), 1.0, LEGS.measured.bounds, CYCLE_S)
+    assert ramp.end.rate == pytest.approx(1.0)
+    assert ramp.end.acceleration_1_s == pytest.approx(0.0, abs=1e-9)

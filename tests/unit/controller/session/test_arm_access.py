@@ -1,0 +1,215 @@
+"""Opening an arm: what is asked before a bus is opened, and what is on it before anything is written to it."""
+
+import os
+import pty
+import re
+import subprocess
+import sys
+import time
+import uuid
+from importlib import resources
+
+import can
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import ConfigurationError, UnsafeBus
+from armload_controller.session.arm_access import arm_on_bus, clock_from_now, require_rules
+from armload_drivers.cia402.arm_settings import Identity
+from armload_drivers.driver_errors import WrongDevice
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
+from armload_identification.files.payload_file import write_payload
+from armload_identification.model.payload import PayloadResult, Provenance
+
+SDO_WRITES = {0x2F, 0x2B, 0x27, 0x23, 0x22, 0x21, 0x20}
+"""First bytes of SDO download requests."""
+FOREIGN = Identity(0x02DC, 0x1234_5678)
+KEY = "identity = { vendor_id = 0x02DC, product_code = 0x12345678 }"
+
+REAL_ARM = """
+import sys, time
+import can
+from armload_controller.config.robot import load_robot
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
+
+robot = load_robot(sys.argv[2])
+arm = robot.arm_settings()
+powered = []
+
+class Plant(IdealPlant):
+    def set_powered(self, axis, on):
+        powered.extend([axis] if on else [])
+        super().set_powered(axis, on)
+
+plant = Plant(robot.simulated_start_rad, robot.torque_max_nm())
+traits = {drive.node_id: DriveTraits(identity=drive.identity) for drive in arm.drives}
+from armload_controller.cli.entry import main
+with can.Bus(interface="bench", channel="floor") as bus, SimulatedDrives(arm, plant, bus, time.monotonic, traits):
+    try:
+        main()
+    finally:
+        print("powered" if powered else "never powered", flush=True)
+"""
+"""The program with drives of another identity on a bus that only this process reaches."""
+
+
+@pytest.fixture
+def bench():
+    """prbt's drives on a virtual bus, one of them somebody else's, and a listener."""
+    robot = load_robot("prbt").with_bus(channel=uuid.uuid4().hex)
+    arm = robot.arm_settings()
+    opened = [can.Bus(interface="virtual", channel=robot.bus.channel) for _ in range(2)]
+    traits = {6: DriveTraits(identity=FOREIGN)}
+    plant = IdealPlant(robot.plant_spec(None).start_position_rad, robot.torque_max_nm())
+    with SimulatedDrives(arm, plant, opened[0], time.monotonic, traits):
+        yield robot, opened[1]
+    for bus in opened:
+        bus.shutdown()
+
+
+@pytest.fixture
+def named(tmp_path):
+    """prbt's file with the identity of its drives, changed as a test wants it."""
+    configs = resources.files("armload_configs")
+    for role in ("identification", "validation"):
+        name = f"prbt_{role}.toml"
+        (tmp_path / name).write_text((configs / name).read_text("utf-8"))
+
+    def named(*changes, key=KEY):
+        text = re.sub(r"^(node_id = .*)$", rf"\1\n{key}", (configs / "prbt.toml").read_text("utf-8"), flags=re.M)
+        for pattern, new in changes:
+            text, count = re.subn(pattern, new, text, flags=re.MULTILINE | re.DOTALL)
+            assert count
+        path = tmp_path / "mine.toml"
+        path.write_text(text)
+        return path
+
+    return named
+
+
+def test_simulated_drives_need_not_catch_up_with_the_time_since_the_machine_was_switched_on():
+    clock = clock_from_now()
+    first_s = clock()
+    assert 0.0 <= first_s < 5.0
+    assert clock() >= first_s
+
+
+@pytest.mark.parametrize("interface", ["socketcan", "pcan", "slcan"])
+def test_drives_that_nobody_named_are_not_driven(interface):
+    robot = load_robot("er50").with_bus(interface=interface, channel="can0")
+    with pytest.raises(ConfigurationError, match=r"joints\[1\].drive.identity is missing.*--simulated-drives"):
+        require_rules(robot, simulated_drives=False, attended=True)
+    require_rules(robot, simulated_drives=True, attended=False)
+    require_rules(load_robot("er50"), simulated_drives=False, attended=False)
+
+
+def test_a_real_arm_needs_somebody_at_a_terminal(named):
+    robot = load_robot(str(named())).with_bus(interface="socketcan", channel="can0")
+    require_rules(robot, simulated_drives=False, attended=True)
+    with pytest.raises(UnsafeBus, match="terminal, --yes or not"):
+        require_rules(robot, simulated_drives=False, attended=False)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "key"),
+    [
+        (r"^\[workspace\].*?(?=^\[\[body)", "workspace"),
+        (r"^\[\[body.links\]\].*?(?=^\[excitation)", r"joints\[1\].arm_torque_share"),
+    ],
+)
+def test_a_real_arm_needs_a_file_that_tells_what_may_happen(named, pattern, key):
+    robot = load_robot(str(named((pattern, "")))).with_bus(interface="socketcan", channel="can0")
+    with pytest.raises(ConfigurationError, match=f"{key} is missing: a real arm"):
+        require_rules(robot, simulated_drives=False, attended=True)
+
+
+def test_what_the_configuration_admits_to_is_told(named):
+    path = named((r"has_brake = true", "has_brake = false"), key=f'{KEY}\naccept_missing = ["6007"]')
+    told = load_robot(str(path)).weak_points()
+    assert told[:2] == (
+        "prbt_joint_1 has no brake: it falls when torque is removed",
+        "prbt_joint_1 may lack 6007 (accept_missing)",
+    )
+    assert not load_robot("prbt").weak_points()
+
+
+def test_a_foreign_drive_is_refused_before_anything_is_written(bench):
+    robot, listener = bench
+    with arm_on_bus(robot, print, simulated_drives=True) as servos, pytest.raises(WrongDevice, match="node 6"):
+        servos.connect()
+    while (message := listener.recv(0.0)) is not None:
+        assert message.arbitration_id != 0, f"NMT command {message}"
+        if 0x600 < message.arbitration_id < 0x680:
+            assert message.data[0] not in SDO_WRITES, f"SDO write {message}"
+
+
+def test_the_arm_that_the_file_names_is_connected_and_known_to_be_real(named):
+    robot = load_robot(str(named())).with_bus(channel=uuid.uuid4().hex)
+    arm = robot.arm_settings()
+    traits = {drive.node_id: DriveTraits(identity=FOREIGN) for drive in arm.drives}
+    plant = IdealPlant(robot.simulated_start_rad, robot.torque_max_nm())
+    with (
+        can.Bus(interface="virtual", channel=robot.bus.channel) as bus,
+        SimulatedDrives(arm, plant, bus, time.monotonic, traits),
+        arm_on_bus(robot, print, simulated_drives=False) as servos,
+    ):
+        servos.connect()
+        assert not servos.simulated
+
+
+@pytest.fixture
+def at_a_terminal(tmp_path):
+    """Run the program on a real arm, its input a terminal or not, and answer its first question."""
+    program = tmp_path / "real_arm.py"
+    program.write_text(REAL_ARM)
+    plugin = tmp_path / "bench-1.dist-info"
+    plugin.mkdir()
+    (plugin / "METADATA").write_text("Metadata-Version: 2.1\nName: bench\nVersion: 1\n")
+    (plugin / "entry_points.txt").write_text("[can.interface]\nbench = can.interfaces.virtual:VirtualBus\n")
+
+    def at_a_terminal(words, answer):
+        keyboard, terminal = pty.openpty()
+        command = [sys.executable, str(program), *map(str, words), "--interface", "bench", "--channel", "floor"]
+        os.write(keyboard, answer)
+        its_input = terminal if answer else subprocess.DEVNULL
+        done = subprocess.run(command, check=False, stdin=its_input, capture_output=True, text=True, timeout=60)
+        os.close(keyboard)
+        os.close(terminal)
+        return done.returncode, done.stdout, done.stderr
+
+    return at_a_terminal
+
+
+def test_without_a_terminal_nothing_moves(named, at_a_terminal, tmp_path):
+    status, printed, errors = at_a_terminal(["commission", named(), "-o", tmp_path / "run", "--yes"], b"")
+    assert status == 1
+    assert "somebody at a terminal" in errors
+    assert "never powered" in printed
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_operator_who_says_no_moves_nothing(named, at_a_terminal, tmp_path):
+    path = named((r"has_brake = true", "has_brake = false"))
+    status, printed, errors = at_a_terminal(["commission", path, "-o", tmp_path / "run"], b"n\n")
+    assert status == 1, errors
+    assert "not confirmed: nothing was moved" in errors
+    assert "mind: prbt_joint_1 has no brake" in printed
+    assert "never powered" in printed
+
+
+def test_consent_beforehand_does_not_cover_a_payload(named, at_a_terminal, tmp_path):
+    body = load_robot("prbt").simulated_payload("block")
+    known, ones = np.ones(10, dtype=bool), np.ones(6)
+    values = np.stack([body.values, body.values], axis=1)
+    result = PayloadResult("flange", body, known, values, ones, ones, Provenance("0", "0", {}))
+    write_payload(tmp_path / "payload.toml", result)
+    words = ["feedforward", named(), tmp_path / "payload.toml", "--yes"]
+    status, printed, errors = at_a_terminal(words, b"n\n")
+    assert status == 1, errors
+    assert "The arm will hold its position with torque on" in printed
+    assert "never powered" in printed

@@ -1,0 +1,122 @@
+"""What a half of a commissioning does, in which order, and when the operator is asked."""
+
+import re
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import CommissioningError, MotionError
+from armload_controller.motion.motion_control import MotionControl, OperatorStop
+from armload_controller.session.commissioning import Consent, Load, record_half
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.recording.mcap_reader import read_topic
+from armload_identification.recording.recording import TOPIC, read_recording
+
+SWING = np.full((6, 1), 0.05)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    """prbt with excitations of one period of 1 s."""
+    arm = load_robot("prbt")
+    still = FourierTrajectory(1.0, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), SWING, 0.5 * SWING)
+    other = FourierTrajectory(1.0, np.array([0.0, 0.5, 1.1, 0.1, 0.5, 0.0]), SWING, -0.5 * SWING)
+    return replace(arm, excitations={"identification": Excitation(still, 1), "validation": Excitation(other, 1)})
+
+
+class Silence:
+    """Watches nothing."""
+
+    def step(self, text):
+        pass
+
+    def track(self, text, total):
+        return nullcontext(lambda done: None)
+
+
+class Operator:
+    """Answers, and remembers what was asked and how often the arm had been enabled by then."""
+
+    def __init__(self, servos, *answers):
+        self.servos, self.answers, self.asked = servos, list(answers), []
+
+    def __call__(self, question):
+        self.asked.append((question, self.servos.log.count("enable"), self.servos.log[-1]))
+        return self.answers.pop(0)
+
+
+@pytest.fixture
+def half(robot, ideal_servos, tmp_path):
+    """Record a half on a perfect arm; what the operator was asked, and the arm."""
+
+    def half(load, *answers, simulated=False, given=False, control=None):
+        servos = ideal_servos(6, 0.01)
+        servos.simulated = simulated
+        operator = Operator(servos, *answers)
+
+        @contextmanager
+        def open_servos(which):
+            assert which is load
+            yield servos
+
+        control = control or MotionControl()
+        arguments = (robot, load, open_servos, tmp_path, Silence(), control, Consent(operator, given), "now")
+        try:
+            record_half(*arguments)
+        except (CommissioningError, MotionError) as error:
+            return operator.asked, servos, error
+        return operator.asked, servos, None
+
+    return half
+
+
+def test_a_simulated_arm_is_never_asked_about_and_rounds_slowly_all_the_same(half, tmp_path):
+    asked, servos, error = half(Load.LOADED, simulated=True)
+    assert error is None
+    assert not asked
+    assert servos.log == ["connect", *["enable", "stop", "disable"] * 4]
+    path = tmp_path / "loaded_identification.mcap"
+    content = read_topic(path, path.read_bytes(), TOPIC, ["time_s", "phase_s"], ["position_rad"])
+    slow_s = np.isnan(content.values["phase_s"]).sum() * 0.01
+    assert slow_s > 4.0
+    assert np.isfinite(read_recording(path).phase_s).sum() == 100
+
+
+def test_a_real_arm_is_asked_before_it_moves_and_after_every_slow_round(half):
+    asked, _, error = half(Load.UNLOADED, True, True, True)
+    assert error is None
+    assert [enabled for _, enabled, _ in asked] == [0, 1, 3]
+    assert [before for _, _, before in asked] == ["connect", "disable", "disable"]
+
+
+@pytest.mark.parametrize("answers", [(False,), (True, False)])
+def test_without_consent_nothing_more_moves(half, answers):
+    asked, servos, error = half(Load.UNLOADED, *answers)
+    assert "not confirmed" in str(error)
+    assert len(asked) == len(answers)
+    assert servos.log[-1] in {"connect", "disable"}
+
+
+def test_consent_given_beforehand_skips_prompts_and_no_slow_round(half):
+    asked, servos, error = half(Load.UNLOADED, given=True)
+    assert error is None
+    assert not asked
+    assert servos.log.count("enable") == 4
+
+
+def test_the_first_motion_with_a_payload_on_a_real_arm_always_asks(half):
+    asked, servos, error = half(Load.LOADED, True, given=True)
+    assert error is None
+    assert [enabled for _, enabled, _ in asked] == [0]
+    assert servos.log.count("enable") == 4
+
+
+def test_an_operator_who_asked_for_a_stop_gets_no_arm_switched_on(half):
+    control = MotionControl()
+    control.stop(OperatorStop("Ctrl-C"))
+    _, servos, error = half(Load.LOADED, simulated=True, control=control)
+    assert re.search("Nothing was switched on.*Ctrl-C", str(error))
+    assert servos.log == []

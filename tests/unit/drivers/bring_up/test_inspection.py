@@ -1,0 +1,271 @@
+"""Looking at drives: who is there, what bring-up would say, how they fare, one fault reset."""
+
+import time
+import uuid
+from contextlib import ExitStack
+from dataclasses import replace
+
+import can
+import numpy as np
+import pytest
+
+from armload_drivers.bring_up.drive_check import Verdict, check, reset
+from armload_drivers.bring_up.inspection import find_nodes, show
+from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, TemperatureObject
+from armload_drivers.cia402.object_dictionary import DataType
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.cia402.timeouts import Timeouts
+from armload_drivers.driver_errors import ServoError, ServoFault, WrongDevice
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
+
+LIMITS = Timeouts(probe_s=0.2, scan_s=0.2, boot_s=0.5, sdo_s=1.0, mode_s=0.05, fault_reset_s=0.5)
+
+
+class Bench:
+    def __init__(self, stack, arm, traits):
+        channel = uuid.uuid4().hex
+        self.arm, self.plant = arm, IdealPlant(np.array([0.1, -0.2, 0.3]))
+        self.bus, drives_bus, self.other = (
+            stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(3)
+        )
+        self.drives = stack.enter_context(SimulatedDrives(arm, self.plant, drives_bus, time.monotonic, traits))
+
+    def frames(self):
+        found = []
+        while (message := self.other.recv(0.02)) is not None:
+            found.append(message)
+        return found
+
+
+@pytest.fixture
+def bench(arm_settings):
+    with ExitStack() as stack:
+        yield lambda traits=None, arm=None: Bench(stack, arm or arm_settings(), traits)
+
+
+def nobody(question):
+    """Nobody is there to be asked: a simulation needs no consent."""
+    raise AssertionError(question)
+
+
+def energise(rig, node_id):
+    """Another master switches a drive on, by SDO."""
+    for data in ("2b40600006000000", "2b40600007000000", "2b4060000f000000"):
+        rig.other.send(can.Message(arbitration_id=0x600 + node_id, data=bytes.fromhex(data), is_extended_id=False))
+        time.sleep(0.01)
+
+
+REAL = Identity(0x02DC, 0x1234_5678)
+
+
+def real_arm(arm, identity):
+    """The arm's settings as a file has them that names its drives so."""
+    return replace(arm, drives=tuple(replace(drive, identity=identity) for drive in arm.drives))
+
+
+def only_read(frames):
+    requests = [m for m in frames if 0x600 < m.arbitration_id < 0x680]
+    assert requests
+    return all(m.data[0] >> 5 in {2, 3, 4} for m in requests) and not [m for m in frames if m.arbitration_id == 0]
+
+
+def test_scan_finds_everybody_and_only_reads(bench):
+    rig = bench({3: DriveTraits(absent=frozenset({0x6007, 0x1008}), modes=frozenset({7, 8}))})
+    rig.frames()
+    nodes = find_nodes(rig.bus, LIMITS)
+    assert [node.node_id for node in nodes] == [2, 3, 5]
+    assert all(node.is_drive for node in nodes)
+    first, second, _ = nodes
+    assert first.name == "armload simulated drive, joint_2"
+    assert (first.identity.vendor_id, first.modes, first.missing) == (SIMULATION_IDENTITY.vendor_id, (8,), ())
+    assert (second.name, second.modes, second.missing) == ("", (7, 8), ("6007",))
+    assert only_read(rig.frames())
+
+
+def test_a_device_of_another_kind_is_no_drive(bench):
+    rig = bench({3: DriveTraits(device_type=0x0004_0191)})
+    assert [node.is_drive for node in find_nodes(rig.bus, LIMITS)] == [True, False, True]
+
+
+def test_check_goes_on_after_what_is_wrong(bench):
+    rig = bench({
+        2: DriveTraits(absent=frozenset({0x1029})),
+        3: DriveTraits(takes_mode=False),
+        5: DriveTraits(identity=Identity(1, 2)),
+    })  # fmt: skip
+    rows = check(rig.arm, rig.bus, LIMITS)
+    wrong = {(row.node_id, row.step) for row in rows if row.verdict is Verdict.WRONG}
+    assert wrong == {(3, "mode"), (5, "identity")}
+    assert [row.node_id for row in rows] == sorted(row.node_id for row in rows)
+    assert {row.step for row in rows if row.verdict is Verdict.NOT_DONE} == {"limits"}
+    assert any("6061" in row.detail for row in rows)
+    assert not any(rig.plant.powered)
+
+
+def test_check_tells_what_is_missing_and_what_must_not_be(bench):
+    rig = bench({2: DriveTraits(absent=frozenset({0x1029})), 3: DriveTraits(absent=frozenset({0x6007}))})
+    rows = check(rig.arm, rig.bus, LIMITS)
+    missing = [(row.node_id, row.detail) for row in rows if row.verdict is Verdict.MISSING]
+    assert missing == [(2, "1029:1 communication error behaviour")]
+    refused = [row for row in rows if row.verdict is Verdict.WRONG]
+    assert [(row.node_id, row.step) for row in refused] == [(3, "limits")]
+    assert "accept_missing" in refused[0].detail
+
+
+def test_check_of_an_arm_in_order_and_of_one_that_is_not_there(bench):
+    rig = bench()
+    assert {row.verdict for row in check(rig.arm, rig.bus, LIMITS)} == {Verdict.OK}
+    for node in (2, 3, 5):
+        rig.drives.switch_off(node)
+    rows = check(rig.arm, rig.bus, LIMITS)
+    assert [row.step for row in rows if row.verdict is Verdict.WRONG] == ["answers"] * 3
+
+
+def test_check_keeps_away_from_a_drive_that_carries_torque(bench):
+    rig = bench()
+    energise(rig, 3)
+    rig.frames()
+    rows = check(rig.arm, rig.bus, LIMITS)
+    assert [row.detail for row in rows if row.verdict is Verdict.WRONG and "carries torque" in row.detail]
+    assert {row.step for row in rows if row.verdict is Verdict.NOT_DONE} == {"reset"}
+    assert only_read(rig.frames()), "nobody of the arm is reset or written to"
+    assert rig.plant.powered == [False, True, False]
+
+
+def test_check_tells_of_a_drive_that_the_configuration_does_not_name(bench):
+    rig = bench()
+    fewer = replace(rig.arm, drives=rig.arm.drives[:2], coupling=np.eye(2))
+    wrong = [row for row in check(fewer, rig.bus, LIMITS) if row.verdict is not Verdict.OK]
+    assert [(row.node_id, row.step) for row in wrong] == [(5, "other drives")]
+    assert "other_nodes" in wrong[0].detail
+    assert not [
+        row
+        for row in check(replace(fewer, other_nodes=frozenset({5})), rig.bus, LIMITS)
+        if row.verdict is Verdict.WRONG
+    ]
+
+
+def test_check_writes_to_no_real_drive_that_nobody_named(bench, arm_settings):
+    rig = bench({3: DriveTraits(identity=REAL)}, arm_settings(identity=Identity(None, None)))
+    rig.frames()
+    rows = check(rig.arm, rig.bus, LIMITS)
+    anonymous = [row for row in rows if row.step == "identity" and row.verdict is Verdict.NOT_DONE]
+    assert [row.node_id for row in anonymous] == [3]
+    assert "identity = { vendor_id = 0x000002DC, product_code = 0x12345678 }" in anonymous[0].detail
+    frames = rig.frames()
+    assert only_read([m for m in frames if m.arbitration_id == 0x603])
+    assert {m.data[1] for m in frames if m.arbitration_id == 0} == {2, 5}, "the simulated ones are"
+
+
+def test_check_of_a_real_arm_that_the_file_names(bench, arm_settings):
+    traits = dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL))
+    rig = bench(traits, arm_settings(identity=REAL))
+    assert {row.verdict for row in check(rig.arm, rig.bus, LIMITS)} == {Verdict.OK}
+
+
+def test_show_only_reads(bench):
+    rig = bench({5: DriveTraits(absent=frozenset({0x603F}))})
+    rig.drives.switch_off(3)
+    rig.frames()
+    status = show(rig.arm, rig.bus, LIMITS, listen_s=0.05)
+    first, second, third = status.drives
+    assert first.state is State.SWITCH_ON_DISABLED
+    assert first.position_rad == pytest.approx(0.1, abs=1e-5)
+    assert (first.effort, first.effort_unit, first.error_code) == (0.0, "A", 0)
+    assert second.state is None
+    assert "no answer" in second.trouble
+    assert third.error_code is None
+    assert 0.0 <= status.bus_load < 0.02, "the boot-up messages at most"
+    assert only_read(rig.frames())
+
+
+@pytest.mark.parametrize(("kind", "per_unit"), [(DataType.I16, 0.1), (DataType.U8, 1.0), (DataType.F32, 1.0)])
+def test_show_tells_a_vendors_temperature(bench, arm_settings, kind, per_unit):
+    arm = arm_settings(temperature=TemperatureObject(0x3201, 1, kind, per_unit))
+    rig = bench({5: DriveTraits(absent=frozenset({0x3201}))}, arm)
+    told = [drive.temperature_celsius for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives]
+    assert told[:2] == pytest.approx([40.0, 40.0])
+    assert told[2] is None
+
+
+def test_show_tells_no_temperature_where_none_is_configured(bench):
+    rig = bench()
+    assert {drive.temperature_celsius for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives} == {None}
+
+
+def test_show_tells_a_contradiction(bench, arm_settings):
+    rig = bench()
+    wrong = replace(rig.arm, drives=tuple(replace(d, counts_per_rad=5.0) for d in rig.arm.drives))
+    status = show(wrong, rig.bus, LIMITS, listen_s=0.01)
+    assert all("position units" in drive.trouble for drive in status.drives)
+
+
+def test_one_fault_is_reset_by_name(bench):
+    rig = bench()
+    rig.drives.fail(3, 0x4310)
+    rig.drives.fail(5, 0x4310)
+    time.sleep(0.05)
+    assert reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS) is State.SWITCH_ON_DISABLED
+    states = [drive.state for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives]
+    assert states == [State.SWITCH_ON_DISABLED, State.SWITCH_ON_DISABLED, State.FAULT]
+    assert not any(rig.plant.powered)
+
+
+def test_a_fault_whose_cause_stays_is_told(bench):
+    rig = bench()
+    rig.drives.fail(3, 0x4310, persistent=True)
+    time.sleep(0.05)
+    with pytest.raises(ServoFault, match="0x4310"):
+        reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS)
+
+
+def test_without_a_fault_there_is_nothing_to_reset(bench):
+    rig = bench()
+    with pytest.raises(ServoError, match="nothing to reset"):
+        reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS)
+
+
+@pytest.fixture
+def real_fault(bench, arm_settings):
+    """A real arm with a fault, named by its file."""
+    rig = bench(dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL)), arm_settings(identity=REAL))
+    rig.drives.fail(3, 0x4310)
+    time.sleep(0.05)
+    rig.frames()
+    return rig
+
+
+def test_a_real_drive_is_reset_with_consent(real_fault):
+    questions = []
+    state = reset(real_fault.arm, "joint_3", real_fault.bus, lambda text: bool(questions.append(text)) or True, LIMITS)
+    assert state is State.SWITCH_ON_DISABLED
+    assert len(questions) == 1
+    assert "joint_3 (node 3) is in FAULT: 0x4310" in questions[0]
+    written = {
+        m.arbitration_id for m in real_fault.frames() if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1
+    }
+    assert written == {0x603}, "by name only"
+
+
+def test_without_consent_a_real_drive_is_not_written_to(real_fault):
+    assert reset(real_fault.arm, "joint_3", real_fault.bus, lambda text: False, LIMITS) is None
+    assert only_read(real_fault.frames())
+
+
+def test_a_real_drive_that_nobody_named_is_not_reset(real_fault):
+    anybody = real_arm(real_fault.arm, Identity(None, None))
+    with pytest.raises(WrongDevice, match="does not name"):
+        reset(anybody, "joint_3", real_fault.bus, nobody, LIMITS)
+    assert only_read(real_fault.frames())
+
+
+def test_nothing_is_reset_while_another_drive_of_the_arm_carries_torque(bench):
+    rig = bench()
+    rig.drives.fail(3, 0x4310)
+    energise(rig, 5)
+    rig.frames()
+    with pytest.raises(ServoError, match=r"joint_5.*carries torque"):
+        reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS)
+    assert only_read(rig.frames())

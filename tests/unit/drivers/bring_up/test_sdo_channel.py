@@ -1,0 +1,144 @@
+"""SDO access of the master: what goes over the bus, and what is said when it goes wrong."""
+
+import struct
+
+import can
+import canopen.sdo.exceptions
+import pytest
+
+from armload_drivers.bring_up.sdo_channel import SdoChannel
+from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.driver_errors import BusError, DriverError, SdoRefused, ServoError, ServoTimeout
+from armload_drivers.simulation.drives.sdo_server import Dictionary, SdoServer
+
+
+class Bus:
+    """A node behind an SDO server; `answers` replaces what it says."""
+
+    def __init__(self, answers=None):
+        dictionary = Dictionary()
+        dictionary.add(od.DEVICE_TYPE, 0x20192)
+        dictionary.add(od.DEVICE_NAME, "a drive with a long name")
+        dictionary.add(od.TARGET_POSITION, 0)
+        self.dictionary = dictionary
+        self.server = SdoServer(dictionary)
+        self.answers = answers
+        self.requests = []
+        self.queue = []
+
+    def send(self, message, timeout=None):
+        data = bytes(message.data)
+        self.requests.append(data)
+        answers = [self.server.receive(data)] if self.answers is None else self.answers(data)
+        for answer in answers:
+            if answer is not None:
+                self.queue.append(can.Message(arbitration_id=0x585, data=answer, is_extended_id=False))
+
+    def recv(self, timeout=None):
+        return self.queue.pop(0) if self.queue else None
+
+
+def channel(bus):
+    sdo = SdoChannel(5, "joint_2", BusLink(bus), timeout_s=0.01)
+    sdo.step = "identifying"
+    return sdo
+
+
+def test_reading_and_writing():
+    bus = Bus()
+    sdo = channel(bus)
+    assert sdo.read(od.DEVICE_TYPE) == 0x20192
+    assert sdo.read_text(od.DEVICE_NAME) == "a drive with a long name"
+    sdo.write(od.TARGET_POSITION, -7)
+    assert sdo.read(od.TARGET_POSITION) == -7
+    assert bus.requests[-2] == struct.pack("<BHBi", 0x23, 0x607A, 0, -7)
+
+
+def test_what_a_drive_does_not_have():
+    sdo = channel(Bus())
+    assert sdo.read_if_there(od.POLARITY) is None
+    assert not sdo.write_if_there(od.POLARITY, 0)
+    assert not sdo.write_if_there(od.DEVICE_TYPE, 1), "it is read only"
+    assert sdo.write_if_there(od.TARGET_POSITION, 1)
+
+
+def test_a_refusal_names_everything_and_is_sent_once():
+    bus = Bus()
+    with pytest.raises(SdoRefused) as raised:
+        channel(bus).write(od.DEVICE_TYPE, 1)
+    error = raised.value
+    assert (error.node_id, error.joint, error.step, error.abort_code) == (5, "joint_2", "identifying", 0x06010002)
+    for part in ("joint_2", "node 5", "identifying", "1000:0", "0x06010002", "read only"):
+        assert part in str(error)
+    assert len(bus.requests) == 1
+
+
+def test_refusals_for_other_reasons_are_not_swallowed():
+    bus = Bus()
+    bus.dictionary.allowed[od.TARGET_POSITION.key] = {0}
+    with pytest.raises(SdoRefused):
+        channel(bus).write_if_there(od.TARGET_POSITION, 1)
+
+
+def test_silence_is_a_timeout_that_names_the_object():
+    bus = Bus(answers=lambda request: [])
+    with pytest.raises(ServoTimeout, match="1000:0 device type"):
+        channel(bus).read(od.DEVICE_TYPE)
+    assert bus.requests[1][0] == 0x80, "the server is told that nobody waits any more"
+    assert not channel(bus).answers(od.DEVICE_TYPE, 0.001)
+
+
+def test_an_abort_is_an_answer_too():
+    assert channel(Bus()).answers(od.POLARITY, 0.01)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        struct.pack("<BHBI", 0x43, 0x1018, 1, 7),  # another object's answer
+        b"\x43\x00\x10",  # too short
+        struct.pack("<BHBI", 0xE3, 0x1000, 0, 7),  # no command of the standard
+    ],
+)
+def test_an_answer_that_is_none_is_an_error_and_no_value(answer):
+    with pytest.raises(ServoError) as raised:
+        channel(Bus(answers=lambda request: [answer])).read(od.DEVICE_TYPE)
+    assert not isinstance(raised.value, (ServoTimeout, SdoRefused))
+    assert "another master" in str(raised.value)
+
+
+def test_a_late_answer_to_an_earlier_request_is_dropped():
+    bus = Bus()
+    sdo = channel(bus)
+    bus.queue.append(
+        can.Message(arbitration_id=0x585, data=struct.pack("<BHBI", 0x43, 0x1000, 0, 99), is_extended_id=False)
+    )
+    sdo._link.pump(0.0)
+    assert sdo.read(od.DEVICE_TYPE) == 0x20192
+
+
+def test_reading_until_a_value_is_there():
+    sdo = channel(Bus())
+    assert sdo.read_until(od.TARGET_POSITION, 0, 1.0) == 0
+    assert sdo.read_until(od.TARGET_POSITION, 5, 0.0) == 0
+
+
+def test_every_exception_of_the_sdo_library_has_a_translation():
+    """The translation knows two classes; a new one in the library has to be looked at."""
+    kinds = {
+        name
+        for name, kind in vars(canopen.sdo.exceptions).items()
+        if isinstance(kind, type) and issubclass(kind, Exception)
+    }
+    assert kinds == {"SdoError", "SdoAbortedError", "SdoCommunicationError"}
+
+
+def test_a_failing_bus_is_told_as_such():
+    class Broken(Bus):
+        def send(self, message, timeout=None):
+            raise can.CanOperationError("gone")
+
+    with pytest.raises(BusError):
+        channel(Broken()).read(od.DEVICE_TYPE)
+    assert issubclass(BusError, DriverError)

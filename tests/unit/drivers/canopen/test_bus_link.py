@@ -1,0 +1,97 @@
+"""The master's end of the bus, against a bus that fails on purpose."""
+
+import errno
+
+import can
+import pytest
+from can import exceptions
+
+from armload_drivers.canopen.bus_link import QUEUE_FULL_TRIES, BusLink
+from armload_drivers.driver_errors import BusError
+
+
+class FailingBus:
+    """Fails with the given errors on sending, one after the other, and delivers the given frames."""
+
+    def __init__(self, errors=(), frames=()):
+        self.errors, self.frames, self.sent = list(errors), list(frames), []
+
+    def send(self, message, timeout=None):
+        if self.errors:
+            raise self.errors.pop(0)
+        self.sent.append(message)
+
+    def recv(self, timeout=None):
+        frame = self.frames.pop(0) if self.frames else None
+        if isinstance(frame, Exception):
+            raise frame
+        return frame
+
+
+def frame(cob_id, data=b"", **kind):
+    return can.Message(arbitration_id=cob_id, data=data, is_extended_id=False, **kind)
+
+
+def every_can_error():
+    kinds = [kind for kind in vars(exceptions).values() if isinstance(kind, type)]
+    return [kind for kind in kinds if issubclass(kind, can.CanError)]
+
+
+@pytest.mark.parametrize("kind", [*every_can_error(), OSError])
+def test_every_error_of_python_can_is_a_bus_error(kind):
+    with pytest.raises(BusError) as sending:
+        BusLink(FailingBus(errors=[kind("broken")])).send(frame(0x80))
+    assert isinstance(sending.value.__cause__, kind)
+    with pytest.raises(BusError) as receiving:
+        BusLink(FailingBus(frames=[kind("broken")])).pump(0.0)
+    assert isinstance(receiving.value.__cause__, kind)
+
+
+def queue_full():
+    return can.CanOperationError("Failed to transmit", errno.ENOBUFS)
+
+
+def test_a_full_queue_is_waited_for_and_nothing_received_meanwhile_is_lost():
+    bus = FailingBus(errors=[queue_full()] * 3, frames=[frame(0x181, b"\x01"), frame(0x182, b"\x02")])
+    link = BusLink(bus)
+    seen = []
+    link.subscribe(0x181, seen.append)
+    link.subscribe(0x182, seen.append)
+    link.send(frame(0x80))
+    assert len(bus.sent) == 1
+    assert seen == []
+    while link.pump(0.0):
+        pass
+    assert seen == [b"\x01", b"\x02"]
+
+
+def test_a_queue_that_stays_full_is_an_error_that_names_the_cure():
+    bus = FailingBus(errors=[queue_full()] * (QUEUE_FULL_TRIES + 2))
+    with pytest.raises(BusError, match="txqueuelen"):
+        BusLink(bus).send(frame(0x80))
+
+
+def test_an_operating_systems_full_queue_counts_as_well():
+    bus = FailingBus(errors=[OSError(errno.ENOBUFS, "No buffer space available")])
+    BusLink(bus).send(frame(0x80))
+    assert len(bus.sent) == 1
+
+
+def test_bus_off_is_an_error_and_other_error_frames_are_counted():
+    passive = can.Message(arbitration_id=0x04, is_error_frame=True, data=bytes(8))
+    off = can.Message(arbitration_id=0x40, is_error_frame=True, data=bytes(8))
+    link = BusLink(FailingBus(frames=[passive, off]))
+    assert link.pump(0.0)
+    assert link.error_frames == 1
+    with pytest.raises(BusError, match="bus-off"):
+        link.pump(0.0)
+
+
+def test_frames_of_another_kind_are_not_handled():
+    extended = can.Message(arbitration_id=0x181, data=b"\x01", is_extended_id=True)
+    link = BusLink(FailingBus(frames=[frame(0x181, is_remote_frame=True), extended, frame(0x181, b"\x02")]))
+    seen = []
+    link.subscribe(0x181, seen.append)
+    while link.pump(0.0):
+        pass
+    assert seen == [b"\x02"]

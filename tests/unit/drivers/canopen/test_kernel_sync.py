@@ -1,0 +1,291 @@
+"""SYNC by a kernel that the test plays: credit, phase and time come from what is received."""
+
+from itertools import pairwise
+
+import pytest
+
+from armload_drivers.canopen.kernel_sync import CREDIT, BcmSync
+from armload_drivers.driver_errors import BusError, ForeignMaster
+from armload_drivers.simulation.virtual_clock import VirtualClock
+
+PERIOD_S = 0.01
+
+
+class Kernel:
+    """Sends SYNC while it has credit; waiting on the bus lets time pass, a microsecond late each period."""
+
+    def __init__(self, clock, latency_s=1e-6):
+        self.clock, self.latency_s = clock, latency_s
+        self.credit, self.due_s, self.running = 0, None, False
+        self.calls, self.sent_s, self.queue = [], [], []
+        self.handlers, self.stamp_s = {}, 0.0
+        self.mute = self.from_outside = False
+        self.told = self.sent = 0
+        self.stamp_shift_s = 0.0
+
+    # What the source calls.
+    def start(self, period_s, counter, credit):
+        assert 0.9 * PERIOD_S <= period_s <= PERIOD_S
+        self.asked_s = period_s
+        self.calls.append("start")
+        self.credit = credit
+        self._send()
+
+    def renew(self, period_s, credit):
+        assert 0.9 * PERIOD_S <= period_s <= PERIOD_S
+        self.asked_s = period_s
+        self.calls.append("renew")
+        if self.due_s is not None:
+            self.credit = credit
+
+    def count(self):
+        return None if self.told is None else self.sent
+
+    def stop(self):
+        self.calls.append("stop")
+        self.due_s = None
+
+    def _send(self):
+        self.sent += 1
+        if not self.mute:
+            self.sent_s.append(self.clock())
+            self.queue.append(self.clock())
+        self.credit -= 1
+        self.due_s = self.clock() + self.asked_s + self.latency_s if self.credit else None
+
+    # The bus.
+    def subscribe(self, cob_id, handler):
+        self.handlers[cob_id] = handler
+
+    def unsubscribe(self, cob_id):
+        self.handlers.pop(cob_id, None)
+
+    def drain(self):
+        while self.queue:
+            self.stamp_s = self.queue.pop(0) + self.stamp_shift_s
+            self.handlers[0x080](b"")
+
+    def pump_until(self, done, timeout_s):
+        end_s = self.clock() + timeout_s
+        while not done():
+            if self.queue:
+                self.stamp_s = self.queue.pop(0) + self.stamp_shift_s + self.stamp_shift_s
+                self.handlers[0x080](b"")
+                continue
+            if self.clock() >= end_s:
+                return False
+            self.pass_time(min(1e-3, end_s - self.clock() + 1e-9))
+        return True
+
+    def pass_time(self, seconds):
+        end_s = self.clock() + seconds
+        while self.due_s is not None and self.due_s <= end_s:
+            self.clock.advance(self.due_s - self.clock())
+            self._send()
+        self.clock.advance(max(0.0, end_s - self.clock()))
+
+
+@pytest.fixture
+def clock():
+    return VirtualClock()
+
+
+@pytest.fixture
+def kernel(clock):
+    return Kernel(clock)
+
+
+@pytest.fixture
+def sync(kernel, clock):
+    source = BcmSync(kernel, clock=clock, stamp_clock=clock)
+    source.begin(kernel, PERIOD_S, 0)
+    return source
+
+
+def twenty_times(action):
+    for _ in range(20):
+        action()
+
+
+def nothing():
+    pass
+
+
+def test_time_is_that_of_the_frames_and_every_cycle_renews_the_credit(sync, kernel):
+    ticks = [sync.next(kernel, nothing) for _ in range(50)]
+    assert [tick.time_s for tick in ticks] == pytest.approx(kernel.sent_s)
+    assert all(tick.skipped == 0 for tick in ticks)
+    assert kernel.calls == ["start"] + ["renew"] * 49
+    drifted_s = ticks[-1].time_s - ticks[0].time_s
+    assert 49 * PERIOD_S < drifted_s < 49 * (PERIOD_S + 1e-6), (
+        "the kernel's drift is seen, and less and less of it there"
+    )
+
+
+def test_a_stalled_cycle_ends_sync_within_two_periods(sync, kernel):
+    for _ in range(5):
+        sync.next(kernel, nothing)
+    before = len(kernel.sent_s)
+    kernel.pass_time(1.0)
+    assert len(kernel.sent_s) - before <= CREDIT
+    assert kernel.sent_s[-1] - kernel.sent_s[before - 1] <= 2.1 * PERIOD_S
+
+
+def test_a_cycle_that_comes_back_starts_anew_with_one_sync_and_counts_what_it_missed(sync, kernel):
+    for _ in range(5):
+        sync.next(kernel, nothing)
+    kernel.pass_time(0.105)
+    before = len(kernel.sent_s)
+    tick = sync.next(kernel, nothing)
+    assert len(kernel.sent_s) == before + 1, "no burst"
+    assert tick.skipped == 10
+    assert sync.next(kernel, nothing).skipped == 0
+
+
+def test_a_sync_that_nobody_used_is_skipped(sync, kernel):
+    sync.next(kernel, nothing)
+    kernel.pass_time(1.2 * PERIOD_S)
+    assert sync.next(kernel, nothing).skipped == 1
+    assert min(after - before for before, after in pairwise(kernel.sent_s)) >= 0.99 * PERIOD_S
+
+
+def test_credit_that_runs_out_between_the_look_and_its_renewal(sync, kernel):
+    sync.next(kernel, nothing)
+    # The kernel sent its last frame, and the frame is not there yet.
+    kernel.pass_time(1.2 * PERIOD_S)
+    kernel.queue.clear()
+    kernel.due_s = None
+    assert sync.next(kernel, nothing).time_s == kernel.sent_s[-1]
+    assert kernel.calls[-2:] == ["renew", "start"]
+
+
+def test_sync_that_does_not_leave_is_an_error(sync, kernel):
+    kernel.mute = True
+    with pytest.raises(BusError, match="SYNC"):
+        sync.next(kernel, nothing)
+
+
+def test_another_producer_is_told_once(sync, kernel):
+    def with_company():
+        kernel.pass_time(0.3 * PERIOD_S)
+        kernel.queue.append(kernel.clock())
+        kernel.drain()
+        return sync.next(kernel, nothing)
+
+    sync.next(kernel, nothing)
+    with pytest.raises(ForeignMaster):
+        twenty_times(with_company)
+    twenty_times(with_company)
+
+
+def test_a_process_that_is_not_run_again_and_again_is_no_company(sync, kernel):
+    """It looks at several frames at once, late."""
+    for cycle in range(200):
+        sync.next(kernel, nothing)
+        kernel.pass_time((0.9 if cycle % 2 else 7.3) * PERIOD_S)
+
+
+def test_a_clock_that_is_set_back_is_no_company(kernel, clock):
+    source = BcmSync(kernel, clock=clock, stamp_clock=lambda: clock() + kernel.stamp_shift_s)
+    source.begin(kernel, PERIOD_S, 0)
+    for cycle in range(100):
+        source.next(kernel, nothing)
+        if cycle == 50:
+            kernel.stamp_shift_s = -5.0
+
+
+def test_feedback_belongs_to_the_sync_it_follows(sync, kernel):
+    order = []
+    sync.next(kernel, lambda: order.append(kernel.clock()))
+    assert order == kernel.sent_s
+    begun_s = kernel.clock()
+    sync.await_feedback(kernel, lambda: False)
+    assert kernel.clock() - begun_s == pytest.approx(0.6 * PERIOD_S)
+    sync.end(kernel)
+    assert kernel.calls[-1] == "stop"
+    assert 0x080 not in kernel.handlers
+
+
+def test_a_sync_that_came_in_over_the_bus_is_somebody_elses(sync, kernel):
+    sync.next(kernel, nothing)
+    kernel.from_outside = True
+    with pytest.raises(ForeignMaster, match="came in over the bus"):
+        sync.next(kernel, nothing)
+    sync.next(kernel, nothing)
+
+
+def cycles_until_told(sync, kernel, most):
+    for cycle in range(most):
+        try:
+            sync.next(kernel, nothing)
+        except ForeignMaster as error:
+            return cycle, str(error)
+    return None
+
+
+def test_one_sync_too_many_is_counted_however_rare_it_is(sync, kernel):
+    assert cycles_until_told(sync, kernel, 100) is None, "alone"
+    kernel.queue.append(kernel.clock())
+    cycle, text = cycles_until_told(sync, kernel, 100)
+    assert cycle < 32
+    assert "SYNCs came and the kernel has sent" in text
+    assert cycles_until_told(sync, kernel, 100) is None, "told once"
+
+
+def test_where_the_kernel_tells_no_count_the_rhythm_is_left(sync, kernel):
+    kernel.told = None
+    kernel.queue.append(kernel.clock())
+    assert cycles_until_told(sync, kernel, 100) is None, "one more is within what may happen"
+
+    def crowd():
+        kernel.pass_time(0.3 * PERIOD_S)
+        kernel.queue.append(kernel.clock())
+        sync.next(kernel, nothing)
+
+    with pytest.raises(ForeignMaster, match="comes more often"):
+        for_ever(crowd)
+
+
+def for_ever(action, most=1000):
+    for _ in range(most):
+        action()
+
+
+def test_a_sync_that_the_kernel_still_owes_is_not_doubled(sync, kernel):
+    """The credit was renewed right after a SYNC had left that was not heard yet: there is one more than counted."""
+    kernel.latency_s = -1e-4
+    sync.next(kernel, nothing)
+    sync.next(kernel, nothing)
+    sync._credit_left = 0
+    before = len(kernel.sent_s)
+    for _ in range(5):
+        sync.next(kernel, nothing)
+    gaps = [after - earlier for earlier, after in pairwise(kernel.sent_s[before - 1 :])]
+    assert len(gaps) == 5
+    assert min(gaps) > 0.9 * PERIOD_S, "no two SYNCs back to back"
+
+
+def test_syncs_that_were_sent_and_not_heard_accuse_nobody(sync, kernel):
+    for cycle in range(100):
+        kernel.sent += cycle % 7 == 0
+        sync.next(kernel, nothing)
+
+
+@pytest.mark.parametrize("latency_s", [0.0, 1e-4, 6e-4])
+def test_the_kernels_latency_is_taken_off_what_is_asked_for(clock, latency_s):
+    kernel = Kernel(clock, latency_s)
+    sync = BcmSync(kernel, clock=clock, stamp_clock=clock)
+    sync.begin(kernel, PERIOD_S, 0)
+    ticks = [sync.next(kernel, nothing).time_s for _ in range(300)]
+    periods = [after - before for before, after in pairwise(ticks[200:])]
+    assert sum(periods) / len(periods) == pytest.approx(PERIOD_S, abs=2e-6)
+    assert all(period <= PERIOD_S + 1e-3 for period in periods)
+
+
+def test_a_timer_that_is_far_too_late_is_not_chased(clock):
+    kernel = Kernel(clock, 3e-3)
+    sync = BcmSync(kernel, clock=clock, stamp_clock=clock)
+    sync.begin(kernel, PERIOD_S, 0)
+    for _ in range(300):
+        sync.next(kernel, nothing)
+    assert kernel.asked_s == pytest.approx(0.9 * PERIOD_S)

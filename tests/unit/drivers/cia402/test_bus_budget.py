@@ -1,0 +1,87 @@
+"""The bus load against the published table of worst cases."""
+
+import math
+
+import numpy as np
+import pytest
+
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback, Identity, OperationMode
+from armload_drivers.cia402.bus_budget import forecast, frame_bits, require_room
+from armload_drivers.driver_errors import BusOverload
+
+pytestmark = pytest.mark.pure
+
+
+def arm(joints, cycle_hz, *, bitrate=1_000_000, heartbeat_s=0.1, limit=0.7, torque_offset=True):
+    drives = tuple(
+        DriveSettings(
+            joint=f"joint_{node}",
+            node_id=node,
+            mode=OperationMode.CYCLIC_SYNCHRONOUS_POSITION,
+            feedback=EffortFeedback.TORQUE,
+            counts_per_rad=1e5,
+            rated_current_a=None,
+            rated_torque_nm=100.0,
+            max_torque_permille=3000,
+            following_error_rad=0.1,
+            position_min_rad=-3.0,
+            position_max_rad=3.0,
+            has_brake=True,
+            identity=Identity(None, None),
+            torque_offset=torque_offset,
+        )
+        for node in range(1, joints + 1)
+    )
+    return ArmSettings(drives, np.eye(joints), 1 / cycle_hz, bitrate, heartbeat_s, 3, limit)
+
+
+@pytest.mark.parametrize(("data_bytes", "bits"), [(0, 55), (1, 65), (6, 115), (8, 135)])
+def test_frame_bits_of_the_table(data_bytes, bits):
+    assert frame_bits(data_bytes) == bits
+
+
+@pytest.mark.parametrize(
+    ("joints", "worst_us", "percent"),
+    [
+        (3, 865, {125: 11, 250: 22, 500: 43, 1000: 87}),
+        (6, 1675, {125: 21, 250: 42, 500: 84}),
+        (7, 1945, {125: 24, 250: 49, 500: 97}),
+    ],
+)
+def test_cycles_of_the_table(joints, worst_us, percent):
+    for cycle_hz, share in percent.items():
+        load = forecast(arm(joints, cycle_hz))
+        assert load.cycle_us == pytest.approx(worst_us)
+        # 43.25, 24.3 and 97.25 % stand in the published table rounded up.
+        assert math.floor(load.cycle_share * 100 + 0.5) == share
+
+
+def test_half_the_bit_rate_doubles_everything():
+    full, half = forecast(arm(6, 250)), forecast(arm(6, 250, bitrate=500_000))
+    assert half.cycle_share == pytest.approx(2 * full.cycle_share)
+    assert half.heartbeat_share == pytest.approx(2 * full.heartbeat_share)
+
+
+def test_drives_without_a_torque_offset_take_less():
+    assert forecast(arm(6, 250, torque_offset=False)).cycle_us == pytest.approx(1675 - 6 * (135 - 115))
+
+
+def test_heartbeats_are_counted():
+    load = forecast(arm(6, 250, heartbeat_s=0.1))
+    assert load.heartbeat_share == pytest.approx(7 * 65e-6 / 0.1)
+    assert load.share == pytest.approx(load.cycle_share + load.heartbeat_share)
+
+
+def test_too_fast_a_cycle_is_refused_with_the_rate_that_fits():
+    with pytest.raises(BusOverload) as refusal:
+        require_room(arm(6, 500))
+    highest = forecast(arm(6, 500)).highest_cycle_hz
+    assert f"{highest} Hz" in str(refusal.value)
+    assert require_room(arm(6, highest)).fits
+    with pytest.raises(BusOverload):
+        require_room(arm(6, highest + 1))
+
+
+def test_where_nothing_fits_the_bit_rate_is_named():
+    with pytest.raises(BusOverload, match="raise the bit rate"):
+        require_room(arm(6, 100, bitrate=10_000, heartbeat_s=0.01))

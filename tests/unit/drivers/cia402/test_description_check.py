@@ -1,0 +1,76 @@
+"""What a drive's description says against its configuration."""
+
+from dataclasses import replace
+
+import pytest
+
+from armload_drivers.bring_up.drive_objects import SAFETY
+from armload_drivers.cia402.arm_settings import EffortFeedback, OperationMode, VendorEffort
+from armload_drivers.cia402.description_check import description_gaps
+from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription, read_description
+from armload_drivers.cia402.object_dictionary import DataType
+
+MAPPED = {0x6040: 16, 0x607A: 32, 0x60B2: 16, 0x6041: 16, 0x6064: 32, 0x6078: 16}
+
+
+def description(changes=()):
+    """A drive with all that is needed, changed object by object; None takes one away."""
+    objects = {index << 8: DescribedObject(index, 0, "", bits, True, True, None) for index, bits in MAPPED.items()}
+    objects |= {index << 8: DescribedObject(index, 0, "", 16, True, False, None) for index in SAFETY}
+    for index, change in dict(changes).items():
+        found = objects.pop(index << 8)
+        if change is not None:
+            objects[index << 8] = replace(found, **change)
+    return DeviceDescription("servo.eds", "", "", None, None, None, None, objects, ())
+
+
+@pytest.fixture
+def drive(arm_settings):
+    return lambda **changes: arm_settings(**changes).drives[0]
+
+
+def test_without_a_description_nothing_is_said(drive):
+    assert description_gaps(drive()) == ()
+
+
+def test_a_drive_that_offers_all_has_no_gaps(drive):
+    assert description_gaps(drive(description=description())) == ()
+
+
+@pytest.mark.parametrize(
+    ("index", "change", "words"),
+    [
+        (0x60B2, None, "has no 60B2:0 torque offset, which a PDO is to carry"),
+        (0x60B2, {"mappable": False}, "lets no PDO carry 60B2:0"),
+        (0x6064, {"bits": 16}, "gives 6064:0 position actual value 16 bits instead of 32"),
+        (0x6007, None, "has no 6007: what the drive does when it loses its master is not known; see accept_missing"),
+    ],
+)
+def test_what_it_does_not_offer_is_named(drive, index, change, words):
+    gaps = description_gaps(drive(description=description({index: change})))
+    assert len(gaps) == 1
+    assert gaps[0].startswith("servo.eds ")
+    assert words in gaps[0]
+
+
+def test_what_the_configuration_does_without_is_no_gap(drive):
+    lacking = description({0x60B2: None, 0x6007: None})
+    accepting = drive(description=lacking, torque_offset=False, accept_missing=frozenset({"6007"}))
+    assert description_gaps(accepting) == ()
+
+
+def test_real_descriptions(drive, shared_data):
+    """Pilz has IP without 607A in a PDO, maxon 6077 and a vendor's current but no 6078."""
+    maxon = read_description(shared_data / "eds" / "maxon_epos4_50_15.dcf")
+    assert any("6078:0" in gap for gap in description_gaps(drive(description=maxon)))
+    vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
+    told = description_gaps(drive(description=maxon, vendor_effort=vendor))
+    assert not any("PDO" in gap for gap in told), told
+    pilz = read_description(shared_data / "eds" / "pilz_prbt_0_1.dcf")
+    ip = drive(
+        description=pilz,
+        mode=OperationMode.INTERPOLATED_POSITION,
+        feedback=EffortFeedback.TORQUE,
+        torque_offset=False,
+    )
+    assert not any("PDO" in gap for gap in description_gaps(ip)), description_gaps(ip)

@@ -1,0 +1,273 @@
+"""Device descriptions: what is odd is told with section and key, what is none is refused, nothing else happens."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.device_description import LARGEST_BYTES, MOST_WARNINGS, parse_description, read_description
+from armload_drivers.driver_errors import DescriptionError
+
+pytestmark = pytest.mark.pure
+
+GOOD = """\
+; a drive as it should be
+[DeviceInfo]
+VendorName=Somebody
+VendorNumber=0x1AB
+ProductName=Servo
+ProductNumber=7
+RevisionNumber=0x10002
+
+[MandatoryObjects]
+SupportedObjects=1
+1=0x1000
+
+[OptionalObjects]
+SupportedObjects=3
+1=0x1400
+2=0x6040
+3=0x6502
+
+[1000]
+ParameterName=Device type
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+DefaultValue=0x00020192
+PDOMapping=0
+
+[1400]
+ParameterName=RPDO 1
+ObjectType=9
+SubNumber=2
+
+[1400sub0]
+ParameterName=highest
+DataType=0x5
+AccessType=const
+DefaultValue=1
+
+[1400sub1]
+ParameterName=COB-ID
+DataType=0x7
+AccessType=rw
+DefaultValue=$NODEID+0x200
+
+[6040]
+ParameterName=Controlword
+DataType=0x6
+AccessType=rww
+DefaultValue=0
+PDOMapping=1
+
+[6502]
+ParameterName=Modes
+DataType=0x7
+AccessType=ro
+DefaultValue=0x3A5
+"""
+COB_ID = od.PdoDirection.RECEIVE.cob_id_entry(0)
+
+
+def load(text):
+    return parse_description(text.encode() if isinstance(text, str) else text, "servo.eds")
+
+
+def test_a_clean_file_is_read_without_a_word():
+    description = load(GOOD)
+    assert description.warnings == ()
+    assert (description.vendor_id, description.product_code, description.revision) == (0x1AB, 7, 0x10002)
+    assert (description.vendor_name, description.product_name) == ("Somebody", "Servo")
+    assert description.value(od.SUPPORTED_MODES, 5) == 0x3A5
+    assert description.value(COB_ID, 5) == 0x205
+    controlword = description.find(od.CONTROLWORD)
+    assert controlword.bits == 16
+    assert controlword.writable
+    assert controlword.mappable
+    assert not description.find(od.DEVICE_TYPE).writable
+    assert description.find(od.STATUSWORD) is None
+    assert description.value(od.STATUSWORD, 5) is None
+
+
+ODD = [
+    ("DefaultValue=$NODEID+0x200", "DEFAULTVALUE = $NodeId + 512", None),
+    ("DefaultValue=$NODEID+0x200", "DefaultValue=0x200+$nodeid", None),
+    ("DefaultValue=$NODEID+0x200", "DefaultValue=", None),
+    ("DefaultValue=$NODEID+0x200", "DefaultValue=$NODEID*2", "[1400sub1] DefaultValue: '$NODEID*2' is no number"),
+    ("DefaultValue=$NODEID+0x200", "DefaultValue=512$NODEID", "[1400sub1] DefaultValue"),
+    ("DefaultValue=$NODEID+0x200", "DefaultValue=0x123456789", "[1400sub1] DefaultValue: 4886718345 does not fit"),
+    ("SubNumber=2", "SubNumber=9", "[1400] SubNumber: tells 9, the file has 2"),
+    ("SupportedObjects=3", "SupportedObjects=7", "SupportedObjects: tells 7, the list has 3"),
+    ("SupportedObjects=3", "", "SupportedObjects: tells None"),
+    ("2=0x6040", "2=0x6041", "2: object '6041' is listed and not described"),
+    ("2=0x6040", "2=0x6041", "[6040]: described and in no list"),
+    ("AccessType=rww", "AccessType=maybe", "[6040] AccessType: 'maybe'"),
+    ("DataType=0x6", "DataType=", "[6040] DataType: missing or unreadable"),
+    ("VendorNumber=0x1AB", "VendorNumber=$NODEID", "[DeviceInfo] VendorNumber: depends on the node id"),
+    ("VendorNumber=0x1AB", "VendorNumber=-4", "[DeviceInfo] VendorNumber: -4 does not fit"),
+    ("[DeviceInfo]", "[DeviceInf]", "[DeviceInfo]: missing"),
+    ("[DeviceInfo]", "[DeviceInfo", "[DeviceInfo] line 2: section without its closing bracket"),
+    ("PDOMapping=1", "PDOMapping=1\nPDOMapping=1", "[6040] pdomapping: given again"),
+    ("[6502]", "no key at all\n[6502]", "[6040] line"),
+    ("[6502]", "[6502]\n[6502]", "[6502] line"),
+    ("; a drive", "stray=1\n; a drive", "[] line 1: not understood"),
+    ("ParameterName=Modes", "ParameterName=Mod\u00e9s", None),
+    ("VendorName=Somebody", "[DeviceComissioning]\nNodeID=200\n[DeviceInfo]", "[DeviceComissioning] NodeID: 200"),
+    ("ObjectType=9\nSubNumber=2", "ObjectType=9\nCompactSubObj=999", "[1400] CompactSubObj: 999 is no count"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "warning"), ODD, ids=[f"{new or 'nothing'}"[:40] for _, new, _ in ODD])
+def test_what_is_odd_is_a_warning_with_section_and_key(old, new, warning):
+    assert old in GOOD
+    description = load(GOOD.replace(old, new, 1))
+    assert od.CONTROLWORD.key in description.objects
+    if warning is None:
+        assert description.warnings == ()
+    else:
+        assert any(warning in text for text in description.warnings), description.warnings
+    assert all(text.startswith("servo.eds: [") for text in description.warnings)
+
+
+def test_expressions_in_any_order_and_case():
+    for text in ("$NODEID+0x200", "0x200 + $NodeID", "+512+$nodeid", "0x1FF+$NODEID+1"):
+        value = load(GOOD.replace("$NODEID+0x200", text)).value(COB_ID, 3)
+        assert value == 0x203, text
+
+
+def test_a_dcf_sets_values_and_tells_its_node():
+    text = GOOD.replace("DefaultValue=0x3A5", "DefaultValue=0x3A5\nParameterValue=0x40")
+    text += "\n[DeviceComissioning]\nNodeID=4\n"
+    description = load(text)
+    assert description.node_id == 4
+    assert description.value(od.SUPPORTED_MODES, 4) == 0x40
+
+
+def test_a_compact_array_is_expanded():
+    text = GOOD + "\n[1010]\nParameterName=Store\nCompactSubObj=3\nDataType=7\nAccessType=rw\nDefaultValue=1\n"
+    description = load(text)
+    assert [key for key in description.objects if key >> 8 == 0x1010] == [0x101001, 0x101002, 0x101003]
+
+
+def test_bytes_that_are_no_utf8_are_told():
+    description = load(GOOD.replace("Somebody", "Schm\u00fcller").encode("latin-1"))
+    assert description.vendor_name == "Schm\u00fcller"
+    assert any("no UTF-8" in text and "line 3" in text for text in description.warnings)
+
+
+@pytest.mark.parametrize("told", ["0", "0xFFFFFFFF", ""])
+def test_an_identity_that_is_not_told_is_none(told):
+    assert load(GOOD.replace("ProductNumber=7", f"ProductNumber={told}")).product_code is None
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "no section describes an object"),
+        (b"hello", "no section describes an object"),
+        (b"\x7fELF\x00\x00", "zero bytes"),
+        (GOOD.replace("[6040]", "[6050]").encode(), "no controlword"),
+        (GOOD.replace("0x00020192", "0x00030191").encode(), r"\[1000\] DefaultValue: device profile 401"),
+        (b";" * (LARGEST_BYTES + 1), "larger than"),
+    ],
+    ids=["empty", "text", "binary", "no drive", "another profile", "huge"],
+)
+def test_what_is_no_description_of_a_drive_is_refused(data, words):
+    with pytest.raises(DescriptionError, match=words) as raised:
+        load(data)
+    assert str(raised.value).startswith("servo.eds: ")
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path):
+    with pytest.raises(DescriptionError, match="cannot be read"):
+        read_description(tmp_path / "missing.eds")
+    huge = tmp_path / "huge.eds"
+    with huge.open("wb") as file:
+        file.truncate(LARGEST_BYTES + 1)
+    with pytest.raises(DescriptionError, match="larger than"):
+        read_description(huge)
+
+
+def test_a_flood_of_warnings_is_counted():
+    description = load(GOOD + "nonsense\n" * 1000)
+    assert len(description.warnings) == MOST_WARNINGS + 1
+    assert "800 more" in description.warnings[-1]
+
+
+def survives(data):
+    try:
+        description = parse_description(data, "fuzz.eds")
+    except DescriptionError:
+        return
+    for entry in description.objects.values():
+        assert entry.value is None or isinstance(entry.value.of(127), int)
+    assert len(description.warnings) <= MOST_WARNINGS + 1
+
+
+@given(st.binary(max_size=400))
+def test_random_bytes_raise_nothing_else(data):
+    survives(data)
+
+
+LINES = st.sampled_from(GOOD.splitlines()) | st.text(max_size=60).map(lambda text: text.replace("\n", ""))
+WEIRD = st.sampled_from(["\u0663", "$NODEID", "0x", "--1", "1e3", "\uffff", "[", "]", "=", "999999999999999999999"])
+
+
+@settings(max_examples=200)
+@given(st.lists(st.tuples(st.integers(0, 60), LINES | WEIRD), max_size=12), st.integers(0, len(GOOD)))
+def test_mutated_and_truncated_files_raise_nothing_else(changes, end):
+    lines = GOOD.splitlines()
+    for at, line in changes:
+        lines[at % len(lines)] = line
+    survives("\n".join(lines)[: end or None].encode("utf-8", errors="replace"))
+
+
+KEYS = st.sampled_from(["DefaultValue", "DataType", "SubNumber", "CompactSubObj", "ObjectType", "PDOMapping", "NodeID"])
+VALUES = st.text("0123456789abcdefxX$NODEID+-* \u0661", max_size=45)
+
+
+@settings(max_examples=200)
+@given(st.dictionaries(KEYS, VALUES), st.sampled_from(["6040", "1400", "6040sub0", "1400subFF", "DeviceComissioning"]))
+def test_hostile_values_raise_nothing_else(values, section):
+    text = GOOD + f"\n[{section}]\n" + "".join(f"{key}={value}\n" for key, value in values.items())
+    survives(text.encode())
+
+
+@settings(max_examples=30, deadline=None)
+@given(data=st.data())
+def test_vendors_files_cut_and_damaged_raise_nothing_else(vendors_files, data):
+    content = bytearray(data.draw(st.sampled_from(vendors_files)).read_bytes())
+    for at in data.draw(st.lists(st.integers(0, len(content) - 1), max_size=20)):
+        content[at] = data.draw(st.integers(0, 255))
+    survives(bytes(content[: data.draw(st.integers(0, len(content)))]))
+
+
+@pytest.fixture(scope="module")
+def vendors_files():
+    folder = Path(__file__).resolve().parents[5] / "shared" / "data" / "eds"
+    if not folder.is_dir():
+        pytest.skip("the vendors' descriptions are not beside this checkout")
+    return sorted(path for path in folder.iterdir() if path.suffix in {".eds", ".dcf"})
+
+
+def test_every_vendors_file_is_read(vendors_files):
+    assert len(vendors_files) == 4
+    descriptions = {path.name: read_description(path) for path in vendors_files}
+    modes = {name: d.value(od.SUPPORTED_MODES, 3) for name, d in descriptions.items()}
+    assert modes == {
+        "maxon_epos4_50_15.dcf": 0x3A5,
+        "pilz_prbt_0_1.dcf": 0x43,
+        "roboteq_v80.eds": 0x38F,
+        "ros2_fake_cia402_slave.eds": 0xA5,
+    }
+    for name, description in descriptions.items():
+        assert description.find(od.CONTROLWORD).mappable, name
+        assert description.find(od.POSITION_ACTUAL).bits == 32, name
+        assert all(text.startswith(f"{name}: [") for text in description.warnings)
+    # The EPOS4's COB-IDs are those of node 1 whatever the node id; Pilz's and Roboteq's follow it.
+    cob_ids = {name: d.value(COB_ID, 3) & 0x7FF for name, d in descriptions.items()}
+    assert cob_ids["maxon_epos4_50_15.dcf"] == 0x201
+    assert cob_ids["pilz_prbt_0_1.dcf"] == 0x203

@@ -1,0 +1,55 @@
+"""Emergency messages in words, short frames included."""
+
+import pytest
+
+from armload_drivers.cia402 import emergency
+
+pytestmark = pytest.mark.pure
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (0x0000, "no error"),
+        (0x8611, "following error"),
+        (0x8130, "no longer hears its master"),
+        (0x2345, "short circuit at the output"),  # listed class 0x2340
+        (0x2377, "output side"),  # listed class 0x2300
+        (0xFF12, "vendor-specific"),
+        (0xA000, "not listed"),
+    ],
+)
+def test_codes_are_told_with_number_and_meaning(code, words):
+    text = emergency.describe(code)
+    assert text.startswith(f"0x{code:04X}")
+    assert words in text
+
+
+def test_every_code_has_a_text():
+    assert all(emergency.describe(code) for code in range(1 << 16))
+
+
+def test_a_full_frame():
+    message = emergency.parse(bytes.fromhex("1186210102030405"))
+    assert (message.code, message.register) == (0x8611, 0x21)
+    assert message.manufacturer == bytes([1, 2, 3, 4, 5])
+    assert "01 02 03 04 05" in message.text
+
+
+@pytest.mark.parametrize(("data", "register"), [("1186", None), ("118621", 0x21), ("11862101", 0x21)])
+def test_short_frames_are_kept(data, register):
+    message = emergency.parse(bytes.fromhex(data))
+    assert message.code == 0x8611
+    assert message.register == register
+
+
+@pytest.mark.parametrize("data", [b"", b"\x11"])
+def test_less_than_a_code_is_nothing(data):
+    assert emergency.parse(data) is None
+
+
+def test_what_a_drive_packs_is_what_a_master_parses():
+    frame = emergency.pack(0x8611, 0x21)
+    assert len(frame) == 8
+    message = emergency.parse(frame)
+    assert (message.code, message.register, message.text) == (0x8611, 0x21, emergency.describe(0x8611))

@@ -1,0 +1,35 @@
+"""Torque offsets on their way to zero."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from armload_drivers.cia402.offset_fade import OFFSET_FADE_S, OffsetFade
+
+pytestmark = pytest.mark.pure
+
+
+@given(
+    st.lists(st.integers(-32767, 32767), min_size=1, max_size=7),
+    st.sampled_from([0.001, 0.004, 0.01, 0.02, 0.1, 0.5]),
+)
+def test_even_steps_one_way_to_zero_within_the_time(permille, cycle_s):
+    fade = OffsetFade(permille, cycle_s)
+    steps = [tuple(permille)]
+    while not fade.done:
+        steps.append(tuple(fade.next()))
+    cycles = len(steps) - 1
+    assert steps[-1] == (0,) * len(permille)
+    assert cycles * cycle_s <= OFFSET_FADE_S + cycle_s
+    for before, after in pairwise(steps):
+        for first, old, new in zip(permille, before, after, strict=True):
+            assert abs(new - old) <= abs(first) / cycles + 1
+            assert abs(new) <= abs(old)
+            assert new * first >= 0
+    assert fade.next() == [0] * len(permille)
+
+
+def test_without_offsets_there_is_nothing_to_wait_for():
+    assert OffsetFade([0, 0], 0.01).done

@@ -1,0 +1,107 @@
+"""The cyclic frames, byte by byte."""
+
+from dataclasses import replace
+
+import pytest
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import (
+    DriveSettings,
+    EffortFeedback,
+    Identity,
+    OperationMode,
+    TemperatureObject,
+    VendorEffort,
+)
+from armload_drivers.cia402.object_dictionary import DataType, PdoDirection
+from armload_drivers.cia402.process_image import drive_image, effort_entry, target_entry, temperature_entry
+
+pytestmark = pytest.mark.pure
+
+DRIVE = DriveSettings(
+    joint="joint_5",
+    node_id=5,
+    mode=OperationMode.CYCLIC_SYNCHRONOUS_POSITION,
+    feedback=EffortFeedback.CURRENT,
+    counts_per_rad=1e5,
+    rated_current_a=10.0,
+    rated_torque_nm=100.0,
+    max_torque_permille=3000,
+    following_error_rad=0.1,
+    position_min_rad=-3.0,
+    position_max_rad=3.0,
+    has_brake=True,
+    identity=Identity(None, None),
+)
+
+
+def test_the_image_in_csp_with_current():
+    image = drive_image(DRIVE)
+    assert [image.rpdo.cob_id, image.tpdo.cob_id] == [0x205, 0x185]
+    assert [entry.mapping for entry in image.rpdo.entries] == [0x60400010, 0x607A0020, 0x60B20010]
+    assert [entry.mapping for entry in image.tpdo.entries] == [0x60410010, 0x60640020, 0x60780010]
+    assert [image.rpdo.length, image.tpdo.length] == [8, 8]
+
+
+def test_setpoints_as_they_are_on_the_wire():
+    frame = drive_image(DRIVE).rpdo.format.pack(0x000F, -2, -300)
+    assert frame == bytes.fromhex("0f00 feffffff d4fe")
+
+
+def test_feedback_as_it_is_on_the_wire():
+    values = drive_image(DRIVE).tpdo.format.unpack(bytes.fromhex("3712 00000080 ff7f"))
+    assert values == (0x1237, -(2**31), 32767)
+
+
+def test_interpolated_position_with_torque():
+    drive = replace(
+        DRIVE, mode=OperationMode.INTERPOLATED_POSITION, feedback=EffortFeedback.TORQUE, rated_current_a=None
+    )
+    image = drive_image(drive)
+    assert image.rpdo.entries[1] is od.INTERPOLATION_SETPOINT
+    assert image.tpdo.entries[2] is od.TORQUE_ACTUAL
+
+
+def test_a_drive_without_a_torque_offset_gets_six_bytes():
+    image = drive_image(replace(DRIVE, torque_offset=False))
+    assert image.rpdo.length == 6
+    assert od.TORQUE_OFFSET not in image.rpdo.entries
+
+
+@pytest.mark.parametrize("mode", list(OperationMode))
+@pytest.mark.parametrize("feedback", list(EffortFeedback))
+def test_everything_mapped_can_be_mapped_and_fits(mode, feedback):
+    image = drive_image(replace(DRIVE, mode=mode, feedback=feedback))
+    assert target_entry(mode) in image.rpdo.entries
+    assert effort_entry(replace(DRIVE, feedback=feedback)) in image.tpdo.entries
+    assert all(entry.mappable is od.Mappable.RPDO for entry in image.rpdo.entries)
+    assert all(entry.mappable is od.Mappable.TPDO for entry in image.tpdo.entries)
+    for layout in (image.rpdo, image.tpdo):
+        assert layout.length == sum(entry.type.bits for entry in layout.entries) // 8 <= 8
+
+
+def test_parameters_of_the_pre_defined_connection_set():
+    receive, transmit = PdoDirection.RECEIVE, PdoDirection.TRANSMIT
+    assert [receive.default_cob_id(n, 3) for n in range(4)] == [0x203, 0x303, 0x403, 0x503]
+    assert [transmit.default_cob_id(n, 3) for n in range(4)] == [0x183, 0x283, 0x383, 0x483]
+    assert str(receive.cob_id_entry(1)) == "1401:1 COB-ID of the PDO"
+    assert transmit.map_entry(0, 3).key == 0x1A0003
+
+
+@pytest.mark.parametrize(("kind", "frames"), [(DataType.I16, 1), (DataType.I32, 2)])
+def test_a_vendors_effort_gets_a_frame_of_its_own_where_there_is_no_room(kind, frames):
+    image = drive_image(replace(DRIVE, vendor_effort=VendorEffort(0x30D1, 2, kind, 1e-3)))
+    assert len(image.layouts) == 1 + frames
+    last = image.layouts[-1]
+    assert last.entries[-1].mapping == 0x30D1_0200 | kind.bits
+    assert (last.number, last.cob_id) == ((1, 0x285) if frames == 2 else (0, 0x185))
+    assert sum(layout.length for layout in image.layouts) == 8 + 6 + kind.bits // 8
+    assert (image.effort is None) == (frames == 1)
+
+
+def test_a_temperature_is_read_by_sdo_and_no_pdo_carries_it():
+    assert temperature_entry(DRIVE) is None
+    drive = replace(DRIVE, temperature=TemperatureObject(0x3201, 1, DataType.I16, 0.1))
+    entry = temperature_entry(drive)
+    assert (entry.index, entry.subindex, entry.type, entry.mappable) == (0x3201, 1, DataType.I16, od.Mappable.NO)
+    assert drive_image(drive) == drive_image(DRIVE)

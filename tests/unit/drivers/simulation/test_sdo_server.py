@@ -1,0 +1,190 @@
+"""The SDO server frame by frame, and PDO parameters in the order the standard allows."""
+
+import struct
+
+import pytest
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.object_dictionary import Access, DataType, Entry, PdoDirection
+from armload_drivers.simulation.drives.drive_pdos import Pdo
+from armload_drivers.simulation.drives.sdo_server import Abort, Dictionary, SdoAbort, SdoServer
+
+TEXT = "a name of 24 characters."
+
+
+@pytest.fixture
+def dictionary():
+    dictionary = Dictionary()
+    dictionary.add(od.DEVICE_TYPE, 0x20192)
+    dictionary.add(od.DEVICE_NAME, TEXT)
+    dictionary.add(od.MODE, 8)
+    dictionary.add(od.TARGET_POSITION, -5)
+    dictionary.add(od.CONTROLWORD, 0)
+    dictionary.add(od.STATUSWORD, 0x0250)
+    dictionary.add(od.POSITION_ACTUAL, 7)
+    dictionary.allowed[od.MODE.key] = {0, 8}
+    return dictionary
+
+
+@pytest.fixture
+def server(dictionary):
+    return SdoServer(dictionary)
+
+
+def head(command, entry):
+    return struct.pack("<BHB", command, entry.index, entry.subindex)
+
+
+def request(command, entry, data=b""):
+    return head(command, entry) + data.ljust(4, b"\0")
+
+
+def abort_of(answer):
+    assert answer[0] == 0x80
+    return struct.unpack_from("<I", answer, 4)[0]
+
+
+def test_reading_what_fits(server):
+    assert server.receive(request(0x40, od.DEVICE_TYPE)) == request(0x43, od.DEVICE_TYPE, b"\x92\x01\x02\x00")
+    assert server.receive(request(0x40, od.MODE)) == request(0x4F, od.MODE, b"\x08")
+
+
+def test_reading_in_segments(server):
+    answer = server.receive(request(0x40, od.DEVICE_NAME))
+    assert answer == request(0x41, od.DEVICE_NAME, struct.pack("<I", len(TEXT)))
+    text, toggle = b"", 0
+    for _ in range(4):
+        answer = server.receive(bytes([0x60 | toggle]).ljust(8, b"\0"))
+        assert answer[0] & 0x10 == toggle
+        text += answer[1 : 8 - (answer[0] >> 1 & 7)]
+        toggle ^= 0x10
+    assert answer[0] & 1, "the last segment says so"
+    assert text.decode() == TEXT
+    assert abort_of(server.receive(bytes([0x60 | toggle]).ljust(8, b"\0"))) == Abort.UNKNOWN_COMMAND
+
+
+def test_writing_what_fits(server, dictionary):
+    assert server.receive(request(0x23, od.TARGET_POSITION, struct.pack("<i", -77))) == request(
+        0x60, od.TARGET_POSITION
+    )
+    assert dictionary.values[od.TARGET_POSITION.key] == -77
+    server.receive(request(0x22, od.CONTROLWORD, b"\x0f\x00"))
+    assert dictionary.values[od.CONTROLWORD.key] == 15, "a client need not tell the size"
+
+
+def test_writing_in_segments(server, dictionary):
+    server.receive(request(0x21, od.TARGET_POSITION, struct.pack("<I", 4)))
+    answer = server.receive(bytes([0x00 | (7 - 4) << 1 | 1]) + struct.pack("<i", 99) + bytes(3))
+    assert answer[0] == 0x20
+    assert dictionary.values[od.TARGET_POSITION.key] == 99
+
+
+def test_a_repeated_toggle_is_refused(server):
+    server.receive(request(0x40, od.DEVICE_NAME))
+    server.receive(bytes([0x60]).ljust(8, b"\0"))
+    assert abort_of(server.receive(bytes([0x60]).ljust(8, b"\0"))) == Abort.TOGGLE
+
+
+@pytest.mark.parametrize(
+    ("frame", "code"),
+    [
+        (request(0x40, Entry(0x5000, 0, "", DataType.U8)), Abort.NO_OBJECT),
+        (request(0x40, Entry(0x1000, 9, "", DataType.U8)), Abort.NO_SUBINDEX),
+        (request(0x23, od.DEVICE_TYPE), Abort.READ_ONLY),
+        (request(0x2F, od.TARGET_POSITION, b"\x01"), Abort.LENGTH),
+        (request(0x2F, od.MODE, b"\x07"), Abort.VALUE_RANGE),
+        (request(0xA0, od.DEVICE_NAME), Abort.UNKNOWN_COMMAND),  # block upload
+        (request(0xC0, od.TARGET_POSITION), Abort.UNKNOWN_COMMAND),  # block download
+        (bytes(8), Abort.UNKNOWN_COMMAND),  # a segment of nothing
+        (b"\x40\x00", Abort.UNKNOWN_COMMAND),
+    ],
+)
+def test_refusals_carry_their_code(server, frame, code):
+    assert abort_of(server.receive(frame)) == code
+
+
+def test_a_clients_abort_ends_the_transfer(server):
+    server.receive(request(0x40, od.DEVICE_NAME))
+    assert server.receive(request(0x80, od.DEVICE_NAME)) is None
+    assert abort_of(server.receive(bytes([0x60]).ljust(8, b"\0"))) == Abort.UNKNOWN_COMMAND
+
+
+def test_a_veto_keeps_the_old_value(dictionary):
+    def veto(value):
+        raise SdoAbort(Abort.DEVICE_STATE)
+
+    dictionary.vetoes[od.TARGET_POSITION.key] = veto
+    with pytest.raises(SdoAbort):
+        dictionary.download(0x607A, 0, struct.pack("<i", 1))
+    assert dictionary.values[od.TARGET_POSITION.key] == -5
+
+
+def test_a_removed_object_is_not_found(dictionary):
+    dictionary.remove([0x607A])
+    with pytest.raises(SdoAbort) as refusal:
+        dictionary.upload(0x607A, 0)
+    assert refusal.value.code is Abort.NO_OBJECT
+
+
+def write(dictionary, entry, value):
+    dictionary.download(entry.index, entry.subindex, struct.pack("<" + entry.type.code, value))
+
+
+def refusal_of(dictionary, entry, value):
+    with pytest.raises(SdoAbort) as refusal:
+        write(dictionary, entry, value)
+    return refusal.value.code
+
+
+def test_mapping_in_the_prescribed_order(dictionary):
+    pdo = Pdo(PdoDirection.TRANSMIT, 0, 5, dictionary, (od.STATUSWORD,))
+    side = PdoDirection.TRANSMIT
+    assert pdo.cob_id == 0x185
+    write(dictionary, side.cob_id_entry(0), 0xC0000185)
+    assert pdo.cob_id is None
+    write(dictionary, side.count_entry(0), 0)
+    write(dictionary, side.map_entry(0, 1), od.STATUSWORD.mapping)
+    write(dictionary, side.map_entry(0, 2), od.POSITION_ACTUAL.mapping)
+    write(dictionary, side.count_entry(0), 2)
+    write(dictionary, side.type_entry(0), 1)
+    write(dictionary, side.cob_id_entry(0), 0x40000285)
+    assert (pdo.cob_id, pdo.type, pdo.length, pdo.synchronous) == (0x285, 1, 6, True)
+    frame = bytearray(6)
+    pdo.pack_into(frame)
+    assert frame == struct.pack("<Hi", 0x0250, 7)
+    assert pdo.carries(od.POSITION_ACTUAL)
+
+
+def test_received_objects_reach_the_dictionary(dictionary):
+    pdo = Pdo(PdoDirection.RECEIVE, 0, 5, dictionary, (od.CONTROLWORD, od.TARGET_POSITION))
+    pdo.store(struct.pack("<Hi", 0x0F, -9) + b"\xff\xff")
+    assert dictionary.values[od.CONTROLWORD.key] == 0x0F
+    assert dictionary.values[od.TARGET_POSITION.key] == -9
+
+
+def test_mapping_in_any_other_order_is_refused(dictionary):
+    Pdo(PdoDirection.TRANSMIT, 0, 5, dictionary, (od.STATUSWORD,))
+    side = PdoDirection.TRANSMIT
+    first, count, cob = side.map_entry(0, 1), side.count_entry(0), side.cob_id_entry(0)
+    assert refusal_of(dictionary, first, od.STATUSWORD.mapping) is Abort.UNSUPPORTED_ACCESS
+    assert refusal_of(dictionary, count, 0) is Abort.UNSUPPORTED_ACCESS
+    assert refusal_of(dictionary, cob, 0x40000186) is Abort.VALUE_RANGE
+    write(dictionary, cob, 0xC0000185)
+    assert refusal_of(dictionary, first, od.STATUSWORD.mapping) is Abort.UNSUPPORTED_ACCESS
+    write(dictionary, count, 0)
+    assert refusal_of(dictionary, first, 0x50000010) is Abort.NO_OBJECT
+    assert refusal_of(dictionary, first, od.TARGET_POSITION.mapping) is Abort.NOT_MAPPABLE
+    assert refusal_of(dictionary, first, 0x60410008) is Abort.NOT_MAPPABLE
+    for position in range(1, 4):
+        write(dictionary, side.map_entry(0, position), od.POSITION_ACTUAL.mapping)
+    assert refusal_of(dictionary, count, 3) is Abort.PDO_TOO_LONG
+    assert refusal_of(dictionary, count, 4) is Abort.NO_OBJECT
+    assert refusal_of(dictionary, count, 9) is Abort.VALUE_TOO_HIGH
+    assert refusal_of(dictionary, side.type_entry(0), 250) is Abort.VALUE_RANGE
+
+
+def test_read_only_means_read_only():
+    entry = Entry(0x2000, 0, "constant", DataType.U8, Access.RO)
+    dictionary = Dictionary()
+    dictionary.add(entry, 1)
+    assert refusal_of(dictionary, entry, 2) is Abort.READ_ONLY

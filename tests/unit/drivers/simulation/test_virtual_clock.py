@@ -1,0 +1,54 @@
+"""When simulated drives on a wall clock measure: when SYNC came, however late their thread looks at it."""
+
+import threading
+import time
+
+import can
+import pytest
+
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
+
+NOW_S = 100.0
+"""A clock that stands still: the thread gets round to it at this time."""
+
+
+class Plant(IdealPlant):
+    """Tells when it is measured."""
+
+    def __init__(self, position_rad):
+        super().__init__(position_rad)
+        self.measured_s, self.measured = [], threading.Event()
+
+    def sample(self, cycle_s):
+        self.measured_s.append(self.time_s)
+        self.measured.set()
+        return super().sample(cycle_s)
+
+
+class Bus:
+    """Delivers one SYNC that came a while ago."""
+
+    def __init__(self, age_s):
+        self.frames = [can.Message(arbitration_id=0x080, is_extended_id=False, timestamp=time.time() - age_s)]
+
+    def recv(self, timeout=None):
+        if self.frames:
+            return self.frames.pop()
+        time.sleep(0.001)
+        return None
+
+    def send(self, message, timeout=None):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("age_s", "measured_s"),
+    [(0.1, NOW_S - 0.1), (0.0, NOW_S), (-5.0, NOW_S), (1e6, NOW_S)],
+    ids=["late", "at once", "stamped by another clock, ahead", "behind"],
+)
+def test_what_sync_causes_happens_when_it_came(arm_settings, age_s, measured_s):
+    plant = Plant([0.1, -0.2, 0.3])
+    with SimulatedDrives(arm_settings(), plant, Bus(age_s), lambda: NOW_S):
+        assert plant.measured.wait(5.0)
+    assert plant.measured_s == pytest.approx([measured_s], abs=0.05)

@@ -1,0 +1,218 @@
+"""The empty arm's body: Pinocchio's torque and friction in, the same torque on other motions out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from armload_identification.calibration.body_identification import check_body, identify_body, require_same_gains
+from armload_identification.estimation.body_fit import ArmSamples, base_columns, fit_body, reversal_weights
+from armload_identification.files.body_file import format_body, parse_body, read_body, write_body
+from armload_identification.identification_errors import BodyFileError, EstimationError, ModelError
+from armload_identification.model.body_model import rotor_columns
+from armload_identification.model.regressor import body_regressor
+from armload_identification.pipeline.payload_identification import identify
+from armload_identification.signals.joint_torque import Transmission
+
+pytestmark = pytest.mark.pure
+
+
+@pytest.fixture(scope="module")
+def runs(pinocchio_arm):
+    return [
+        pinocchio_arm.run(pinocchio_arm.trajectory(seed), False, seed=90 + seed, load_friction=0.05) for seed in (3, 4)
+    ]
+
+
+@pytest.fixture(scope="module")
+def body(pinocchio_arm, runs):
+    return identify_body(runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+@pytest.fixture(scope="module")
+def text(body):
+    return format_body(body.result("0.1.0", "c" * 64))
+
+
+def states(rng, samples=100):
+    return rng.uniform(-2.0, 2.0, (3, samples, 6))
+
+
+def test_the_base_parameters_are_as_many_as_pinocchio_can_tell(pinocchio_arm):
+    model = pinocchio_arm._model(None)
+    data = model.createData()
+    q, dq, ddq = states(np.random.default_rng(1))
+    rows = np.vstack([pin.computeJointTorqueRegressor(model, data, *s) for s in zip(q, dq, ddq, strict=True)])
+    base = base_columns(pinocchio_arm.chain, np.eye(6))
+    assert np.count_nonzero(base[:60]) == np.linalg.matrix_rank(rows / np.abs(rows).max(), tol=1e-9)
+
+
+def test_base_columns_span_all_columns_and_none_is_idle(pinocchio_arm):
+    q, dq, ddq = states(np.random.default_rng(2))
+    coupling = pinocchio_arm.transmission.coupling
+    rotors = rotor_columns(ddq, coupling).transpose(0, 2, 1)
+    everything = np.concatenate([body_regressor(pinocchio_arm.chain, q, dq, ddq), rotors], axis=2).reshape(-1, 66)
+    base = base_columns(pinocchio_arm.chain, coupling)
+    kept = everything[:, base]
+    left = everything - kept @ np.linalg.lstsq(kept, everything, rcond=None)[0]
+    assert np.abs(left).max() < 1e-7 * np.abs(everything).max()
+    assert np.linalg.matrix_rank(kept) == np.count_nonzero(base)
+    # The first rotor turns with the first link as one.
+    assert not base[60]
+
+
+def test_rotors_behind_coupled_motors_are_the_derivative_of_their_energy(pinocchio_arm):
+    coupling = pinocchio_arm.transmission.coupling
+    inertia = np.array([1.0, 2.0, 3.0, 0.5, 0.4, 0.3])
+    ddq = np.random.default_rng(3).normal(size=(5, 6))
+    torque = np.einsum("tij,i->tj", rotor_columns(ddq, coupling), inertia)
+    # Energy 1/2 axis^T I axis with joint = C axis: mass matrix C^-T I C^-1.
+    mass = np.linalg.inv(coupling).T @ np.diag(inertia) @ np.linalg.inv(coupling)
+    np.testing.assert_allclose(torque, ddq @ mass, rtol=1e-12)
+
+
+def test_friction_is_found(body):
+    model = body.model
+    np.testing.assert_allclose(model.coulomb_nm, 4.0, atol=0.4)
+    np.testing.assert_allclose(model.viscous_nm_s_rad, 5.0, atol=0.4)
+    np.testing.assert_allclose(model.load_friction[:3], 0.05, atol=0.015)
+    np.testing.assert_allclose(model.offset_nm, 0.0, atol=0.6)
+    assert body.determined == body.base_parameters
+
+
+def test_rotor_inertia_and_stribeck_friction_are_found(pinocchio_arm):
+    arm = pinocchio_arm
+    inertia, stribeck, velocity = np.array([0, 0, 0.8, 0.5, 0.3, 0.2]), 3.0, 0.1
+    samples = []
+    for seed in (3, 4, 5):
+        state = arm.trajectory(seed).evaluate(np.linspace(0.0, 5.0, 2000, endpoint=False))
+        q, dq, ddq = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
+        torque = arm.torque(q, dq, ddq)
+        torque += np.einsum("tij,i->tj", rotor_columns(ddq, arm.transmission.coupling), inertia)
+        torque += stribeck * np.tanh(dq / 0.01) * np.exp(-((dq / velocity) ** 2))
+        torque += 0.01 * np.random.default_rng(seed).normal(size=torque.shape)
+        samples.append(ArmSamples(5.0 / 2000, q, dq, ddq, torque, np.ones(2000, dtype=bool), np.full(6, 0.01)))
+    plain, fit = (
+        fit_body(samples, arm.chain, arm.transmission.coupling, stribeck=with_it) for with_it in (False, True)
+    )
+    np.testing.assert_allclose(fit.model.rotor_inertia_kg_m2[2:], inertia[2:], atol=0.05)
+    # The direction turns over more slowly in the model than in the arm, which the column makes up for.
+    np.testing.assert_allclose(fit.model.stribeck_nm, stribeck, atol=1.2)
+    assert fit.model.stribeck_velocity_rad_s[0] == velocity
+    assert (plain.model.stribeck_nm == 0.0).all()
+    assert (fit.residual_rms_nm < plain.residual_rms_nm).all()
+
+
+def test_load_dependent_friction_tells_the_rotors_that_no_link_torque_can(pinocchio_arm):
+    arm = pinocchio_arm
+    inertia = np.array([3.0, 2.0, 0.8, 0.5, 0.3, 0.2])
+    load, delay_s, interval_s = 0.08, 0.003, 0.005
+    trajectory = arm.trajectory(5)
+    time_s = np.arange(0.0, 5.0, interval_s)
+    then, now = trajectory.evaluate(time_s - delay_s), trajectory.evaluate(time_s)
+    q, dq, ddq = then.position_rad, then.velocity_rad_s, then.acceleration_rad_s2
+    torque = arm.torque(q, dq, ddq, load_friction=load)
+    torque += np.einsum("tij,i->tj", rotor_columns(ddq, arm.transmission.coupling), inertia)
+    torque += arm.noise_nm * np.random.default_rng(5).normal(size=torque.shape) / np.sqrt(50.0)
+    state = (now.position_rad, now.velocity_rad_s, now.acceleration_rad_s2)
+    samples = ArmSamples(interval_s, *state, torque, np.ones(time_s.size, dtype=bool), arm.noise_nm / np.sqrt(50.0))
+    fit = fit_body([samples], arm.chain, arm.transmission.coupling)
+    assert fit.model.torque_delay_s == pytest.approx(delay_s, abs=3e-4)
+    assert (np.abs(fit.model.rotor_inertia_kg_m2 - inertia)[1:] < 4.0 * fit.rotor_deviation_kg_m2[1:] + 0.02).all()
+    np.testing.assert_allclose(fit.model.load_friction[1:4], load, atol=0.01)
+    # The links' torque is without the rotors', to which it is many times larger here.
+    links = arm.torque(q, dq, ddq) - 4.0 * np.tanh(dq / 0.01) - 5.0 * dq
+    found = fit.model.link_torque(arm.chain, q, dq, ddq)
+    error = np.sqrt(np.mean((found - links) ** 2, axis=0))
+    rotors = np.sqrt(np.mean((inertia * ddq) ** 2, axis=0))
+    assert (error[:4] < 0.25 * rotors[:4]).all(), (error, rotors)
+
+
+def test_an_unused_trajectory_is_predicted(pinocchio_arm, body):
+    arm = pinocchio_arm
+    fresh = arm.run(arm.trajectory(8), False, seed=77, load_friction=0.05, noise=0.0)
+    check = check_body(body.model, fresh, arm.chain, arm.transmission)
+    assert (check.error_rms_nm < 0.02 * check.torque_rms_nm + 0.25).all(), check.error_rms_nm
+    heavier = replace(body.model, links=1.1 * body.model.links)
+    assert check_body(heavier, fresh, arm.chain, arm.transmission).error_rms_nm[1] > 3.0 * check.error_rms_nm[1]
+
+
+def test_a_payload_is_identified_without_an_empty_run(pinocchio_arm, body):
+    arm = pinocchio_arm
+    loaded = arm.run(arm.trajectory(8), True, seed=78, load_friction=0.05, periods=5)
+    result = identify(loaded, None, arm.chain, arm.transmission, body=body.model)
+    assert result.parameters.mass_kg == pytest.approx(arm.payload.mass_kg, rel=0.02)
+    np.testing.assert_allclose(result.parameters.center_of_mass_m, arm.payload.center_of_mass_m, atol=0.01)
+    assert len(result.sources) == 1
+    low, high = result.uncertainty.interval_95[0]
+    assert low < arm.payload.mass_kg < high
+    # The same without whole periods.
+    once = replace(loaded, phase_s=None, excitation=None)
+    result = identify(once, None, arm.chain, arm.transmission, body=body.model)
+    assert result.parameters.mass_kg == pytest.approx(arm.payload.mass_kg, rel=0.02)
+
+
+def test_an_unloaded_run_and_a_body_are_one_too_many(pinocchio_arm, pair, body):
+    with pytest.raises(EstimationError, match="one of the two"):
+        identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, body=body.model)
+
+
+def test_a_body_is_not_identified_from_nothing_or_with_a_payload(pinocchio_arm, pair):
+    with pytest.raises(EstimationError, match="no recording was given"):
+        identify_body([], pinocchio_arm.chain, pinocchio_arm.transmission)
+    labelled = replace(pair[0], source=replace(pair[0].source, attachments={"run.json": '{"load": "loaded"}'}))
+    with pytest.raises(EstimationError, match="with a payload"):
+        identify_body([labelled], pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def test_a_body_belongs_to_its_gains(pinocchio_arm, pair, body):
+    require_same_gains(body.gain_nm_a, pair[0], pinocchio_arm.transmission)
+    other = Transmission(pinocchio_arm.transmission.gain_nm_a * [1, 1, 1.01, 1, 1, 1], np.eye(6))
+    with pytest.raises(ModelError, match="joint 3"):
+        require_same_gains(body.gain_nm_a, pair[0], other)
+
+
+def test_reversals_weigh_little_and_joints_that_stand_still_keep_their_weight():
+    t = np.linspace(0.0, 1.0, 400, endpoint=False)
+    weight = reversal_weights(np.column_stack([np.sin(2.0 * np.pi * t), np.zeros_like(t)]))
+    assert weight[0, 0] == 0.0
+    assert weight[100, 0] > 0.999
+    assert np.mean(weight[:, 0] ** 2) > 0.92
+    assert (weight[:, 1] == 1.0).all()
+
+
+def test_the_file_gives_back_the_same_numbers(body, text, tmp_path):
+    path = tmp_path / "body.toml"
+    write_body(path, body.result("0.1.0", "c" * 64))
+    assert path.read_text() == text
+    back = read_body(path)
+    for name in ("links", "base", "coulomb_nm", "load_friction", "reversal_speed_rad_s", "coupling"):
+        np.testing.assert_array_equal(getattr(back.model, name), getattr(body.model, name))
+    np.testing.assert_array_equal(back.gain_nm_a, body.gain_nm_a)
+    np.testing.assert_array_equal(back.residual_rms_nm, body.residual_rms_nm)
+    assert back.provenance.configuration_sha256 == "c" * 64
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("coulomb_nm = ", "coulomb = ", "body.coulomb_nm is missing"),
+        ("[residual]", "[residuals]", "residual is missing"),
+        ("gain_nm_a = [12.0, ", "gain_nm_a = [", "coupling"),
+        ("reversal_speed_rad_s = [0", "reversal_speed_rad_s = [-0", "above 0"),
+        ("[body]", "[body]\ncolour = 3", "body.colour is 3"),
+        ("[body]", "[body", "no TOML"),
+    ],
+)
+def test_a_wrong_file_is_refused_by_key(text, old, new, said):
+    assert old in text
+    with pytest.raises(BodyFileError, match=said.replace("[", r"\[")):
+        parse_body(text.replace(old, new, 1))
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(BodyFileError, match="cannot be read"):
+        read_body(tmp_path / "none.toml")

@@ -1,0 +1,153 @@
+"""The physically possible estimate: feasible, unchanged where it may be, and provably the nearest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_identification.estimation.least_squares import estimate
+from armload_identification.estimation.physical_consistency import WRITTEN_MARGIN, make_physical, nuisance_beside
+from armload_identification.identification_errors import EstimationError
+from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
+
+pytestmark = pytest.mark.pure
+
+UNIT_BODIES = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(10)])
+
+
+def fit_of(theta, rng, unit=None, samples=200, blind=()):
+    """A fit whose plain estimate is theta, with a random metric."""
+    unit = np.array([1.0, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]) if unit is None else unit
+    regressor = rng.normal(size=(samples, 2, 10)) / unit
+    for column in blind:
+        regressor[:, :, column] = 0.0
+    torque = regressor @ theta
+    noise = rng.normal(size=torque.shape)
+    rows = regressor.reshape(-1, 10)
+    projection, *_ = np.linalg.lstsq(rows, noise.reshape(-1), rcond=None)
+    torque = torque + noise - (rows @ projection).reshape(torque.shape)
+    return estimate(regressor, torque, np.ones(samples, dtype=bool), np.ones(2))
+
+
+def optimality_error(fit, theta):
+    """Largest violation of the Karush-Kuhn-Tucker conditions, relative to the gradient.
+
+    The multiplier Z must be positive semidefinite, live where the constraint is tight, and balance the gradient.
+    """
+    constraint = UNIT_BODIES - WRITTEN_MARGIN * np.trace(UNIT_BODIES, axis1=1, axis2=2)[:, None, None] * np.eye(4)
+    matrix = np.tensordot(theta, constraint, 1)
+    values, vectors = np.linalg.eigh(matrix)
+    tight = vectors[:, values < 1e-8 * values[-1]]
+    gradient = 2.0 * fit.root.T @ (fit.root @ (theta - fit.theta[:10]))
+    pairs = [(i, j) for i in range(tight.shape[1]) for j in range(i, tight.shape[1])]
+    columns = []
+    for i, j in pairs:
+        unit = np.zeros((tight.shape[1],) * 2)
+        unit[i, j] = unit[j, i] = 1.0
+        columns.append(np.einsum("kab,ab->k", constraint, tight @ unit @ tight.T))
+    scale = fit.scale
+    coefficients, *_ = np.linalg.lstsq(np.array(columns).T * scale[:, None], gradient * scale, rcond=None)
+    multiplier = np.zeros((tight.shape[1],) * 2)
+    for (i, j), value in zip(pairs, coefficients, strict=True):
+        multiplier[i, j] = multiplier[j, i] = value
+    eigenvalues = np.linalg.eigvalsh(multiplier)
+    unbalanced = np.abs((np.array(columns).T @ coefficients - gradient) * scale).max()
+    return unbalanced / np.abs(gradient * scale).max(), eigenvalues[0] / eigenvalues[-1]
+
+
+def test_a_possible_estimate_stays_as_it_is():
+    body = InertialParameters.from_center_of_mass(3.0, [0.1, 0.0, 0.2], np.diag([0.02, 0.03, 0.04]))
+    result = make_physical(fit_of(body.theta, np.random.default_rng(1)))
+    assert not result.changed
+    assert result.cost == 0.0
+    np.testing.assert_allclose(result.parameters.theta, body.theta, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("strength", [1.0, 1e3])
+def test_the_nearest_possible_body_is_found(seed, strength):
+    rng = np.random.default_rng(100 + seed)
+    center = rng.normal(size=3) * 0.3
+    inertia = rng.normal(size=(3, 3)) * 0.03
+    impossible = InertialParameters.from_center_of_mass(
+        rng.uniform(0.5, 10.0), center, inertia + inertia.T - 0.02 * np.eye(3)
+    )
+    assert impossible.margin < 0.0
+    fit = fit_of(impossible.theta, rng, unit=np.array([1.0, 0.3, 0.3, 0.3] + [0.1] * 6) / strength)
+    result = make_physical(fit)
+    assert result.changed
+    assert result.plain_margin == pytest.approx(impossible.margin, rel=1e-6)
+    assert result.parameters.margin == pytest.approx(WRITTEN_MARGIN, rel=1e-3)
+    balance, sign = optimality_error(fit, result.parameters.theta)
+    assert balance < 1e-9
+    assert sign > -1e-9
+
+
+def test_the_papers_own_estimate_is_made_possible():
+    """Chen 2016, Table 2, its products of inertia turned into tensor elements: eigenvalues -3.18, -2.83, 0.13."""
+    mass, center = 9.323, np.array([0.149, 1.081, -0.125])
+    theta = np.concatenate([[mass], mass * center, [7.917, 0.420, 8.281, -1.068, 0.158, 1.105]])
+    eigenvalues = np.linalg.eigvalsh(InertialParameters(theta).inertia_about_com)
+    np.testing.assert_allclose(eigenvalues, [-3.18, -2.83, 0.13], atol=0.01)
+    result = make_physical(fit_of(theta, np.random.default_rng(3)))
+    assert result.parameters.margin >= SMALLEST_MARGIN
+    assert result.cost > 0.0
+
+
+def test_undetermined_directions_go_to_a_compact_body():
+    body = InertialParameters.from_center_of_mass(3.0, [0.1, -0.05, 0.2], np.diag([0.02, 0.03, 0.04]))
+    fit = fit_of(body.theta, np.random.default_rng(4), blind=(4, 5, 6, 7, 8, 9))
+    assert fit.rank == 4
+    result = make_physical(fit)
+    assert result.changed
+    assert result.parameters.margin >= WRITTEN_MARGIN * 0.999
+    assert result.parameters.mass_kg == pytest.approx(3.0, rel=1e-4)
+    np.testing.assert_allclose(result.parameters.center_of_mass_m, [0.1, -0.05, 0.2], atol=1e-4)
+    radius = np.sqrt(np.trace(result.parameters.inertia_about_com) / 3.0)
+    assert 0.01 < radius < 0.2
+
+
+def test_a_direction_without_data_is_filled_in_beside_what_the_data_tell():
+    """Also where the smallest solution happens to be a possible body; what is determined stays where it is."""
+    body = InertialParameters.from_center_of_mass(3.0, [0.1, -0.05, 0.2], np.diag([0.2, 0.3, 0.25]))
+    fit = fit_of(body.theta, np.random.default_rng(7), blind=(9,))
+    assert InertialParameters(fit.theta).margin > WRITTEN_MARGIN
+    result = make_physical(fit)
+    assert result.changed
+    assert result.cost < 1e-4
+    assert result.parameters.theta[9] == pytest.approx(-3.0 * -0.05 * 0.2, abs=1e-4), "as of a ball about the centre"
+
+
+def test_nuisance_parameters_beside_another_payload_are_those_that_fit_best():
+    rng = np.random.default_rng(8)
+    regressor = rng.normal(size=(300, 2, 12))
+    torque = regressor @ rng.normal(size=12) + rng.normal(size=(300, 2))
+    fit = estimate(regressor, torque, np.ones(300, dtype=bool), np.ones(2))
+    other = InertialParameters(fit.theta[:10] + 0.3 * rng.normal(size=10))
+    left = (torque - regressor[:, :, :10] @ other.theta).reshape(-1)
+    best, *_ = np.linalg.lstsq(regressor[:, :, 10:].reshape(-1, 2), left, rcond=None)
+    np.testing.assert_allclose(nuisance_beside(fit, other), best, rtol=1e-9)
+
+
+def test_extra_parameters_are_left_free():
+    rng = np.random.default_rng(5)
+    impossible = InertialParameters.from_center_of_mass(2.0, [0.1, 0.2, 0.0], -0.02 * np.eye(3))
+    regressor = rng.normal(size=(300, 2, 12)) / np.array([1.0, 0.3, 0.3, 0.3] + [0.1] * 6 + [1.0, 1.0])
+    theta = np.concatenate([impossible.theta, [5.0, -3.0]])
+    fit = estimate(regressor, regressor @ theta, np.ones(300, dtype=bool), np.ones(2))
+    result = make_physical(fit)
+    rows = regressor.reshape(-1, 12)
+
+    def least_cost(payload):
+        left = rows @ theta - rows[:, :10] @ payload
+        extra, *_ = np.linalg.lstsq(rows[:, 10:], left, rcond=None)
+        return np.sum((left - rows[:, 10:] @ extra) ** 2)
+
+    assert result.cost == pytest.approx(least_cost(result.parameters.theta), rel=1e-6)
+
+
+def test_no_body_is_near_a_negative_mass():
+    theta = np.zeros(10)
+    theta[0] = -1.0
+    with pytest.raises(EstimationError, match="exchanged"):
+        make_physical(fit_of(theta, np.random.default_rng(6)))

@@ -1,0 +1,172 @@
+"""What is known beforehand: it is kept, it sharpens the rest, and it does not lie about itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_identification.calibration.drive_gains import GainCalibration
+from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.files.gains_file import format_gains, parse_gains, read_gains, write_gains
+from armload_identification.files.payload_file import format_payload, parse_payload
+from armload_identification.identification_errors import GainsFileError, PayloadFileError
+from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
+from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.verdict.cad_comparison import compare, in_papers_convention
+
+pytestmark = pytest.mark.pure
+
+
+@pytest.fixture(scope="module")
+def noisy(pinocchio_arm):
+    trajectory = pinocchio_arm.trajectory()
+    return [pinocchio_arm.run(trajectory, load, seed=400 + load, noise=10.0) for load in (True, False)]
+
+
+@pytest.fixture(scope="module")
+def exact(pinocchio_arm):
+    transmission = pinocchio_arm.transmission
+    return Transmission(transmission.gain_nm_a, transmission.coupling, np.ones(6, dtype=bool))
+
+
+def found(arm, pair, transmission, **known):
+    return identify(*pair, arm.chain, transmission, known=KnownPayload(**known) if known else None)
+
+
+def test_a_known_mass_is_kept_and_sharpens_the_centre_of_mass(pinocchio_arm, noisy, exact):
+    truth = pinocchio_arm.payload
+    plain = found(pinocchio_arm, noisy, exact)
+    result = found(pinocchio_arm, noisy, exact, mass_kg=truth.mass_kg)
+    assert result.parameters.mass_kg == pytest.approx(truth.mass_kg, rel=1e-4)
+    assert result.uncertainty.half_width_95[0] < 1e-4 * truth.mass_kg
+    assert (result.uncertainty.half_width_95[1:4] < plain.uncertainty.half_width_95[1:4]).any()
+    assert result.parameters.is_physical
+
+
+def test_a_known_centre_of_mass_is_kept(pinocchio_arm, noisy, exact):
+    truth = pinocchio_arm.payload
+    result = found(pinocchio_arm, noisy, exact, center_of_mass_m=truth.center_of_mass_m)
+    np.testing.assert_allclose(result.parameters.center_of_mass_m, truth.center_of_mass_m, atol=1e-4)
+    plain = found(pinocchio_arm, noisy, exact)
+    assert result.uncertainty.half_width_95[0] < plain.uncertainty.half_width_95[0]
+
+
+def test_a_cad_model_fills_in_what_the_data_do_not_tell(pinocchio_arm, noisy, exact):
+    truth = pinocchio_arm.payload
+    plain = found(pinocchio_arm, noisy, exact)
+    result = found(pinocchio_arm, noisy, exact, cad=truth, confidence=0.05)
+    assert not plain.uncertainty.determined.all()
+    assert result.uncertainty.determined.all()
+    error = np.abs(result.uncertainty.values - truth.values)
+    assert (error < result.uncertainty.half_width_95).all()
+
+
+def test_a_cad_model_that_is_wrong_gives_way_to_data(pinocchio_arm, pair, exact):
+    """Clean data and a doubtful model: the data win."""
+    wrong = InertialParameters(1.3 * pinocchio_arm.payload.theta)
+    result = found(pinocchio_arm, pair, exact, cad=wrong, confidence=0.5)
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
+
+
+def test_knowledge_is_a_prior_of_the_stated_width():
+    """With next to no data the result is the model, and the interval is its confidence."""
+    cad = InertialParameters.from_center_of_mass(2.0, [0.1, 0.0, 0.05], 0.01 * np.eye(3))
+    prior = KnownPayload(cad=cad, confidence=0.1).prior()
+    covariance = np.linalg.inv(prior.rows.T @ prior.rows)
+    np.testing.assert_allclose(np.linalg.solve(prior.rows, prior.target), cad.theta, rtol=1e-9, atol=1e-12)
+    assert np.sqrt(covariance[0, 0]) == pytest.approx(0.1 * 2.0)
+
+
+def paper_payload(mass, center, inertia_about_origin, frame="frame 3"):
+    """A payload file's content from the paper's numbers: products +int xy dm."""
+    signs = np.array([1, 1, 1, -1, -1, -1])
+    theta = np.concatenate([[mass], mass * np.asarray(center), signs * inertia_about_origin])
+    return PayloadResult(
+        frame,
+        InertialParameters(theta),
+        np.ones(10, dtype=bool),
+        np.zeros((10, 2)),
+        np.zeros(3),
+        np.zeros(3),
+        Provenance("0", "", {}),
+    )
+
+
+def test_the_papers_own_table_comes_out():
+    """Chen 2016, Table 2: truth, estimate and the error column."""
+    cad = paper_payload(9.814, [0.130, 0.940, -0.102], np.array([9.023, 0.353, 9.014, 1.222, -0.133, -0.967]))
+    payload = paper_payload(9.323, [0.149, 1.081, -0.125], np.array([7.917, 0.420, 8.281, 1.068, -0.158, -1.105]))
+    result = compare(payload, cad)
+    np.testing.assert_allclose(result.truth[[0, 7, 8, 9]], [9.814, 1.222, -0.133, -0.967])
+    published = [5.0, 14.6, 15.0, 22.5, 12.3, 19.0, 8.1, 12.6, 18.8, 14.3]
+    np.testing.assert_allclose(100.0 * result.error, published, atol=0.06)
+    # Its products are +int xy dm: with its own numbers I_xy = m cx cy + 0.02.
+    assert result.truth[7] == pytest.approx(9.814 * 0.130 * 0.940 + 0.02, abs=0.005)
+
+
+def test_a_payload_that_is_not_determined_is_not_compared(pinocchio_arm, noisy, exact):
+    result = found(pinocchio_arm, noisy, exact)
+    file = parse_payload(format_payload(payload_result(result, "0.1.0", "c" * 64)))
+    comparison = compare(file, file)
+    assert comparison.determined[:4].all()
+    assert not comparison.determined[4:].all()
+    np.testing.assert_array_equal(comparison.error, 0.0)
+    np.testing.assert_allclose(comparison.estimate, in_papers_convention(result.parameters), rtol=1e-8, atol=1e-12)
+
+
+def test_two_frames_are_not_compared():
+    one = paper_payload(1.0, [0, 0, 0.1], np.array([0.1, 0.1, 0.1, 0, 0, 0]))
+    other = paper_payload(1.0, [0, 0, 0.1], np.array([0.1, 0.1, 0.1, 0, 0, 0]), "flange")
+    with pytest.raises(PayloadFileError, match="one frame"):
+        compare(one, other)
+
+
+@pytest.fixture
+def calibration():
+    return GainCalibration(
+        gain_nm_a=np.array([12.1, 10.0]),
+        half_width_95=np.array([0.1, 0.4]),
+        told=np.array([True, False]),
+        nominal_nm_a=np.array([11.9, 10.0]),
+        coupling=np.eye(2),
+        payload=InertialParameters.from_center_of_mass(1.0, [0, 0, 0], np.eye(3)),
+        load_friction=np.zeros(2),
+        viscous_nm_s_rad=np.zeros(2),
+        residual_rms_nm=np.zeros(2),
+        sources=(),
+    )
+
+
+def test_a_gains_file_gives_back_the_transmission(calibration, tmp_path):
+    write_gains(tmp_path / "gains.toml", calibration, "0.1.0", "c" * 64)
+    back = read_gains(tmp_path / "gains.toml", np.eye(2))
+    wanted = calibration.transmission
+    np.testing.assert_array_equal(back.gain_nm_a, wanted.gain_nm_a)
+    np.testing.assert_array_equal(back.calibrated, [True, False])
+    np.testing.assert_allclose(back.deviation, wanted.deviation, rtol=1e-12)
+    assert back.deviation[0] == pytest.approx(0.1 / 12.1 / 1.96, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("told = [1.0, 0.0]", "told = [1.0]", "gains.told is"),
+        ("gain_nm_a = [12.1", "gain_nm_a = [-12.1", "numbers above 0"),
+        ("[gains]", "[gains]\nspeed = 1", "gains.speed is 1"),
+        ("half_width_95_nm_a = [0.1", "half_width_95_nm_a = [-0.1", "from 0 on"),
+    ],
+)
+def test_a_wrong_gains_file_is_refused_by_key(calibration, old, new, said):
+    text = format_gains(calibration, "0.1.0", "c" * 64)
+    assert old in text
+    with pytest.raises(GainsFileError, match=said):
+        parse_gains(text.replace(old, new, 1), np.eye(2))
+
+
+def test_gains_of_another_arm_are_refused(calibration, tmp_path):
+    text = format_gains(calibration, "0.1.0", "c" * 64)
+    with pytest.raises(GainsFileError, match="3 finite numbers"):
+        parse_gains(text, np.eye(3))
+    with pytest.raises(GainsFileError, match="cannot be read"):
+        read_gains(tmp_path / "none.toml", np.eye(2))

@@ -1,0 +1,126 @@
+"""Intervals: they cover, with white and with coloured noise, and say what is not determined."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import t as student
+
+from armload_identification.estimation.least_squares import estimate, estimate_reweighted
+from armload_identification.estimation.uncertainty import derived, quantify
+from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
+from armload_identification.model.regressor import payload_regressor
+
+pytestmark = pytest.mark.pure
+
+SAMPLES = 500
+STEP_S = 0.02
+
+
+@pytest.fixture(scope="module")
+def regressor(pinocchio_arm):
+    state = pinocchio_arm.trajectory(period_s=SAMPLES * STEP_S).evaluate(np.arange(SAMPLES) * STEP_S)
+    return payload_regressor(pinocchio_arm.chain, state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2)
+
+
+def coloured(rng, samples, memory_s):
+    """(samples, 6) noise of unit variance: 70 % white, 30 % with an exponential memory."""
+    decay = np.exp(-STEP_S / memory_s)
+    drive = rng.normal(size=(samples + 500, 6)) * np.sqrt(1.0 - decay**2)
+    slow = lfilter([1.0], [1.0, -decay], drive, axis=0)[500:]
+    return np.sqrt(0.7) * rng.normal(size=(samples, 6)) + np.sqrt(0.3) * slow
+
+
+@pytest.mark.parametrize(
+    ("periods", "memory_s"), [(1, None), (1, 0.3), (3, None), (3, 0.5)], ids=["1-white", "1-slow", "3-white", "3-slow"]
+)
+def test_95_percent_intervals_cover(regressor, pinocchio_arm, periods, memory_s):
+    truth, _ = derived(pinocchio_arm.payload)
+    valid = np.ones(SAMPLES, dtype=bool)
+    covered, textbook = [], []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        length = periods * SAMPLES
+        noise = rng.normal(size=(length, 6)) if memory_s is None else coloured(rng, length, memory_s)
+        noise = (noise * pinocchio_arm.noise_nm * 4.0).reshape(periods, SAMPLES, 6).mean(axis=0)
+        solve = estimate_reweighted if periods == 1 else estimate
+        fit = solve(regressor, regressor @ pinocchio_arm.payload.theta + noise, valid, pinocchio_arm.noise_nm)
+        told = quantify(fit, InertialParameters(fit.theta))
+        covered.append(np.abs(told.values - truth) <= told.half_width_95)
+        sigma = 4.0 / np.sqrt(periods) if periods > 1 else 1.0
+        naive = 1.96 * sigma * np.sqrt(np.diag(fit.covariance))
+        textbook.append(np.abs(fit.theta - pinocchio_arm.payload.theta) <= naive)
+    share = np.mean(covered, axis=0)
+    assert 0.92 <= share.mean() <= 0.98, share
+    assert share.min() >= 0.85, share
+    if memory_s is not None:
+        assert np.mean(textbook) < 0.8
+
+
+def test_the_quantile_is_students_with_the_freedom_that_the_variances_scatter_by(regressor, pinocchio_arm):
+    """A variance with f degrees of freedom scatters by 2/f of its square; few bins tell the weight's, so f is small."""
+    valid = np.ones(SAMPLES, dtype=bool)
+    variances, freedoms = [], []
+    for seed in range(100):
+        noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
+        fit = estimate(regressor, regressor @ pinocchio_arm.payload.theta + noise, valid, pinocchio_arm.noise_nm)
+        told = quantify(fit, InertialParameters(fit.theta))
+        quantile = told.half_width_95[0] / np.sqrt(told.covariance[0, 0])
+        assert quantile == pytest.approx(student.ppf(0.975, told.degrees_of_freedom[0]), rel=1e-9)
+        assert quantile > 1.98
+        variances.append(told.covariance[0, 0])
+        freedoms.append(told.degrees_of_freedom[0])
+    scatter = 2.0 * np.mean(variances) ** 2 / np.var(variances)
+    assert np.median(freedoms) == pytest.approx(scatter, rel=0.35)
+
+
+def test_derivatives_of_what_is_told_are_right(pinocchio_arm):
+    body = pinocchio_arm.payload
+    values, slope = derived(body)
+    np.testing.assert_allclose(values[:4], [body.mass_kg, *body.center_of_mass_m])
+    for k in range(10):
+        step = np.zeros(10)
+        step[k] = 1e-6
+        up, _ = derived(InertialParameters(body.theta + step))
+        down, _ = derived(InertialParameters(body.theta - step))
+        np.testing.assert_allclose(slope[:, k], (up - down) / 2e-6, atol=1e-8)
+
+
+def test_determined_is_what_design_says(regressor, pinocchio_arm):
+    rng = np.random.default_rng(1)
+    body = pinocchio_arm.payload
+    valid = np.ones(SAMPLES, dtype=bool)
+    unit = np.array([body.mass_kg] + [0.1] * 3 + [body.mass_kg * 0.01] * 6)
+    seen = set()
+    for level in (0.2, 1.0, 20.0, 2000.0):
+        noise = level * pinocchio_arm.noise_nm * rng.normal(size=(SAMPLES, 6))
+        fit = estimate(regressor, regressor @ body.theta + noise, valid, level * pinocchio_arm.noise_nm)
+        told = quantify(fit, InertialParameters(np.concatenate([body.theta[:1], fit.theta[1:]])))
+        np.testing.assert_array_equal(told.determined, told.half_width_95 <= 0.2 * unit)
+        np.testing.assert_allclose(told.interval_95.mean(axis=1), told.values)
+        assert told.undetermined_names == tuple(np.array(PARAMETER_NAMES)[~told.determined])
+        seen.add(int(told.determined.sum()))
+    assert {0, 10} <= seen
+    assert len(seen) > 2
+
+
+def test_what_the_motion_does_not_excite_has_no_interval(pinocchio_arm):
+    """Only the last joint turns, about a vertical axis fixed in space: mass and most of the rest stay unknown."""
+    rng = np.random.default_rng(2)
+    t = np.arange(SAMPLES) * STEP_S
+    state = np.zeros((3, SAMPLES, 6))
+    omega = 2.0 * np.pi / (SAMPLES * STEP_S)
+    for k in (1, 2, 3):
+        state[0, :, 5] += np.sin(k * omega * t)
+        state[1, :, 5] += k * omega * np.cos(k * omega * t)
+        state[2, :, 5] -= (k * omega) ** 2 * np.sin(k * omega * t)
+    last = payload_regressor(pinocchio_arm.chain, *state)[:, 5:]
+    body = pinocchio_arm.payload
+    noise = 0.2 * rng.normal(size=(SAMPLES, 1))
+    fit = estimate(last, last @ body.theta + noise, np.ones(SAMPLES, dtype=bool), np.array([0.2]))
+    assert fit.rank < 10
+    told = quantify(fit, body)
+    assert told.half_width_95[0] == np.inf
+    assert not told.determined[0]
+    assert np.isfinite(told.covariance).all()

@@ -1,0 +1,194 @@
+"""Collision geometry from a URDF that the test writes: boxes, a cylinder, and a tool as an STL mesh."""
+
+import re
+import struct
+import subprocess
+import sys
+from importlib import resources
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import ConfigurationError
+from armload_controller.motion.obstacles import Cell
+from armload_controller.motion.paths import BlockedWay
+from armload_identification.excitation.collision_meshes import SURPLUS_M, Meshes
+from armload_identification.excitation.design import design
+from armload_identification.excitation.design_envelope import Envelope
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.information import named_criterion
+from armload_identification.identification_errors import ExcitationError, ModelError
+
+PRBT = load_robot("prbt")
+KEEP_M = 0.02
+NOTHING = ""
+TABLE = """<link name="table"><collision><origin xyz="0.5 0 0"/><geometry><box size="0.2 2 {height}"/></geometry>
+</collision></link><joint name="floor" type="fixed"><parent link="base"/><child link="table"/></joint>"""
+
+
+def write_stl(path, size_m, offset_m=0.05):
+    """A tetrahedron: four triangles, binary."""
+    corners = [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]
+    points = [np.array(corner) * size_m + [0.0, 0.0, offset_m] for corner in corners]
+    faces = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
+    body = b"".join(struct.pack("<12fH", 0, 0, 0, *points[a], *points[b], *points[c], 0) for a, b, c in faces)
+    path.write_bytes(bytes(80) + struct.pack("<I", len(faces)) + body)
+    return np.array(points)
+
+
+def write_urdf(folder, more=NOTHING, tool_m=0.03, names=PRBT.joint_names, lift_m=0.0):
+    """prbt with a cylinder for its base, a box in every joint frame and a tool from a mesh."""
+    points = write_stl(folder / "tool.stl", tool_m)
+    text = """<robot name="prbt"><link name="base"><collision><origin xyz="0 0 0.08"/><geometry>
+<cylinder radius="0.08" length="0.16"/></geometry></collision></link>"""
+    origins = PRBT._model.kinematics.origins
+    for i, (origin, name) in enumerate(zip(origins, names, strict=True)):
+        parent = f"link_{i}" if i else "base"
+        xyz = np.add(origin.xyz_m, [0.0, 0.0, 0.0 if i else lift_m])
+        text += f"""<link name="link_{i + 1}"><collision><geometry><box size="0.08 0.08 0.08"/></geometry></collision>
+</link><joint name="{name}" type="revolute"><parent link="{parent}"/><child link="link_{i + 1}"/>
+<origin xyz="{" ".join(map(repr, map(float, xyz)))}" rpy="{" ".join(map(repr, origin.rpy_rad))}"/>
+<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>"""
+    text += """<link name="tool"><collision><geometry><mesh filename="package://tool.stl"/></geometry></collision></link>
+<joint name="mount" type="fixed"><parent link="link_6"/><child link="tool"/></joint>"""
+    (folder / "arm.urdf").write_text(text + more + "</robot>")
+    return points
+
+
+@pytest.fixture
+def meshes(tmp_path):
+    def meshes(more=NOTHING, touching=(), **changes):
+        write_urdf(tmp_path, more, **changes)
+        return Meshes(tmp_path / "arm.urdf", PRBT.chain(), PRBT.joint_names, KEEP_M, touching)
+
+    return meshes
+
+
+@pytest.fixture
+def in_a_cell(tmp_path):
+    """prbt's file with the URDF in its workspace."""
+
+    def in_a_cell(more=NOTHING, keys='urdf = "arm.urdf"', **changes):
+        write_urdf(tmp_path, more, **changes)
+        configs = resources.files("armload_configs")
+        for role in ("identification", "validation"):
+            (tmp_path / f"prbt_{role}.toml").write_text((configs / f"prbt_{role}.toml").read_text("utf-8"))
+        text = (configs / "prbt.toml").read_text("utf-8")
+        (tmp_path / "mine.toml").write_text(re.sub(r"^keep_m = .*$", rf"\g<0>\n{keys}", text, flags=re.MULTILINE))
+        return load_robot(str(tmp_path / "mine.toml"))
+
+    return in_a_cell
+
+
+def test_distances_are_those_of_the_bodies(meshes):
+    found = meshes()
+    straight = dict(zip(found.names, found.distances(np.zeros(6)), strict=True))
+    assert straight["base to link_2"] == pytest.approx(0.2604 - 0.16 - 0.04, abs=1e-6)
+    assert straight["link_1 to link_3"] == pytest.approx(0.35 - 0.08, abs=1e-6)
+    lowest = 0.2604 + 0.35 + 0.307 + 0.084 + 0.05 - 0.03
+    assert straight["base to tool"] == pytest.approx(lowest - 0.16, abs=1e-6)
+    assert "link_1 to link_2" not in straight
+    assert "link_6 to tool" not in straight
+
+
+def test_a_mesh_turns_with_its_link(meshes, tmp_path):
+    found = meshes(TABLE.format(height=1.0))
+    points = write_stl(tmp_path / "tool.stl", 0.03)
+    pair = found.names.index("table to tool")
+    for q in np.add(np.random.default_rng(2).uniform(-0.3, 0.3, (5, 6)), [0.0, 0.4, -0.4, 0.0, 0.3, 0.0]):
+        pose = PRBT.chain().forward(q)[-1]
+        at = points @ pose[:3, :3].T + pose[:3, 3]
+        beyond = np.abs(at - [0.5, 0.0, 0.0]) - [0.1, 1.0, 0.5]
+        nearest_corner = np.linalg.norm(np.maximum(beyond, 0.0), axis=1).min()
+        assert 0.0 < found.distances(q)[pair] <= nearest_corner + 1e-6
+
+
+@pytest.mark.parametrize("role", ["identification", "validation"])
+def test_what_is_told_of_a_motion_holds_between_the_samples(meshes, role):
+    found, path = meshes(), PRBT.excitations[role].trajectory
+    least, between = found.nearest(path)
+    dense = [found.distances(q) for q in path.evaluate(np.arange(0.0, path.period_s, 0.002)).position_rad]
+    smallest = np.min(dense, axis=0)
+    assert smallest.min() - SURPLUS_M < least <= smallest.min()
+    assert between == found.names[int(smallest.argmin())]
+
+
+def test_a_way_through_the_table_is_seen_however_short_the_touch(meshes):
+    found = meshes(TABLE.format(height=1.5))
+    start = np.array([1.4, 1.1, 0.0, 0.0, 0.0, 0.0])
+    goal = start * [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    distance, between = found.nearest_on_line(start, goal)
+    assert distance < found.least_m
+    assert "table" in between
+    assert found.nearest_on_line(start, start)[0] > found.least_m
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"names": tuple(f"axis_{i}" for i in range(6))}, "moving joints axis_0.*expected prbt_joint_1"),
+        ({"lift_m": 0.05}, r"prbt_joint_2 turns about another line than \[kinematics\] says, 0.050 m"),
+        ({"more": "<nonsense>"}, "Expected a URDF"),
+        ({"touching": (("tool", "hand"),)}, "no link 'hand' with a collision geometry; those that have one: base"),
+    ],
+)
+def test_a_urdf_of_something_else_is_refused(meshes, changes, text):
+    with pytest.raises(ModelError, match=text):
+        meshes(**changes)
+
+
+def test_links_that_may_touch_are_left_out(meshes):
+    assert "base to link_2" not in meshes(touching=(("link_2", "base"),)).names
+
+
+def test_a_configuration_is_checked_against_its_urdf_before_anything_moves(in_a_cell):
+    in_a_cell().require_drivable("validation")
+    fat = in_a_cell(tool_m=0.3)
+    with pytest.raises(ConfigurationError, match=r"excitation.validation = 'brings .* to tool \(meshes\) within"):
+        fat.require_drivable("validation")
+    with pytest.raises(ConfigurationError, match=r"workspace.urdf = 'other.urdf'"):
+        in_a_cell(keys='urdf = "other.urdf"').cell()
+
+
+def test_an_approach_through_something_is_refused(in_a_cell):
+    cell = in_a_cell(TABLE.format(height=1.5)).cell()
+    start = np.array([1.4, 1.1, 0.0, 0.0, 0.0, 0.0])
+    with pytest.raises(BlockedWay, match="straight way brings"):
+        Cell(PRBT.workspace(), cell.meshes).require_free(start, start * [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+    cell.require_free(np.zeros(6), np.full(6, 0.1))
+
+
+def designed(objection):
+    payload = PRBT.expected_payload()
+    criterion = named_criterion("condition-number", PRBT.chain(), PRBT.torque_noise_nm(), payload)
+    envelope: Envelope = PRBT.envelope(0.1, 0.7, 0.8)
+    return design(
+        criterion, envelope, harmonics=1, base_frequency_hz=0.1, seed=1, restarts=2, objection=objection
+    ).trajectory
+
+
+def test_a_design_takes_the_best_start_that_nothing_is_said_against(meshes):
+    asked: list[FourierTrajectory] = []
+
+    def first_refused(path):
+        asked.append(path)
+        return "brings tool to link_2 too close" if len(asked) == 1 else None
+
+    assert designed(first_refused) is asked[1]
+    with pytest.raises(ExcitationError, match=r"none of 2 starts.*the best one within the limits brings tool"):
+        designed(lambda path: "brings tool to link_2 too close")
+
+
+def test_without_pinocchio_the_way_out_is_told(tmp_path):
+    write_urdf(tmp_path)
+    code = (
+        "import sys; sys.modules['coal'] = None\n"
+        "from pathlib import Path\n"
+        "from armload_controller.config.robot import load_robot\n"
+        "from armload_identification.excitation.collision_meshes import Meshes\n"
+        "robot = load_robot('prbt')\n"
+        f"Meshes(Path({str(tmp_path / 'arm.urdf')!r}), robot.chain(), robot.joint_names, 0.02)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert 'pip install "armload[urdf]"' in done.stderr

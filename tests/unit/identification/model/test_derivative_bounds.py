@@ -1,0 +1,82 @@
+"""Bounds of derivatives are above what happens, on arms that nobody built, and not absurdly far above."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.model.derivative_bounds import point_speed, rate_bounds, torque_curvature
+from armload_identification.model.dynamics import ArmBody, ArmDynamics
+
+pytestmark = pytest.mark.pure
+
+SEEDS = range(12)
+STEP_S = 1e-3
+
+
+def trajectory(rng: np.random.Generator, n: int) -> FourierTrajectory:
+    size = rng.uniform(0.1, 1.5) / np.arange(1, 4)
+    return FourierTrajectory(0.5, rng.uniform(-1, 1, n), rng.normal(size=(n, 3)) * size, rng.normal(size=(n, 3)) * size)
+
+
+def second_difference(values: np.ndarray) -> np.ndarray:
+    """Greatest second derivative of a periodic signal, per column."""
+    return np.abs(np.roll(values, 1, axis=0) - 2.0 * values + np.roll(values, -1, axis=0)).max(axis=0) / STEP_S**2
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_rates_are_never_exceeded(seed):
+    path = trajectory(np.random.default_rng(seed), 3)
+    state = path.evaluate(np.arange(0.0, path.period_s, STEP_S))
+    happens = [np.abs(a).max(axis=0) for a in (state.velocity_rad_s, state.acceleration_rad_s2, state.jerk_rad_s3)]
+    happens.append(second_difference(state.acceleration_rad_s2))
+    bounds = rate_bounds(path)
+    assert np.all(bounds >= np.array(happens) * (1.0 - 1e-12))
+    assert np.all(bounds[:3] <= np.array(happens[:3]) * 1.001)
+    assert np.all(bounds[3] <= happens[3] * 4.0)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_no_point_is_faster_than_its_bound(seed, any_arm):
+    rng = np.random.default_rng(seed)
+    chain, _ = any_arm(rng, 4)
+    path, point = trajectory(rng, 4), rng.normal(size=3) * 0.3
+    positions = path.evaluate(np.arange(0.0, path.period_s, STEP_S)).position_rad
+    poses = np.array([chain.forward(q)[:4] for q in positions])
+    placed = np.einsum("tkij,j->tki", poses[:, :, :3, :3], point) + poses[:, :, :3, 3]
+    speed = np.linalg.norm(np.diff(placed, axis=0), axis=2).max(axis=0) / STEP_S
+    for link in range(1, 5):
+        bound = point_speed(chain, rate_bounds(path), link, float(np.linalg.norm(point)))
+        assert speed[link - 1] <= bound <= 10.0 * speed[link - 1]
+    assert point_speed(chain, rate_bounds(path), 0, 1.0) == 0.0
+
+
+def test_a_single_joint_moves_a_point_at_speed_times_lever(any_arm):
+    chain, _ = any_arm(np.random.default_rng(1), 1)
+    rates = np.array([[2.0], [0.0], [0.0], [0.0]])
+    assert point_speed(chain, rates, 1, 0.5) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_no_torque_bends_more_than_its_bound(seed, any_arm, any_body):
+    rng = np.random.default_rng(seed)
+    chain, links = any_arm(rng, 1 + seed % 6)
+    n, path = chain.n, trajectory(rng, chain.n)
+    body = ArmBody(np.array([link.theta for link in links]), rng.uniform(0, 3, n), np.zeros(n), np.zeros(n))
+    arm = ArmDynamics(chain, body.carrying(chain, any_body(rng)))
+    state = path.evaluate(np.arange(0.0, path.period_s, STEP_S))
+    moving = arm.torque(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2)
+    still = np.zeros_like(moving)
+    resting = arm.torque(state.position_rad, still, still)
+    bound = torque_curvature(arm, rate_bounds(path))
+    assert np.all(second_difference(moving) <= bound)
+    assert np.all(second_difference(resting) <= bound)
+
+
+def test_the_bound_is_exact_where_the_mechanics_is_simple(any_arm):
+    """A rotor alone: its torque is inertia times acceleration, whose second derivative the fourth rate is."""
+    chain, _ = any_arm(np.random.default_rng(2), 2)
+    arm = ArmDynamics(chain, ArmBody(np.zeros((2, 10)), np.array([2.0, 3.0]), np.zeros(2), np.zeros(2)))
+    rates = np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0], [4.0, 5.0]])
+    np.testing.assert_allclose(torque_curvature(arm, rates), [8.0, 15.0])

@@ -1,0 +1,80 @@
+"""The arm's torque against Pinocchio's, and its derivative."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from armload_identification.identification_errors import ModelError
+from armload_identification.model.dynamics import ArmBody, ArmDynamics
+
+pytestmark = pytest.mark.pure
+
+
+def states(rng: np.random.Generator, n: int, samples: int = 20) -> np.ndarray:
+    return np.stack([rng.uniform(-np.pi, np.pi, (samples, n)), *3.0 * rng.normal(size=(2, samples, n))])
+
+
+def body(links, rotors=0.0) -> ArmBody:
+    n = len(links)
+    return ArmBody(np.array([link.theta for link in links]), np.full(n, rotors), np.zeros(n), np.zeros(n))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_equal_to_pinocchio_with_and_without_a_payload(seed, any_arm, any_body, in_pinocchio):
+    rng = np.random.default_rng(seed)
+    chain, links = any_arm(rng, 1 + seed % 7)
+    payload, motion = any_body(rng), states(rng, chain.n)
+    for carried in (None, payload):
+        model = in_pinocchio(chain, links, carried)
+        data = model.createData()
+        expected = np.array([pin.rnea(model, data, *state) for state in zip(*motion, strict=True)])
+        arm = body(links) if carried is None else body(links).carrying(chain, carried)
+        found = ArmDynamics(chain, arm).torque(*motion)
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-9 * np.abs(expected).max())
+
+
+def test_rotors_resist_their_own_acceleration(any_arm):
+    rng = np.random.default_rng(3)
+    chain, links = any_arm(rng, 4)
+    q, dq, ddq = states(rng, 4)
+    added = ArmDynamics(chain, body(links, 2.5)).torque(q, dq, ddq) - ArmDynamics(chain, body(links)).torque(q, dq, ddq)
+    np.testing.assert_allclose(added, 2.5 * ddq, atol=1e-9)
+
+
+def test_a_massless_arm_needs_no_torque(any_arm):
+    rng = np.random.default_rng(4)
+    chain, _ = any_arm(rng, 6)
+    assert not ArmDynamics(chain, ArmBody.massless(6)).torque(*states(rng, 6)).any()
+
+
+def test_the_slope_is_the_finite_difference_of_the_torque(any_arm):
+    rng = np.random.default_rng(5)
+    chain, links = any_arm(rng, 5)
+    arm = ArmDynamics(chain, body(links, 0.7))
+    motion = states(rng, 5)
+    weight = rng.normal(size=motion[0].shape)
+    weight[::3] = 0.0  # samples of no weight are left out
+    slope = arm.slope(weight, *motion)
+    assert not slope[:, ::3].any()
+    for order in range(3):
+        direction = np.zeros_like(motion)
+        direction[order] = rng.normal(size=motion[0].shape)
+        ahead, behind = (np.sum(weight * arm.torque(*(motion + s * 1e-6 * direction))) for s in (1, -1))
+        assert np.sum(slope * direction) == pytest.approx((ahead - behind) / 2e-6, rel=1e-6)
+
+
+def test_what_no_arm_has_is_refused(any_arm):
+    chain, _ = any_arm(np.random.default_rng(0), 3)
+    three = np.zeros(3)
+    with pytest.raises(ModelError, match="a body of 2 links for a chain of 3 joints"):
+        ArmDynamics(chain, ArmBody.massless(2))
+    with pytest.raises(ModelError, match="ten finite numbers per joint"):
+        ArmBody(np.zeros((3, 9)), three, three, three)
+    with pytest.raises(ModelError, match="ten finite numbers per joint"):
+        ArmBody(np.full((3, 10), np.nan), three, three, three)
+    with pytest.raises(ModelError, match=r"coulomb_nm is .*none below 0"):
+        ArmBody(np.zeros((3, 10)), three, three, np.array([1.0, -1.0, 0.0]))
+    with pytest.raises(ModelError, match="rotor_inertia_kg_m2"):
+        ArmBody(np.zeros((3, 10)), np.zeros(2), three, three)

@@ -1,0 +1,263 @@
+"""From two recordings to a payload: Pinocchio's torque in, the payload it was made with out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.estimation.estimators import Estimator
+from armload_identification.estimation.friction_columns import SIGNIFICANT_LOAD
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.files.payload_file import format_payload, parse_payload
+from armload_identification.identification_errors import EstimationError, ModelError, RecordingError
+from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
+from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.signals.joint_torque import Transmission
+
+pytestmark = pytest.mark.pure
+
+
+def with_source(run, **changes):
+    return replace(run, source=replace(run.source, **changes))
+
+
+def exact_gains(arm):
+    return Transmission(arm.transmission.gain_nm_a, arm.transmission.coupling, calibrated=np.ones(arm.n, dtype=bool))
+
+
+def run_pair(arm, **options):
+    trajectory = arm.trajectory()
+    return arm.run(trajectory, True, seed=51, **options), arm.run(trajectory, False, seed=52, **options)
+
+
+@pytest.mark.parametrize("options", [{}, {"periods": 1}, {"periods": 2, "with_phase": False}, {"rate": 1.25}], ids=str)
+def test_the_payload_is_found_and_its_intervals_hold_it(pinocchio_arm, options):
+    pair = run_pair(pinocchio_arm, **options)
+    result = identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
+    truth = pinocchio_arm.payload
+    assert result.parameters.mass_kg == pytest.approx(truth.mass_kg, rel=0.005)
+    np.testing.assert_allclose(result.parameters.center_of_mass_m, truth.center_of_mass_m, atol=0.002)
+    np.testing.assert_allclose(result.parameters.inertia_about_com, truth.inertia_about_com, atol=0.01)
+    assert result.uncertainty.determined.all()
+    exact = [truth.mass_kg, *truth.center_of_mass_m, *truth.inertia_about_com[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]]
+    assert (np.abs(result.uncertainty.values - exact) < 1.5 * result.uncertainty.half_width_95).all()
+    assert result.plain.rank == 10
+    assert result.predicted_nm.shape == result.signal.torque_nm.shape
+    np.testing.assert_allclose(result.residual_rms_nm, result.signal.noise_nm, rtol=0.15)
+    assert not any("gains" in note for note in result.notes)
+
+
+def test_nominal_gains_are_told_and_widen_the_intervals(pair, pinocchio_arm):
+    exact = identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
+    nominal = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert any("gains are nominal" in note for note in nominal.notes)
+    np.testing.assert_array_equal(nominal.parameters.theta, exact.parameters.theta)
+    assert (nominal.uncertainty.half_width_95 > exact.uncertainty.half_width_95).all()
+    # All gains wrong by one factor: theta is wrong by that factor, the mass with it.
+    scaled = Transmission(1.02 * pinocchio_arm.transmission.gain_nm_a, pinocchio_arm.transmission.coupling)
+    wrong = identify(*pair, pinocchio_arm.chain, scaled)
+    assert wrong.plain.theta[0] == pytest.approx(1.02 * nominal.plain.theta[0], rel=1e-3)
+    off = np.abs(wrong.uncertainty.values - nominal.uncertainty.values)[:4]
+    assert (off < nominal.uncertainty.half_width_95[:4]).all()
+
+
+def test_a_run_cut_in_its_first_period_is_still_used(pinocchio_arm):
+    loaded, unloaded = run_pair(pinocchio_arm)
+    loaded = replace(
+        loaded,
+        time_s=loaded.time_s[:400],
+        position_rad=loaded.position_rad[:400],
+        current_a=loaded.current_a[:400],
+        phase_s=loaded.phase_s[:400],
+    )
+    result = identify(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert not result.signal.periodic
+    assert result.signal.time_s[-1] < 4.0
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
+
+
+def test_noise_goes_through_as_its_bound_says(pinocchio_arm):
+    """Over seeds the scatter of the estimate is that of weighted least squares on the averaged difference."""
+    trajectory = pinocchio_arm.trajectory()
+    errors, bounds = [], []
+    for seed in range(25):
+        loaded = pinocchio_arm.run(trajectory, True, seed=100 + seed)
+        unloaded = pinocchio_arm.run(trajectory, False, seed=200 + seed)
+        result = identify(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission)
+        errors.append(result.plain.theta[:10] - pinocchio_arm.payload.theta)
+        bounds.append(np.diag(result.plain.covariance)[:10])
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.mean(bounds, axis=0))
+    assert 0.8 < ratio.mean() < 1.15, ratio
+
+
+def test_load_dependent_friction_is_found_and_taken_out(pinocchio_arm):
+    pair = run_pair(pinocchio_arm, load_friction=0.085, noise=0.3)
+    truth = pinocchio_arm.payload
+    plain, result = (
+        identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, estimator=estimator)
+        for estimator in (Estimator.WLS, Estimator.FRICTION)
+    )
+    assert plain.friction is None
+    friction = result.friction
+    assert friction.load_joints[:3].all()
+    np.testing.assert_allclose(friction.load[friction.load_joints], 0.085, atol=0.02)
+    assert (friction.load_t[friction.load_joints] >= SIGNIFICANT_LOAD).all()
+    assert result.parameters.mass_kg == pytest.approx(truth.mass_kg, rel=0.002)
+    errors = [np.linalg.norm(found.parameters.center_of_mass_m - truth.center_of_mass_m) for found in (plain, result)]
+    assert errors[1] < 0.0005
+    assert errors[0] > 3.0 * errors[1]
+    assert any("Load-dependent friction was found" in note for note in result.notes)
+
+
+def test_no_friction_is_found_where_none_is(pinocchio_arm):
+    found = 0
+    for seed in range(10):
+        trajectory = pinocchio_arm.trajectory()
+        pair = [pinocchio_arm.run(trajectory, load, seed=700 + 2 * seed + load) for load in (True, False)]
+        result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+        columns = np.count_nonzero(result.friction.load_joints) + np.count_nonzero(result.friction.viscous_joints)
+        assert result.plain.theta.size == 10 + columns
+        found += columns
+    assert found <= 4
+
+
+@pytest.mark.parametrize("estimator", list(Estimator))
+def test_every_estimator_finds_the_payload(pair, pinocchio_arm, estimator):
+    result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, estimator=estimator)
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
+
+
+def test_torque_recordings_need_no_gains(pinocchio_arm):
+    loaded, unloaded = (
+        replace(run, torque_nm=pinocchio_arm.transmission.joint_torque(run.current_a), current_a=None)
+        for run in run_pair(pinocchio_arm)
+    )
+    nonsense = Transmission(np.full(6, 777.0), np.eye(6))
+    result = identify(loaded, unloaded, pinocchio_arm.chain, nonsense)
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
+    assert not any("gains" in note for note in result.notes)
+
+
+def test_a_noisy_result_is_possible_and_prints_only_what_is_determined(pinocchio_arm):
+    result = identify(*run_pair(pinocchio_arm, noise=60.0), pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert not result.plain_parameters.is_physical
+    assert result.physical.changed
+    assert result.physical.cost > 0.0
+    known = result.uncertainty.determined
+    assert known.any()
+    assert not known.all()
+    file = parse_payload(format_payload(payload_result(result, "0.1.0", "c" * 64)))
+    assert file.model.margin >= SMALLEST_MARGIN
+    np.testing.assert_array_equal(file.determined, known)
+    assert np.isnan(file.interval_95[~known]).all()
+    np.testing.assert_allclose(file.interval_95[known], result.uncertainty.interval_95[known])
+    np.testing.assert_allclose(file.values, result.uncertainty.values, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(file.noise_nm, result.signal.noise_nm)
+    assert set(file.provenance.recordings_sha256) == {"loaded.mcap", "unloaded.mcap"}
+    text = " ".join(result.notes)
+    assert "physically impossible" in text
+    assert "Not determined by these data: " in text
+
+
+def test_only_three_joints(pinocchio_arm):
+    """The head of the chain, as in the paper: the payload is told in the third joint's frame."""
+    trajectory = pinocchio_arm.trajectory()
+    sine, cosine = trajectory.sin_rad.copy(), trajectory.cos_rad.copy()
+    sine[3:], cosine[3:] = 0.0, 0.0
+    held = FourierTrajectory(trajectory.base_frequency_hz, trajectory.offset_rad * [1, 1, 1, 0, 0, 0], sine, cosine)
+    pair = [pinocchio_arm.run(held, load, seed=61 + load) for load in (True, False)]
+    still = [
+        replace(
+            run,
+            position_rad=run.position_rad[:, :3],
+            torque_nm=pinocchio_arm.transmission.joint_torque(run.current_a)[:, :3],
+            current_a=None,
+            phase_s=None,
+            excitation=None,
+        )
+        for run in pair
+    ]
+    transmission = Transmission(np.ones(3), np.eye(3))
+    result = identify(*still, pinocchio_arm.chain.head(3), transmission)
+    full = pinocchio_arm.chain
+    poses = full.forward(np.zeros(6))
+    in_third = pinocchio_arm.payload.transformed(np.linalg.inv(poses[2]) @ poses[6])
+    assert result.parameters.mass_kg == pytest.approx(in_third.mass_kg, rel=0.02)
+    np.testing.assert_allclose(result.parameters.center_of_mass_m, in_third.center_of_mass_m, atol=0.01)
+
+
+def test_dropped_rows_and_cut_files_are_told(pair, pinocchio_arm):
+    loaded, unloaded = pair
+    loaded = with_source(loaded, rows_read=1510, rows_dropped=10, reasons={"not finite": 4, "cut last row": 6})
+    unloaded = with_source(unloaded, truncated=True)
+    notes = " ".join(identify(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission).notes)
+    assert "loaded recording: 10 of 1510 rows dropped (4 not finite, 6 cut last row)." in notes
+    assert "unloaded recording: the file ends early" in notes
+
+
+def test_files_of_one_name_keep_both_hashes(pair, pinocchio_arm):
+    runs = [
+        with_source(run, path=run.source.path.parent / folder / "run.mcap")
+        for run, folder in zip(pair, ("with", "without"), strict=True)
+    ]
+    result = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+    hashes = payload_result(result, "0.1.0", "").provenance.recordings_sha256
+    assert set(hashes) == {"with/run.mcap", "without/run.mcap"}
+
+
+def test_without_an_unloaded_run_it_is_refused_with_the_remedy(pair, pinocchio_arm):
+    with pytest.raises(EstimationError, match=r"no unloaded recording .* Record the same excitation without"):
+        identify(pair[0], None, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def flipped(run, joint=None):
+    sign = -np.ones(6)
+    if joint is not None:
+        sign = np.where(np.arange(6) == joint, -1.0, 1.0)
+    return replace(run, current_a=run.current_a * sign)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda a, b: (b, a), "negative, .* exchange them"),
+        (lambda a, b: (a, a), "the same recording"),
+        (lambda a, b: (flipped(a), flipped(b)), "sign of the current or torque is flipped"),
+        (lambda a, b: (flipped(a, 1), flipped(b, 1)), "joint 2 .*flipped"),
+        (lambda a, b: (replace(a, current_a=a.current_a * [1, 1, 0, 1, 1, 1]), b), "joint 3 moves, but"),
+        (
+            lambda a, b: (
+                with_source(a, attachments={"run.json": '{"load": "unloaded"}'}),
+                with_source(b, attachments={"run.json": '{"load": "loaded"}'}),
+            ),
+            "Exchange the two files",
+        ),
+    ],
+    ids=["exchanged", "twice", "all flipped", "one flipped", "one constant", "labels"],
+)
+def test_mixed_up_recordings_are_explained(pair, pinocchio_arm, spoil, said):
+    with pytest.raises((RecordingError, EstimationError), match=said):
+        identify(*spoil(*pair), pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def test_two_empty_runs_have_no_payload(pinocchio_arm):
+    trajectory = pinocchio_arm.trajectory()
+    light = [pinocchio_arm.run(trajectory, False, seed=seed) for seed in (300, 301)]
+    result = identify(*light, pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert not result.uncertainty.determined.any()
+    with pytest.raises(EstimationError, match="do not differ by a payload"):
+        identify(*light[::-1], pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def test_gains_must_fit_the_arm(pair, pinocchio_arm):
+    with pytest.raises(ModelError, match="5 gains for 6 joints"):
+        identify(*pair, pinocchio_arm.chain, Transmission(np.ones(5), np.eye(5)))
+
+
+def test_the_result_is_the_same_twice(pair, pinocchio_arm):
+    one = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    two = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    np.testing.assert_array_equal(one.parameters.theta, two.parameters.theta)
+    assert isinstance(one.plain_parameters, InertialParameters)

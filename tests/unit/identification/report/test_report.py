@@ -1,0 +1,408 @@
+"""The report: what a reader sees, and that the page needs nothing but itself."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from armload_identification.identification_errors import IdentificationError, ReportError
+from armload_identification.model.payload import InertialParameters
+from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.report.figures import thin_out, torque_figure
+from armload_identification.report.joints import verdict
+from armload_identification.report.numerals import align, decimals_for, numeral, scientific
+from armload_identification.report.parameters import headline, parameter_rows
+from armload_identification.report.provenance import file_rows
+from armload_identification.report.report import ReportSubject, render_report, write_report
+from armload_identification.verdict.validation import validate
+
+pytestmark = pytest.mark.pure
+
+NAMES = ("base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3")
+NO_BREAK = "\N{NO-BREAK SPACE}"
+MINUS = "\N{MINUS SIGN}"
+
+
+class Page(HTMLParser):
+    """The parts of a page that tests ask for."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.attributes, self.rows, self.text, self.titles = [], [], [], "", []
+        self.section, self.inside = "", []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += attrs
+        self.inside.append(tag)
+        if tag == "section":
+            self.section = dict(attrs)["id"]
+        elif tag == "tr":
+            self.rows.append((self.section, []))
+        elif tag in ("td", "th"):
+            self.rows[-1][1].append("")
+
+    def handle_endtag(self, tag):
+        while self.inside and self.inside.pop() != tag:
+            pass
+
+    def handle_data(self, data):
+        if "style" in self.inside:
+            return
+        self.text += data
+        if "title" in self.inside and "svg" in self.inside:
+            self.titles.append(data)
+        elif {"td", "th"} & set(self.inside):
+            self.rows[-1][1][-1] += data.strip()
+
+    def table(self, section):
+        return [cells for where, cells in self.rows if where == section]
+
+
+def subject(identification, **changes):
+    given = ReportSubject(
+        robot="test arm",
+        description="six joints",
+        joint_names=NAMES,
+        created="2026-01-02 03:04",
+        armload_version="0.1.0",
+        simulated=False,
+        truth=None,
+        payload=payload_result(identification, "0.1.0", "c" * 64),
+    )
+    return replace(given, **changes)
+
+
+def number(text):
+    return float(text.replace(MINUS, "-"))
+
+
+@pytest.fixture(scope="module")
+def clear(pair, pinocchio_arm):
+    """Everything is determined."""
+    return identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+@pytest.fixture(scope="module")
+def noisy(pinocchio_arm):
+    """Not everything is determined, and the plain estimate is impossible."""
+    trajectory = pinocchio_arm.trajectory()
+    runs = [pinocchio_arm.run(trajectory, load, seed=seed, noise=60.0) for load, seed in ((True, 51), (False, 52))]
+    return identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+@pytest.fixture(scope="module")
+def validation(pair, clear, pinocchio_arm):
+    return validate(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, clear.parameters)
+
+
+@pytest.fixture(scope="module")
+def full_text(clear, validation, pinocchio_arm):
+    """A simulated commissioning with names that a page must not take for its own."""
+    names = ("<b>base</b>", "a & b", '"elbow"', "wrist_1", "$\\frac$", "手首")
+    about = subject(
+        clear,
+        robot="<script>alert(1)</script>",
+        description="url & <img src=x>",
+        joint_names=names,
+        simulated=True,
+        truth=pinocchio_arm.payload,
+    )
+    return render_report(about, clear, validation)
+
+
+@pytest.fixture(scope="module")
+def full(full_text):
+    return Page(full_text)
+
+
+@pytest.fixture(scope="module")
+def bare_text(noisy):
+    return render_report(subject(noisy), noisy, None)
+
+
+@pytest.fixture(scope="module")
+def bare(bare_text):
+    return Page(bare_text)
+
+
+def test_the_sentence_tells_mass_and_centre_with_intervals(clear):
+    result = subject(clear).payload
+    text = headline(result).replace(NO_BREAK, " ")
+    mass = re.search(r"The payload weighs ([\d.]+) kg \(([\d.]+) to ([\d.]+) kg\)\.", text)
+    told = [number(part) for part in mass.groups()]
+    np.testing.assert_allclose(told, [result.values[0], *result.interval_95[0]], atol=0.5 * 10.0 ** -decimals(mass[1]))
+    for axis, value, interval in zip("xyz", result.values[1:4], result.interval_95[1:4], strict=True):
+        found = re.search(rf"{axis} = ([{MINUS}\d.]+) mm \(([{MINUS}\d.]+) to ([{MINUS}\d.]+) mm\)", text)
+        told = [1e-3 * number(part) for part in found.groups()]
+        np.testing.assert_allclose(told, [value, *interval], atol=0.5e-3 * 10.0 ** -decimals(found[1]))
+
+
+def decimals(text):
+    return len(text.partition(".")[2])
+
+
+def test_the_sentence_says_what_is_not_determined(clear):
+    result = subject(clear).payload
+
+    def without(*unknown):
+        known, interval = result.determined.copy(), result.interval_95.copy()
+        known[list(unknown)], interval[list(unknown)] = False, np.nan
+        return headline(replace(result, determined=known, interval_95=interval)).replace(NO_BREAK, " ")
+
+    assert without(0).startswith("The mass of the payload is not determined by these data. Its centre")
+    assert without(1, 3).endswith("Where it lies along x and z is not determined.")
+    assert "x =" not in without(1, 3)
+    assert without(0, 1, 2, 3) == (
+        "The mass of the payload is not determined by these data. Its centre of mass is not determined."
+    )
+    assert not re.search("[0-9]", without(0, 1, 2, 3))
+
+
+def test_the_table_shows_the_digits_that_the_interval_justifies(full, clear, pinocchio_arm):
+    rows = full.table("parameters")[1:]
+    assert len(rows) == 10
+    result = subject(clear).payload
+    truth = np.concatenate(
+        [
+            [pinocchio_arm.payload.mass_kg],
+            pinocchio_arm.payload.center_of_mass_m,
+            pinocchio_arm.payload.inertia_about_com[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+        ]
+    )
+    factor = [100.0 / truth[0]] + [1e3] * 3 + [1.0] * 6
+    assert result.determined[:4].all()
+    for i in np.flatnonzero(result.determined):
+        _, _, unit, estimate, low, high, _, true, error, covered = rows[i]
+        assert unit == ("kg" if i == 0 else "m" if i < 4 else f"kg{NO_BREAK}m²")
+        unit_of_last = 10.0 ** -decimals(estimate)
+        half_width = 0.5 * (result.interval_95[i, 1] - result.interval_95[i, 0])
+        assert 9.5 <= half_width / unit_of_last < 99.5
+        told = [number(estimate), number(low), number(high)]
+        np.testing.assert_allclose(told, [result.values[i], *result.interval_95[i]], atol=0.501 * unit_of_last)
+        assert number(true) == pytest.approx(truth[i], abs=0.501 * unit_of_last)
+        off, _, error_unit = error.partition(NO_BREAK)
+        assert error_unit == ("%" if i == 0 else "mm" if i < 4 else unit)
+        exact = factor[i] * (result.values[i] - truth[i])
+        assert number(off) == pytest.approx(exact, abs=0.501 * 10.0 ** -decimals(off))
+        inside = result.interval_95[i, 0] <= truth[i] <= result.interval_95[i, 1]
+        assert covered == ("yes" if inside else "no")
+
+
+def test_what_is_not_determined_has_no_number(bare, noisy, pinocchio_arm):
+    known = noisy.uncertainty.determined
+    assert known.any()
+    assert not known.all()
+    rows = bare.table("parameters")[1:]
+    for cells, determined in zip(rows, known, strict=True):
+        assert (cells[3] == "not determined") == (not determined)
+        assert bool(re.search("[0-9]", "".join(cells))) == determined
+    rows = parameter_rows(subject(noisy).payload, noisy.uncertainty.half_width_95, pinocchio_arm.payload)
+    for row, determined in zip(rows, known, strict=True):
+        assert (row.limit_share <= 1.0) == determined
+        if not determined:
+            # the truth is told, but an error beside it would give the number away
+            assert row.truth.text
+            assert row.error == row.estimate.text == ""
+            assert row.covered is None
+
+
+def test_plain_and_reported_are_both_shown_where_they_differ(bare, full, noisy):
+    assert "physically impossible" in bare.text
+    rows = bare.table("possible")[1:]
+    assert len(rows) == noisy.uncertainty.determined.sum()
+    mass = rows[0]
+    assert number(mass[3]) == pytest.approx(noisy.plain_parameters.mass_kg, abs=0.6 * 10.0 ** -decimals(mass[3]))
+    assert number(mass[4]) == pytest.approx(noisy.parameters.mass_kg, abs=0.6 * 10.0 ** -decimals(mass[4]))
+    assert "a body that can exist" in full.text
+    assert full.table("possible") == []
+
+
+def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy):
+    for note in noisy.notes:
+        assert note[1:] in bare.text
+    blind = subject(noisy)
+    blind = replace(blind, payload=replace(blind.payload, determined=np.zeros(10, bool)))
+    text = Page(render_report(blind, noisy, None)).text
+    assert 0 < text.index("Do not feed this payload forward") < text.index(noisy.notes[0][1:])
+
+
+def test_the_joint_table_has_noise_and_residual_of_both_runs(full, clear, validation):
+    for section, noise, residual, cells_per_row in (
+        ("identification", clear.signal.noise_nm, clear.residual_rms_nm, 9),
+        ("validation", validation.noise_rms_nm, validation.residual_rms_nm, 10),
+    ):
+        rows = full.table(section)[1:]
+        assert [len(cells) for cells in rows] == [cells_per_row] * 6
+        np.testing.assert_allclose([number(cells[3]) for cells in rows], noise, atol=0.00501)
+        np.testing.assert_allclose([number(cells[4]) for cells in rows], residual, atol=0.00501)
+        np.testing.assert_allclose([number(cells[5]) for cells in rows], residual / noise, atol=0.00501)
+    assert [cells[6] for cells in full.table("validation")[1:]] == ["yes"] * 6
+
+
+def test_the_verdict_names_the_joints_that_fail(pair, validation, pinocchio_arm):
+    passed = verdict(validation, NAMES)
+    assert passed.kind == "passed"
+    wrong = InertialParameters(1.5 * pinocchio_arm.payload.theta)
+    failed = validate(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, wrong)
+    told = verdict(failed, NAMES)
+    assert told.kind == "failed"
+    assert re.findall(r"\d", told.title) == [str(joint) for joint in failed.failed_joints]
+    for joint, name in enumerate(NAMES):
+        assert (f"{failed.ratio[joint]:.2f} ({name})" in told.text) == (joint + 1 in failed.failed_joints)
+
+
+def test_without_validation_and_truth_the_page_says_so_and_leaves_them_out(bare, full):
+    assert "Not validated." in bare.text
+    assert "Validation passed." in full.text
+    sections = [value for key, value in full.attributes if key == "id"]
+    assert "validation" in sections
+    assert "validation" not in [value for key, value in bare.attributes if key == "id"]
+    assert "Truth" in full.table("parameters")[0]
+    assert "Truth" not in bare.table("parameters")[0]
+    assert "Simulated" in full.text
+    assert "Simulated" not in bare.text
+
+
+def test_provenance_is_complete(full, clear):
+    for source in clear.sources:
+        assert source.sha256 in full.text
+        assert f"{source.rows_read} read, none dropped" in full.text
+    assert "c" * 64 in full.text
+
+
+def test_dropped_rows_and_further_recordings_are_listed(clear):
+    lossy = replace(clear.sources[0], rows_dropped=3, reasons={"not finite": 2, "cut last row": 1}, truncated=True)
+    about = subject(clear)
+    more = {**about.payload.provenance.recordings_sha256, "loaded_validation.mcap": "d" * 64}
+    about = replace(
+        about, payload=replace(about.payload, provenance=replace(about.payload.provenance, recordings_sha256=more))
+    )
+    rows = file_rows(replace(clear, sources=(lossy, clear.sources[1])), about.payload.provenance)
+    assert rows[0].rows.endswith("3 dropped (2 not finite, 1 cut last row)")
+    assert rows[0].details.endswith("ends early")
+    assert (rows[2].name, rows[2].sha256) == ("loaded_validation.mcap", "d" * 64)
+    assert len(rows) == 3
+
+
+def test_foreign_text_stays_text(full, full_text):
+    assert "script" not in full.tags
+    assert "img" not in full.tags
+    assert "<b>base" not in full_text
+    for text in (
+        "<script>alert(1)</script>",
+        "url & <img src=x>",
+        "<b>base</b>",
+        "a & b",
+        '"elbow"',
+        "$\\frac$",
+        "手首",
+    ):
+        assert text in full.text
+
+
+def test_the_page_needs_nothing_but_itself(full, full_text, bare_text):
+    for text in (full_text, bare_text):
+        assert not re.search(r"https?:|//[a-z]|@import|url\((?!#)", re.sub(r"<code>.*?</code>", "", text))
+    assert not {"script", "link", "img", "iframe", "object", "base"} & set(full.tags)
+    ids = Counter(value for key, value in full.attributes if key == "id")
+    assert max(ids.values()) == 1
+    for key, value in full.attributes:
+        assert key not in ("src", "srcset", "data")
+        if key == "href" or "url(" in (value or ""):
+            target = re.fullmatch(r"(?:url\()?#([\w.-]+)\)?", value)
+            assert target, (key, value)
+            assert target[1] in ids
+
+
+def test_every_figure_says_what_it_shows(full):
+    assert len(full.titles) == full.tags.count("figure") == 18
+    assert any("joint 2 (a & b)" in title for title in full.titles)
+    assert all(len(title) > 20 for title in full.titles)
+
+
+def test_the_same_inputs_give_the_same_bytes(tmp_path, noisy, bare_text):
+    path = tmp_path / "report.html"
+    write_report(path, subject(noisy), noisy, None)
+    assert path.read_bytes() == bare_text.encode()
+
+
+def test_a_page_that_cannot_be_written_is_an_error_with_its_path(tmp_path, noisy):
+    path = tmp_path / "missing" / "report.html"
+    with pytest.raises(ReportError, match=r"missing/report\.html: the report cannot be written"):
+        write_report(path, subject(noisy), noisy, None)
+    assert issubclass(ReportError, IdentificationError)
+
+
+def test_names_must_fit_the_joints(noisy):
+    with pytest.raises(ReportError, match="3 joint names for recordings of 6 joints"):
+        render_report(subject(noisy, joint_names=NAMES[:3]), noisy, None)
+
+
+def test_long_recordings_make_no_long_pages(clear):
+    signal = clear.signal
+    times = 100
+    long = replace(
+        signal,
+        time_s=np.arange(times * signal.time_s.size) * signal.interval_s,
+        raw_nm=np.tile(signal.raw_nm, (times, 1)),
+        torque_nm=np.tile(signal.torque_nm, (times, 1)),
+        valid=np.tile(signal.valid, times),
+    )
+    svg = torque_figure(long, np.tile(clear.predicted_nm, (times, 1)), 0, "long", "long")
+    assert len(svg) < 120_000
+
+
+@pytest.mark.parametrize("level", [0.0, 20.0, -20.0])
+def test_thinning_keeps_what_stands_out_and_holes(level):
+    rng = np.random.default_rng(5)
+    time_s, values = np.arange(10_007.0), level + rng.normal(size=10_007)
+    values[4321], values[10_006] = level + 9.0, level - 9.0
+    values[6000:7000] = np.nan
+    t, v = thin_out(time_s, values, 100)
+    assert t.size <= 200
+    assert (np.diff(t) > 0.0).all()
+    np.testing.assert_array_equal(v, values[t.astype(int)])
+    assert {4321.0, 10_006.0} <= set(t)
+    assert np.isnan(v[(t > 6100) & (t < 6900)]).all()
+    assert np.isfinite(v[(t < 6000) | (t > 7000)]).all()
+    short = thin_out(time_s[:200], values[:200], 100)
+    np.testing.assert_array_equal(short, (time_s[:200], values[:200]))
+
+
+@pytest.mark.parametrize(
+    ("half_width", "value", "expected"),
+    [
+        (0.083, 9.83, 3),
+        (0.17, 9.84, 2),
+        (0.0996, 1.0, 2),
+        (0.994, 1.0, 2),
+        (0.996, 1.0, 1),
+        (12.0, 300.0, 0),
+        (340.0, 3e4, 0),
+        (1e-30, 1.0, 9),
+        (0.0, 9.81, 5),
+        (np.nan, 0.0, 0),
+        (np.inf, 2.5, 5),
+    ],
+)
+def test_two_significant_digits_of_the_half_width(half_width, value, expected):
+    assert decimals_for(half_width, value) == expected
+
+
+def test_numbers_are_printed_with_a_true_minus_and_points_under_each_other():
+    assert numeral(-0.0004, 3) == "0.000"
+    assert numeral(-1.25, 1) == f"{MINUS}1.2"
+    assert numeral(0.25, 2, signed=True) == "+0.25"
+    assert numeral(0.0, 2, signed=True) == "0.00"
+    assert numeral(np.inf, 2) == "\N{INFINITY}"
+    assert numeral(np.nan, 2) == "unknown"
+    assert [n.pad_ch for n in align(["1.25", "10", "", "0.5"])] == [0.0, 2.5, 2.5, 1.0]
+    assert scientific(-0.0123) == (f"{MINUS}1.2", f"{MINUS}2")
+    assert scientific(-np.inf) == (f"{MINUS}\N{INFINITY}", "")

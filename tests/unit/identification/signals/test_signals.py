@@ -1,0 +1,320 @@
+"""Signals: against SciPy and the paper's own rows, and folding, alignment and the torque difference."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.identification_errors import ModelError, RecordingError
+from armload_identification.signals.alignment import fit_motion, time_shift
+from armload_identification.signals.joint_torque import (
+    Transmission,
+    joint_torque,
+    low_pass,
+    smooth,
+    smoothing_loss,
+    white_noise,
+)
+from armload_identification.signals.load_signal import ABOVE_BAND, SCATTER, load_signal, low_pass_cutoff
+from armload_identification.signals.periods import fold, phases_per_period, whole_periods
+
+pytestmark = pytest.mark.pure
+
+
+def chen_once(y):
+    """Chen 2016, eq. (8), written out: the middle rows and the four special rows at the ends."""
+    out = np.empty_like(y)
+    out[0] = (69 * y[0] + 4 * (y[1] + y[3]) - 6 * y[2] - y[4]) / 70
+    out[1] = (2 * (y[0] + y[4]) + 27 * y[1] + 12 * y[2] - 8 * y[3]) / 35
+    for k in range(2, len(y) - 2):
+        out[k] = (-3 * (y[k - 2] + y[k + 2]) + 12 * (y[k - 1] + y[k + 1]) + 17 * y[k]) / 35
+    out[-2] = (2 * (y[-5] + y[-1]) - 8 * y[-4] + 12 * y[-3] + 27 * y[-2]) / 35
+    out[-1] = (-y[-5] + 4 * (y[-4] + y[-2]) - 6 * y[-3] + 69 * y[-1]) / 70
+    return out
+
+
+def test_coupled_motors_and_joints_see_the_same_power():
+    rng = np.random.default_rng(1)
+    coupling = np.eye(3) + 0.1 * rng.normal(size=(3, 3))
+    transmission = Transmission(np.array([90.0, 50.0, 20.0]), coupling)
+    current = rng.normal(size=(7, 3))
+    axis_speed = rng.normal(size=(7, 3))
+    motor_power = np.sum(current * transmission.gain_nm_a * axis_speed, axis=1)
+    joint_power = np.sum(transmission.joint_torque(current) * (axis_speed @ coupling.T), axis=1)
+    np.testing.assert_allclose(joint_power, motor_power, rtol=1e-12)
+
+
+def test_the_shares_of_the_gains_add_up_to_the_torque_and_are_its_slope():
+    rng = np.random.default_rng(12)
+    gain, coupling = np.array([90.0, 50.0, 20.0]), np.eye(3) + 0.2 * rng.normal(size=(3, 3))
+    current = rng.normal(size=(7, 3))
+    torque = Transmission(gain, coupling).joint_torque(current)
+    shares = Transmission(gain, coupling).gain_shares(torque)
+    np.testing.assert_allclose(shares.sum(axis=0), torque, rtol=1e-10)
+    for axis in range(3):
+        more = Transmission(gain * (1.0 + 1e-3 * (np.arange(3) == axis)), coupling).joint_torque(current)
+        np.testing.assert_allclose((more - torque) / 1e-3, shares[axis], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("gain", "coupling"),
+    [([1.0, 0.0], np.eye(2)), ([1.0, -2.0], np.eye(2)), ([1.0, 2.0], np.eye(3)), ([1.0, 2.0], np.ones((2, 2)))],
+)
+def test_a_transmission_that_makes_no_sense_is_refused(gain, coupling):
+    with pytest.raises(ModelError):
+        Transmission(np.array(gain), coupling)
+
+
+def test_smoothing_is_the_papers_and_keeps_cubics():
+    rng = np.random.default_rng(2)
+    raw = rng.normal(size=(40, 2))
+    expected = raw
+    for _ in range(5):
+        expected = chen_once(expected)
+    np.testing.assert_allclose(smooth(raw), expected, atol=1e-12)
+    t = np.linspace(-1.0, 1.0, 30)[:, None]
+    np.testing.assert_allclose(smooth(1.0 - 2.0 * t + t**3), 1.0 - 2.0 * t + t**3, atol=1e-12)
+
+
+def test_smoothing_loss_is_a_share_of_the_rms():
+    raw = np.column_stack([np.ones(10), np.zeros(10)])
+    np.testing.assert_allclose(smoothing_loss(raw, 0.9 * raw), [0.1, 0.0], atol=1e-12)
+
+
+def test_low_pass_has_no_delay():
+    t = 0.01 * np.arange(2000)
+    slow, fast = np.sin(2 * np.pi * 0.5 * t), np.sin(2 * np.pi * 20.0 * t)
+    out = low_pass((slow + fast)[:, None], 0.01, 4.0)[:, 0]
+    np.testing.assert_allclose(out[200:-200], slow[200:-200], atol=2e-3)
+
+
+@pytest.mark.parametrize("octaves", [-1.0, 0.0, 1.0])
+def test_low_pass_is_butterworths_of_order_four_twice(octaves):
+    interval_s, cutoff_hz = 0.01, 4.0
+    frequency_hz = cutoff_hz * 2.0**octaves
+    t = interval_s * np.arange(4000)
+    wave = np.sin(2 * np.pi * frequency_hz * t)
+    out = low_pass(wave[:, None], interval_s, cutoff_hz)[:, 0]
+    gain = (out @ wave) / (wave @ wave)
+    ratio = np.tan(np.pi * frequency_hz * interval_s) / np.tan(np.pi * cutoff_hz * interval_s)
+    assert gain == pytest.approx(1.0 / (1.0 + ratio**8), abs=2e-3)
+
+
+def test_white_noise_is_measured_also_where_it_is_rarely_seen():
+    rng = np.random.default_rng(13)
+    normal = 0.7 * rng.normal(size=(100_000, 1))
+    np.testing.assert_allclose(white_noise(normal), 0.7, rtol=0.01)
+    # A coarse converter tells the same number most of the time.
+    rare = (rng.uniform(size=(100_000, 1)) < 0.02) * 1.0
+    np.testing.assert_allclose(white_noise(rare), np.sqrt(0.02 * 0.98), rtol=0.05)
+
+
+def test_one_motor_that_tells_nothing_does_not_refuse_a_run_and_told_torque_counts(pair, pinocchio_arm):
+    run = pair[0]
+    still = replace(run, current_a=run.current_a * (np.arange(6) != 5))
+    assert np.ptp(joint_torque(still, pinocchio_arm.transmission), axis=0)[0] > 0.0
+    told = np.cos(np.arange(run.time_s.size))[:, None] * np.arange(1.0, 7.0)
+    both = replace(run, torque_nm=told)
+    np.testing.assert_array_equal(joint_torque(both, pinocchio_arm.transmission), told)
+
+
+def test_white_noise_is_told_from_a_signal_with_jumps():
+    rng = np.random.default_rng(3)
+    t = 0.01 * np.arange(4000)
+    signal = 50.0 * np.sin(2 * np.pi * 0.4 * t) + 8.0 * np.sign(np.sin(2 * np.pi * 0.3 * t))
+    measured = signal[:, None] + rng.normal(size=(4000, 1)) * 0.5
+    np.testing.assert_allclose(white_noise(measured), 0.5, rtol=0.05)
+
+
+def test_a_signal_that_stands_still_is_refused(pair, pinocchio_arm):
+    dead = replace(pair[0], current_a=np.zeros_like(pair[0].current_a))
+    with pytest.raises(RecordingError, match="every column of current_a is constant"):
+        joint_torque(dead, pinocchio_arm.transmission)
+
+
+def test_folding_measures_the_period_and_the_scatter(pinocchio_arm):
+    trajectory = pinocchio_arm.trajectory()
+    run = pinocchio_arm.run(trajectory, True, seed=4, periods=6, rate=1.1)
+    torque = joint_torque(run, pinocchio_arm.transmission)
+    folded = fold(run, torque, phases_per_period(run))
+    assert folded.periods == whole_periods(run) == 6
+    assert folded.period_s == pytest.approx(5.5, rel=1e-9)
+    np.testing.assert_allclose(folded.scatter_nm, pinocchio_arm.noise_nm, rtol=0.06)
+    phase = np.arange(500) / 500
+    truth = trajectory.evaluate(phase * 5.0)
+    fitted = folded.motion.evaluate(phase * 5.5)
+    np.testing.assert_allclose(fitted.position_rad, truth.position_rad, atol=1e-5)
+    np.testing.assert_allclose(fitted.velocity_rad_s, truth.velocity_rad_s / 1.1, atol=1e-4)
+    np.testing.assert_allclose(fitted.acceleration_rad_s2, truth.acceleration_rad_s2 / 1.1**2, atol=1e-3)
+    exact = pinocchio_arm.torque(
+        truth.position_rad, truth.velocity_rad_s / 1.1, truth.acceleration_rad_s2 / 1.21, pinocchio_arm.payload
+    )
+    error = (folded.torque_nm - exact) / (pinocchio_arm.noise_nm / np.sqrt(6))
+    assert 0.9 < np.sqrt(np.mean(error**2)) < 1.1
+
+
+def test_missing_cycles_are_averaged_around(pinocchio_arm):
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(), True, seed=5, noise=0.0)
+    torque = joint_torque(run, pinocchio_arm.transmission)
+    whole = fold(run, torque, 500)
+    kept = np.ones(1500, dtype=bool)
+    kept[[3, 700, 701, 1400]] = False
+    kept[[42, 542, 1042]] = False
+    holed = replace(
+        run,
+        time_s=run.time_s[kept],
+        position_rad=run.position_rad[kept],
+        current_a=run.current_a[kept],
+        phase_s=run.phase_s[kept],
+    )
+    folded = fold(holed, torque[kept], 500)
+    assert np.flatnonzero(~folded.valid).tolist() == [43]
+    np.testing.assert_allclose(folded.torque_nm[folded.valid], whole.torque_nm[folded.valid], atol=1e-9)
+
+
+def test_phases_off_any_grid_are_interpolated(pinocchio_arm):
+    trajectory = pinocchio_arm.trajectory()
+    run = pinocchio_arm.run(trajectory, True, seed=6, periods=5, noise=0.0)
+    step = 0.01 * 0.7313
+    phase = np.arange(1, int(20.0 / step)) * step
+    torque = np.column_stack(
+        [np.interp(phase, run.phase_s, column) for column in joint_torque(run, pinocchio_arm.transmission).T]
+    )
+    position = np.asarray(trajectory.evaluate(phase).position_rad)
+    odd = replace(run, time_s=phase / 0.7313, position_rad=position, phase_s=phase, current_a=torque)
+    folded = fold(odd, torque, phases_per_period(odd))
+    assert folded.periods == 3
+    assert folded.period_s == pytest.approx(5.0 / 0.7313, rel=1e-9)
+    exact = fold(run, joint_torque(run, pinocchio_arm.transmission), folded.torque_nm.shape[0])
+    np.testing.assert_allclose(
+        np.sqrt(np.mean((folded.torque_nm - exact.torque_nm) ** 2, axis=0)), np.zeros(6), atol=0.3
+    )
+
+
+def test_a_pause_within_the_periods_is_refused(pair):
+    run = pair[0]
+    paused = replace(run, time_s=np.where(np.arange(1500) < 800, run.time_s, run.time_s + 2.0))
+    with pytest.raises(RecordingError, match="paused or changed its speed"):
+        fold(paused, run.position_rad, 500)
+
+
+def test_a_spline_through_irregular_samples_gives_the_derivatives(pinocchio_arm):
+    rng = np.random.default_rng(7)
+    trajectory = pinocchio_arm.trajectory(period_s=10.0)
+    t = np.cumsum(rng.choice([0.009, 0.01, 0.012, 0.034], p=[0.1, 0.6, 0.28, 0.02], size=2000))
+    state = trajectory.evaluate(t)
+    motion = fit_motion(t, np.round(state.position_rad, 4))
+    inner = (t > 0.5) & (t < t[-1] - 0.5)
+    elapsed = t - t[0]
+    speed = motion.spline.derivative()(elapsed)[inner]
+    acceleration = motion.spline.derivative(2)(elapsed)[inner]
+    assert np.abs(speed - state.velocity_rad_s[inner]).max() < 2e-3
+    assert np.sqrt(np.mean((acceleration - state.acceleration_rad_s2[inner]) ** 2)) < 5e-3
+
+
+@pytest.mark.parametrize("late_s", [-1.2345, 0.0, 2.7182])
+def test_the_time_between_two_runs_is_found_from_positions(pinocchio_arm, late_s):
+    trajectory = pinocchio_arm.trajectory(period_s=12.0)
+    rng = np.random.default_rng(8)
+    first = np.sort(rng.uniform(0.0, 15.0, 1500))
+    second = np.sort(rng.uniform(0.0, 16.0, 1600))
+    one = fit_motion(first, trajectory.evaluate(first).position_rad)
+    two = fit_motion(second, trajectory.evaluate(second - late_s).position_rad)
+    shift = time_shift(one, two) + second[0] - first[0]
+    assert shift == pytest.approx(late_s, abs=1e-4)
+
+
+def test_the_difference_of_runs_is_the_payloads_torque(pair, pinocchio_arm):
+    signal = load_signal(*pair, pinocchio_arm.transmission)
+    state = (signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
+    payload = pinocchio_arm.torque(*state, pinocchio_arm.payload) - pinocchio_arm.torque(*state)
+    assert signal.periodic
+    assert signal.periods == (3, 3)
+    assert signal.noise_source == SCATTER
+    np.testing.assert_allclose(signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.08)
+    np.testing.assert_allclose(signal.averaged_noise_nm, signal.noise_nm / np.sqrt(3.0), rtol=1e-9)
+    error = (signal.raw_nm - payload) / signal.averaged_noise_nm
+    assert 0.9 < np.sqrt(np.mean(error**2)) < 1.1
+    assert np.sqrt(np.mean((signal.torque_nm - payload) ** 2)) < np.sqrt(np.mean((signal.raw_nm - payload) ** 2))
+    assert (signal.smoothing_loss < 0.02).all()
+    assert (signal.mismatch_rad < 1e-5).all()
+
+
+def test_without_a_period_the_runs_are_laid_over_each_other(pinocchio_arm):
+    trajectory = pinocchio_arm.trajectory(period_s=10.0)
+    loaded = pinocchio_arm.run(trajectory, True, seed=21, periods=2, with_phase=False)
+    unloaded = pinocchio_arm.run(trajectory, False, seed=22, periods=2, with_phase=False)
+    rng = np.random.default_rng(9)
+    keep = rng.uniform(size=2000) > 0.03
+    keep[700:712] = False
+    loaded = replace(
+        loaded,
+        time_s=loaded.time_s[keep] + 700.0,
+        position_rad=loaded.position_rad[keep],
+        current_a=loaded.current_a[keep],
+    )
+    signal = load_signal(loaded, unloaded, pinocchio_arm.transmission)
+    state = (signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
+    payload = pinocchio_arm.torque(*state, pinocchio_arm.payload) - pinocchio_arm.torque(*state)
+    assert not signal.periodic
+    assert signal.noise_source == ABOVE_BAND
+    assert signal.shift_s == pytest.approx(-700.0, abs=1e-3)
+    assert 0 < np.count_nonzero(~signal.valid) < 30
+    np.testing.assert_allclose(signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.1)
+    error = (signal.raw_nm - payload)[signal.valid] / signal.averaged_noise_nm
+    assert 0.9 < np.sqrt(np.mean(error**2)) < 1.15
+
+
+@pytest.mark.parametrize("with_phase", [True, False])
+def test_both_runs_go_through_the_same_filter(pinocchio_arm, with_phase):
+    """Filters are linear: the difference of filtered runs is the filtered difference, if both were filtered alike."""
+    trajectory = pinocchio_arm.trajectory()
+    runs = [pinocchio_arm.run(trajectory, load, seed=61 + load, periods=2, with_phase=with_phase) for load in (1, 0)]
+    signal = load_signal(*runs, pinocchio_arm.transmission)
+    if with_phase:
+        filtered = smooth(signal.raw_nm)
+    else:
+        cutoff_hz = low_pass_cutoff(signal.velocity_rad_s, signal.interval_s)
+        filtered = low_pass(signal.raw_nm, signal.interval_s, cutoff_hz)
+    np.testing.assert_allclose(signal.torque_nm, filtered, atol=1e-9)
+
+
+@pytest.mark.parametrize("periods", [(1, 1), (3, 1), (1, 3)])
+def test_where_one_run_has_one_period_its_noise_is_that_above_the_band(pinocchio_arm, periods):
+    """One period does not scatter; nothing may be divided by the freedom of none, nor called certain for want of it."""
+    trajectory = pinocchio_arm.trajectory()
+    runs = [
+        pinocchio_arm.run(trajectory, load, seed=71 + load, periods=count)
+        for load, count in zip((True, False), periods, strict=True)
+    ]
+    signal = load_signal(*runs, pinocchio_arm.transmission)
+    assert signal.periods == periods
+    assert signal.noise_source == ABOVE_BAND
+    np.testing.assert_allclose(signal.noise_nm, np.sqrt(2.0) * pinocchio_arm.noise_nm, rtol=0.2)
+    kept = np.sqrt((1.0 / periods[0] + 1.0 / periods[1]) / 2.0)
+    np.testing.assert_allclose(signal.averaged_noise_nm, kept * signal.noise_nm, rtol=0.1)
+
+
+def test_runs_that_do_not_belong_together_are_refused(pair, pinocchio_arm):
+    loaded, unloaded = pair
+    transmission = pinocchio_arm.transmission
+    other = pinocchio_arm.run(pinocchio_arm.trajectory(seed=5), False, seed=1)
+    with pytest.raises(RecordingError, match="different excitations"):
+        load_signal(loaded, other, transmission)
+    free = [replace(run, phase_s=None, excitation=None) for run in (loaded, other)]
+    with pytest.raises(RecordingError, match=r"not of the same trajectory: joint \d differs by .* rad RMS"):
+        load_signal(*free, transmission)
+    slow = pinocchio_arm.run(pinocchio_arm.trajectory(), False, seed=1, rate=1.1)
+    with pytest.raises(RecordingError, match="same speed"):
+        load_signal(loaded, slow, transmission)
+    swapped = replace(unloaded, position_rad=unloaded.position_rad[:, [1, 0, 2, 3, 4, 5]])
+    with pytest.raises(RecordingError, match="order of the joints"):
+        load_signal(loaded, swapped, transmission)
+    still = replace(unloaded, position_rad=np.zeros_like(unloaded.position_rad))
+    with pytest.raises(RecordingError, match="no joint moves"):
+        load_signal(loaded, still, transmission)
+    small = replace(unloaded, position_rad=unloaded.position_rad[:, :3], current_a=unloaded.current_a[:, :3])
+    with pytest.raises(RecordingError, match=r"6 joints.* has 3"):
+        load_signal(loaded, small, transmission)

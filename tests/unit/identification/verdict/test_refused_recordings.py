@@ -1,0 +1,175 @@
+"""What goes wrong with recordings in practice: refused, or explained in a sentence, never identified in silence.
+
+Runs of an arm whose torque is Pinocchio's are spoiled and written as the CSV files that they would come in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.pipeline.payload_identification import identify
+from armload_identification.recording.recording import CsvColumns, read_csv
+
+pytestmark = pytest.mark.pure
+
+COLUMNS = CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13)))
+POSITION, CURRENT = slice(1, 7), slice(7, 13)
+
+
+@pytest.fixture(scope="module")
+def tables(pinocchio_arm):
+    """The loaded and the unloaded run as (N, 13) numbers: time, positions, currents."""
+    trajectory = pinocchio_arm.trajectory()
+    runs = [pinocchio_arm.run(trajectory, load, seed=31 + load, periods=2) for load in (True, False)]
+    return [np.column_stack([run.time_s, run.position_rad, run.current_a]) for run in runs]
+
+
+@pytest.fixture
+def outcome(pinocchio_arm, tmp_path):
+    """Write two tables, read them back, identify."""
+
+    def outcome(loaded, unloaded):
+        runs = []
+        for name, table in (("loaded", loaded), ("unloaded", unloaded)):
+            path = tmp_path / f"{name}.csv"
+            np.savetxt(path, table, delimiter=",", fmt="%.9g")
+            runs.append(read_csv(path, COLUMNS))
+        return identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+    return outcome
+
+
+def test_unspoiled_they_are_identified(tables, outcome, pinocchio_arm):
+    result = outcome(*tables)
+    assert not any("joint order" in note for note in result.notes)
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"), [(np.nan, "not finite"), (1e127, "impossible value"), (np.inf, "not finite")]
+)
+def test_garbage_in_some_rows_is_left_out_and_counted(tables, outcome, pinocchio_arm, value, reason):
+    loaded = tables[0].copy()
+    loaded[100:105, 3] = value
+    loaded[200, 8] = value
+    result = outcome(loaded, tables[1])
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
+    assert any(f"6 of 1000 rows dropped (6 {reason})" in note for note in result.notes)
+
+
+def scaled(columns, factor, joints=slice(None)):
+    def spoil(table):
+        table = table.copy()
+        table[:, columns][:, joints] *= factor
+        return table
+
+    return spoil
+
+
+def swapped(columns):
+    def spoil(table):
+        table = table.copy()
+        table[:, [columns.start + 1, columns.start + 2]] = table[:, [columns.start + 2, columns.start + 1]]
+        return table
+
+    return spoil
+
+
+def clipped(table):
+    table = table.copy()
+    bound = 0.6 * np.abs(table[:, 8]).max()
+    table[:, 8] = np.clip(table[:, 8], -bound, bound)
+    return table
+
+
+def same(table):
+    return table
+
+
+@pytest.mark.parametrize(
+    ("loaded", "unloaded", "said"),
+    [
+        (lambda t: t * np.nan, same, "0 usable rows"),
+        (scaled(CURRENT, 0.0), same, "every column of current_a is constant"),
+        (scaled(CURRENT, 0.0, 2), same, "joint 3 moves, but its current or torque is always -?0"),
+        (scaled(POSITION, 0.0), same, "no joint moves"),
+        (scaled(POSITION, 180.0 / np.pi), scaled(POSITION, 180.0 / np.pi), "look like degrees"),
+        (swapped(POSITION), same, "not of the same trajectory"),
+        (scaled(CURRENT, -1.0), scaled(CURRENT, -1.0), "sign of the current or torque is flipped"),
+        (scaled(CURRENT, -1.0, 4), scaled(CURRENT, -1.0, 4), "joint 5"),
+        (clipped, same, "joint 2 stays at its greatest value"),
+        (same, clipped, "joint 2 stays at its greatest value"),
+        (lambda t: t[:15], same, "15 usable rows"),
+        (lambda t: t[::-1], same, "1 usable rows"),
+    ],
+    ids=[
+        "all NaN",
+        "constant currents",
+        "one constant current",
+        "constant positions",
+        "degrees",
+        "swapped in one",
+        "flipped",
+        "one flipped",
+        "saturated",
+        "saturated when empty",
+        "nearly empty",
+        "time runs backwards",
+    ],
+)
+def test_what_cannot_be_right_is_refused(tables, outcome, loaded, unloaded, said):
+    with pytest.raises((RecordingError, EstimationError), match=said):
+        outcome(loaded(tables[0]), unloaded(tables[1]))
+
+
+@pytest.mark.parametrize("groups", [(POSITION,), (CURRENT,), (POSITION, CURRENT)], ids=["q", "i", "both"])
+def test_joints_swapped_in_both_files_do_not_pass_unnoticed(tables, outcome, groups):
+    """The trajectory fits itself; the physics does not."""
+    spoiled = list(tables)
+    for group in groups:
+        spoiled = [swapped(group)(table) for table in spoiled]
+    notes = outcome(*spoiled).notes
+    assert any("joint order" in note for note in notes), notes
+
+
+def test_exchanged_runs_are_named(tables, outcome):
+    with pytest.raises(EstimationError, match="exchange them"):
+        outcome(*tables[::-1])
+
+
+def test_runs_of_different_trajectories_are_refused(tables, outcome, pinocchio_arm):
+    other = pinocchio_arm.run(pinocchio_arm.trajectory(seed=9), False, seed=33, periods=2)
+    with pytest.raises(RecordingError, match="not of the same trajectory"):
+        outcome(tables[0], np.column_stack([other.time_s, other.position_rad, other.current_a]))
+
+
+def test_one_period_only_is_used_and_told(pinocchio_arm):
+    trajectory = pinocchio_arm.trajectory()
+    pair = [pinocchio_arm.run(trajectory, load, seed=35 + load, periods=1) for load in (True, False)]
+    result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert any("one period only" in note for note in result.notes)
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
+
+
+def test_a_motion_too_slow_and_small_says_so(pinocchio_arm):
+    """A hundredth of the stroke, in noise: nothing may be called determined that is wrong."""
+    full = pinocchio_arm.trajectory()
+    small = replace(full, sin_rad=0.02 * full.sin_rad, cos_rad=0.02 * full.cos_rad)
+    pair = [pinocchio_arm.run(small, load, seed=37 + load, noise=10.0) for load in (True, False)]
+    try:
+        result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    except EstimationError as error:
+        assert "payload" in str(error)  # noqa: PT017
+        return
+    assert not result.uncertainty.determined[4:].any()
+    assert any("Not even the mass" in note or "Not determined" in note for note in result.notes)
+
+
+def test_an_empty_file_is_named(tmp_path):
+    (tmp_path / "empty.csv").write_text("\n")
+    with pytest.raises(RecordingError, match="the file is empty"):
+        read_csv(tmp_path / "empty.csv", COLUMNS)
