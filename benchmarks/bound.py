@@ -15,16 +15,14 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S
 from armload_identification.estimation.uncertainty import derived
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.payload_identification import Identification
 from benchmarks.trials import Setup, identified
-
-FloatArray = NDArray[np.float64]
 
 _PRODUCTS: Final = (7, 8, 9)
 

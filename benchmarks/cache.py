@@ -15,9 +15,8 @@ from enum import Enum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from armload_core.arrays import FloatArray
 
 
 def cache_directory() -> Path:

@@ -18,20 +18,18 @@ from time import perf_counter, process_time
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
 from armload_controller.cli.design_command import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
 from armload_controller.config.robot import Robot, load_robot
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.design import DesignResult, design
 from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope
 from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
 from armload_identification.excitation.information import condition_number, named_criterion
 from armload_identification.excitation.workspace import Workspace
 from benchmarks.regressor import ORDER, pinocchio_model
-
-FloatArray = NDArray[np.float64]
 
 ROBOT = "er50"
 HARMONICS = 5

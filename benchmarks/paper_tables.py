@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import derived
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 from benchmarks import published
 from benchmarks.bound import paper_deviation, paper_values
 from benchmarks.statistics import Errors
 from benchmarks.trials import Trial
-
-FloatArray = NDArray[np.float64]
 
 
 def print_table_2(

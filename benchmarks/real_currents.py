@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_controller.config.robot import Robot, load_robot
+from armload_core.arrays import FloatArray
 from armload_identification.calibration.drive_gains import calibrate_gains
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
@@ -18,8 +18,6 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.validation import judge
 from benchmarks.statistics import Census
 from benchmarks.verdict import Tally
-
-FloatArray = NDArray[np.float64]
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "ur10e"
 MASS_KG = 2.805

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
 from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import Recording, RecordingSource
 from benchmarks.steady_state import SteadyPeriod
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_controller.config.robot import HARSH_SECOND_RUN_FRICTION, Robot
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
@@ -30,8 +29,6 @@ from benchmarks.bodies import Cuboid
 from benchmarks.recordings import DriveScales
 from benchmarks.steady_state import SteadyPeriod, Streaming, ideal_period, steady_period
 from benchmarks.trials import CalibrationLoad, Setup
-
-FloatArray = NDArray[np.float64]
 
 PAPER_JOINTS = 3
 PAPER_PERIODS = 50

@@ -9,12 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from benchmarks.bound import paper_values
 from benchmarks.trials import Trial
 from benchmarks.verdict import Tally
-
-FloatArray = NDArray[np.float64]
 
 OUTSIDE: Final = 0.07
 EXACT: Final = "gains exact"

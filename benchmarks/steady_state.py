@@ -19,7 +19,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import armload_controller.motion.setpoints
 import armload_drivers.cia402.drive_units
@@ -30,6 +29,7 @@ import armload_identification.excitation.fourier
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import plan_path, plan_run
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.servos import JointCommand
@@ -38,8 +38,6 @@ from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from benchmarks.cache import cache_directory, cached, fingerprint
-
-FloatArray = NDArray[np.float64]
 
 _MODULES = (
     armload_drivers.simulation.mujoco_plant,

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.control_errors import MotionError, RecordingFailed
@@ -25,14 +24,13 @@ from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.paths import BlockedWay, Path
 from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import plan_legs
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.driver_errors import BusError, CommandError, ServoError
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.fake_servos import FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation, FourierState, FourierTrajectory
-
-FloatArray = NDArray[np.float64]
 
 AT_S = 1.3
 """Phase at which the cause comes about."""

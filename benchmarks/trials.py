@@ -18,6 +18,7 @@ from multiprocessing import get_context
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.calibration.drive_gains import calibrate_gains
 from armload_identification.estimation.estimators import Estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
@@ -30,8 +31,6 @@ from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from benchmarks.recordings import DriveScales, record
 from benchmarks.steady_state import SteadyPeriod
-
-FloatArray = NDArray[np.float64]
 
 _SEEDS_PER_TASK = 5
 

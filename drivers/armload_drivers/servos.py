@@ -17,7 +17,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from armload_core.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from armload_controller.cli.result_tables import NOT_DETERMINED
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 from armload_identification.calibration.drive_gains import GainCalibration
 from armload_identification.verdict.cad_comparison import Comparison
 

@@ -13,7 +13,7 @@ from armload_controller.config.robot_file import RobotFile
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.expected_torque import ExpectedTorque
 from armload_controller.motion.obstacles import Cell
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.collision_meshes import Meshes
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.joint_strength import TorqueLimits

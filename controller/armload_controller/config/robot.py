@@ -39,11 +39,11 @@ from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.expected_torque import ExpectedTorque
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.obstacles import Cell
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.driver_errors import BusOverload
-from armload_drivers.servos import FloatArray
 from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.fourier import Excitation, read_excitation

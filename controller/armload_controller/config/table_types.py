@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 from armload_drivers.simulation.plant_spec import RigidBody
 from armload_identification.model.payload import InertialParameters
 

@@ -27,7 +27,8 @@ from armload_controller.motion.leg_stream import PhaseStream, Reference
 from armload_controller.motion.motion_control import MotionControl, PluginStop
 from armload_controller.motion.phase import Leg, PhaseState, Segment
 from armload_controller.motion.setpoints import RuckigFollower
-from armload_drivers.servos import FloatArray, JointCommand, JointFeedback, JointServos
+from armload_core.arrays import FloatArray
+from armload_drivers.servos import JointCommand, JointFeedback, JointServos
 
 PATH_TOLERANCE_RAD = 1e-4
 """Greatest distance between plan and command; the arm may only be where it was checked."""

@@ -18,7 +18,8 @@ import numpy as np
 
 from armload_controller.control_errors import ControlError
 from armload_controller.motion.leg_stream import Reference
-from armload_drivers.servos import FloatArray, JointCommand, JointFeedback
+from armload_core.arrays import FloatArray
+from armload_drivers.servos import JointCommand, JointFeedback
 
 BUDGET_SHARE = 0.5
 """Share of the cycle that one call of a plug-in may take."""

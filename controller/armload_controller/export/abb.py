@@ -27,7 +27,7 @@ import numpy as np
 from armload_controller.export.inertia import TENSOR, inertia_or_point_mass, principal_inertia
 from armload_controller.export.subject import ExportSubject
 from armload_controller.export.wording import bracketed, heading, positional
-from armload_identification.model.chain import FloatArray
+from armload_core.arrays import FloatArray
 
 LONGEST_NAME = 32
 """Characters of an identifier in RAPID."""

@@ -26,7 +26,7 @@ from string import Template
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.subject import ExportSubject
 from armload_controller.export.wording import comment, exact, provenance
-from armload_identification.model.chain import FloatArray
+from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.model.regressor import feedforward_model
 

@@ -15,7 +15,7 @@ from enum import Enum
 
 import numpy as np
 
-from armload_identification.model.chain import FloatArray
+from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES, PayloadResult
 
 TENSOR = PARAMETER_NAMES[4:]

@@ -26,7 +26,7 @@ import math
 from armload_controller.export.inertia import TENSOR, complete_inertia, principal_inertia
 from armload_controller.export.subject import ExportSubject
 from armload_controller.export.wording import heading, positional
-from armload_identification.model.chain import FloatArray
+from armload_core.arrays import FloatArray
 
 
 def export_kuka(subject: ExportSubject) -> dict[str, str]:

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from armload_controller.control_errors import ControlError
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.friction_columns import load_column
 from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain

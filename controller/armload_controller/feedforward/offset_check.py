@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from armload_controller.control_errors import ControlError
 from armload_controller.cycle.monitors import JointTorque
 from armload_controller.cycle.plugins import CycleStep
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque

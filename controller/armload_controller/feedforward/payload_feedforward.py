@@ -10,7 +10,8 @@ from collections import deque
 
 import numpy as np
 
-from armload_identification.model.chain import Chain, FloatArray
+from armload_core.arrays import FloatArray
+from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import FEEDFORWARD_ROWS, feedforward_model, payload_torque_into
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_controller.control_errors import ControlError
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 
 RELATIVE_TOLERANCE = 1e-9
 """Rounding allowed on top of a limit, as a share of it."""

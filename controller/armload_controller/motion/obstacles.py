@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from armload_controller.motion.paths import BlockedWay
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.collision_meshes import Meshes
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.workspace import Workspace

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from armload_controller.control_errors import ControlError
 from armload_controller.motion.joint_limits import MotionLimits
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierState, FourierTrajectory
 
 APPROACH_SHARE = 0.25

@@ -27,7 +27,7 @@ from armload_controller.motion.leg_stream import PhaseStream, along
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.paths import InfeasibleMotion, LinePath, bound_phase
 from armload_controller.motion.phase import SLOW_RATE, Leg, PhaseState, Segment, ramp_to_rate
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 
 CYCLE_ROUNDING = 1e-6

@@ -33,7 +33,8 @@ from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.obstacles import Cell
 from armload_controller.motion.phase import Leg
 from armload_controller.motion.setpoints import check_leg, plan_approach, plan_legs
-from armload_drivers.servos import FloatArray, JointServos
+from armload_core.arrays import FloatArray
+from armload_drivers.servos import JointServos
 from armload_identification.excitation.fourier import Excitation, format_excitation
 from armload_identification.recording.recording import (
     CONFIGURATION_ATTACHMENT,

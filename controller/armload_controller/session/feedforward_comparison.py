@@ -39,7 +39,8 @@ from armload_controller.session.commissioning import (
     tell_weak_points,
     torque_window,
 )
-from armload_drivers.servos import FloatArray, JointServos
+from armload_core.arrays import FloatArray
+from armload_drivers.servos import JointServos
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.model.payload import PayloadResult
 from armload_identification.model.regressor import payload_torque

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType
-from armload_drivers.servos import FloatArray
 
 
 class OperationMode(IntEnum):

@@ -17,11 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402.object_dictionary import POLARITY_POSITION, POLARITY_TORQUE, DataType
 from armload_drivers.cia402.process_image import effort_entry
 from armload_drivers.driver_errors import CommandError
-from armload_drivers.servos import FloatArray, JointCommand
+from armload_drivers.servos import JointCommand
 
 _COUNTS_LIMIT = DataType.I32.bounds[1]
 _PERMILLE_LIMIT = DataType.I16.bounds[1]

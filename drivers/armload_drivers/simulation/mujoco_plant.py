@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
-from armload_drivers.servos import FloatArray
 from armload_drivers.simulation import servo_loops as servo
 from armload_drivers.simulation.mujoco_model import TIME_STEP_S, build_model
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 
 
 class AxisSample(Protocol):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 
 
 class PlantVariant(Enum):

@@ -27,7 +27,7 @@ import math
 
 from numba import njit
 
-from armload_drivers.servos import FloatArray
+from armload_core.arrays import FloatArray
 
 POSITION_GAIN_1_S = 25.0
 VELOCITY_BANDWIDTH_HZ = 40.0

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import fit_body
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.body_model import BodyModel
@@ -21,8 +21,6 @@ from armload_identification.recording.recording import Recording, RecordingSourc
 from armload_identification.signals.arm_motion import arm_motion
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.sanity import check_run
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import reversal_speed
 from armload_identification.estimation.estimators import least_noise, steadiness
 from armload_identification.estimation.friction_columns import (
@@ -40,8 +41,6 @@ from armload_identification.recording.recording import Recording, RecordingSourc
 from armload_identification.signals.joint_torque import NOMINAL_DEVIATION, Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal
 from armload_identification.verdict.sanity import check_pair
-
-FloatArray = NDArray[np.float64]
 
 TOLD_WITHIN: Final = 0.05
 """An axis whose gain's 95 % half width is above this share of the gain cannot be told."""

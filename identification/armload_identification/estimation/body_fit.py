@@ -23,13 +23,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import coefficient_deviation
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS, body_regressor
-
-FloatArray = NDArray[np.float64]
 
 _PRIOR_FACTOR: Final = 30.0
 """Width of the prior in terms of an arm whose greatest torque is its own weight at full reach."""

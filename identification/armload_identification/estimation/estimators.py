@@ -6,8 +6,8 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import REVERSAL, BodyFit, reversal_weights
 from armload_identification.estimation.friction_columns import FrictionDifference, fit_with_friction
 from armload_identification.estimation.least_squares import (
@@ -21,8 +21,6 @@ from armload_identification.estimation.least_squares import (
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.signals.load_signal import SCATTER, LoadSignal
-
-FloatArray = NDArray[np.float64]
 
 _NEGLIGIBLE: Final = 1e-3
 _REPEATED_REVERSAL: Final = 0.05

@@ -28,6 +28,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import (
     GREATEST_LOAD_FRICTION,
     ArmSamples,
@@ -41,7 +42,6 @@ from armload_identification.model.body_model import BodyModel, rotor_columns, sm
 from armload_identification.model.chain import Chain
 from armload_identification.signals.load_signal import LoadSignal, low_pass_cutoff
 
-FloatArray = NDArray[np.float64]
 Solver = Callable[[FloatArray, FloatArray, FloatArray], Estimate]
 """Fits a (K, n, 10 + r) regressor, given the expected values of the r last parameters and their deviations."""
 

@@ -14,9 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import EstimationError
-
-FloatArray = NDArray[np.float64]
 
 _RANK_TOLERANCE: Final = 1e-7
 _REWEIGHTINGS: Final = 20

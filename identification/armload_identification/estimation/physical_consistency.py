@@ -19,13 +19,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
-
-FloatArray = NDArray[np.float64]
 
 WRITTEN_MARGIN: Final = 2.0 * SMALLEST_MARGIN
 """Margin that is imposed, so that what a file rounds away does not reach `SMALLEST_MARGIN`."""

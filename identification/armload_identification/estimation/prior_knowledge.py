@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M, derived
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.payload import InertialParameters
-
-FloatArray = NDArray[np.float64]
 
 EXACT: Final = 1e-5
 """Relative standard deviation of a known mass or inertia, and of a known centre of mass in m: finer than any scale

@@ -27,10 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
-
-FloatArray = NDArray[np.float64]
 
 CONFIDENCE: Final = 0.95
 DETERMINED_SHARE: Final = 0.20

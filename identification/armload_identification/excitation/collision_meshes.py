@@ -20,14 +20,12 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.derivative_bounds import rate_bounds
-
-FloatArray = NDArray[np.float64]
 
 SURPLUS_M = 0.003
 """Room that is kept at least; half of it is what the bound between samples may take off."""

@@ -14,17 +14,15 @@ from concurrent.futures import BrokenExecutor, Executor, as_completed
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.design_search import Attempt, PeriodRange, Search
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.information import Criterion, condition_number
 from armload_identification.excitation.limit_margins import LimitMargins
 from armload_identification.identification_errors import ExcitationError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, slots=True)

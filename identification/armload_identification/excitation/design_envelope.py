@@ -13,15 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.joint_strength import TorqueLimits
 from armload_identification.excitation.limit_margins import LimitMargins
 from armload_identification.excitation.workspace import Workspace
 from armload_identification.identification_errors import ExcitationError
-
-FloatArray = NDArray[np.float64]
 
 CLEARANCE_SCALE_M = 0.2
 """A sphere this deep inside an obstacle counts as much as a speed of twice its limit."""

@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, minimize
 from threadpoolctl import threadpool_limits
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
 from armload_identification.excitation.information import Criterion
 from armload_identification.identification_errors import ExcitationError
-
-FloatArray = NDArray[np.float64]
 
 _ORDERS = 4  # position, velocity, acceleration, jerk
 _SAMPLES_PER_HARMONIC = 24

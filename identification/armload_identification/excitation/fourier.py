@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armload_core.arrays import FloatArray
 from armload_identification import strict_toml
 from armload_identification.excitation.limit_margins import LimitMargins
 from armload_identification.identification_errors import ExcitationError, ModelError
-
-FloatArray = NDArray[np.float64]
 
 CRITERIA = ("a-optimal", "a-optimal-mean", "a-optimal-max", "d-optimal", "condition-number")
 """What an excitation may have been designed for."""

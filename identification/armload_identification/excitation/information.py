@@ -17,16 +17,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import CRITERIA, ROBUST_CRITERIA
 from armload_identification.excitation.information_kernels import information_into, slope_into
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
-
-FloatArray = NDArray[np.float64]
 
 NOISE_RATE_HZ = 100.0
 """Sampling rate at which a torque noise is told."""

@@ -23,16 +23,14 @@ from dataclasses import dataclass, field
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.derivative_bounds import rate_bounds, torque_curvature
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.model.payload import InertialParameters
-
-FloatArray = NDArray[np.float64]
 
 SURPLUS_SHARE = 0.002
 """What the bound between the samples may add, as a share of a joint's torque; it sets the number of samples."""

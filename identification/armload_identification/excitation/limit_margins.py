@@ -5,12 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from decimal import ROUND_FLOOR, Context
 
-import numpy as np
-from numpy.typing import NDArray
-
+from armload_core.arrays import FloatArray
 from armload_identification import strict_toml
-
-FloatArray = NDArray[np.float64]
 
 _ARRAYS = ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3", "torque_nm")
 _DIGITS = Context(prec=6, rounding=ROUND_FLOOR)

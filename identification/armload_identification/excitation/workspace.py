@@ -22,13 +22,13 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.clearance import BOX_NUMBERS, clearances_into, slope_into
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.derivative_bounds import point_speed, rate_bounds
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SURPLUS_M = 0.003

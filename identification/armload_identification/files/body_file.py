@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from armload_core.arrays import FloatArray
 from armload_identification import strict_toml
 from armload_identification.calibration.body_identification import BodyResult
 from armload_identification.identification_errors import BodyFileError, ModelError
-from armload_identification.model.body_model import BodyModel, FloatArray
+from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import PARAMETERS
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from scipy.stats import norm
 
+from armload_core.arrays import FloatArray
 from armload_identification import strict_toml
-from armload_identification.calibration.drive_gains import FloatArray, GainCalibration
+from armload_identification.calibration.drive_gains import GainCalibration
 from armload_identification.estimation.uncertainty import CONFIDENCE
 from armload_identification.identification_errors import GainsFileError, ModelError
 from armload_identification.recording.recording import hashes_by_name

@@ -13,11 +13,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification import strict_toml
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import (
     SMALLEST_MARGIN,
-    FloatArray,
     InertialParameters,
     PayloadResult,
     Provenance,

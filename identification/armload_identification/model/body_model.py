@@ -19,11 +19,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS, body_regressor
-
-FloatArray = NDArray[np.float64]
 
 LINK_PARAMETERS: Final = ("m", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """Names of a link's ten parameters, the inertia about the origin of its joint frame."""

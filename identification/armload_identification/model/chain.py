@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
-
-FloatArray = NDArray[np.float64]
 
 _ROTATION_TOLERANCE = 1e-6
 

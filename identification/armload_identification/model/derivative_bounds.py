@@ -21,13 +21,11 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
-
-FloatArray = NDArray[np.float64]
 
 _ORDERS = 5
 

@@ -12,14 +12,12 @@ from dataclasses import dataclass, field
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.kernels import FRAME_NUMBERS, forward_into
 from armload_identification.model.payload import InertialParameters
-
-FloatArray = NDArray[np.float64]
 
 
 @numba.njit(

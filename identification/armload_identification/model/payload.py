@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
-
-FloatArray = NDArray[np.float64]
 
 PARAMETER_NAMES = ("mass", "cx", "cy", "cz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """The ten in the order used everywhere: mass, centre of mass, tensor elements."""

@@ -16,8 +16,9 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.chain import Chain, FloatArray
+from armload_identification.model.chain import Chain
 from armload_identification.model.kernels import FRAME_NUMBERS, forward_into, rows_into
 
 PARAMETERS = 10

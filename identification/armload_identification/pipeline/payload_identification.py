@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.estimators import Estimator, fit_payload
 from armload_identification.estimation.friction_columns import FrictionDifference, unloaded_body
@@ -31,8 +31,6 @@ from armload_identification.signals.load_signal import LoadSignal, load_signal
 from armload_identification.verdict.operator_notes import notes_on
 from armload_identification.verdict.sanity import check_pair, check_run, check_signs, explain_negative_mass
 from armload_identification.verdict.validation import raw_residual_rms
-
-FloatArray = NDArray[np.float64]
 
 FLANGE: Final = "flange"
 

@@ -12,11 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
-
-FloatArray = NDArray[np.float64]
 
 _ABSURD: Final = {"position_rad": 1e3, "velocity_rad_s": 1e3, "current_a": 1e4, "torque_nm": 1e6}
 """Magnitudes that no joint of an arm has, in any unit somebody may have used."""

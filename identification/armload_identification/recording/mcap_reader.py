@@ -18,11 +18,9 @@ import orjson
 from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Footer, Message
 from mcap.stream_reader import CRCValidationError, StreamReader
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
-
-FloatArray = NDArray[np.float64]
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 _BATCH: Final = 4096

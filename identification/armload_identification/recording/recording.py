@@ -18,15 +18,13 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation, parse_excitation
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_reader import read_columns
 from armload_identification.recording.garbage_rows import plausible_rows, refuse_degrees, refuse_mixed_units
 from armload_identification.recording.mcap_reader import MAGIC, read_topic
-
-FloatArray = NDArray[np.float64]
 
 TOPIC: Final = "/joints"
 SCHEMA_NAME: Final = "armload.Joints"

@@ -13,12 +13,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.report.svg import inline_svg
 from armload_identification.signals.load_signal import LoadSignal
-
-FloatArray = NDArray[np.float64]
 
 INK: Final = "#1a1a1a"
 RAW: Final = "#b9c4cc"

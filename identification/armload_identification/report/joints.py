@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.report.numerals import Numeral, align, common_decimals, listed, numeral
 from armload_identification.signals.joint_torque import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.validation import Validation
-
-FloatArray = NDArray[np.float64]
 
 _MRAD: Final = 1e3
 _PERCENT: Final = 100.0

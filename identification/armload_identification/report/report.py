@@ -13,8 +13,8 @@ from typing import Final
 import jinja2
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M
 from armload_identification.identification_errors import ReportError
 from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, InertialParameters, PayloadResult
@@ -27,8 +27,6 @@ from armload_identification.report.provenance import comparison_sentence, file_r
 from armload_identification.signals.joint_torque import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.validation import LIMIT, Validation
-
-FloatArray = NDArray[np.float64]
 
 _TEMPLATE: Final = "template.html.j2"
 

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_lsq_spline
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
-
-FloatArray = NDArray[np.float64]
 
 _DEGREE: Final = 5
 _COARSEST_KNOTS_S: Final = 2.0

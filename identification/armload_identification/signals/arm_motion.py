@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import ArmSamples
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.alignment import fit_motion
@@ -29,8 +30,6 @@ from armload_identification.signals.load_signal import (
     require_motion,
 )
 from armload_identification.signals.periods import fold, phases_per_period, whole_periods
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.recording.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 NOMINAL_DEVIATION: Final = 0.02
 """Relative standard deviation that a gain is assumed to have until it is calibrated. On the UR10e the gains that a

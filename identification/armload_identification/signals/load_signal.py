@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.recording import Recording
@@ -31,8 +32,6 @@ from armload_identification.signals.joint_torque import (
     white_noise,
 )
 from armload_identification.signals.periods import PeriodicRun, fold, phases_per_period, whole_periods
-
-FloatArray = NDArray[np.float64]
 
 SCATTER: Final = "scatter between periods"
 ABOVE_BAND: Final = "the signal above the motion's band"

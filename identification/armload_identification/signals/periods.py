@@ -13,11 +13,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 _ABSENT: Final = 1e-6
 """A harmonic below this share of the greatest is not there."""

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import InertialParameters, PayloadResult
-
-FloatArray = NDArray[np.float64]
 
 _PRODUCTS = np.array([1.0] * 7 + [-1.0] * 3)
 

@@ -7,14 +7,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate, estimate_reweighted
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.periods import whole_periods
-
-FloatArray = NDArray[np.float64]
 
 _MOVES_RAD: Final = 0.05
 _FEEDS_ENERGY: Final = -0.3

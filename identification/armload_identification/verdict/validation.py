@@ -20,16 +20,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal
-
-FloatArray = NDArray[np.float64]
 
 LIMIT: Final = 2.0
 

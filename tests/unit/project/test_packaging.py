@@ -25,5 +25,11 @@ def test_robots_and_report_template_are_package_data():
     assert {"er50.toml", "er50_identification.toml", "er50_validation.toml", "ur10e.toml"} <= robots
     report = {file.name for file in resources.files("armload_identification.report").iterdir()}
     assert {"template.html.j2", "style.css"} <= report
-    for package in ("armload_drivers", "armload_controller", "armload_identification", "armload_configs"):
+    for package in (
+        "armload_core",
+        "armload_drivers",
+        "armload_controller",
+        "armload_identification",
+        "armload_configs",
+    ):
         assert resources.files(package).joinpath("py.typed").is_file()

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.state_machine import State, decode
 from armload_drivers.driver_errors import CommandError, ServoFault, ServoTimeout, SimulationError, StateError
-from armload_drivers.servos import FloatArray, JointCommand, JointFeedback, JointServos
+from armload_drivers.servos import JointCommand, JointFeedback, JointServos
 from armload_drivers.simulation.fake_servos import QUICK_STOP_S, FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec

@@ -12,8 +12,8 @@ import pinocchio as pin
 import pytest
 
 from armload_controller.config.robot import load_robot
+from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
-from armload_drivers.servos import FloatArray
 from armload_drivers.simulation.mujoco_model import build_model
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
 from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody

@@ -1,0 +1,1 @@
+"""Arithmetic that runs per sample or per cycle, and the type of its arrays; knows numpy alone."""

@@ -1,0 +1,11 @@
+"""The array type of the whole program."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray: TypeAlias = NDArray[np.float64]
+"""An array of float64 of any shape; shape and units are in the docstring of whoever takes or returns it."""
