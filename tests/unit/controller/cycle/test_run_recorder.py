@@ -153,7 +153,7 @@ WRITER = """
 import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
-from test_recorder import COMMAND, CYCLE_S, feedback
+from test_run_recorder import COMMAND, CYCLE_S, feedback
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.setpoints import Segment
 

@@ -254,10 +254,12 @@ def vendors_files():
 
 
 def test_every_vendors_file_is_read(vendors_files):
-    assert len(vendors_files) == 4
+    assert len(vendors_files) == 6
     descriptions = {path.name: read_description(path) for path in vendors_files}
     modes = {name: d.value(od.SUPPORTED_MODES, 3) for name, d in descriptions.items()}
     assert modes == {
+        "elmo_cob4.dcf": None,
+        "elmo_simpliq.dcf": 0x6D,
         "maxon_epos4_50_15.dcf": 0x3A5,
         "pilz_prbt_0_1.dcf": 0x43,
         "roboteq_v80.eds": 0x38F,
