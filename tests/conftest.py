@@ -27,6 +27,7 @@ from armload_drivers.servos import JointFeedback
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
+from tests.bounded import overheard
 from tests.independent_drive import PRODUCT_CODE, VENDOR_ID
 
 OPERATION_ENABLED = 0x0637
@@ -171,11 +172,7 @@ class VirtualArm:
 
     def frames(self, cob_id):
         """Data of all frames of a COB-ID since the last call for any; the others are dropped."""
-        found = []
-        while (message := self.monitor.recv(0.0)) is not None:
-            if message.arbitration_id == cob_id:
-                found.append(bytes(message.data))
-        return found
+        return [bytes(message.data) for message in overheard(self.monitor) if message.arbitration_id == cob_id]
 
     def close(self):
         """Close the servos, whatever they still complain about, then the bus."""

@@ -7,6 +7,7 @@ import pytest
 
 from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.servos import JointCommand
+from tests.bounded import overheard
 
 TARGET_POSITION = (0x607A, 0)
 INTERPOLATION_DATA = (0x60C1, 1)
@@ -17,10 +18,7 @@ DOWNLOAD_OF_FOUR_BYTES = 0x23
 
 def frames_of(arm):
     """Everything on the bus since the last call, in order."""
-    found = []
-    while (message := arm.monitor.recv(0.0)) is not None:
-        found.append((message.arbitration_id, bytes(message.data)))
-    return found
+    return [(message.arbitration_id, bytes(message.data)) for message in overheard(arm.monitor)]
 
 
 @pytest.mark.parametrize(

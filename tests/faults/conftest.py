@@ -18,6 +18,7 @@ from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
+from tests.bounded import overheard
 
 ZERO = np.zeros(3)
 SPEED_RAD_S = 0.5
@@ -66,10 +67,7 @@ class FaultArm:
 
     def heard(self):
         """Everything on the bus since the last call."""
-        frames = []
-        while (message := self.other.recv(0.02)) is not None:
-            frames.append(message)
-        return frames
+        return overheard(self.other, 0.02)
 
     def enable(self):
         self.servos.connect()

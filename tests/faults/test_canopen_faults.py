@@ -31,6 +31,7 @@ from armload_drivers.driver_errors import (
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.bounded import MOST_FRAMES, overheard
 
 ZERO = np.zeros(3)
 QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
@@ -279,8 +280,11 @@ def run_without_master(arm, cycles):
     # An SDO answer proves that the drives have seen all of it.
     arm.frames(0)
     arm.monitor.send(can.Message(arbitration_id=0x602, data=bytes.fromhex("4000100000000000"), is_extended_id=False))
-    while (message := arm.monitor.recv(1.0)) is not None and message.arbitration_id != 0x582:
-        pass
+    for _ in range(MOST_FRAMES):
+        message = arm.monitor.recv(1.0)
+        if message is None or message.arbitration_id == 0x582:
+            return
+    pytest.fail("no answer among very many frames")
 
 
 def test_drives_stop_by_themselves_without_setpoints_and_stay_stopped(virtual_arm):
@@ -320,14 +324,11 @@ def test_a_lost_heartbeat_of_the_master_ends_pdo_communication(virtual_arm):
 def test_a_wrong_identity_is_refused_before_anything_is_changed(virtual_arm, identity, what):
     arm = virtual_arm(traits={3: DriveTraits(identity=identity)})
     # Past the drives' own boot-up.
-    while arm.monitor.recv(0.05) is not None:
-        pass
+    overheard(arm.monitor, 0.05)
     with pytest.raises(WrongDevice, match=what) as raised:
         arm.servos.connect()
     assert raised.value.node_id == 3
-    frames = []
-    while (message := arm.monitor.recv(0.0)) is not None:
-        frames.append(message)
+    frames = overheard(arm.monitor)
     assert not [m for m in frames if m.arbitration_id == 0], "no NMT command"
     writes = [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1]
     assert not writes
@@ -377,9 +378,7 @@ def test_a_slow_foreign_node_is_not_reset_where_only_simulations_are_allowed(vir
         with pytest.raises(kind) as raised:
             arm.servos.connect()
     assert raised.value.node_id == 5
-    frames = []
-    while (message := arm.monitor.recv(0.0)) is not None:
-        frames.append(message)
+    frames = overheard(arm.monitor)
     assert frames
     assert not [m for m in frames if m.arbitration_id == 0], "no NMT command to anybody"
     assert not [m for m in frames if 0x600 < m.arbitration_id < 0x680 and m.data[0] >> 5 == 1], "nothing is written"
@@ -507,8 +506,7 @@ def test_polarity_is_read_and_honoured(virtual_arm):
 def test_a_cycle_that_does_not_fit_is_refused_before_anything_is_sent(virtual_arm, arm_settings):
     settings = replace(arm_settings(), bitrate=20_000)
     arm = virtual_arm(settings)
-    while arm.monitor.recv(0.05) is not None:
-        pass
+    overheard(arm.monitor, 0.05)
     with pytest.raises(BusOverload):
         arm.servos.connect()
     assert arm.monitor.recv(0.0) is None

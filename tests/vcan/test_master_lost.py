@@ -25,6 +25,7 @@ from armload_drivers.driver_errors import BusError, ForeignMaster
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.bounded import overheard
 
 pytestmark = pytest.mark.vcan
 
@@ -93,8 +94,7 @@ class Bench:
         return frames, track
 
     def drain(self):
-        while self.monitor.recv(0.0) is not None:
-            pass
+        overheard(self.monitor)
 
 
 @pytest.fixture
@@ -212,8 +212,7 @@ def test_the_kernel_sends_the_sync_counter(counter):
         manager.start(0.01, counter, 4)
         seen = []
         for _ in range(3):
-            while (message := monitor.recv(0.2)) is not None:
-                seen.append(bytes(message.data))
+            seen += [bytes(message.data) for message in overheard(monitor, 0.2)]
             manager.start(0.01, counter, 4)
         manager.stop()
     assert len(seen) == 12
@@ -274,9 +273,7 @@ def test_the_kernels_count_is_what_was_sent_and_alone_nobody_is_accused(bench):
         time.sleep(0.2)
         sent = manager.count()
         servos.close()
-        syncs = 0
-        while listener.recv(0.05) is not None:
-            syncs += 1
+        syncs = len(overheard(listener, 0.05))
     assert sent > 100
     assert syncs >= sent, "what was sent while closing comes on top"
 

@@ -21,6 +21,7 @@ from armload_drivers.driver_errors import BusError
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.bounded import await_that, overheard
 
 pytestmark = pytest.mark.vcan
 
@@ -73,19 +74,12 @@ def refusal(bus):
 
 def await_full(bus):
     """Until the kernel refuses a frame; with what."""
-    end_s = time.monotonic() + 10.0
-    while (error := refusal(bus)) is None:
-        assert time.monotonic() < end_s, "the queue never became full"
-        time.sleep(0.002)
-    return error
+    return await_that(lambda: refusal(bus), "the queue is full")
 
 
 def await_drained(bus):
     """Until it takes one again."""
-    end_s = time.monotonic() + 10.0
-    while refusal(bus) is not None:
-        assert time.monotonic() < end_s, "the queue never drained"
-        time.sleep(0.002)
+    await_that(lambda: refusal(bus) is None, "the queue has drained")
 
 
 @contextmanager
@@ -110,9 +104,7 @@ def test_a_queue_that_drains_in_time_is_waited_for(queue):
                 link.send_frame(0x123, bytes([len(sent)]))
             sent.append(bytes([len(sent)]))
             assert len(sent) < 20, "the link never met the full queue"
-        heard = []
-        while (message := other.recv(0.1)) is not None:
-            heard.append(message)
+        heard = overheard(other, 0.1)
         assert [m.data for m in heard if m.arbitration_id == 0x123] == sent, "each once, after the queue had drained"
 
 

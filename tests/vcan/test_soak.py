@@ -23,10 +23,9 @@ from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.servos import JointCommand
 from armload_identification.recording.recording import read_recording
 
-pytestmark = pytest.mark.soak
-
 CYCLE_HZ = 50
 SECONDS = float(os.environ.get("ARMLOAD_SOAK_S", "600"))
+pytestmark = [pytest.mark.soak, pytest.mark.timeout(SECONDS + 240.0)]
 DRIVES = """
 import sys, time
 import can, numpy as np

@@ -25,6 +25,7 @@ from armload_identification.files.payload_file import read_payload, write_payloa
 from armload_identification.model.payload import InertialParameters
 from armload_identification.recording.recording import read_recording
 from armload_identification.verdict.validation import validate
+from tests.bounded import await_that
 
 PROGRAM = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
 CONFIGS = Path(str(resources.files("armload_configs")))
@@ -195,13 +196,31 @@ def test_a_payload_in_another_frame_is_refused(commissioned, armload, short_robo
     assert "'wrist'" in str(result.exception)
 
 
+BACKGROUND = """
+import os, signal, sys
+for ignored in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP, signal.SIGTSTP):
+    signal.signal(ignored, signal.SIG_IGN)
+os.execv(sys.executable, sys.argv[1:])
+"""
+"""Runs a program as `nohup` in a background job of a script does: these signals are ignored from the start."""
+
+
 @pytest.mark.parametrize(
-    ("signal_name", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGTSTP", 130), ("SIGHUP", 143)]
+    ("signal_name", "status", "background"),
+    [
+        ("SIGINT", 130, True),
+        ("SIGTERM", 143, True),
+        ("SIGTSTP", 130, False),
+        ("SIGHUP", 143, False),
+        ("SIGHUP", 143, True),
+    ],
 )
-def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, status):
+def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, status, background):
+    """However the program was started: an arm in motion has nobody else to stop it."""
     output = tmp_path / "run"
+    job = [sys.executable, "-c", BACKGROUND] if background else []
     running = subprocess.Popen(
-        [*PROGRAM, "commission", str(short_robot), "--output", str(output)],
+        [*job, *PROGRAM, "commission", str(short_robot), "--output", str(output)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -209,8 +228,8 @@ def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, sta
     for line in running.stdout:
         if "connecting" in line:
             break
-    while not list(output.glob("*.mcap")):
-        assert running.poll() is None
+    await_that(lambda: list(output.glob("*.mcap")) or running.poll() is not None, "a recording has begun", 60.0)
+    assert running.poll() is None
     running.send_signal(getattr(signal, signal_name))
     _, errors = running.communicate(timeout=60)
     assert running.returncode == status, errors

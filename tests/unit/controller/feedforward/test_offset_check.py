@@ -102,6 +102,7 @@ class Bench:
         before = zero
         cycle = 0
         while not self.check.done():
+            assert cycle < 100_000, "the check does not end"
             offset = self.check.on_cycle(SimpleNamespace(sent=sent, feedback=told, command=None))
             offset = zero if offset is None else offset
             # As the cycle does it: the command that leaves now is the `sent` of the feedback that answers it.

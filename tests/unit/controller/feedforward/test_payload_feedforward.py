@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pinocchio as pin
@@ -109,7 +110,9 @@ def test_changes_from_other_threads_all_arrive():
     for thread in threads:
         thread.start()
     worst = np.zeros(3)
+    end_s = time.monotonic() + 60.0
     while any(thread.is_alive() for thread in threads):
+        assert time.monotonic() < end_s, "the other threads do not end"
         worst = np.maximum(worst, np.abs(feedforward.torque_nm(q, still, still)))
     for thread in threads:
         thread.join()

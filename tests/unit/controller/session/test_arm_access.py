@@ -23,6 +23,7 @@ from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PayloadResult, Provenance
+from tests.bounded import overheard
 
 SDO_WRITES = {0x2F, 0x2B, 0x27, 0x23, 0x22, 0x21, 0x20}
 """First bytes of SDO download requests."""
@@ -142,7 +143,7 @@ def test_a_foreign_drive_is_refused_before_anything_is_written(bench):
     robot, listener = bench
     with arm_on_bus(robot, print, simulated_drives=True) as servos, pytest.raises(WrongDevice, match="node 6"):
         servos.connect()
-    while (message := listener.recv(0.0)) is not None:
+    for message in overheard(listener):
         assert message.arbitration_id != 0, f"NMT command {message}"
         if 0x600 < message.arbitration_id < 0x680:
             assert message.data[0] not in SDO_WRITES, f"SDO write {message}"

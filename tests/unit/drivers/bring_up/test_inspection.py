@@ -19,6 +19,7 @@ from armload_drivers.driver_errors import ServoError, ServoFault, WrongDevice
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.bounded import overheard
 
 LIMITS = Timeouts(probe_s=0.2, scan_s=0.2, boot_s=0.5, sdo_s=1.0, mode_s=0.05, fault_reset_s=0.5)
 
@@ -33,10 +34,7 @@ class Bench:
         self.drives = stack.enter_context(SimulatedDrives(arm, self.plant, drives_bus, time.monotonic, traits))
 
     def frames(self):
-        found = []
-        while (message := self.other.recv(0.02)) is not None:
-            found.append(message)
-        return found
+        return overheard(self.other, 0.02)
 
 
 @pytest.fixture
