@@ -1,6 +1,7 @@
 """The exported C: compiled as strictly as gcc can, and equal to Python."""
 
 import ctypes
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -11,10 +12,10 @@ import pytest
 from armload_controller.export.c99 import export_c
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
-from armload_identification.model.regressor import payload_torque
+from armload_identification.model.regressor import payload_regressor, payload_torque
 
 GCC = shutil.which("gcc")
-FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic"]
 
 needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc on this machine")
 
@@ -23,7 +24,7 @@ needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc on this machine")
 def compiled(tmp_path):
     """Compile an export into a library and give its function for numpy arrays."""
 
-    def compiled(subject, *optimisation):
+    def compiled(subject, *optimisation, function="torque"):
         texts = export_c(subject)
         for name, text in texts.items():
             (tmp_path / name).write_text(text)
@@ -32,10 +33,11 @@ def compiled(tmp_path):
         command = [GCC, *FLAGS, *optimisation, "-shared", "-fPIC", source, "-o", library, "-lm"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
-        function = getattr(ctypes.CDLL(str(library)), f"{source.removesuffix('.c')}_torque")
-        function.argtypes = [np.ctypeslib.ndpointer(np.float64, 1, flags="C_CONTIGUOUS")] * 4
-        function.restype = None
-        return function
+        call = getattr(ctypes.CDLL(str(library)), f"{source.removesuffix('.c')}_{function}")
+        arrays = 2 if function == "gravity" else 4
+        call.argtypes = [np.ctypeslib.ndpointer(np.float64, 1, flags="C_CONTIGUOUS")] * arrays
+        call.restype = None
+        return call
 
     return compiled
 
@@ -117,7 +119,8 @@ def test_the_object_needs_sine_and_cosine_and_nothing_else(make_subject, tmp_pat
     subprocess.run([GCC, *FLAGS, "-c", "prbt_payload.c"], cwd=tmp_path, check=True)
     done = subprocess.run(["nm", "-g", "prbt_payload.o"], cwd=tmp_path, capture_output=True, text=True, check=True)
     symbols = {(*line.split()[-2:],) for line in done.stdout.splitlines()}
-    assert symbols == {("U", "cos"), ("U", "sin"), ("T", "prbt_payload_torque")}
+    functions = {("T", f"prbt_payload_{name}") for name in ("torque", "gravity", "regressor")}
+    assert symbols == {("U", "cos"), ("U", "sin")} | functions
 
 
 def test_the_header_says_what_is_no_measurement(make_subject):
@@ -126,11 +129,58 @@ def test_the_header_says_what_is_no_measurement(make_subject):
     assert "NOT DETERMINED" not in export_c(make_subject("er50"))["er50_payload.h"]
 
 
-def test_constants_keep_every_digit(make_subject):
+def test_the_payload_keeps_every_digit(make_subject):
     subject = make_subject("er50")
-    source = export_c(subject)["er50_payload.c"]
-    block = source[source.index("BODY[10] = {") + 12 : source.index("};", source.index("BODY[10]"))]
-    np.testing.assert_array_equal([float(v) for v in block.split(",")], subject.payload.model.theta)
+    header = export_c(subject)["er50_payload.h"]
+    text = header.replace("*", " ").split("about the flange's origin: ")[1].split("Inertia:")[0].strip(" .\n")
+    np.testing.assert_array_equal([float(v) for v in text.split(",")], subject.payload.model.theta)
+
+
+@needs_gcc
+@pytest.mark.parametrize("robot", ["er50", "prbt", "ur10e"])
+def test_the_torque_at_rest_is_that_of_the_weight(compiled, make_subject, robot):
+    subject = make_subject(robot)
+    function = compiled(subject, function="gravity")
+    still = np.zeros(subject.chain.n)
+    for q in np.random.default_rng(2).uniform(-3, 3, (100, subject.chain.n)):
+        torque = np.full(subject.chain.n, np.nan)
+        function(q, torque)
+        expected = payload_torque(subject.chain, subject.payload.model.theta, q, still, still)
+        np.testing.assert_allclose(torque, expected, rtol=0.0, atol=1e-12)
+
+
+@needs_gcc
+@pytest.mark.parametrize("robot", ["er50", "prbt", "ur10e"])
+def test_the_regressor_is_pythons(compiled, make_subject, robot):
+    subject = make_subject(robot)
+    function = compiled(subject, function="regressor")
+    for state in np.random.default_rng(3).uniform(-3, 3, (100, 3, subject.chain.n)):
+        found = np.full(subject.chain.n * 10, np.nan)
+        function(*state, found)
+        expected = payload_regressor(subject.chain, *state)
+        np.testing.assert_allclose(found.reshape(-1, 10), expected, rtol=0.0, atol=1e-11)
+
+
+def test_no_loop_no_branch_and_the_operations_that_the_header_counts(make_subject):
+    texts = export_c(make_subject("er50"))
+    source, header = texts["er50_payload.c"], texts["er50_payload.h"]
+    bodies = re.findall(r"\n{\n(.*?)\n}\n", source, re.DOTALL)
+    counted = re.findall(r"Operations: (\d+) multiplications, (\d+) additions, (\d+) sines and cosines", header)
+    assert len(bodies) == len(counted) == 3
+    for body, (products, sums, angles) in zip(bodies, counted, strict=True):
+        assert not re.search(r"\b(for|while|if|switch|goto|malloc|static)\b|\?", body)
+        found = (body.count(" * "), body.count(" + ") + body.count(" - "), body.count("sin(") + body.count("cos("))
+        assert found == (int(products), int(sums), int(angles))
+
+
+def test_er50_takes_fewer_operations_than_casadis_code(make_subject):
+    """180 multiplications, 127 additions, 10 sines and cosines were counted there; 860 in a prototype's regressor."""
+    header = export_c(make_subject("er50"))["er50_payload.h"]
+    torque, _, regressor = re.findall(r"(\d+) multiplications, (\d+) additions, (\d+) sines", header)
+    assert int(torque[0]) <= 180
+    assert int(torque[1]) <= 127
+    assert int(torque[2]) <= 10
+    assert int(regressor[0]) + int(regressor[1]) <= 860
 
 
 def test_the_robots_name_becomes_an_identifier(make_subject):

@@ -1,0 +1,221 @@
+"""Arithmetic as a graph: constants folded, equal expressions shared, signs carried for free.
+
+Every expression is a node and a sign. Nodes are interned, so that an expression that is written twice is computed
+once, and a - b and b - a are one node. Only what an output needs is ever counted or written.
+
+Rules that shorten what is built:
+
+    0 x = 0,  1 x = x,  c (d x) = (c d) x,  x + 0 = x,  c x + d x = (c + d) x,  (-x) (-y) = x y,  x + (-y) = x - y
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Kind(Enum):
+    """What a node is."""
+
+    CONSTANT = "constant"
+    INPUT = "input"
+    COSINE = "cosine"
+    SINE = "sine"
+    SUM = "sum"
+    DIFFERENCE = "difference"
+    PRODUCT = "product"
+
+
+@dataclass(frozen=True)
+class Node:
+    """One value.
+
+    Attributes:
+        kind: What it is.
+        operands: Numbers of the nodes that it is made of.
+        value: Of a constant, greater than zero.
+        name: Of an input, as it is written in C.
+    """
+
+    kind: Kind
+    operands: tuple[int, ...] = ()
+    value: float = 0.0
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Operations:
+    """How much arithmetic some outputs take.
+
+    Attributes:
+        multiplications: Products.
+        additions: Sums and differences.
+        trigonometric: Sines and cosines.
+    """
+
+    multiplications: int
+    additions: int
+    trigonometric: int
+
+    @property
+    def total(self) -> int:
+        """Multiplications and additions."""
+        return self.multiplications + self.additions
+
+
+class Graph:
+    """All nodes of one function."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self._numbers: dict[Node, int] = {}
+
+    def constant(self, value: float) -> Expression:
+        """A number."""
+        if value == 0.0:
+            return Expression(self, -1, 1)
+        return Expression(self, self._number(Node(Kind.CONSTANT, value=abs(value))), 1 if value > 0.0 else -1)
+
+    def input(self, name: str) -> Expression:
+        """A variable that the function is given, by its text in C."""
+        return Expression(self, self._number(Node(Kind.INPUT, name=name)), 1)
+
+    def inputs(self, name: str, count: int) -> list[Expression]:
+        """The elements of an array that the function is given."""
+        return [self.input(f"{name}[{i}]") for i in range(count)]
+
+    def cosine(self, angle: Expression) -> Expression:
+        """The cosine of an angle."""
+        return Expression(self, self._number(Node(Kind.COSINE, (angle.number,))), 1)
+
+    def sine(self, angle: Expression) -> Expression:
+        """The sine of an angle."""
+        return Expression(self, self._number(Node(Kind.SINE, (angle.number,))), angle.sign)
+
+    def product(self, a: Expression, b: Expression) -> Expression:
+        """The product a b."""
+        if a.is_zero or b.is_zero:
+            return self.constant(0.0)
+        factor, left = self._split(a)
+        other, right = self._split(b)
+        factor *= other
+        if left is None or right is None:
+            return self._scaled(factor, left if right is None else right)
+        number = self._number(Node(Kind.PRODUCT, (min(left, right), max(left, right))))
+        return self._scaled(factor, number)
+
+    def sum(self, a: Expression, b: Expression) -> Expression:
+        """The sum a + b."""
+        if a.is_zero or b.is_zero:
+            return b if a.is_zero else a
+        factor, left = self._split(a)
+        other, right = self._split(b)
+        if left == right:
+            return self._scaled(factor + other, left)
+        low, high = (a, b) if a.number < b.number else (b, a)
+        kind = Kind.SUM if a.sign == b.sign else Kind.DIFFERENCE
+        return Expression(self, self._number(Node(kind, (low.number, high.number))), low.sign)
+
+    def needed(self, outputs: Iterable[Expression]) -> list[int]:
+        """Numbers of all nodes that outputs are made of, operands first."""
+        order: list[int] = []
+        seen: set[int] = set()
+        for output in outputs:
+            stack = [] if output.is_zero else [(output.number, False)]
+            while stack:
+                number, ready = stack.pop()
+                if ready:
+                    order.append(number)
+                elif number not in seen:
+                    seen.add(number)
+                    stack.append((number, True))
+                    stack.extend((operand, False) for operand in reversed(self.nodes[number].operands))
+        return order
+
+    def operations(self, outputs: Iterable[Expression]) -> Operations:
+        """How much arithmetic outputs take."""
+        kinds = [self.nodes[number].kind for number in self.needed(outputs)]
+        return Operations(
+            kinds.count(Kind.PRODUCT),
+            kinds.count(Kind.SUM) + kinds.count(Kind.DIFFERENCE),
+            kinds.count(Kind.COSINE) + kinds.count(Kind.SINE),
+        )
+
+    def _split(self, a: Expression) -> tuple[float, int | None]:
+        """An expression as a number times a node; None stands for one."""
+        node = self.nodes[a.number]
+        if node.kind is Kind.CONSTANT:
+            return a.sign * node.value, None
+        if node.kind is Kind.PRODUCT and self.nodes[node.operands[0]].kind is Kind.CONSTANT:
+            return a.sign * self.nodes[node.operands[0]].value, node.operands[1]
+        if node.kind is Kind.PRODUCT and self.nodes[node.operands[1]].kind is Kind.CONSTANT:
+            return a.sign * self.nodes[node.operands[1]].value, node.operands[0]
+        return float(a.sign), a.number
+
+    def _scaled(self, factor: float, number: int | None) -> Expression:
+        """A number times a node."""
+        if number is None or factor == 0.0:
+            return self.constant(factor)
+        sign = 1 if factor > 0.0 else -1
+        if abs(factor) == 1.0:
+            return Expression(self, number, sign)
+        constant = self.constant(abs(factor)).number
+        node = Node(Kind.PRODUCT, (min(constant, number), max(constant, number)))
+        return Expression(self, self._number(node), sign)
+
+    def _number(self, node: Node) -> int:
+        """The number of a node, made where there is none like it."""
+        if node not in self._numbers:
+            self._numbers[node] = len(self.nodes)
+            self.nodes.append(node)
+        return self._numbers[node]
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A node with a sign; zero is the node -1.
+
+    Attributes:
+        graph: Where the node is.
+        number: Which one it is.
+        sign: 1 or -1.
+    """
+
+    graph: Graph
+    number: int
+    sign: int
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether it is the number zero."""
+        return self.number < 0
+
+    def __neg__(self) -> Expression:
+        return Expression(self.graph, self.number, -self.sign)
+
+    def __add__(self, other: Expression) -> Expression:
+        return self.graph.sum(self, other)
+
+    def __sub__(self, other: Expression) -> Expression:
+        return self.graph.sum(self, -other)
+
+    def __mul__(self, other: Expression | float) -> Expression:
+        if not isinstance(other, Expression):
+            other = self.graph.constant(other)
+        return self.graph.product(self, other)
+
+    __rmul__ = __mul__
+
+
+Vector = tuple[Expression, Expression, Expression]
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    """The sum a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -1,0 +1,212 @@
+"""A chain in the coordinates in which its dynamics take the least arithmetic.
+
+Torques depend on neither where along its axis a joint's frame lies nor how it is turned about it. Both are chosen so
+that most numbers of a frame vanish: x along the common normal to the next axis, as Denavit and Hartenberg place it,
+and the origin at that normal's foot. Joints with parallel axes form a group: inside it everything is written in one
+frame that does not turn, and left by one rotation through the sum of the angles.
+
+    frame of group k  =  frame before * Translation(offset) * Rx(alpha)
+    angle of joint j  =  angle of the joint before in the group  +-  (q_j + zero_j)
+
+References:
+    Craig, Introduction to Robotics, 3rd ed. 2005, section 3.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.model.chain import Chain
+
+_PARALLEL = 1e-9
+"""Sine of the angle below which two axes are taken for parallel, if they are so to rounding."""
+_ROUNDING = 4e-15
+"""Numbers of a unit vector or angles in units of right angles that are zero or whole but for rounding."""
+_TOUCHING_M = 1e-14
+"""Distance below which two axes meet."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One joint in its group.
+
+    Attributes:
+        index: Which one it is, from 0.
+        sign: 1 where it turns about the group's z axis, -1 where about the opposite direction.
+        zero_rad: Added to q, so that the angle is counted from x of the joint before.
+        shift_m: Along x after the turn, and along the group's z, to the next joint of the group.
+    """
+
+    index: int
+    sign: int
+    zero_rad: float
+    shift_m: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Joints with parallel axes.
+
+    Attributes:
+        shift_m: (x, z) of the group's origin in the frame before it.
+        alpha_rad: Turn about x from the frame before into the group's.
+        joints: From the base outwards.
+    """
+
+    shift_m: tuple[float, float]
+    alpha_rad: float
+    joints: tuple[Joint, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarGroups:
+    """A chain as groups.
+
+    Attributes:
+        gravity_m_s2: (3,) in the first group's frame, before any joint.
+        groups: From the base to the flange.
+        flange: (4, 4) flange in the frame after the last group.
+    """
+
+    gravity_m_s2: FloatArray
+    groups: tuple[Group, ...]
+    flange: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """Axis of a joint at q = 0 in base coordinates, and the x axis and origin chosen for it."""
+
+    x: FloatArray
+    z: FloatArray
+    origin: FloatArray
+
+    def pose(self) -> FloatArray:
+        pose = np.eye(4)
+        pose[:3, :3] = np.column_stack([self.x, np.cross(self.z, self.x), self.z])
+        pose[:3, 3] = self.origin
+        return pose
+
+
+def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroups:
+    """Write a chain in groups of parallel joints.
+
+    Args:
+        chain: The arm.
+        about_last_axis_rad: Turn of the last frame about its own axis, which is free.
+    """
+    axes = _axes(chain)
+    frames = _frames(axes, about_last_axis_rad)
+    before = _base_frame(chain, frames[0])
+    gravity = before.pose()[:3, :3].T @ chain.gravity_m_s2
+    groups: list[Group] = []
+    pending_m = 0.0  # along z of the frame before: from the foot of the last normal to that frame's origin
+    flipped = 1
+    for i, frame in enumerate(frames):
+        relative = np.linalg.inv(before.pose()) @ frame.pose()
+        alpha = float(np.arctan2(-relative[1, 2], relative[2, 2]))
+        zero = float(np.arctan2(-relative[0, 1], relative[0, 0]))
+        along_x = float(relative[0, 3])
+        along_z = float(relative[:3, 3] @ relative[:3, 2])
+        quarter = alpha / (np.pi / 2.0)
+        parallel = abs(quarter - 2.0 * round(quarter / 2.0)) < _ROUNDING
+        turn = 1 if round(quarter) % 4 == 0 else -1
+        shift = (_clean_length(along_x), _clean_length(pending_m))
+        if groups and parallel:
+            last = groups[-1].joints[-1]
+            joints = (*groups[-1].joints[:-1], replace(last, shift_m=(shift[0], flipped * shift[1])))
+            flipped *= turn
+            groups[-1] = replace(groups[-1], joints=(*joints, Joint(i, flipped, zero)))
+        else:
+            # a group that ended upside down leaves its frame turned about x by half a turn
+            whole = alpha if flipped == 1 else alpha + np.pi
+            groups.append(Group((shift[0], flipped * shift[1]), float(whole), (Joint(i, 1, zero),)))
+            flipped = 1
+        pending_m = along_z
+        before = frame
+    end = frames[-1].pose()
+    upright = np.diag([1.0, flipped, flipped, 1.0])
+    flange = upright @ np.linalg.inv(end) @ chain.forward(np.zeros(chain.n))[-1]
+    flange[:3, :3] = _clean(flange[:3, :3], 1.0)
+    flange[:3, :3] = np.where(np.abs(np.abs(flange[:3, :3]) - 1.0) < _ROUNDING, np.sign(flange[:3, :3]), flange[:3, :3])
+    flange[:3, 3] = [_clean_length(float(value)) for value in flange[:3, 3]]
+    # the last frame's origin lies at the foot of its normal: nothing is pending there
+    return PlanarGroups(_clean(gravity, float(np.abs(gravity).max())), tuple(groups), flange)
+
+
+def _axes(chain: Chain) -> list[tuple[FloatArray, FloatArray]]:
+    """Direction and a point of every joint's axis at q = 0, in base coordinates."""
+    poses = chain.forward(np.zeros(chain.n))
+    return [(_clean(pose[:3, :3] @ axis, 1.0), pose[:3, 3]) for pose, axis in zip(poses, chain.axis, strict=False)]
+
+
+def _frames(axes: list[tuple[FloatArray, FloatArray]], about_last_axis_rad: float) -> list[_Frame]:
+    """The x axis along the normal to the next axis, origin at its foot; the last frame ends at the normal before it."""
+    frames: list[_Frame] = []
+    for i in range(len(axes) - 1):
+        (z, point), (other, beyond) = axes[i], axes[i + 1]
+        normal = np.cross(z, other)
+        between = beyond - point
+        size = float(np.sqrt(normal @ normal))
+        if size > _PARALLEL:
+            x = normal / size
+            along = float(np.cross(between, other) @ normal) / size**2
+            distance = float(between @ x)
+            x = -x if distance < 0.0 else x
+            origin = point + along * z
+        else:
+            previous = frames[-1].origin if frames else point
+            along = float((previous - point) @ z)
+            # as low as the frame before it, so that its own shift along z vanishes where the axes meet
+            origin = point + along * z
+            across = (beyond - origin) - float((beyond - origin) @ z) * z
+            distance = float(np.sqrt(across @ across))
+            x = across / distance if distance > _TOUCHING_M else (frames[-1].x if frames else _any_normal(z))
+            x = x - (x @ z) * z
+            x /= np.sqrt(x @ x)
+        frames.append(_Frame(_clean(x, 1.0), z, origin))
+    z, point = axes[-1]
+    if frames:
+        last = frames[-1]
+        normal = np.cross(last.z, z)
+        if float(np.sqrt(normal @ normal)) > _PARALLEL:
+            origin = (
+                point + float(np.cross(last.origin - point, last.z) @ np.cross(z, last.z)) / float(normal @ normal) * z
+            )
+        else:
+            origin = point + float((last.origin - point) @ z) * z
+        x = last.x - (last.x @ z) * z
+        x = x / np.sqrt(x @ x) if float(np.sqrt(x @ x)) > 0.5 else _any_normal(z)
+    else:
+        x, origin = _any_normal(z), point
+    turned = np.cos(about_last_axis_rad) * x + np.sin(about_last_axis_rad) * np.cross(z, x)
+    return [*frames, _Frame(_clean(turned, 1.0), z, origin)]
+
+
+def _base_frame(chain: Chain, first: _Frame) -> _Frame:
+    """A fixed frame around the first axis: gravity in its x z plane, or x of the first joint where that vanishes."""
+    g = chain.gravity_m_s2
+    level = g - (g @ first.z) * first.z
+    size = float(np.sqrt(level @ level))
+    x = first.x if size <= _ROUNDING * float(np.sqrt(g @ g)) else level / size
+    return _Frame(x, first.z, first.origin)
+
+
+def _any_normal(z: FloatArray) -> FloatArray:
+    """A unit vector at right angles to z."""
+    other = np.zeros(3)
+    other[int(np.argmin(np.abs(z)))] = 1.0
+    x = np.cross(other, z)
+    return np.asarray(x / np.sqrt(x @ x))
+
+
+def _clean(vector: FloatArray, size: float) -> FloatArray:
+    """A vector without the traces of rounding."""
+    return np.where(np.abs(vector) < _ROUNDING * size, 0.0, vector)
+
+
+def _clean_length(value_m: float) -> float:
+    return 0.0 if abs(value_m) < _TOUCHING_M else value_m

@@ -1,0 +1,136 @@
+"""Straight-line dynamics: the graph's rules, and chains whose axes are parallel, opposite, coincident or meet."""
+
+import math
+
+import numpy as np
+import pytest
+
+from armload_controller.export.straight_line.expressions import Graph, Kind, cross
+from armload_controller.export.straight_line.planar_groups import planar_groups
+from armload_controller.export.straight_line.specialised_dynamics import (
+    SpecialisedArm,
+    payload_regressor,
+    payload_torque,
+)
+from armload_identification.model import regressor
+from armload_identification.model.chain import Chain, pose_from_xyz_rpy
+
+UP = (0.0, 0.0, -9.81)
+QUARTER = math.pi / 2.0
+
+
+def evaluated(graph, outputs, variables):
+    """Numbers of expressions."""
+    values = {}
+    for number in graph.needed(outputs):
+        node = graph.nodes[number]
+        operands = [values[operand] for operand in node.operands]
+        values[number] = {
+            Kind.CONSTANT: lambda node, _: node.value,
+            Kind.INPUT: lambda node, _: variables[node.name],
+            Kind.COSINE: lambda _, a: math.cos(a[0]),
+            Kind.SINE: lambda _, a: math.sin(a[0]),
+            Kind.SUM: lambda _, a: a[0] + a[1],
+            Kind.DIFFERENCE: lambda _, a: a[0] - a[1],
+            Kind.PRODUCT: lambda _, a: a[0] * a[1],
+        }[node.kind](node, operands)
+    return np.array([0.0 if o.is_zero else o.sign * values[o.number] for o in outputs])
+
+
+def test_what_vanishes_is_never_a_node():
+    graph = Graph()
+    x, zero, one = graph.input("x"), graph.constant(0.0), graph.constant(1.0)
+    assert (x * zero).is_zero
+    assert (x - x).is_zero
+    assert x * one == x
+    assert x + zero == x
+    assert 3.0 * (2.0 * x) == 6.0 * x
+    assert 2.0 * x + 3.0 * x == 5.0 * x
+    assert graph.operations([x, x * one, x + zero]).total == 0
+
+
+def test_equal_expressions_are_one_node_whatever_their_signs():
+    graph = Graph()
+    x, y = graph.inputs("v", 2)
+    assert x * y == y * x
+    assert (-x) * y == -(x * y)
+    assert x - y == -(y - x)
+    assert -(x + y) == (-x) - y
+    assert graph.sine(-x) == -graph.sine(x)
+    assert graph.cosine(-x) == graph.cosine(x)
+    assert graph.operations([x * y, -(y * x), x - y, y - x]).total == 2
+
+
+def test_only_what_an_output_needs_is_counted():
+    graph = Graph()
+    a, b = tuple(graph.inputs("a", 3)), tuple(graph.inputs("b", 3))
+    outputs = cross(a, b)
+    assert graph.operations(outputs).multiplications == 6
+    assert graph.operations(outputs[:1]).multiplications == 2
+
+
+CHAINS = {
+    "one upright joint": ([(0, 0, 0.3)], [(0, 0, 0)], [(0, 0, 1)]),
+    "one level joint": ([(0, 0, 0.3)], [(0, 0, 0)], [(1, 0, 0)]),
+    "three parallel joints": ([(0, 0, 0.1), (0.4, 0, 0), (0.3, 0, 0.05)], [(0, 0, 0)] * 3, [(0, 1, 0)] * 3),
+    "opposite axes": ([(0, 0, 0.1), (0.4, 0, 0), (0.3, 0, 0.05)], [(0, 0, 0)] * 3, [(0, 1, 0), (0, -1, 0), (0, 1, 0)]),
+    "a group that ends upside down": (
+        [(0, 0, 0.1), (0.4, 0, 0), (0.3, 0, 0.05), (0.1, 0.2, 0)],
+        [(0, 0, 0)] * 4,
+        [(0, 0, 1), (0, 1, 0), (0, -1, 0), (1, 0, 0)],
+    ),
+    "coincident axes": ([(0, 0, 0.1), (0, 0, 0.2), (0.3, 0, 0)], [(0, 0, 0)] * 3, [(0, 0, 1), (0, 0, 1), (0, 1, 0)]),
+    "scara": ([(0, 0, 0.4), (0.3, 0, 0), (0.2, 0, 0)], [(0, 0, 0), (0, 0, 0.3), (0, 0, 0)], [(0, 0, 1)] * 3),
+    "axes that meet": ([(0, 0, 0.4), (0, 0, 0), (0, 0, 0)], [(0, 0, 0)] * 3, [(0, 0, 1), (0, 1, 0), (0, 0, 1)]),
+    "nearly parallel": ([(0, 0, 0.1), (0.4, 0, 0)], [(0, 0, 0), (1e-5, 0, 0)], [(0, 1, 0), (0, 1, 0)]),
+    "a rounded right angle": ([(0, 0, 0.1), (0.4, 0, 0)], [(0, 0, 0), (1.5708, 0, 0)], [(0, 0, 1), (0, 0, 1)]),
+}
+
+
+@pytest.mark.parametrize("gravity", [UP, (9.81, 0.0, 0.0), (1.0, -2.0, 9.0)], ids=["upright", "on a wall", "tilted"])
+@pytest.mark.parametrize("name", CHAINS)
+def test_any_arrangement_of_axes_gives_the_cores_torque_and_regressor(name, gravity):
+    xyz, rpy, axis = CHAINS[name]
+    flange = pose_from_xyz_rpy((0.05, -0.02, 0.1), (0.3, QUARTER, -1.0))
+    chain = Chain.from_origins(xyz, rpy, axis, flange, gravity)
+    body = np.array([2.0, 0.1, -0.3, 0.2, 0.3, 0.4, 0.35, 0.02, -0.01, 0.03])
+    graph, n = Graph(), chain.n
+    groups = planar_groups(chain)
+    arm = SpecialisedArm(graph, groups, *(graph.inputs(v, n) for v in ("q", "dq", "ddq")))
+    columns = [element for row in payload_regressor(arm) for element in row]
+    matrix = placed(groups.flange)
+    torque = payload_torque(arm, [graph.constant(float(value)) for value in matrix @ body])
+    for state in np.random.default_rng(4).uniform(-3, 3, (5, 3, n)):
+        names = {f"{v}[{i}]": state[k, i] for k, v in enumerate(("q", "dq", "ddq")) for i in range(n)}
+        expected = regressor.payload_regressor(chain, *state)
+        found = evaluated(graph, columns, names).reshape(n, 10)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=3e-13)
+        np.testing.assert_allclose(evaluated(graph, torque, names), expected @ body, rtol=0.0, atol=3e-13)
+
+
+def placed(pose):
+    """(10, 10) parameters of a body in a frame at `pose`, as seen in the frame that it is placed in."""
+    elements = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+
+    def moved(theta):
+        m, s, r, p = theta[0], theta[1:4], pose[:3, :3], pose[:3, 3]
+        tensor = np.zeros((3, 3))
+        for value, (i, k) in zip(theta[4:], elements, strict=True):
+            tensor[i, k] = tensor[k, i] = value
+        s = r @ s
+        cross_terms = 2.0 * (s @ p) * np.eye(3) - np.outer(s, p) - np.outer(p, s)
+        tensor = r @ tensor @ r.T + cross_terms + m * ((p @ p) * np.eye(3) - np.outer(p, p))
+        return np.array([m, *(s + m * p), *(tensor[i, k] for i, k in elements)])
+
+    return np.column_stack([moved(unit) for unit in np.eye(10)])
+
+
+def test_an_upright_arms_first_angle_costs_nothing():
+    xyz, rpy, axis = CHAINS["axes that meet"]
+    chain = Chain.from_origins(xyz, rpy, axis, np.eye(4), UP)
+    graph = Graph()
+    arm = SpecialisedArm(graph, planar_groups(chain), *(graph.inputs(v, 3) for v in ("q", "dq", "ddq")))
+    outputs = payload_torque(arm, graph.inputs("theta", 10))
+    used = {graph.nodes[number].name for number in graph.needed(outputs)}
+    assert "q[0]" not in used
+    assert {"q[1]", "q[2]", "dq[0]", "ddq[0]"} <= used
