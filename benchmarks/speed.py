@@ -15,7 +15,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.phase import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_identification.excitation.fourier import format_excitation
+from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.recording.recording import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 from benchmarks.recordings import record
 from benchmarks.setups import Motion, Twin, paper_motion, setup_of

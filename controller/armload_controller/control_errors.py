@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from armload_identification.identification_errors import file_problem
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -28,19 +30,13 @@ class ConfigurationError(ControlError):
 
     Attributes:
         file: The file it stands in.
-        key: Dotted path of the key; the first joint is joints[1].
-        found: The value found; None where there is none, a dict or a list of tables is not repeated.
+        key: Dotted path of the key; the first joint is joints[1]. Empty where the file as a whole is meant.
+        found: The value found; None where it is missing. A table is not repeated.
         expected: What would have been accepted.
     """
 
     def __init__(self, file: str, key: str, found: object, expected: str) -> None:
-        if found is None:
-            value = " is missing"
-        elif isinstance(found, dict):
-            value = ""
-        else:
-            value = f" = {found!r}"
-        super().__init__(f"{file}: {key}{value}: {expected}")
+        super().__init__(file_problem(file, key, found, expected))
         self.file = file
         self.key = key
         self.found = found

@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_identification.excitation.fourier import Excitation, FourierTrajectory, write_excitation
+from armload_identification.excitation.excitation_file import write_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.payload_file import read_payload
 
 pytestmark = pytest.mark.vcan

@@ -22,7 +22,7 @@ from armload_controller.motion.setpoints import CYCLE_ROUNDING
 from armload_identification.excitation.design import DesignResult
 from armload_identification.excitation.design import design as design_excitation
 from armload_identification.excitation.design_search import PeriodRange
-from armload_identification.excitation.fourier import write_excitation
+from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.information import named_criterion
 
 POSITION_MARGIN_RAD = 0.1

@@ -31,7 +31,8 @@ from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rul
 from armload_controller.session.commissioning import Consent, Load, require_excitation
 from armload_controller.session.comparison_figure import draw, require_picture
 from armload_controller.session.feedforward_comparison import Comparison, ComparisonRuns, FollowingRun, Measure
-from armload_identification.excitation.fourier import Excitation, read_excitation
+from armload_identification.excitation.excitation_file import read_excitation
+from armload_identification.excitation.fourier import Excitation
 from armload_identification.files.body_file import read_body
 from armload_identification.files.payload_file import read_payload
 from armload_identification.model.body_model import BodyModel

@@ -33,7 +33,10 @@ def validate(
     judged = read_payload(payload)
     if judged.frame != FLANGE:
         raise PayloadFileError(
-            f"{payload}: frame is {judged.frame!r}; expected {FLANGE!r}, the frame that the robot's kinematics end in"
+            str(payload),
+            "payload.frame",
+            judged.frame,
+            f"expected {FLANGE!r}, the frame that the robot's kinematics end in",
         )
     result = validate_payload(
         read_of(arm, loaded), read_of(arm, unloaded), arm.chain(), transmission_of(arm, gains), judged.model

@@ -46,7 +46,8 @@ from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.driver_errors import BusOverload
 from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
-from armload_identification.excitation.fourier import Excitation, read_excitation
+from armload_identification.excitation.excitation_file import read_excitation
+from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.workspace import Workspace
 from armload_identification.identification_errors import IdentificationError
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from armload_controller.control_errors import ExportError
+from armload_identification.storage.replace_file import replace_file
 
 
 def write_texts(texts: dict[str, str], output: Path) -> dict[Path, bool]:
@@ -31,7 +32,7 @@ def write_texts(texts: dict[str, str], output: Path) -> dict[Path, bool]:
         for path, text in paths.items():
             if changed[path]:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_text(text, encoding="ascii")
+                replace_file(path, text.encode("ascii"))
     except OSError as problem:
         raise ExportError(str(problem.filename or output), f"cannot be written: {problem.strerror}") from problem
     return changed

@@ -35,7 +35,8 @@ from armload_controller.motion.phase import Leg
 from armload_controller.motion.setpoints import check_leg, plan_approach, plan_legs
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointServos
-from armload_identification.excitation.fourier import Excitation, format_excitation
+from armload_identification.excitation.excitation_file import format_excitation
+from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import (
     CONFIGURATION_ATTACHMENT,
     EXCITATION_ATTACHMENT,

@@ -1,4 +1,4 @@
-"""Finite Fourier series of the joints, their derivatives, and the excitation file that holds them.
+"""Finite Fourier series of the joints and their derivatives.
 
 q_i(t) = q_i0 + sum_k a_ik sin(k w_f t) + b_ik cos(k w_f t)            Chen 2016, eq. (6)
 """
@@ -7,16 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from armload_core.arrays import FloatArray
-from armload_identification import strict_toml
 from armload_identification.excitation.limit_margins import LimitMargins
-from armload_identification.identification_errors import ExcitationError, ModelError
+from armload_identification.identification_errors import ModelError
 
 CRITERIA = ("a-optimal", "a-optimal-mean", "a-optimal-max", "d-optimal", "condition-number")
 """What an excitation may have been designed for."""
@@ -204,106 +201,3 @@ class Excitation:
     def duration_s(self) -> float:
         """Time of all periods together."""
         return self.periods * self.trajectory.period_s
-
-
-def read_excitation(path: Path) -> Excitation:
-    """Read an excitation file.
-
-    Args:
-        path: TOML with `[excitation]` and, if designed, `[design]`.
-
-    Raises:
-        ExcitationError: not readable, or wrong, naming file, key, value and what was expected.
-    """
-    try:
-        content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise ExcitationError(f"{path}: cannot be read: {problem}") from problem
-    return parse_excitation(content, str(path))
-
-
-def parse_excitation(content: str, source: str = "excitation") -> Excitation:
-    """An excitation from the text of its file.
-
-    Args:
-        content: TOML.
-        source: What messages call it.
-
-    Raises:
-        ExcitationError: naming source, key, value and what was expected.
-    """
-    root = strict_toml.parse(content, source, ExcitationError)
-    table = root.table("excitation")
-    frequency_hz = table.number("base_frequency_hz", above=0.0)
-    harmonics = table.integer("harmonics", least=1)
-    periods = table.integer("periods", least=1)
-    offset = table.array("offset_rad", None)
-    shape = (len(offset), harmonics)
-    trajectory = FourierTrajectory(frequency_hz, offset, table.array("sin_rad", shape), table.array("cos_rad", shape))
-    table.close()
-    design: dict[str, str | int | float] = {}
-    history: tuple[float, ...] = ()
-    if "design" in root:
-        record = root.table("design")
-        design = {
-            "criterion": record.text("criterion", CRITERIA),
-            "cost": record.number("cost"),
-            "condition_number": record.number("condition_number"),
-            "seed": record.integer("seed", least=0),
-            "restarts": record.integer("restarts", least=1),
-            "command": record.text("command"),
-            "armload_version": record.text("armload_version"),
-        }
-        if "history" in record:
-            history = tuple(float(c) for c in record.array("history", None))
-        record.close()
-    margins = LimitMargins.from_table(root.table("margins"), trajectory.n) if "margins" in root else None
-    root.close()
-    return Excitation(trajectory, periods, design, history, margins)
-
-
-def format_excitation(excitation: Excitation) -> str:
-    """The text of an excitation's file; `parse_excitation` gives back the same numbers."""
-    trajectory = excitation.trajectory
-    lines = [
-        "# q_i(t) = offset_i + sum_k sin_ik sin(2 pi k f t) + cos_ik cos(2 pi k f t), one row per joint",
-        "[excitation]",
-        f"base_frequency_hz = {strict_toml.number(trajectory.base_frequency_hz)}",
-        f"harmonics = {trajectory.harmonics}",
-        f"periods = {excitation.periods}",
-        f"offset_rad = {strict_toml.array(trajectory.offset_rad)}",
-        f"sin_rad = {strict_toml.array(trajectory.sin_rad)}",
-        f"cos_rad = {strict_toml.array(trajectory.cos_rad)}",
-    ]
-    if excitation.design:
-        lines += ["", "[design]", *(f"{key} = {_toml(value)}" for key, value in excitation.design.items())]
-        if excitation.history:
-            lines.append(f"history = [{', '.join(repr(float(f'{c:.5g}')) for c in excitation.history)}]")
-    if excitation.margins is not None:
-        lines += ["", *excitation.margins.lines()]
-    return "\n".join(lines) + "\n"
-
-
-def write_excitation(path: Path, excitation: Excitation) -> None:
-    """Write an excitation file.
-
-    Args:
-        path: Where to; an existing file is replaced.
-        excitation: What to write.
-
-    Raises:
-        ExcitationError: what would be written does not read back, or the file cannot be written.
-    """
-    content = format_excitation(excitation)
-    parse_excitation(content, str(path))
-    try:
-        path.write_text(content, encoding="utf-8")
-    except OSError as problem:
-        raise ExcitationError(f"{path}: cannot be written: {problem}") from problem
-
-
-def _toml(value: Any) -> str:
-    """A text, a whole number or a float as TOML."""
-    if isinstance(value, str):
-        return strict_toml.text(value)
-    return str(int(value)) if isinstance(value, int) else strict_toml.number(value)

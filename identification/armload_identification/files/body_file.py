@@ -1,18 +1,28 @@
-"""The body file: an arm's own torque as TOML, read strictly."""
+"""The body file: an arm's own torque as TOML."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
+from pydantic import model_validator
 
-from armload_core.arrays import FloatArray
-from armload_identification import strict_toml
 from armload_identification.calibration.body_identification import BodyResult
+from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import BodyFileError, ModelError
 from armload_identification.model.body_model import BodyModel
-from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import PARAMETERS
+from armload_identification.storage import toml_text
+from armload_identification.storage.replace_file import replace_file
+from armload_identification.storage.strict_toml import (
+    BadValue,
+    NumberList,
+    NumberRows,
+    Table,
+    parse,
+    read_text,
+    require_shape,
+)
 
 _PER_JOINT = (
     "rotor_inertia_kg_m2",
@@ -26,6 +36,64 @@ _PER_JOINT = (
 )
 
 
+class _BodyTable(Table):
+    """The model of the arm, per joint."""
+
+    links: NumberRows
+    base: NumberRows
+    rotor_inertia_kg_m2: NumberList
+    coulomb_nm: NumberList
+    viscous_nm_s_rad: NumberList
+    offset_nm: NumberList
+    stribeck_nm: NumberList
+    stribeck_velocity_rad_s: NumberList
+    load_friction: NumberList
+    reversal_speed_rad_s: NumberList
+    torque_delay_s: float
+
+
+class _TransmissionTable(Table):
+    """How currents were turned into torque."""
+
+    gain_nm_a: NumberList
+    coupling: NumberRows
+
+
+class _ResidualTable(Table):
+    """What the model leaves unexplained, per joint."""
+
+    rms_nm: NumberList
+    torque_rms_nm: NumberList
+    noise_nm: NumberList
+
+
+class _BodyFile(Table):
+    """The whole file."""
+
+    transmission: _TransmissionTable
+    body: _BodyTable
+    residual: _ResidualTable
+    provenance: ProvenanceTable
+
+    @model_validator(mode="after")
+    def _one_entry_per_joint(self) -> _BodyFile:
+        n = len(self.transmission.gain_nm_a)
+        require_shape("transmission.coupling", self.transmission.coupling, (n, n))
+        require_shape("body.links", self.body.links, (n, PARAMETERS))
+        require_shape("body.base", self.body.base, (n, PARAMETERS))
+        for name in _PER_JOINT:
+            require_shape(f"body.{name}", getattr(self.body, name), (n,))
+        for name in _ResidualTable.model_fields:
+            require_shape(f"residual.{name}", getattr(self.residual, name), (n,))
+        return self
+
+    @model_validator(mode="after")
+    def _only_base_parameters(self) -> _BodyFile:
+        if (self.body.links[self.body.base <= 0.5] != 0.0).any():
+            raise BadValue("body.base", self.body.base.tolist(), "expected 1 for every parameter that is not zero")
+        return self
+
+
 def format_body(result: BodyResult) -> str:
     """The text of a body file; `parse_body` gives back the same numbers.
 
@@ -37,24 +105,22 @@ def format_body(result: BodyResult) -> str:
         "# Base parameters: their sum is the arm's torque, the single numbers are no link's mass or inertia.",
         "# Per link in its joint frame: m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.",
         "[body]",
-        f"links = {strict_toml.array(model.links)}",
-        f"base = {strict_toml.array(model.base.astype(float))}",
-        *(f"{name} = {strict_toml.array(getattr(model, name))}" for name in _PER_JOINT),
-        f"torque_delay_s = {strict_toml.number(model.torque_delay_s)}",
+        f"links = {toml_text.array(model.links)}",
+        f"base = {toml_text.array(model.base.astype(float))}",
+        *(f"{name} = {toml_text.array(getattr(model, name))}" for name in _PER_JOINT),
+        f"torque_delay_s = {toml_text.number(model.torque_delay_s)}",
         "",
         "# Currents were turned into torque with these gains; the body belongs to them.",
         "[transmission]",
-        f"gain_nm_a = {strict_toml.array(result.gain_nm_a)}",
-        f"coupling = {strict_toml.array(model.coupling)}",
+        f"gain_nm_a = {toml_text.array(result.gain_nm_a)}",
+        f"coupling = {toml_text.array(model.coupling)}",
         "",
         "[residual]",
-        f"rms_nm = {strict_toml.array(result.residual_rms_nm)}",
-        f"torque_rms_nm = {strict_toml.array(result.torque_rms_nm)}",
-        f"noise_nm = {strict_toml.array(result.noise_nm)}",
+        f"rms_nm = {toml_text.array(result.residual_rms_nm)}",
+        f"torque_rms_nm = {toml_text.array(result.torque_rms_nm)}",
+        f"noise_nm = {toml_text.array(result.noise_nm)}",
         "",
-        *strict_toml.provenance_lines(
-            provenance.armload_version, provenance.configuration_sha256, provenance.recordings_sha256
-        ),
+        *provenance_lines(provenance.armload_version, provenance.configuration_sha256, provenance.recordings_sha256),
     ]
     return "\n".join(lines) + "\n"
 
@@ -70,9 +136,9 @@ def write_body(path: Path, result: BodyResult) -> None:
         BodyFileError: the file cannot be written.
     """
     try:
-        path.write_text(format_body(result), encoding="utf-8")
+        replace_file(path, format_body(result))
     except OSError as problem:
-        raise BodyFileError(f"{path}: cannot be written: {problem}") from problem
+        raise BodyFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
 
 
 def read_body(path: Path) -> BodyResult:
@@ -84,11 +150,7 @@ def read_body(path: Path) -> BodyResult:
     Raises:
         BodyFileError: not readable, incomplete or contradictory, naming file, key and value.
     """
-    try:
-        content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise BodyFileError(f"{path}: cannot be read: {problem}") from problem
-    return parse_body(content, str(path))
+    return parse_body(read_text(path, BodyFileError), str(path))
 
 
 def parse_body(content: str, source: str = "body") -> BodyResult:
@@ -101,27 +163,23 @@ def parse_body(content: str, source: str = "body") -> BodyResult:
     Raises:
         BodyFileError: naming source, key, value and what was expected.
     """
-    root = strict_toml.parse(content, source, BodyFileError)
-    gears = root.table("transmission")
-    gain = gears.array("gain_nm_a", None)
-    n = gain.size
-    coupling = gears.array("coupling", (n, n))
-    gears.close()
-    body = root.table("body")
-    links = body.array("links", (n, PARAMETERS))
-    base = body.array("base", (n, PARAMETERS)) > 0.5
-    if (links[~base] != 0.0).any():
-        raise body.refuse("base", "1 for every parameter that is not zero")
-    values: dict[str, FloatArray] = {name: body.array(name, (n,)) for name in _PER_JOINT}
-    delay_s = body.number("torque_delay_s")
-    body.close()
+    tables = parse(content, source, _BodyFile, BodyFileError)
+    body, gears, residual = tables.body, tables.transmission, tables.residual
     try:
-        model = BodyModel(links=links, base=np.asarray(base), coupling=coupling, torque_delay_s=delay_s, **values)
+        model = BodyModel(
+            links=body.links,
+            base=np.asarray(body.base > 0.5),
+            coupling=gears.coupling,
+            torque_delay_s=body.torque_delay_s,
+            **{name: getattr(body, name) for name in _PER_JOINT},
+        )
     except ModelError as problem:
-        raise BodyFileError(f"{source}: {problem}") from problem
-    residual = root.table("residual")
-    rms, torque, noise = (residual.array(name, (n,)) for name in ("rms_nm", "torque_rms_nm", "noise_nm"))
-    residual.close()
-    origin = Provenance(*strict_toml.read_provenance(root))
-    root.close()
-    return BodyResult(model, gain, rms, torque, noise, origin)
+        raise BodyFileError(source, "body", {}, str(problem)) from problem
+    return BodyResult(
+        model,
+        gears.gain_nm_a,
+        residual.rms_nm,
+        residual.torque_rms_nm,
+        residual.noise_nm,
+        tables.provenance.provenance(),
+    )

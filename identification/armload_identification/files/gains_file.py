@@ -1,4 +1,4 @@
-"""The gains file: drive gains that were calibrated with a known payload, as TOML, read strictly."""
+"""The gains file: drive gains that were calibrated with a known payload, as TOML."""
 
 from __future__ import annotations
 
@@ -7,12 +7,31 @@ from pathlib import Path
 from scipy.stats import norm
 
 from armload_core.arrays import FloatArray
-from armload_identification import strict_toml
 from armload_identification.calibration.drive_gains import GainCalibration
 from armload_identification.estimation.uncertainty import CONFIDENCE
+from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import GainsFileError, ModelError
 from armload_identification.recording.recording import hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.storage import toml_text
+from armload_identification.storage.replace_file import replace_file
+from armload_identification.storage.strict_toml import BadValue, NumberList, Table, parse, read_text, require_shape
+
+
+class _GainsTable(Table):
+    """Axis torque per ampere of motor current, per joint."""
+
+    gain_nm_a: NumberList
+    half_width_95_nm_a: NumberList
+    told: NumberList
+    nominal_nm_a: NumberList
+
+
+class _GainsFile(Table):
+    """The whole file."""
+
+    gains: _GainsTable
+    provenance: ProvenanceTable
 
 
 def format_gains(result: GainCalibration, armload_version: str, configuration_sha256: str) -> str:
@@ -26,12 +45,12 @@ def format_gains(result: GainCalibration, armload_version: str, configuration_sh
     lines = [
         "# Axis torque per ampere of motor current. Where told is 0 the gain is nominal: the payload pulls too little.",
         "[gains]",
-        f"gain_nm_a = {strict_toml.array(result.gain_nm_a)}",
-        f"half_width_95_nm_a = {strict_toml.array(result.half_width_95)}",
-        f"told = {strict_toml.array(result.told.astype(float))}",
-        f"nominal_nm_a = {strict_toml.array(result.nominal_nm_a)}",
+        f"gain_nm_a = {toml_text.array(result.gain_nm_a)}",
+        f"half_width_95_nm_a = {toml_text.array(result.half_width_95)}",
+        f"told = {toml_text.array(result.told.astype(float))}",
+        f"nominal_nm_a = {toml_text.array(result.nominal_nm_a)}",
         "",
-        *strict_toml.provenance_lines(armload_version, configuration_sha256, hashes_by_name(result.sources)),
+        *provenance_lines(armload_version, configuration_sha256, hashes_by_name(result.sources)),
     ]
     return "\n".join(lines) + "\n"
 
@@ -49,9 +68,9 @@ def write_gains(path: Path, result: GainCalibration, armload_version: str, confi
         GainsFileError: the file cannot be written.
     """
     try:
-        path.write_text(format_gains(result, armload_version, configuration_sha256), encoding="utf-8")
+        replace_file(path, format_gains(result, armload_version, configuration_sha256))
     except OSError as problem:
-        raise GainsFileError(f"{path}: cannot be written: {problem}") from problem
+        raise GainsFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
 
 
 def read_gains(path: Path, coupling: FloatArray) -> Transmission:
@@ -67,11 +86,7 @@ def read_gains(path: Path, coupling: FloatArray) -> Transmission:
     Raises:
         GainsFileError: not readable, incomplete or of another robot, naming file, key and value.
     """
-    try:
-        content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise GainsFileError(f"{path}: cannot be read: {problem}") from problem
-    return parse_gains(content, coupling, str(path))
+    return parse_gains(read_text(path, GainsFileError), coupling, str(path))
 
 
 def parse_gains(content: str, coupling: FloatArray, source: str = "gains") -> Transmission:
@@ -85,18 +100,16 @@ def parse_gains(content: str, coupling: FloatArray, source: str = "gains") -> Tr
     Raises:
         GainsFileError: naming source, key, value and what was expected.
     """
-    root = strict_toml.parse(content, source, GainsFileError)
-    table = root.table("gains")
-    shape = (coupling.shape[0],)
-    gain, width, told, _ = (
-        table.array(key, shape) for key in ("gain_nm_a", "half_width_95_nm_a", "told", "nominal_nm_a")
-    )
-    table.close()
-    strict_toml.read_provenance(root)
-    root.close()
-    if (gain <= 0.0).any():
-        raise table.refuse("gain_nm_a", "numbers above 0")
+    gains = parse(content, source, _GainsFile, GainsFileError).gains
+    gain, calibrated = gains.gain_nm_a, gains.told > 0.5
     try:
-        return Transmission(gain, coupling, told > 0.5, width / float(norm.ppf(0.5 + CONFIDENCE / 2.0)) / gain)
+        for name in _GainsTable.model_fields:
+            require_shape(f"gains.{name}", getattr(gains, name), coupling.shape[:1])
+        if (gain <= 0.0).any():
+            raise BadValue("gains.gain_nm_a", gain.tolist(), "expected numbers above 0")
+        deviation = gains.half_width_95_nm_a / float(norm.ppf(0.5 + CONFIDENCE / 2.0)) / gain
+        return Transmission(gain, coupling, calibrated, deviation)
+    except BadValue as problem:
+        raise GainsFileError(source, problem.key, problem.found, problem.expected) from problem
     except ModelError as problem:
-        raise GainsFileError(f"{source}: {problem}") from problem
+        raise GainsFileError(source, "gains", {}, str(problem)) from problem

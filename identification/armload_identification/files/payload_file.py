@@ -6,21 +6,30 @@ only where it is determined. `[model]` is complete and for the feed-forward.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
-from armload_core.arrays import FloatArray
-from armload_identification import strict_toml
+from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import (
     SMALLEST_MARGIN,
     InertialParameters,
     PayloadResult,
-    Provenance,
+)
+from armload_identification.storage import toml_text
+from armload_identification.storage.replace_file import replace_file
+from armload_identification.storage.strict_toml import (
+    BadValue,
+    NumberList,
+    Table,
+    Text,
+    parse,
+    read_text,
+    require_shape,
 )
 
 _KEYS = (
@@ -28,8 +37,158 @@ _KEYS = (
     *(("center_of_mass_m", key) for key in ("x", "y", "z")),
     *(("inertia_kg_m2", key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")),
 )
+"""Table and key of each of the ten values, in the order of `PARAMETER_NAMES`."""
+
+_AS_MODEL = 1e-9
+"""Relative difference that a value of [payload] may have from [model]: a digit lost by other programs."""
 
 _Entry = TypeVar("_Entry")
+
+
+class _Center(Table, Generic[_Entry]):
+    """Entries of the centre of mass."""
+
+    x: _Entry | None = None
+    y: _Entry | None = None
+    z: _Entry | None = None
+
+
+class _Inertia(Table, Generic[_Entry]):
+    """Entries of the inertia."""
+
+    ixx: _Entry | None = None
+    iyy: _Entry | None = None
+    izz: _Entry | None = None
+    ixy: _Entry | None = None
+    ixz: _Entry | None = None
+    iyz: _Entry | None = None
+
+
+class _Entries(Table, Generic[_Entry]):
+    """The ten entries that three of the sections share; which of them must be there, `_PayloadFile` checks."""
+
+    mass_kg: _Entry | None = None
+    center_of_mass_m: _Center[_Entry] = Field(default=_Center())
+    inertia_kg_m2: _Inertia[_Entry] = Field(default=_Inertia())
+
+    def entries(self) -> list[_Entry | None]:
+        """All ten, in the order of `_KEYS`."""
+        return [getattr(getattr(self, group) if group else self, key) for group, key in _KEYS]
+
+
+class _PayloadTable(_Entries[float]):
+    """What was determined, and the frame."""
+
+    frame: Text
+
+
+class _InertiaTable(Table):
+    """Tensor elements about the centre of mass."""
+
+    ixx: float
+    iyy: float
+    izz: float
+    ixy: float
+    ixz: float
+    iyz: float
+
+
+class _ModelTable(Table):
+    """The complete body."""
+
+    mass_kg: Annotated[float, Field(gt=0)]
+    center_of_mass_m: NumberList
+    inertia_kg_m2: _InertiaTable
+
+    def values(self) -> list[float]:
+        """All ten, in the order of `_KEYS`."""
+        return [self.mass_kg, *self.center_of_mass_m.tolist(), *(getattr(self.inertia_kg_m2, k) for _, k in _KEYS[4:])]
+
+    def body(self) -> InertialParameters:
+        """As the identification takes it."""
+        six = np.array(self.values()[4:])
+        return InertialParameters.from_center_of_mass(
+            self.mass_kg, self.center_of_mass_m, six[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        )
+
+
+class _ResidualTable(Table):
+    """Residual and noise of the torque, per joint."""
+
+    rms_nm: NumberList
+    noise_nm: NumberList
+
+
+class _PayloadFile(Table):
+    """The whole file."""
+
+    determined: _Entries[bool]
+    model: _ModelTable
+    payload: _PayloadTable
+    interval_95: _Entries[NumberList]
+    residual: _ResidualTable
+    provenance: ProvenanceTable
+
+    @model_validator(mode="after")
+    def _a_possible_body(self) -> _PayloadFile:
+        require_shape("model.center_of_mass_m", self.model.center_of_mass_m, (3,))
+        margin = self.model.body().margin
+        if margin < SMALLEST_MARGIN:
+            raise BadValue(
+                "model",
+                self.model.model_dump(),
+                "expected a body that some mass distribution can have: the margin of its pseudo-inertia is "
+                f"{margin:.3g}, and at least {SMALLEST_MARGIN:g} is needed",
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _entries_where_determined(self) -> _PayloadFile:
+        for key, flag in _named(self.determined.entries()):
+            if flag is None:
+                raise BadValue(f"determined.{key}", None, "it is required: true or false")
+        flags = self.determined.entries()
+        sections: tuple[tuple[str, list[Any]], ...] = (
+            ("payload", self.payload.entries()),
+            ("interval_95", self.interval_95.entries()),
+        )
+        for section, entries in sections:
+            for (key, value), determined in zip(_named(entries), flags, strict=True):
+                if value is None and determined:
+                    raise BadValue(f"{section}.{key}", None, "it is required, because [determined] has it as true")
+                if value is not None and not determined:
+                    found = np.asarray(value).tolist()
+                    raise BadValue(
+                        f"{section}.{key}", found, "expected no entry: [determined] says that it is not determined"
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _same_as_model(self) -> _PayloadFile:
+        for (key, value), expected in zip(_named(self.payload.entries()), self.model.values(), strict=True):
+            if value is not None and abs(value - expected) > _AS_MODEL * abs(expected):
+                raise BadValue(f"payload.{key}", value, f"expected the number in [model], {expected!r}")
+        return self
+
+    @model_validator(mode="after")
+    def _intervals_from_low_to_high(self) -> _PayloadFile:
+        for key, interval in _named(self.interval_95.entries()):
+            if interval is not None:
+                require_shape(f"interval_95.{key}", interval, (2,))
+                if interval[0] > interval[1]:
+                    raise BadValue(f"interval_95.{key}", interval.tolist(), "expected [low, high]")
+        return self
+
+    @model_validator(mode="after")
+    def _one_residual_per_joint(self) -> _PayloadFile:
+        require_shape("residual.noise_nm", self.residual.noise_nm, self.residual.rms_nm.shape)
+        return self
+
+
+def _named(entries: list[_Entry]) -> list[tuple[str, _Entry]]:
+    """Ten entries with their dotted keys."""
+    keys = (f"{group}.{key}" if group else key for group, key in _KEYS)
+    return list(zip(keys, entries, strict=True))
 
 
 def format_payload(result: PayloadResult) -> str:
@@ -38,7 +197,7 @@ def format_payload(result: PayloadResult) -> str:
     Args:
         result: What to write.
     """
-    number = strict_toml.number
+    number = toml_text.number
     values, ranges = (
         [number(v) for v in result.values],
         [f"[{number(low)}, {number(high)}]" for low, high in result.interval_95],
@@ -49,7 +208,7 @@ def format_payload(result: PayloadResult) -> str:
     lines = [
         "# Inertia: tensor elements (ixy = -int xy dm) about the centre of mass, in the axes of the frame.",
         "[payload]",
-        f"frame = {strict_toml.text(result.frame)}",
+        f"frame = {toml_text.text(result.frame)}",
         *_entries(values, result.determined),
         "",
         "[determined]",
@@ -62,15 +221,13 @@ def format_payload(result: PayloadResult) -> str:
         "[model]",
         f"mass_kg = {values[0]}",
         f"center_of_mass_m = [{', '.join(values[1:4])}]",
-        f"inertia_kg_m2 = {strict_toml.inline({key[1]: model[key] for key in _KEYS[4:]})}",
+        f"inertia_kg_m2 = {toml_text.inline({key[1]: model[key] for key in _KEYS[4:]})}",
         "",
         "[residual]",
-        f"rms_nm = {strict_toml.array(result.residual_rms_nm)}",
-        f"noise_nm = {strict_toml.array(result.noise_nm)}",
+        f"rms_nm = {toml_text.array(result.residual_rms_nm)}",
+        f"noise_nm = {toml_text.array(result.noise_nm)}",
         "",
-        *strict_toml.provenance_lines(
-            provenance.armload_version, provenance.configuration_sha256, provenance.recordings_sha256
-        ),
+        *provenance_lines(provenance.armload_version, provenance.configuration_sha256, provenance.recordings_sha256),
     ]
     return "\n".join(lines) + "\n"
 
@@ -88,9 +245,9 @@ def write_payload(path: Path, result: PayloadResult) -> None:
     content = format_payload(result)
     parse_payload(content, str(path))
     try:
-        path.write_text(content, encoding="utf-8")
+        replace_file(path, content)
     except OSError as problem:
-        raise PayloadFileError(f"{path}: cannot be written: {problem}") from problem
+        raise PayloadFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
 
 
 def read_payload(path: Path) -> PayloadResult:
@@ -102,11 +259,7 @@ def read_payload(path: Path) -> PayloadResult:
     Raises:
         PayloadFileError: not readable, incomplete, contradictory or impossible, naming file, key and value.
     """
-    try:
-        content = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise PayloadFileError(f"{path}: cannot be read: {problem}") from problem
-    return parse_payload(content, str(path))
+    return parse_payload(read_text(path, PayloadFileError), str(path))
 
 
 def parse_payload(content: str, source: str = "payload") -> PayloadResult:
@@ -119,82 +272,17 @@ def parse_payload(content: str, source: str = "payload") -> PayloadResult:
     Raises:
         PayloadFileError: naming source, key, value and what was expected.
     """
-    root = strict_toml.parse(content, source, PayloadFileError)
-    everything = np.ones(10, dtype=np.bool_)
-    flags = root.table("determined")
-    determined = np.array([bool(f) for f in _read(flags, everything, strict_toml.TomlTable.boolean)])
-    flags.close()
-
-    model = root.table("model")
-    inertia = model.table("inertia_kg_m2")
-    mass_kg = model.number("mass_kg", above=0.0)
-    center = model.array("center_of_mass_m", (3,))
-    six = np.array([inertia.number(key) for _, key in _KEYS[4:]])
-    inertia.close()
-    model.close()
-    body = InertialParameters.from_center_of_mass(mass_kg, center, six[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]])
-    if body.margin < SMALLEST_MARGIN:
-        raise root.refuse(
-            "model",
-            f"a body that some mass distribution can have: the margin of its pseudo-inertia is {body.margin:.3g}, "
-            f"and at least {SMALLEST_MARGIN:g} is needed",
-        )
-
-    payload = root.table("payload")
-    frame = payload.text("frame")
-    complete = [mass_kg, *center, *six]
-
-    def same_as_model(table: strict_toml.TomlTable, key: str) -> float:
-        value = table.number(key)
-        expected = complete[[k for _, k in _KEYS].index(key)]
-        if abs(value - expected) > 1e-9 * abs(expected):
-            raise table.refuse(key, f"the number in [model], {expected!r}")
-        return value
-
-    _read(payload, determined, same_as_model)
-    payload.close()
-
-    ranges = root.table("interval_95")
-    intervals = [np.full(2, np.nan) if r is None else r for r in _read(ranges, determined, _range)]
-    ranges.close()
-
-    residual = root.table("residual")
-    rms = residual.array("rms_nm", None)
-    noise = residual.array("noise_nm", (len(rms),))
-    residual.close()
-
-    provenance = Provenance(*strict_toml.read_provenance(root))
-    root.close()
-    return PayloadResult(frame, body, determined, np.array(intervals), rms, noise, provenance)
-
-
-def _range(table: strict_toml.TomlTable, key: str) -> FloatArray:
-    """[low, high], in this order."""
-    values = table.array(key, (2,))
-    if values[0] > values[1]:
-        raise table.refuse(key, "[low, high]")
-    return values
-
-
-def _read(
-    table: strict_toml.TomlTable, wanted: NDArray[np.bool_], read: Callable[[strict_toml.TomlTable, str], _Entry]
-) -> list[_Entry | None]:
-    """The ten entries of a section, None where not wanted; an entry that should not be there is refused."""
-    groups = {"": table}
-    entries: list[_Entry | None] = []
-    for (group, key), want in zip(_KEYS, wanted, strict=True):
-        if group not in groups and (want or group in table):
-            groups[group] = table.table(group)
-        if want:
-            entries.append(read(groups[group], key))
-            continue
-        if group in groups and key in groups[group]:
-            raise groups[group].refuse(key, "no entry, because [determined] says that it is not determined")
-        entries.append(None)
-    for group, inner in groups.items():
-        if group:
-            inner.close()
-    return entries
+    tables = parse(content, source, _PayloadFile, PayloadFileError)
+    ranges = tables.interval_95.entries()
+    return PayloadResult(
+        frame=tables.payload.frame,
+        model=tables.model.body(),
+        determined=np.array(tables.determined.entries(), dtype=np.bool_),
+        interval_95=np.array([np.full(2, np.nan) if r is None else r for r in ranges]),
+        residual_rms_nm=tables.residual.rms_nm,
+        noise_nm=tables.residual.noise_nm,
+        provenance=tables.provenance.provenance(),
+    )
 
 
 def _entries(values: list[str], wanted: NDArray[np.bool_]) -> list[str]:
@@ -205,5 +293,5 @@ def _entries(values: list[str], wanted: NDArray[np.bool_]) -> list[str]:
         if not group:
             lines += [f"{key} = {value}" for key, value in present.items()]
         elif present:
-            lines.append(f"{group} = {strict_toml.inline(present)}")
+            lines.append(f"{group} = {toml_text.inline(present)}")
     return lines

@@ -20,7 +20,8 @@ from typing import Any, Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.fourier import Excitation, parse_excitation
+from armload_identification.excitation.excitation_file import parse_excitation
+from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_reader import read_columns
 from armload_identification.recording.garbage_rows import plausible_rows, refuse_degrees, refuse_mixed_units

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from armload_identification.excitation.fourier import parse_excitation
+from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.payload_identification import Identification
 from armload_identification.recording.recording import EXCITATION_ATTACHMENT, RecordingSource

@@ -26,6 +26,7 @@ from armload_identification.report.parameters import compared_rows, headline, pa
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
 from armload_identification.signals.joint_torque import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.storage.replace_file import replace_file
 from armload_identification.verdict.validation import LIMIT, Validation
 
 _TEMPLATE: Final = "template.html.j2"
@@ -94,7 +95,7 @@ def write_report(
     """
     page = render_report(subject, identification, validation)
     try:
-        path.write_text(page, encoding="utf-8")
+        replace_file(path, page)
     except OSError as problem:
         raise ReportError(
             f"{path}: the report cannot be written ({problem.strerror}). Name a file in a folder that exists and "

@@ -48,14 +48,17 @@ def compare(payload: PayloadResult, cad: PayloadResult) -> Comparison:
         Values and errors, inertia about the origin of the frame.
 
     Raises:
-        PayloadFileError: the two are told in different frames.
+        PayloadFileError: the two are in different frames.
 
     References:
         Chen 2016, eq. (13), Table 2.
     """
     if payload.frame != cad.frame:
         raise PayloadFileError(
-            f"the payload is told in the frame {payload.frame!r}, the CAD file in {cad.frame!r}; expected one frame"
+            "CAD file",
+            "payload.frame",
+            cad.frame,
+            f"expected {payload.frame!r}, the frame of the identified payload: both must be in one frame",
         )
     estimate, truth = in_papers_convention(payload.model), in_papers_convention(cad.model)
     off = np.abs(estimate - truth)

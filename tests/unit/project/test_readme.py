@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 
 from armload_controller.cli.main import app
 from armload_controller.config.robot import load_robot
-from armload_identification.excitation.fourier import Excitation, FourierTrajectory, write_excitation
+from armload_identification.excitation.excitation_file import write_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PayloadResult, Provenance
 

@@ -14,13 +14,8 @@ import pytest
 
 from armload_controller.cli.design_command import CriterionName
 from armload_controller.config.robot import load_robot
-from armload_identification.excitation.fourier import (
-    CRITERIA,
-    Excitation,
-    FourierTrajectory,
-    read_excitation,
-    write_excitation,
-)
+from armload_identification.excitation.excitation_file import read_excitation, write_excitation
+from armload_identification.excitation.fourier import CRITERIA, Excitation, FourierTrajectory
 from armload_identification.files.payload_file import read_payload, write_payload
 from armload_identification.model.payload import InertialParameters
 from armload_identification.recording.recording import read_recording

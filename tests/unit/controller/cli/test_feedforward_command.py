@@ -14,7 +14,8 @@ from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.setpoints import plan_legs
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.commissioning import Load, run_leg
-from armload_identification.excitation.fourier import Excitation, FourierTrajectory, read_excitation, write_excitation
+from armload_identification.excitation.excitation_file import read_excitation, write_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PayloadResult, Provenance
 

@@ -15,7 +15,8 @@ import pytest
 
 from armload_controller.cli.keyboard import Key, Keyboard, decode, press, told
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
-from armload_identification.excitation.fourier import Excitation, FourierTrajectory, write_excitation
+from armload_identification.excitation.excitation_file import write_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 
 PROGRAM = "from armload_controller.cli.entry import main; main()"
 

@@ -19,7 +19,8 @@ from armload_controller.motion.setpoints import plan_approach, plan_leg, plan_le
 from armload_controller.session.commissioning import run_leg
 from armload_drivers.driver_errors import BusError, CommandError, ServoFault, ServoTimeout
 from armload_drivers.servos import JointFeedback
-from armload_identification.excitation.fourier import Excitation, FourierTrajectory, format_excitation
+from armload_identification.excitation.excitation_file import format_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import Chain
 from armload_identification.recording.recording import EXCITATION_ATTACHMENT, read_recording

@@ -145,9 +145,9 @@ def test_links_that_may_touch_are_left_out(meshes):
 def test_a_configuration_is_checked_against_its_urdf_before_anything_moves(in_a_cell):
     in_a_cell().require_drivable("validation")
     fat = in_a_cell(tool_m=0.3)
-    with pytest.raises(ConfigurationError, match=r"excitation.validation = 'brings .* to tool \(meshes\) within"):
+    with pytest.raises(ConfigurationError, match=r"excitation.validation is 'brings .* to tool \(meshes\) within"):
         fat.require_drivable("validation")
-    with pytest.raises(ConfigurationError, match=r"workspace.urdf = 'other.urdf'"):
+    with pytest.raises(ConfigurationError, match=r"workspace.urdf is 'other.urdf'"):
         in_a_cell(keys='urdf = "other.urdf"').cell()
 
 

@@ -12,7 +12,8 @@ import pytest
 from armload_identification.excitation.design import DesignResult, design
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.design_search import PeriodRange
-from armload_identification.excitation.fourier import FourierTrajectory, format_excitation, parse_excitation
+from armload_identification.excitation.excitation_file import format_excitation, parse_excitation
+from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.information import Criterion, named_criterion
 from armload_identification.excitation.joint_strength import TorqueLimits
 from armload_identification.excitation.workspace import Box, HalfSpace, Sphere, Workspace

@@ -7,17 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armload_identification.excitation.fourier import (
-    Excitation,
-    FourierTrajectory,
+from armload_identification.excitation.excitation_file import (
     format_excitation,
-    fourier_basis,
     parse_excitation,
     read_excitation,
     write_excitation,
 )
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory, fourier_basis
 from armload_identification.excitation.limit_margins import LimitMargins
-from armload_identification.identification_errors import ExcitationError, ModelError
+from armload_identification.identification_errors import ExcitationFileError, ModelError
 
 pytestmark = pytest.mark.pure
 
@@ -179,7 +177,7 @@ GOOD = format_excitation(Excitation(trajectory(), 3, DESIGN, (0.02, 0.004), MARG
         (
             "base_frequency_hz = 0.1",
             "base_frequency_hz = 0.0",
-            ("excitation.base_frequency_hz", "0.0", "above 0"),
+            ("excitation.base_frequency_hz", "0.0", "greater than 0"),
         ),
         (
             "base_frequency_hz = 0.1",
@@ -212,19 +210,19 @@ def test_a_bad_file_is_refused_with_file_key_value_and_expectation(tmp_path, old
     path = tmp_path / "bad.toml"
     assert old in GOOD
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(ExcitationError) as caught:
+    with pytest.raises(ExcitationFileError) as caught:
         read_excitation(path)
     for word in (str(path), *words):
         assert word in str(caught.value)
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(ExcitationError, match=r"none\.toml: cannot be read"):
+    with pytest.raises(ExcitationFileError, match=r"none\.toml: cannot be read"):
         read_excitation(tmp_path / "none.toml")
 
 
 def test_no_file_is_left_where_it_would_not_read_back(tmp_path):
     path = tmp_path / "excitation.toml"
-    with pytest.raises(ExcitationError, match=r"design\.command is missing"):
+    with pytest.raises(ExcitationFileError, match=r"design\.command is missing"):
         write_excitation(path, Excitation(trajectory(), 3, {k: v for k, v in DESIGN.items() if k != "command"}))
     assert not path.exists()

@@ -173,7 +173,9 @@ def test_a_body_closer_to_impossible_than_the_margin_is_not_written(tmp_path):
     thin, plate = flat_body(1e-3), flat_body(1e-2)
     assert 0 < thin.margin < SMALLEST_MARGIN < plate.margin
     for body in (thin, flat_body(0.0)):
-        with pytest.raises(PayloadFileError, match=r"model is .*margin of its pseudo-inertia is .* 1e-06 is needed"):
+        with pytest.raises(
+            PayloadFileError, match=r"model is refused: .*margin of its pseudo-inertia is .* 1e-06 is needed"
+        ):
             write_payload(path, replace(result(), model=body))
         assert not path.exists()
     write_payload(path, replace(result(determined=(0,)), model=plate))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from armload_identification.excitation.fourier import Excitation, FourierTrajectory, format_excitation
+from armload_identification.excitation.excitation_file import format_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.recording import (
     EXCITATION_ATTACHMENT,

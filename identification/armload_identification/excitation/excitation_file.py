@@ -1,0 +1,194 @@
+"""The excitation file: a Fourier trajectory, how it was designed and what room it leaves, as TOML."""
+
+from __future__ import annotations
+
+from decimal import ROUND_FLOOR, Context
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, field_validator, model_validator
+
+from armload_identification.excitation.fourier import CRITERIA, Excitation, FourierTrajectory
+from armload_identification.excitation.limit_margins import LimitMargins
+from armload_identification.identification_errors import ExcitationFileError
+from armload_identification.storage import toml_text
+from armload_identification.storage.replace_file import replace_file
+from armload_identification.storage.strict_toml import (
+    BadValue,
+    NumberList,
+    NumberRows,
+    Table,
+    Text,
+    parse,
+    read_text,
+    require_shape,
+)
+
+_SIX_DIGITS_DOWN = Context(prec=6, rounding=ROUND_FLOOR)
+_Count = Annotated[int, Field(ge=1)]
+
+
+class _ExcitationTable(Table):
+    """The trajectory."""
+
+    base_frequency_hz: Annotated[float, Field(gt=0)]
+    harmonics: _Count
+    periods: _Count
+    offset_rad: NumberList
+    sin_rad: NumberRows
+    cos_rad: NumberRows
+
+
+class _DesignTable(Table):
+    """How it was designed."""
+
+    criterion: str
+    cost: float
+    condition_number: float
+    seed: Annotated[int, Field(ge=0)]
+    restarts: _Count
+    command: Text
+    armload_version: Text
+    history: NumberList | None = None
+
+    @field_validator("criterion")
+    @classmethod
+    def _one_that_exists(cls, name: str) -> str:
+        if name not in CRITERIA:
+            raise BadValue("", name, f"expected one of {', '.join(CRITERIA)}")
+        return name
+
+
+class _MarginsTable(Table):
+    """Room to each limit, per joint, and to each obstacle."""
+
+    position_rad: NumberList
+    velocity_rad_s: NumberList
+    acceleration_rad_s2: NumberList
+    jerk_rad_s3: NumberList
+    torque_nm: NumberList
+    clearance_m: dict[str, float] = Field(default={})
+
+
+_MARGINS = tuple(name for name in _MarginsTable.model_fields if name != "clearance_m")
+"""Those of one number per joint."""
+
+
+class _ExcitationFile(Table):
+    """The whole file."""
+
+    excitation: _ExcitationTable
+    design: _DesignTable | None = None
+    margins: _MarginsTable | None = None
+
+    @model_validator(mode="after")
+    def _one_row_per_joint(self) -> _ExcitationFile:
+        table = self.excitation
+        n = len(table.offset_rad)
+        require_shape("excitation.sin_rad", table.sin_rad, (n, table.harmonics))
+        require_shape("excitation.cos_rad", table.cos_rad, (n, table.harmonics))
+        if self.margins is not None:
+            for name in _MARGINS:
+                require_shape(f"margins.{name}", getattr(self.margins, name), (n,))
+        return self
+
+
+def read_excitation(path: Path) -> Excitation:
+    """Read an excitation file.
+
+    Args:
+        path: TOML with `[excitation]` and, if designed, `[design]` and `[margins]`.
+
+    Raises:
+        ExcitationFileError: not readable, or wrong, naming file, key, value and what was expected.
+    """
+    return parse_excitation(read_text(path, ExcitationFileError), str(path))
+
+
+def parse_excitation(content: str, source: str = "excitation") -> Excitation:
+    """An excitation from the text of its file.
+
+    Args:
+        content: TOML.
+        source: What messages call it.
+
+    Raises:
+        ExcitationFileError: naming source, key, value and what was expected.
+    """
+    tables = parse(content, source, _ExcitationFile, ExcitationFileError)
+    table, design, margins = tables.excitation, tables.design, tables.margins
+    return Excitation(
+        FourierTrajectory(table.base_frequency_hz, table.offset_rad, table.sin_rad, table.cos_rad),
+        table.periods,
+        {} if design is None else design.model_dump(exclude={"history"}),
+        () if design is None or design.history is None else tuple(design.history.tolist()),
+        None
+        if margins is None
+        else LimitMargins(**{name: getattr(margins, name) for name in _MARGINS}, clearance_m=margins.clearance_m),
+    )
+
+
+def format_excitation(excitation: Excitation) -> str:
+    """The text of an excitation's file; `parse_excitation` gives back the same trajectory.
+
+    Args:
+        excitation: What to write. The design's history is rounded to five digits, the margins down to six.
+    """
+    trajectory = excitation.trajectory
+    lines = [
+        "# q_i(t) = offset_i + sum_k sin_ik sin(2 pi k f t) + cos_ik cos(2 pi k f t), one row per joint",
+        "[excitation]",
+        f"base_frequency_hz = {toml_text.number(trajectory.base_frequency_hz)}",
+        f"harmonics = {trajectory.harmonics}",
+        f"periods = {excitation.periods}",
+        f"offset_rad = {toml_text.array(trajectory.offset_rad)}",
+        f"sin_rad = {toml_text.array(trajectory.sin_rad)}",
+        f"cos_rad = {toml_text.array(trajectory.cos_rad)}",
+    ]
+    if excitation.design:
+        lines += ["", "[design]", *(f"{key} = {_value(value)}" for key, value in excitation.design.items())]
+        if excitation.history:
+            lines.append(f"history = [{', '.join(repr(float(f'{c:.5g}')) for c in excitation.history)}]")
+    if excitation.margins is not None:
+        lines += ["", *_margin_lines(excitation.margins)]
+    return "\n".join(lines) + "\n"
+
+
+def write_excitation(path: Path, excitation: Excitation) -> None:
+    """Write an excitation file.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        excitation: What to write.
+
+    Raises:
+        ExcitationFileError: what would be written does not read back, or the file cannot be written.
+    """
+    content = format_excitation(excitation)
+    parse_excitation(content, str(path))
+    try:
+        replace_file(path, content)
+    except OSError as problem:
+        raise ExcitationFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
+
+
+def _margin_lines(margins: LimitMargins) -> list[str]:
+    """`[margins]`, rounded down to six digits."""
+    rows = ["# room left at any time, within what the design may use of each limit", "[margins]"]
+    rows += [f"{name} = [{', '.join(_rounded_down(v) for v in getattr(margins, name))}]" for name in _MARGINS]
+    if margins.clearance_m:
+        near = {toml_text.text(name): _rounded_down(value) for name, value in margins.clearance_m.items()}
+        rows.append(f"clearance_m = {toml_text.inline(near)}")
+    return rows
+
+
+def _rounded_down(value: float) -> str:
+    """Six digits, never more than the value."""
+    return repr(float(_SIX_DIGITS_DOWN.create_decimal(repr(float(value)))))
+
+
+def _value(value: str | float) -> str:
+    """A text, a whole number or a float as TOML."""
+    if isinstance(value, str):
+        return toml_text.text(value)
+    return str(int(value)) if isinstance(value, int) else toml_text.number(value)

@@ -1,0 +1,273 @@
+"""Strict TOML: tables as pydantic models, and one sentence for whatever is wrong with a file.
+
+Every key is known, every number finite and of its type, nothing is converted. An error names the file, the key, the
+value found and what was expected; for an unknown key also the nearest one that exists, for a missing key the nearest
+one that is there. The same reader serves robots' files and the files of results.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+FileErrorClass = Callable[[str, str, object, str], Exception]
+"""An error made from file, key, value found and what was expected."""
+
+_KEYS_ALIKE = 0.6
+"""Similarity (`difflib`) from which one key may be meant where another stands."""
+
+_WANTED = {
+    "model_type": "expected a table",
+    "dict_type": "expected a table",
+    "list_type": "expected a list",
+    "string_type": "expected a text in quotes",
+    "string_too_short": "expected a text that is not empty",
+    "bool_type": "expected true or false",
+    "int_type": "expected a whole number",
+    "float_type": "expected a number",
+    "finite_number": "expected a finite number",
+    "greater_than": "expected a number greater than {gt:g}",
+    "greater_than_equal": "expected at least {ge:g}",
+    "less_than": "expected a number less than {lt:g}",
+    "less_than_equal": "expected at most {le:g}",
+    "too_short": "expected at least {min_length} items",
+    "too_long": "expected at most {max_length} items",
+    "literal_error": "expected {expected}",
+}
+"""What was expected, by pydantic's type of error."""
+
+Text = Annotated[str, Field(min_length=1)]
+"""A text that is not empty."""
+
+
+class Table(BaseModel):
+    """A table in which every key is known and every number a finite number."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+_Tables = TypeVar("_Tables", bound=Table)
+
+
+class BadValue(ValueError):
+    """Raised by a table's validator for one of the keys inside the table.
+
+    Attributes:
+        key: Dotted path of the key within the table.
+        found: The value; None where the key is missing.
+        expected: What would have been accepted, as the end of a sentence.
+    """
+
+    def __init__(self, key: str, found: object, expected: str) -> None:
+        super().__init__(f"{key}: {expected}")
+        self.key = key
+        self.found = found
+        self.expected = expected
+
+
+def read_text(path: Path, error: FileErrorClass) -> str:
+    """The text of a file in UTF-8.
+
+    Args:
+        path: The file.
+        error: What is raised.
+
+    Raises:
+        Exception: made by `error`; no such file, no permission, or not UTF-8.
+    """
+    try:
+        return path.read_bytes().decode("utf-8")
+    except OSError as problem:
+        raise error(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
+    except UnicodeDecodeError as problem:
+        raise error(
+            str(path), "", None, f"cannot be read: no UTF-8, {problem.reason} at byte {problem.start}"
+        ) from problem
+
+
+def parse(content: str, source: str, tables: type[_Tables], error: FileErrorClass) -> _Tables:
+    """The tables of a TOML text.
+
+    Args:
+        content: TOML.
+        source: What messages call the file.
+        tables: The root table.
+        error: What is raised.
+
+    Raises:
+        Exception: made by `error`, naming file, key, value and what was expected.
+    """
+    try:
+        values = tomllib.loads(content)
+    except tomllib.TOMLDecodeError as problem:
+        raise error(source, "", None, f"no TOML: {problem}") from problem
+    except RecursionError:
+        raise error(source, "", None, "no TOML that can be read: its values are nested too deeply") from None
+    except ValueError as problem:  # an integer of more digits than Python converts
+        raise error(source, "", None, f"no TOML that can be read: {str(problem).partition(';')[0]}") from problem
+    return validated(values, source, tables, error)
+
+
+def validated(
+    values: Mapping[str, Any], source: str, tables: type[_Tables], error: FileErrorClass, within: str = ""
+) -> _Tables:
+    """Tables from values that were read already.
+
+    Args:
+        values: Value by key.
+        source: What messages call the origin of the values.
+        tables: The table that the values should make.
+        error: What is raised.
+        within: Key of that table, for messages.
+
+    Raises:
+        Exception: made by `error`, naming source, key, value and what was expected.
+    """
+    try:
+        return tables.model_validate(values)
+    except ValidationError as problem:
+        raise error(source, *_explained(problem, tables, within)) from problem
+
+
+def _number_list(value: object) -> NDArray[np.float64]:
+    """Finite numbers, at least one."""
+    if not (isinstance(value, list) and value and all(_is_finite(v) for v in value)):
+        raise BadValue("", value, "expected a list of finite numbers")
+    return np.array(value, dtype=np.float64)
+
+
+def _number_rows(value: object) -> NDArray[np.float64]:
+    """Rows of finite numbers, all of one length."""
+    rows = value if isinstance(value, list) else []
+    wide = {len(row) if isinstance(row, list) and all(_is_finite(v) for v in row) else 0 for row in rows}
+    if len(wide) != 1 or 0 in wide:
+        raise BadValue("", value, "expected lists of finite numbers, all of one length")
+    return np.array(value, dtype=np.float64)
+
+
+NumberList = Annotated[NDArray[np.float64], PlainValidator(_number_list)]
+"""(k,) finite numbers, k >= 1."""
+NumberRows = Annotated[NDArray[np.float64], PlainValidator(_number_rows)]
+"""(k, m) finite numbers, k and m >= 1."""
+
+
+def require_shape(key: str, found: NDArray[np.float64], shape: tuple[int, ...]) -> None:
+    """Refuse an array of another shape.
+
+    Raises:
+        BadValue: naming the key.
+    """
+    if found.shape != shape:
+        expected = " lists of ".join(str(size) for size in shape)
+        raise BadValue(key, found.tolist(), f"expected {expected} finite numbers")
+
+
+def _is_finite(value: object) -> bool:
+    """Whether a TOML value is a number that a float can hold."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    try:
+        return bool(np.isfinite(float(value)))
+    except OverflowError:
+        return False
+
+
+def _explained(problem: ValidationError, tables: type[Table], within: str) -> tuple[str, object, str]:
+    """Key, value found and what was expected for the first of the problems that pydantic found."""
+    problems = problem.errors(include_url=False)
+    first, more = problems[0], len(problems) - 1
+    key, found = _dotted((within, *first["loc"]) if within else first["loc"]), first["input"]
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, BadValue):
+        key = f"{key}.{cause.key}" if key and cause.key else key or cause.key
+        found, expected = cause.found, cause.expected
+    elif first["type"] == "missing":
+        found, expected = None, _required(first["loc"], tables)
+        stranger = _near_missing(first, tables)
+        if stranger is not None:
+            expected += f"; {stranger} is there, which is unknown: rename it"
+            more -= 1
+    elif first["type"] == "extra_forbidden":
+        expected = "unknown, there is no such key" + _near_unknown(first["loc"], tables)
+    else:
+        expected = _wanted(first)
+    if more:
+        expected += f" (and {more} more problem{'s' if more > 1 else ''} in this file)"
+    return key, found, expected
+
+
+def _wanted(problem: ErrorDetails) -> str:
+    """What was expected, in terms of TOML."""
+    limits = problem.get("ctx", {})
+    if problem["type"] == "value_error":
+        return str(limits["error"])
+    return _WANTED.get(problem["type"], problem["msg"]).format(**limits).replace(" 1 items", " 1 item")
+
+
+def _dotted(loc: Sequence[int | str]) -> str:
+    """Path of a key as a reader counts: the first joint is joints[1]."""
+    path = ""
+    for part in loc:
+        path += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if path else part
+    return path
+
+
+def _required(loc: Sequence[int | str], tables: type[Table]) -> str:
+    """What has to be there, of its kind."""
+    field = _fields_at(loc[:-1], tables)[str(loc[-1])]
+    return "the table is required" if _table_in(field.annotation) is not None else "it is required"
+
+
+def _near_missing(problem: ErrorDetails, tables: type[Table]) -> str | None:
+    """An unknown key of the same table that looks like the missing one."""
+    fields = _fields_at(problem["loc"][:-1], tables)
+    strangers = [key for key in problem["input"] if key not in fields]
+    return next(iter(difflib.get_close_matches(str(problem["loc"][-1]), strangers, n=1, cutoff=_KEYS_ALIKE)), None)
+
+
+def _near_unknown(loc: Sequence[int | str], tables: type[Table]) -> str:
+    """The nearest key of the same table, or the table that has this very key."""
+    key = str(loc[-1])
+    close = difflib.get_close_matches(key, _fields_at(loc[:-1], tables), n=1, cutoff=_KEYS_ALIKE)
+    if close:
+        return f": did you mean {close[0]}?"
+    owner = next((path for path, model in _all_tables(tables, "") if path and key in model.model_fields), None)
+    return f" here: it belongs to {owner}" if owner else ""
+
+
+def _fields_at(loc: Sequence[int | str], tables: type[Table]) -> Mapping[str, FieldInfo]:
+    """Keys of the table at a place; none where the place is no table."""
+    annotation: Any = tables
+    for part in loc:
+        model = _table_in(annotation)
+        if model is not None and part in model.model_fields:
+            annotation = model.model_fields[str(part)].annotation
+        elif model is not None:  # an entry of a list, or a name in a table of tables
+            annotation = model
+    model = _table_in(annotation)
+    return {} if model is None else model.model_fields
+
+
+def _all_tables(tables: type[BaseModel], path: str) -> Iterator[tuple[str, type[BaseModel]]]:
+    """Every table that may be in a file, with its dotted path."""
+    yield path, tables
+    for name, field in tables.model_fields.items():
+        inner = _table_in(field.annotation)
+        if inner is not None:
+            yield from _all_tables(inner, f"{path}.{name}" if path else name)
+
+
+def _table_in(annotation: Any) -> type[BaseModel] | None:
+    """The table in a type such as `list[X] | None`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((table for a in get_args(annotation) if (table := _table_in(a)) is not None), None)

@@ -1,0 +1,202 @@
+"""Strict TOML: what is wrong with a file is one sentence with file, key, value and the nearest key."""
+
+from typing import Annotated
+
+import pytest
+from pydantic import Field, model_validator
+
+from armload_identification.identification_errors import FileError
+from armload_identification.storage.strict_toml import (
+    BadValue,
+    NumberList,
+    NumberRows,
+    Table,
+    Text,
+    parse,
+    read_text,
+    validated,
+)
+
+
+class Drive(Table):
+    node_id: Annotated[int, Field(ge=1, le=127)]
+    rated_current_a: float
+
+
+class Joint(Table):
+    name: Text
+    velocity_max_rad_s: float
+    jerk_max_rad_s3: float = 1.0
+    drive: Drive | None = None
+
+    @model_validator(mode="after")
+    def _checked(self):
+        if self.velocity_max_rad_s > 100.0:
+            raise BadValue("velocity_max_rad_s", self.velocity_max_rad_s, "expected rad/s, not degrees")
+        return self
+
+
+class Arm(Table):
+    joints: list[Joint]
+    tools: dict[str, Drive] = Field(default={})
+    offset: NumberList | None = None
+    rows: NumberRows | None = None
+
+
+GOOD = """
+[[joints]]
+name = "a"
+velocity_max_rad_s = 2.0
+[[joints]]
+name = "b"
+velocity_max_rad_s = 3
+[joints.drive]
+node_id = 2
+rated_current_a = 1.0
+"""
+
+
+def refused(content: str) -> FileError:
+    with pytest.raises(FileError) as caught:
+        parse(content, "arm.toml", Arm, FileError)
+    return caught.value
+
+
+def test_what_is_right_is_read():
+    arm = parse(GOOD + "[tools.saw]\nnode_id = 3\nrated_current_a = 2.0\n", "arm.toml", Arm, FileError)
+    assert [joint.velocity_max_rad_s for joint in arm.joints] == [2.0, 3.0]
+    assert arm.tools["saw"].node_id == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "node_id = 2",
+            "node_id = 200",
+            "arm.toml: joints[2].drive.node_id is 200: expected at most 127",
+        ),
+        (
+            "node_id = 2",
+            "node_id = 2.0",
+            "arm.toml: joints[2].drive.node_id is 2.0: expected a whole number",
+        ),
+        (
+            "velocity_max_rad_s = 3",
+            "velocity_max_rad_s = true",
+            "arm.toml: joints[2].velocity_max_rad_s is True: expected a number",
+        ),
+        (
+            "velocity_max_rad_s = 3",
+            "velocity_max_rad_s = 300",
+            "arm.toml: joints[2].velocity_max_rad_s is 300.0: expected rad/s, not degrees",
+        ),
+        ('name = "b"', 'name = ""', "arm.toml: joints[2].name is '': expected a text that is not empty"),
+        (
+            'name = "b"',
+            "name = 1979-05-27",
+            "arm.toml: joints[2].name is datetime.date(1979, 5, 27): expected a text in quotes",
+        ),
+        ("node_id = 2", "", "arm.toml: joints[2].drive.node_id is missing: it is required"),
+        (
+            "velocity_max_rad_s = 3",
+            "velocity_max_rads = 3",
+            "arm.toml: joints[2].velocity_max_rad_s is missing: it is required; velocity_max_rads is there, which is "
+            "unknown: rename it",
+        ),
+        (
+            'name = "b"',
+            'name = "b"\njerk_max = 3.0',
+            "arm.toml: joints[2].jerk_max is 3.0: unknown, there is no such key: did you mean jerk_max_rad_s3?",
+        ),
+        (
+            "[joints.drive]",
+            "[joints.drives]",
+            "arm.toml: joints[2].drives is refused: unknown, there is no such key: did you mean drive?",
+        ),
+        (
+            "rated_current_a = 1.0",
+            "rated_current_a = 1.0\njerk_max_rad_s3 = 3.0",
+            "arm.toml: joints[2].drive.jerk_max_rad_s3 is 3.0: unknown, there is no such key here: "
+            "it belongs to joints",
+        ),
+        (
+            "rated_current_a = 1.0",
+            "rated_current_a = 1.0\n[tools.name]\nnode_id = 3\nrated_current = 1.0",
+            "arm.toml: tools.name.rated_current_a is missing: it is required; rated_current is there, which is "
+            "unknown: rename it",
+        ),
+        (
+            "rated_current_a = 1.0",
+            "rated_current_a = 1.0\n[tools]\nsaw = 3",
+            "arm.toml: tools.saw is 3: expected a table",
+        ),
+    ],
+)
+def test_one_sentence_names_file_key_value_and_fix(old, new, message):
+    assert old in GOOD
+    assert str(refused(GOOD.replace(old, new, 1))) == message
+
+
+def test_the_other_problems_of_a_file_are_counted():
+    wrong = GOOD.replace("velocity_max_rad_s = 2.0", "").replace("node_id = 2", "node_id = 0")
+    assert str(refused(wrong)) == (
+        "arm.toml: joints[1].velocity_max_rad_s is missing: it is required (and 1 more problem in this file)"
+    )
+
+
+@pytest.mark.parametrize("value", ["[]", "[1.0, nan]", "[true]", "3", "[[1.0]]", f"[0x{'f' * 300}]"])
+def test_a_list_of_numbers_holds_finite_numbers(value):
+    error = refused(f"offset = {value}\n{GOOD}")
+    assert (error.key, error.expected) == ("offset", "expected a list of finite numbers")
+
+
+@pytest.mark.parametrize("value", ["[]", "[[]]", "[[1.0], [1.0, 2.0]]", "[1.0]", "[[1.0], [inf]]", '"x"'])
+def test_rows_of_numbers_are_of_one_length(value):
+    error = refused(f"rows = {value}\n{GOOD}")
+    assert (error.key, error.expected) == ("rows", "expected lists of finite numbers, all of one length")
+
+
+HOSTILE = {
+    "lists nested": "a = " + "[" * 100_000 + "]" * 100_000,
+    "lists nested to where Python can still read them": "offset = " + "[" * 300 + "]" * 300,
+    "tables nested": "a = " + "{b = " * 10_000 + "1" + "}" * 10_000,
+    "dotted keys": ".".join(["a"] * 10_000) + " = 1",
+    "a known key, dotted": "joints." + ".".join(["a"] * 10_000) + " = 1",
+    "an integer of a million digits": "joints = " + "9" * 1_000_000,
+    "a hexadecimal integer of a million digits": "joints = 0x" + "f" * 1_000_000,
+    "an integer that no float holds": f"[[joints]]\nname = 'a'\nvelocity_max_rad_s = {'9' * 4000}",
+    "a float beyond all": "[[joints]]\nname = 'a'\nvelocity_max_rad_s = 1e999",
+    "a key of a million letters": "a" * 1_000_000 + " = 1",
+    "a text of a million letters": f"joints = '{'a' * 1_000_000}'",
+    "a list of a million numbers": f"[[joints]]\nname = [{'1,' * 1_000_000}]",
+    "a zero byte": "joints = 1\x00",
+    "a byte order mark": f"\ufeff{GOOD}",
+    "nothing": "",
+}
+
+
+@pytest.mark.parametrize("content", HOSTILE.values(), ids=HOSTILE.keys())
+def test_a_hostile_file_is_one_short_sentence(content):
+    message = str(refused(content))
+    assert message.startswith("arm.toml: ")
+    assert len(message) < 600
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize("data", [b"\xff\xfe", b'name = "\xc3\x28"', b"\x80" * 10_000])
+def test_what_is_no_utf_8_is_one_sentence(tmp_path, data):
+    path = tmp_path / "arm.toml"
+    path.write_bytes(data)
+    with pytest.raises(FileError, match=r"arm\.toml: cannot be read: no UTF-8, .* at byte \d+$"):
+        read_text(path, FileError)
+
+
+def test_what_cannot_be_opened_is_one_sentence(tmp_path):
+    with pytest.raises(FileError, match=r"cannot be read: Is a directory$"):
+        read_text(tmp_path, FileError)
+
+
+def test_values_from_elsewhere_are_checked_the_same_way():
+    with pytest.raises(FileError, match=r"command line: drive\.node_id is 0: expected at least 1"):
+        validated({"node_id": 0, "rated_current_a": 1.0}, "command line", Drive, FileError, within="drive")
