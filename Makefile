@@ -1,7 +1,11 @@
-# Everything runs in .venv, which is built once from requirements.lock and rebuilt when that file changes.
-PYTHON ?= python3
-ROBOT  ?= er50
-BIN    := .venv/bin
+# Everything runs in .venv, which is built once from requirements.lock and rebuilt when that file changes. The compiled
+# kernels are rebuilt when one of their C files changes.
+PYTHON  ?= python3
+ROBOT   ?= er50
+BIN     := .venv/bin
+PIP     := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+CORE    := identification/armload_core
+KERNELS := $(CORE)/kernels.abi3.so
 
 .PHONY: commission test env lint bench paper accuracy lock
 
@@ -11,12 +15,15 @@ commission: env
 test: env
 	$(BIN)/python -m pytest
 
-env: .venv/.ready
+env: $(KERNELS)
 
-.venv/.ready: requirements.lock pyproject.toml
+$(KERNELS): .venv/.requirements pyproject.toml $(wildcard $(CORE)/source/*.[ch]) $(CORE)/source/build_extension.py
+	$(PIP) --no-deps --no-build-isolation --editable .
+	touch $@
+
+.venv/.requirements: requirements.lock
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(PIP) --require-hashes --no-deps -r requirements.lock
 	touch $@
 
 lint: env

@@ -1,7 +1,7 @@
-"""The exported C beside the feed-forward's numba kernel called from Python, on the same arm and the same states.
+"""The exported C beside the feed-forward called from Python, on the same arm and the same states.
 
-The C is timed by a compiled loop of its own, as a control loop in C calls it; the kernel by a loop in Python. Rounds
-are interleaved, so that a busy machine is busy for all of them; medians.
+The C is timed by a compiled loop of its own, as a control loop in C calls it; the feed-forward by a loop in Python.
+Rounds are interleaved, so that a busy machine is busy for all of them; medians.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from armload_controller.export.c99 import export_c
 from armload_controller.export.subject import ExportSubject
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_identification.model.payload import PayloadResult, Provenance
-from armload_identification.model.regressor import FEEDFORWARD_ROWS, feedforward_model, payload_torque_into
 
 ROUNDS = 15
 C_CALLS = 200_000
@@ -66,22 +65,18 @@ def run() -> None:
     subject = _subject()
     states = np.random.default_rng(0).uniform(-1.5, 1.5, (STATES, 3, subject.chain.n))
     feedforward = PayloadFeedforward(subject.chain, subject.payload.model)
-    model = feedforward_model(subject.chain, subject.payload.model.theta)
-    work = np.zeros((FEEDFORWARD_ROWS, subject.chain.n))
     with tempfile.TemporaryDirectory() as folder:
         program = _compile(Path(folder), compiler, subject, states)
-        c_s, kernel_s, object_s = [], [], []
+        c_s, object_s = [], []
         for _ in range(ROUNDS):
             done = subprocess.run([program], capture_output=True, text=True, check=True)
             duration, *torque = (float(word) for word in done.stdout.split())
             c_s.append(duration)
-            kernel_s.append(_seconds(lambda: payload_torque_into(model, *states[-1], work)))
             object_s.append(_seconds(lambda: feedforward.torque_nm(*states[-1])))
     error_nm = np.abs(np.array(torque) - feedforward.torque_nm(*states[-1])).max()
     print(f"\nPayload torque, one sample of {subject.chain.n} joints, er50; median of {ROUNDS} rounds")
     rows = {
         "armload export --format c, gcc -O2, called from C": median(c_s),
-        "numba kernel payload_torque_into, called from Python": median(kernel_s),
         "PayloadFeedforward.torque_nm, called from Python": median(object_s),
     }
     for name, seconds in rows.items():

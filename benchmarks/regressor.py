@@ -16,12 +16,7 @@ from armload_controller.config.robot import load_robot
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
-from armload_identification.model.regressor import (
-    FEEDFORWARD_ROWS,
-    feedforward_model,
-    payload_regressor,
-    payload_torque_into,
-)
+from armload_identification.model.regressor import payload_regressor
 
 SAMPLES = 2000
 BATCH_CALLS = 4
@@ -84,12 +79,7 @@ def _single(
     body = pin.Inertia(payload.mass_kg, center, inertia)
     loaded.inertias[chain.n] = pin.SE3(chain.flange[:3, :3], chain.flange[:3, 3]).act(body)
     empty_data, loaded_data = empty.createData(), loaded.createData()
-    packed = feedforward_model(chain, payload.theta)
-    work = np.zeros((FEEDFORWARD_ROWS, chain.n))
     feedforward = PayloadFeedforward(chain, payload)
-
-    def ours() -> None:
-        payload_torque_into(packed, q, dq, ddq, work)
 
     def through_the_class() -> None:
         feedforward.torque_nm(q, dq, ddq)
@@ -102,13 +92,12 @@ def _single(
         pin.rnea(empty, empty_data, q, dq, ddq)
 
     candidates: dict[str, Callable[[], object]] = {
-        "armload payload_torque_into": ours,
         "armload PayloadFeedforward.torque_nm": through_the_class,
         "two pin.rnea, without the subtraction": two_rnea_alone,
         "two pin.rnea and their difference": two_rnea,
     }
     _print(candidates, _times(candidates, SINGLE_ROUNDS, SINGLE_CALLS), 1e6, "us")
-    print(f"  greatest difference between them: {np.abs(work[0] - two_rnea()).max():.1e} N m")
+    print(f"  greatest difference between them: {np.abs(feedforward.torque_nm(q, dq, ddq) - two_rnea()).max():.1e} N m")
 
 
 def _times(candidates: dict[str, Callable[[], object]], rounds: int, calls: int) -> list[float]:

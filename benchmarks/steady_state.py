@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import armload_controller.motion.setpoints
+import armload_core
 import armload_drivers.cia402.drive_units
 import armload_drivers.simulation.mujoco_model
 import armload_drivers.simulation.mujoco_plant
@@ -47,8 +48,12 @@ _MODULES = (
     armload_controller.motion.setpoints,
     armload_identification.excitation.fourier,
 )
-_SOURCES = (Path(__file__), *(Path(str(module.__file__)) for module in _MODULES))
-_LIBRARIES = ("mujoco", "numpy", "numba", "ruckig")
+_SOURCES = (
+    Path(__file__),
+    Path(str(armload_core.__file__)).parent / "source" / "servo_loops.c",
+    *(Path(str(module.__file__)) for module in _MODULES),
+)
+_LIBRARIES = ("mujoco", "numpy", "ruckig")
 _SETTLED = 0.25
 """Share of the first period in which the start may still show; only what comes behind is compared."""
 

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
-from armload_drivers.simulation import servo_loops as servo
+from armload_drivers.simulation import servo_loops
 from armload_drivers.simulation.mujoco_model import TIME_STEP_S, build_model
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant
 
@@ -86,20 +87,29 @@ class ArmPlant:
         self._data = built.data
         self._hinges = built.hinges_per_joint
         self._to_axis = np.ascontiguousarray(np.linalg.inv(spec.coupling))
-        self._parameter = _parameters(spec, built.axis_inertia_kg_m2)
         self._noise_nm = np.array([joint.torque_noise_nm for joint in spec.joints])
         self._random = np.random.default_rng(spec.seed)
         self._step = 0
 
-        # Views into MuJoCo's memory: taken once, a lookup costs more than the kernel.
+        # Views into MuJoCo's memory, which stays where it is
         self._position = self._data.qpos
         self._velocity = self._data.qvel
-        self._applied = self._data.qfrc_applied
-        self._friction = self._model.dof_frictionloss
         self._link_torque = np.zeros(self._model.nv)
         self._mujoco.mj_rne(self._model, self._data, 0, self._link_torque)
 
-        self._state = np.zeros((servo.STATES, self.n))
+        self._state = np.zeros((kernels.SERVO_STATES, self.n))
+        self._parameter = _parameters(spec, built.axis_inertia_kg_m2)
+        self._servos = kernels.ServoLoops(
+            self._parameter,
+            self._state,
+            self._to_axis,
+            self._position,
+            self._velocity,
+            self._link_torque,
+            self._data.qfrc_applied,
+            self._model.dof_frictionloss,
+            servo_loops.GREATEST_SPEED_RAD_S,
+        )
         for axis in range(self.n):
             self.set_powered(axis, False)
 
@@ -119,20 +129,9 @@ class ArmPlant:
         """
         steps = math.floor(time_s / TIME_STEP_S + STEP_TOLERANCE)
         step_once, rne, model, data = self._mujoco.mj_step, self._mujoco.mj_rne, self._model, self._data
+        close_loops = self._servos.step
         while self._step < steps:
-            sane = servo.servo_step(
-                self._parameter,
-                self._state,
-                self._to_axis,
-                self._position,
-                self._velocity,
-                self._link_torque,
-                self._applied,
-                self._friction,
-                self._hinges,
-                self._step,
-            )
-            if not sane:
+            if not close_loops(self._step):
                 self._raise_diverged()
             step_once(model, data)
             rne(model, data, 1, self._link_torque)
@@ -160,7 +159,7 @@ class ArmPlant:
             axis: Index of the axis.
             over_s: Time to stop in.
         """
-        begin, finish, first, steps, slowing = self._state[: servo.RAMP_SLOWING + 1, axis]
+        begin, finish, first, steps, slowing = self._state[: kernels.SERVO_RAMP_SLOWING + 1, axis]
         elapsed = self._step - first
         speed = 0.0
         # A ramp that ends at this very instant is still in motion: targets arrive at SYNC.
@@ -168,7 +167,7 @@ class ArmPlant:
             left = 1.0 - elapsed / steps
             speed = (finish - begin) / (steps * TIME_STEP_S) * (2.0 * left if slowing else 1.0)
         self._ramp(axis, self._demand(axis) + 0.5 * speed * over_s, over_s)
-        self._state[servo.RAMP_SLOWING, axis] = 1.0
+        self._state[kernels.SERVO_RAMP_SLOWING, axis] = 1.0
 
     def set_torque_offset(self, axis: int, torque_nm: float) -> None:
         """Have a torque added inside an axis's servo loop (60B2), from the next step on.
@@ -182,7 +181,7 @@ class ArmPlant:
         """
         if not math.isfinite(torque_nm):
             raise SimulationError(f"{self._spec.joints[axis].name}: the offset {torque_nm} is no torque")
-        self._state[servo.OFFSET, axis] = torque_nm
+        self._state[kernels.SERVO_OFFSET, axis] = torque_nm
 
     def set_powered(self, axis: int, on: bool) -> None:
         """Switch an axis's servo loop and torque on or off.
@@ -197,12 +196,12 @@ class ArmPlant:
         """
         state = self._state
         self._ramp(axis, self.hold_position(axis), 0.0)
-        state[servo.POWERED, axis] = float(on)
-        state[servo.BRAKED, axis] = float(not on and self._spec.joints[axis].has_brake)
+        state[kernels.SERVO_POWERED, axis] = float(on)
+        state[kernels.SERVO_BRAKED, axis] = float(not on and self._spec.joints[axis].has_brake)
         holding = float(self._spec.coupling[:, axis] @ self._link_torque[:: self._hinges])
-        state[servo.INTEGRAL, axis] = holding - state[servo.OFFSET, axis] if on else 0.0
+        state[kernels.SERVO_INTEGRAL, axis] = holding - state[kernels.SERVO_OFFSET, axis] if on else 0.0
         if not on:
-            state[servo.TORQUE, axis] = state[servo.TRUE_TORQUE, axis] = 0.0
+            state[kernels.SERVO_TORQUE, axis] = state[kernels.SERVO_TRUE_TORQUE, axis] = 0.0
 
     def hold_position(self, axis: int) -> float:
         """Where an axis is, for initialising targets.
@@ -232,25 +231,25 @@ class ArmPlant:
             axis_position_rad=self._to_axis @ motor_position,
             axis_velocity_rad_s=self._to_axis @ motor_velocity,
             axis_demand_rad=np.array([self._demand(axis) for axis in range(self.n)]),
-            axis_torque_nm=self._state[servo.TORQUE] + noise,
+            axis_torque_nm=self._state[kernels.SERVO_TORQUE] + noise,
             joint_position_rad=self._position.reshape(self.n, -1).sum(axis=1),
             joint_velocity_rad_s=self._velocity.reshape(self.n, -1).sum(axis=1),
-            joint_torque_nm=self._to_axis.T @ self._state[servo.TRUE_TORQUE],
+            joint_torque_nm=self._to_axis.T @ self._state[kernels.SERVO_TRUE_TORQUE],
             link_torque_nm=self._link_torque[:: self._hinges].copy(),
         )
 
     def _demand(self, axis: int) -> float:
         """Setpoint of an axis at this instant."""
-        return float(servo.setpoint(self._state, axis, self._step))
+        return self._servos.setpoint(axis, self._step)
 
     def _ramp(self, axis: int, position_rad: float, over_s: float) -> None:
         """Let an axis's setpoint go linearly from where it is to a position."""
         state = self._state
-        state[servo.RAMP_FROM, axis] = self._demand(axis)
-        state[servo.RAMP_TO, axis] = position_rad
-        state[servo.RAMP_BEGIN, axis] = self._step
-        state[servo.RAMP_STEPS, axis] = over_s / TIME_STEP_S
-        state[servo.RAMP_SLOWING, axis] = 0.0
+        state[kernels.SERVO_RAMP_FROM, axis] = self._demand(axis)
+        state[kernels.SERVO_RAMP_TO, axis] = position_rad
+        state[kernels.SERVO_RAMP_BEGIN, axis] = self._step
+        state[kernels.SERVO_RAMP_STEPS, axis] = over_s / TIME_STEP_S
+        state[kernels.SERVO_RAMP_SLOWING, axis] = 0.0
 
     def _raise_diverged(self) -> None:
         """Name the joint that ran away."""
@@ -263,28 +262,29 @@ class ArmPlant:
 
 
 def _parameters(spec: PlantSpec, axis_inertia_kg_m2: FloatArray) -> FloatArray:
-    """The servo kernel's constants (PARAMETERS, n)."""
+    """The servo loops' constants (SERVO_PARAMETERS, n)."""
     n = len(spec.joints)
-    velocity_gain = 2.0 * math.pi * servo.VELOCITY_BANDWIDTH_HZ * axis_inertia_kg_m2
-    parameter = np.zeros((servo.PARAMETERS, n))
-    parameter[servo.VELOCITY_GAIN] = velocity_gain
-    parameter[servo.INTEGRAL_GAIN] = velocity_gain * (TIME_STEP_S / servo.INTEGRAL_TIME_S)
+    velocity_gain = 2.0 * math.pi * servo_loops.VELOCITY_BANDWIDTH_HZ * axis_inertia_kg_m2
+    parameter = np.zeros((kernels.SERVO_PARAMETERS, n))
+    parameter[kernels.SERVO_POSITION_GAIN] = servo_loops.POSITION_GAIN_1_S
+    parameter[kernels.SERVO_VELOCITY_GAIN] = velocity_gain
+    parameter[kernels.SERVO_INTEGRAL_GAIN] = velocity_gain * (TIME_STEP_S / servo_loops.INTEGRAL_TIME_S)
     if spec.torque_gain_error is not None:
-        parameter[servo.GAIN_ERROR] = spec.torque_gain_error
+        parameter[kernels.SERVO_GAIN_ERROR] = spec.torque_gain_error
     if spec.torque_gain_drift_per_s is not None:
-        parameter[servo.GAIN_DRIFT] = spec.torque_gain_drift_per_s * TIME_STEP_S
+        parameter[kernels.SERVO_GAIN_DRIFT] = spec.torque_gain_drift_per_s * TIME_STEP_S
     for i, joint in enumerate(spec.joints):
-        parameter[servo.MAX_TORQUE, i] = joint.max_torque_nm
-        parameter[servo.RIPPLE, i] = joint.torque_ripple_nm
-        parameter[servo.RIPPLE_PER_RAD, i] = joint.ripple_per_motor_turn * joint.gear_ratio
-        parameter[servo.COULOMB, i] = joint.coulomb_nm * spec.friction_scale
-        parameter[servo.STRIBECK, i] = joint.stribeck_nm * spec.friction_scale
-        parameter[servo.STRIBECK_VELOCITY, i] = joint.stribeck_velocity_rad_s
-        parameter[servo.BRAKE, i] = BRAKE_FACTOR * joint.max_torque_nm
+        parameter[kernels.SERVO_MAX_TORQUE, i] = joint.max_torque_nm
+        parameter[kernels.SERVO_RIPPLE, i] = joint.torque_ripple_nm
+        parameter[kernels.SERVO_RIPPLE_PER_RAD, i] = joint.ripple_per_motor_turn * joint.gear_ratio
+        parameter[kernels.SERVO_COULOMB, i] = joint.coulomb_nm * spec.friction_scale
+        parameter[kernels.SERVO_STRIBECK, i] = joint.stribeck_nm * spec.friction_scale
+        parameter[kernels.SERVO_STRIBECK_VELOCITY, i] = joint.stribeck_velocity_rad_s
+        parameter[kernels.SERVO_BRAKE, i] = BRAKE_FACTOR * joint.max_torque_nm
         if spec.variant is PlantVariant.HARSH:
-            parameter[servo.LOSS_FORWARD, i] = 1.0 / servo.EFFICIENCY_FORWARD - 1.0
-            parameter[servo.LOSS_BACKWARD, i] = 1.0 - servo.EFFICIENCY_BACKWARD
+            parameter[kernels.SERVO_LOSS_FORWARD, i] = 1.0 / servo_loops.EFFICIENCY_FORWARD - 1.0
+            parameter[kernels.SERVO_LOSS_BACKWARD, i] = 1.0 - servo_loops.EFFICIENCY_BACKWARD
         else:
-            parameter[servo.LOSS_FORWARD, i] = joint.load_friction * spec.friction_scale
-            parameter[servo.LOSS_BACKWARD, i] = joint.load_friction * spec.friction_scale
+            parameter[kernels.SERVO_LOSS_FORWARD, i] = joint.load_friction * spec.friction_scale
+            parameter[kernels.SERVO_LOSS_BACKWARD, i] = joint.load_friction * spec.friction_scale
     return parameter

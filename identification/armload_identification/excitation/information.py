@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import CRITERIA, ROBUST_CRITERIA
-from armload_identification.excitation.information_kernels import information_into, slope_into
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
@@ -100,7 +100,7 @@ class Criterion:
         else:
             total, shares = float(np.mean(costs)), np.full(len(costs), 1.0 / len(costs))
         gain = np.ascontiguousarray(sum(share * part for share, part in zip(shares, gains, strict=True)))
-        slope_into(self.chain.packed, self._weight(period_s, len(q)), gain, q, dq, ddq, slope)
+        kernels.information_slope_into(self.chain.packed, self._weight(period_s, len(q)), gain, q, dq, ddq, slope)
         return total, slope
 
     def _weight(self, period_s: float, samples: int) -> FloatArray:
@@ -112,8 +112,8 @@ class Criterion:
     ) -> FloatArray:
         """(r, r) information about x."""
         information = np.empty((10, 10))
-        states = [np.ascontiguousarray(a) for a in (q, dq, ddq)]
-        information_into(self.chain.packed, self._weight(period_s, len(q)), *states, information)
+        q, dq, ddq = (np.ascontiguousarray(a) for a in (q, dq, ddq))
+        kernels.information_into(self.chain.packed, self._weight(period_s, len(q)), q, dq, ddq, information)
         return np.asarray(basis.T @ information @ basis)
 
     def _cost(self, value: FloatArray) -> float:

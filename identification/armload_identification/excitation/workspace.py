@@ -22,8 +22,8 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core import kernels
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.clearance import BOX_NUMBERS, clearances_into, slope_into
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
@@ -140,7 +140,7 @@ class Workspace:
             np.array([self._packed_sphere(s) for s in self.spheres]).reshape(-1, 4),
             np.ascontiguousarray(planes),
             np.array(meets[0], dtype=np.int64).reshape(-1, 2),
-            np.ascontiguousarray(boxes.reshape(-1, BOX_NUMBERS)),
+            np.ascontiguousarray(boxes.reshape(-1, kernels.BOX_NUMBERS)),
             np.array(meets[1], dtype=np.int64).reshape(-1, 2),
             np.array(pairs, dtype=np.int64).reshape(-1, 2),
         )
@@ -171,7 +171,7 @@ class Workspace:
         q = np.ascontiguousarray(q)
         out = np.empty((len(q), len(self.names)))
         if self.names:
-            clearances_into(self.chain.packed, self.chain.n, *self._packed, q, out)
+            kernels.clearances_into(self.chain.packed, *self._packed, q, out)
         return out
 
     def slope(self, weight: FloatArray, q: FloatArray) -> FloatArray:
@@ -187,7 +187,7 @@ class Workspace:
         q, weight = np.ascontiguousarray(q), np.ascontiguousarray(weight)
         slope = np.zeros_like(q)
         if self.names:
-            slope_into(self.chain.packed, self.chain.n, *self._packed, weight, q, slope)
+            kernels.clearance_slope_into(self.chain.packed, *self._packed, q, slope, weight)
         return slope
 
     def least(self, trajectory: FourierTrajectory) -> FloatArray:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 
@@ -19,17 +20,18 @@ _ROTATION_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Kinematics of an arm with n revolute joints, and the gravity that acts on it.
+    """Kinematics of an arm with n revolute joints, at most 16, and the gravity that acts on it.
 
     Attributes:
         placement: (n, 4, 4) joint frame at q = 0 in the previous joint's frame (the first: in the base).
         axis: (n, 3) unit vector of the joint axis in its own frame.
         flange: (4, 4) flange in the last joint's frame.
         gravity_m_s2: (3,) acceleration of gravity in the base frame, (0, 0, -9.81) on an upright arm.
-        packed: Everything above as one array for the kernels of `regressor`; not to be written to.
+        packed: Everything above as one array for the kernels of `armload_core`; read-only.
 
     Raises:
-        ModelError: a shape, an axis without direction, a matrix that is no pose, a number that is not finite.
+        ModelError: a shape, more joints than the kernels take, an axis without direction, a matrix that is no pose,
+            a number that is not finite.
     """
 
     placement: FloatArray
@@ -43,6 +45,8 @@ class Chain:
         n = placement.shape[0]
         if n == 0:
             raise ModelError("a chain needs at least one joint; placement is empty")
+        if n > kernels.MOST_JOINTS:
+            raise ModelError(f"a chain of {n} joints; expected at most {kernels.MOST_JOINTS}")
         axis = _array("axis", self.axis, (n, 3))
         flange = _array("flange", self.flange, (4, 4))
         gravity = _array("gravity_m_s2", self.gravity_m_s2, (3,))
@@ -210,11 +214,7 @@ def pose_from_xyz_rpy(xyz_m: ArrayLike, rpy_rad: ArrayLike) -> FloatArray:
 
 
 def _pack(placement: FloatArray, axis: FloatArray, flange: FloatArray, gravity: FloatArray) -> FloatArray:
-    """One array for the kernels, with every joint frame turned so that its axis is z.
-
-    Layout: -gravity (3) | per joint: rotation (9), position (3) | per joint: rotation (9) from the turned
-    frame back to the joint frame | flange in the turned last frame: rotation (9), position (3).
-    """
+    """One array for the kernels, with every joint frame turned so that its axis is z; layout: `chain.h`."""
     n = placement.shape[0]
     turn = [_turn_z_onto(a) for a in axis]
     before = [np.eye(3), *turn]
@@ -225,7 +225,9 @@ def _pack(placement: FloatArray, axis: FloatArray, flange: FloatArray, gravity: 
     parts.extend(r.T.ravel() for r in turn)
     parts.append((turn[-1].T @ flange[:3, :3]).ravel())
     parts.append(turn[-1].T @ flange[:3, 3])
-    return np.ascontiguousarray(np.concatenate(parts))
+    packed = np.concatenate(parts)
+    packed.flags.writeable = False
+    return packed
 
 
 def _turn_z_onto(axis: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 from armload_controller.config.robot import load_robot
+from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation.mujoco_model import build_model
@@ -589,7 +590,7 @@ class TestRefusals:
     def test_divergence_names_the_joint(self) -> None:
         plant = ArmPlant(arm(joint(name="runaway", max_torque_nm=1e6)))
         plant.set_powered(0, True)
-        plant._parameter[0] = 0.0
+        plant._parameter[kernels.SERVO_VELOCITY_GAIN] = 0.0
         plant.set_torque_offset(0, 1e5)
         with pytest.raises(SimulationError, match=r"diverged at 0\.\d+ s: runaway turns at"):
             plant.advance(1.0)

@@ -68,7 +68,7 @@ def test_the_robust_criteria_are_the_mean_and_the_greatest_over_the_set():
     assert mean.cost(*motion, PERIOD_S) == pytest.approx(np.mean(each))
     assert greatest.cost(*motion, PERIOD_S) == pytest.approx(max(each))
     smooth, _ = greatest.cost_and_slope(*motion, PERIOD_S)
-    assert max(each) <= smooth <= 1.023 * max(each)
+    assert max(each) * (1.0 - 1e-12) <= smooth <= 1.023 * max(each)  # rounding: the payloads are far apart
 
 
 def test_d_optimal_is_the_volume_of_the_errors_and_does_not_know_the_payload():

@@ -1,0 +1,92 @@
+"""Compile the kernels: a hatchling hook, and a program for checks with other flags.
+
+The extension uses the limited API, so that one file serves every CPython from 3.11 on. It is put beside its Python
+files, for the editable installation as for the wheel. The compiler is `CC`, `cc`, `gcc` or `clang`, whichever comes
+first, or else PyPI's `ziglang` if it is installed.
+
+    python identification/armload_core/source/build_extension.py FOLDER [FLAG ...]
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+SOURCE = Path(__file__).resolve().parent
+EXTENSION = "kernels.abi3.so"
+# samples side by side need -O3, fused multiply-add needs its own flag in ISO C; nothing here changes IEEE arithmetic
+FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=fast", "-fno-math-errno")
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
+
+
+class CustomBuildHook(BuildHookInterface[Any]):
+    """Compiles for hatchling, and marks the wheel as one for this platform and any CPython from 3.11 on."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile before the files are gathered."""
+        package = SOURCE.parent
+        compile_extension(package)
+        platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+        build_data["artifacts"].append(str((package / EXTENSION).relative_to(self.root)))
+        build_data["pure_python"] = False
+        build_data["tag"] = f"cp311-abi3-{platform}"
+
+
+def compile_extension(folder: Path, flags: tuple[str, ...] = ()) -> None:
+    """Compile into a folder; a process that has the old file loaded keeps it.
+
+    Args:
+        folder: Where the extension goes.
+        flags: More flags for the compiler.
+
+    Raises:
+        SystemExit: no compiler, no Python.h, or the compiler has failed.
+    """
+    include = sysconfig.get_path("include")
+    if not Path(include, "Python.h").is_file():
+        raise SystemExit(
+            f"armload's kernels are compiled for this Python, and its headers are missing: no Python.h in {include}. "
+            "Install them (Debian, Ubuntu: apt install python3-dev)."
+        )
+    fresh = folder / f".{EXTENSION}.{os.getpid()}"
+    sources = sorted(str(file) for file in SOURCE.glob("*.c"))
+    more = (*shlex.split(os.environ.get("CFLAGS", "")), *flags)
+    command = [*compiler(), *FLAGS, *WARNINGS, f"-I{include}", *more, *sources, "-lm", "-o", str(fresh)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    sys.stderr.write(done.stderr)
+    if done.returncode != 0:
+        raise SystemExit(f"armload's kernels were not compiled: {shlex.join(command[:1])} ended with {done.returncode}")
+    fresh.replace(folder / EXTENSION)
+
+
+def compiler() -> list[str]:
+    """The command of a C compiler.
+
+    Raises:
+        SystemExit: there is none.
+    """
+    if os.environ.get("CC"):
+        return shlex.split(os.environ["CC"])
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
+    if importlib.util.find_spec("ziglang"):
+        # without a target zig compiles for the processor at hand
+        return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
+    raise SystemExit(
+        "armload's kernels are written in C, and there is no C compiler. Install one (Debian, Ubuntu: apt install gcc) "
+        "or PyPI's (pip install ziglang)."
+    )
+
+
+if __name__ == "__main__":
+    compile_extension(Path(sys.argv[1]), tuple(sys.argv[2:]))

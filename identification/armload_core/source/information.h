@@ -1,0 +1,138 @@
+/* The information matrix of a motion and its derivative by the motion. Included after `body_columns.h`.
+
+   The derivative goes through the mechanics backwards once per group, where differences of the regressor took seven
+   times as long. */
+
+ENTRY void information(const double *packed, int n, const double *weight, ptrdiff_t samples, const double *q,
+                       const double *dq, const double *ddq, double *out)
+{
+    lanes sums[BODY_PARAMETERS][BODY_PARAMETERS];
+    memset(sums, 0, sizeof sums);
+    for (ptrdiff_t t = 0; t < samples; t += LANES) {
+        const group g = group_at(t, samples);
+        frame frames[MOST_JOINTS];
+        motion m;
+        lanes rows[MOST_JOINTS][BODY_PARAMETERS];
+        lanes counts = all(1.0);
+        for (int l = g.used; l < LANES; l++) {
+            counts[l] = 0.0;
+        }
+        gather_motion(&g, n, n, q, dq, ddq, &m);
+        forward_pass(packed, n, &m, frames);
+        flange_columns(packed, n, frames, rows);
+        for (int i = 0; i < n; i++) {
+            for (int k = 0; k < BODY_PARAMETERS; k++) {
+                const lanes left = counts * weight[i] * rows[i][k];
+                for (int j = 0; j <= k; j++) {
+                    sums[k][j] += left * rows[i][j];
+                }
+            }
+        }
+    }
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        for (int j = 0; j <= k; j++) {
+            out[BODY_PARAMETERS * k + j] = out[BODY_PARAMETERS * j + k] = total(sums[k][j]);
+        }
+    }
+}
+
+/* Motion, or force, of a body: angular and linear part. */
+typedef struct {
+    vec3 angular, linear;
+} screw;
+
+/* tr(gain dM) = sum_i <a_i, dPhi_i> with a_i = 2 W_i Phi_i gain: the torque at joint i of a body with the ten
+   parameters a_i. Written with the screws S_i = (z_i, v_i) of the joints in flange coordinates,
+
+       V = sum_i S_i dq_i,    dV = sum_i S_i ddq_i + sum_{i<j} (S_i x S_j) dq_i dq_j,    dS_i/dq_j = S_i x S_j, i < j,
+
+   and gone through backwards, by_x being the derivative by x (Griewank, Walther, Evaluating Derivatives, 2008). */
+ENTRY void information_slope(const double *packed, int n, const double *weight, const double *gain, ptrdiff_t samples,
+                             const double *q, const double *dq, const double *ddq, double *slope)
+{
+    const double *flange = flange_of(packed, n);
+    for (ptrdiff_t t = 0; t < samples; t += LANES) {
+        const group g = group_at(t, samples);
+        frame frames[MOST_JOINTS];
+        motion m;
+        lanes rows[MOST_JOINTS][BODY_PARAMETERS];
+        screw joint[MOST_JOINTS], ahead[MOST_JOINTS] /* sum of S_j dq_j over j > i */, by_joint[MOST_JOINTS];
+        lanes by_q[MOST_JOINTS], by_dq[MOST_JOINTS], by_ddq[MOST_JOINTS];
+        gather_motion(&g, n, n, q, dq, ddq, &m);
+        forward_pass(packed, n, &m, frames);
+        flange_columns(packed, n, frames, rows);
+
+        /* the screws in flange coordinates, and the twist (w, u) and acceleration (dw, a) they add up to */
+        const frame *last = frames + n - 1;
+        const rotation r = turned_rotation(&last->axes, flange);
+        const vec3 origin = sum(last->origin, turned_constant(&last->axes, flange[9], flange[10], flange[11]));
+        vec3 w = zero(), u = zero(), dw = zero(), a = zero();
+        for (int i = n - 1; i >= 0; i--) {
+            const vec3 axis = frames[i].axes.z;
+            const vec3 z = turned_back(&r, axis);
+            const vec3 v = turned_back(&r, cross(axis, difference(origin, frames[i].origin)));
+            joint[i] = (screw){z, v};
+            ahead[i] = (screw){w, u};
+            dw = sum(dw, sum(times(m.ddq[i], z), times(m.dq[i], cross(z, w))));
+            a = sum(a, sum(times(m.ddq[i], v), times(m.dq[i], sum(cross(z, u), cross(v, w)))));
+            w = sum(w, times(m.dq[i], z));
+            u = sum(u, times(m.dq[i], v));
+        }
+        /* what a body feels: gravity is an upward acceleration */
+        const vec3 upward = turned_back(&r, constant(packed));
+        a = sum(a, sum(cross(w, u), upward));
+
+        /* backwards through tau_i = v_i . F(a_i) + z_i . N(a_i) */
+        vec3 by_a = zero(), by_dw = zero(), by_w = zero();
+        for (int i = 0; i < n; i++) {
+            lanes body[BODY_PARAMETERS];
+            for (int c = 0; c < BODY_PARAMETERS; c++) {
+                body[c] = all(0.0);
+                for (int k = 0; k < BODY_PARAMETERS; k++) {
+                    body[c] += rows[i][k] * gain[BODY_PARAMETERS * k + c];
+                }
+                body[c] *= 2.0 * weight[i];
+            }
+            const lanes mass = body[0], *inertia = body + 4;
+            const vec3 first = {body[1], body[2], body[3]};
+            const vec3 z = joint[i].angular, v = joint[i].linear;
+            const vec3 inertia_w = tensor_times(inertia, w);
+            const lanes ws = dot(w, first), ww = dot(w, w), vw = dot(v, w), vs = dot(v, first);
+            by_joint[i].angular =
+                sum(sum(cross(first, a), tensor_times(inertia, dw)), cross(w, inertia_w));
+            by_joint[i].linear =
+                sum(sum(times(mass, a), cross(dw, first)), difference(times(ws, w), times(ww, first)));
+            by_a = sum(by_a, sum(times(mass, v), cross(z, first)));
+            by_dw = sum(by_dw, sum(cross(first, v), tensor_times(inertia, z)));
+            by_w = sum(by_w, sum(sum(times(ws, v), times(vw, first)), times(-2.0 * vs, w)));
+            by_w = sum(by_w, sum(cross(inertia_w, z), tensor_times(inertia, cross(z, w))));
+        }
+        by_w = sum(by_w, cross(u, by_a)); /* the acceleration holds w x u */
+        const vec3 by_u = cross(by_a, w);
+
+        /* backwards through twist and screws, from the first joint */
+        screw behind = {zero(), zero()}; /* sum of S_j dq_j over j < i */
+        screw moved = {zero(), zero()};  /* what q_i gains from the screws before it, which it moves */
+        for (int i = 0; i < n; i++) {
+            const vec3 z = joint[i].angular, v = joint[i].linear;
+            const vec3 rest_w = difference(ahead[i].angular, behind.angular);
+            const vec3 rest_u = difference(ahead[i].linear, behind.linear);
+            by_q[i] = dot(z, moved.angular) + dot(v, moved.linear) + dot(by_a, cross(upward, z));
+            by_dq[i] = dot(by_w, z) + dot(by_u, v) + dot(by_dw, cross(z, rest_w))
+                       + dot(by_a, sum(cross(z, rest_u), cross(v, rest_w)));
+            by_ddq[i] = dot(by_dw, z) + dot(by_a, v);
+            const vec3 angular =
+                sum(sum(by_joint[i].angular, times(m.ddq[i], by_dw)),
+                    times(m.dq[i], sum(by_w, sum(cross(rest_w, by_dw), cross(rest_u, by_a)))));
+            const vec3 linear = sum(sum(by_joint[i].linear, times(m.ddq[i], by_a)),
+                                    times(m.dq[i], sum(by_u, cross(rest_w, by_a))));
+            moved.angular = sum(moved.angular, sum(cross(angular, z), cross(linear, v)));
+            moved.linear = sum(moved.linear, cross(linear, z));
+            behind.angular = sum(behind.angular, times(m.dq[i], z));
+            behind.linear = sum(behind.linear, times(m.dq[i], v));
+        }
+        scattered(&g, by_q, n, slope, n, 0);
+        scattered(&g, by_dq, n, slope + samples * n, n, 0);
+        scattered(&g, by_ddq, n, slope + 2 * samples * n, n, 0);
+    }
+}

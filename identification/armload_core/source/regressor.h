@@ -1,0 +1,41 @@
+/* Regressors of many samples. Included after `body_columns.h`. */
+
+ENTRY void regressor(const double *packed, int n, int joints, ptrdiff_t samples, const double *q, const double *dq,
+                     const double *ddq, double *out)
+{
+    const int reached = joints == 0 ? n : joints;
+    for (ptrdiff_t t = 0; t < samples; t += LANES) {
+        const group g = group_at(t, samples);
+        frame frames[MOST_JOINTS];
+        motion m;
+        lanes rows[MOST_JOINTS][BODY_PARAMETERS];
+        gather_motion(&g, n, reached, q, dq, ddq, &m);
+        forward_pass(packed, reached, &m, frames);
+        if (joints == 0) {
+            flange_columns(packed, n, frames, rows);
+        } else {
+            body_columns(frames, joints, turned_of(packed, n, joints - 1), NULL, rows);
+        }
+        scattered(&g, rows[0], BODY_PARAMETERS * reached, out, BODY_PARAMETERS * n, 0);
+    }
+}
+
+ENTRY void body_regressor(const double *packed, int n, ptrdiff_t samples, const double *q, const double *dq,
+                          const double *ddq, double *out)
+{
+    const ptrdiff_t width = BODY_PARAMETERS * n;
+    for (ptrdiff_t t = 0; t < samples; t += LANES) {
+        const group g = group_at(t, samples);
+        frame frames[MOST_JOINTS];
+        motion m;
+        lanes rows[MOST_JOINTS][BODY_PARAMETERS];
+        gather_motion(&g, n, n, q, dq, ddq, &m);
+        forward_pass(packed, n, &m, frames);
+        for (int link = 1; link <= n; link++) {
+            body_columns(frames, link, turned_of(packed, n, link - 1), NULL, rows);
+            for (int i = 0; i < link; i++) {
+                scattered(&g, rows[i], BODY_PARAMETERS, out, n * width, i * width + BODY_PARAMETERS * (link - 1));
+            }
+        }
+    }
+}

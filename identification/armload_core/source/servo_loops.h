@@ -1,0 +1,62 @@
+/* One step of all servo loops and of the joints' friction in a simulated arm; the equations are in Python's
+   `servo_loops`. Arrays have a column per axis or joint; MuJoCo's have `hinges` numbers per joint, the first of which
+   is the motor's side. */
+
+#ifndef ARMLOAD_SERVO_LOOPS_H
+#define ARMLOAD_SERVO_LOOPS_H
+
+/* Rows of `parameter`, constant. */
+#define SERVO_PARAMETER_ROWS(ROW) \
+    ROW(POSITION_GAIN)            \
+    ROW(VELOCITY_GAIN)            \
+    ROW(INTEGRAL_GAIN) /* per time step */ \
+    ROW(MAX_TORQUE)               \
+    ROW(RIPPLE)                   \
+    ROW(RIPPLE_PER_RAD) /* of the axis */ \
+    ROW(GAIN_ERROR)               \
+    ROW(GAIN_DRIFT) /* per time step */ \
+    ROW(COULOMB)                  \
+    ROW(STRIBECK)                 \
+    ROW(STRIBECK_VELOCITY)        \
+    ROW(LOSS_FORWARD) /* per |link torque| */ \
+    ROW(LOSS_BACKWARD)            \
+    ROW(BRAKE)
+
+/* Rows of `state`. Those down to BRAKED are set from outside, the others by the step. */
+#define SERVO_STATE_ROWS(ROW) \
+    ROW(RAMP_FROM)            \
+    ROW(RAMP_TO)              \
+    ROW(RAMP_BEGIN) /* step number */ \
+    ROW(RAMP_STEPS)           \
+    ROW(RAMP_SLOWING) /* 0 or 1 */ \
+    ROW(OFFSET)               \
+    ROW(POWERED) /* 0 or 1 */ \
+    ROW(BRAKED) /* 0 or 1 */  \
+    ROW(INTEGRAL)             \
+    ROW(TORQUE) /* of the axis, as the drive believes */ \
+    ROW(TRUE_TORQUE) /* of the axis */
+
+#define AS_ENUM(name) SERVO_##name,
+enum { SERVO_PARAMETER_ROWS(AS_ENUM) SERVO_PARAMETERS };
+enum { SERVO_STATE_ROWS(AS_ENUM) SERVO_STATES };
+#undef AS_ENUM
+
+typedef struct {
+    int n, hinges;
+    const double *parameter;   /* (SERVO_PARAMETERS, n) */
+    double *state;             /* (SERVO_STATES, n) */
+    const double *to_axis;     /* (n, n) C^-1, from joint to axis */
+    const double *position;    /* (hinges n) rad */
+    const double *velocity;    /* (hinges n) rad/s */
+    const double *link_torque; /* (hinges n) N m, of links and payload */
+    double *applied;           /* (hinges n) N m, set */
+    double *friction;          /* (hinges n) N m, set */
+} servo_loops;
+
+/* Setpoint of an axis in rad: linear between two setpoints, or with a speed that falls evenly to zero; then held. */
+double servo_setpoint(const servo_loops *loops, int axis, double step);
+
+/* Close all loops once. Returns 0 where a joint's speed is not a number or not below `greatest_speed_rad_s`. */
+int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_s);
+
+#endif

@@ -1,0 +1,47 @@
+/* All batch kernels for one instruction set: included once by each `batch_*.c`, which defines
+
+       LANES      samples in one vector
+       TARGET     function attributes that name the instruction set, or nothing
+       VARIANT    name of the table of kernels, batch_...
+       NAME       its name as a string */
+
+#include <stdlib.h>
+
+#include "batch.h"
+#include "chain.h"
+
+#define INLINE static inline __attribute__((always_inline)) TARGET
+#define ENTRY static TARGET
+
+#include "lanes.h"
+#include "geometry.h"
+#include "frames.h"
+#include "body_columns.h"
+#include "regressor.h"
+#include "arm_torque.h"
+#include "information.h"
+#include "clearance.h"
+
+ENTRY void sines_cosines(ptrdiff_t count, const double *angle, double *sine, double *cosine)
+{
+    for (ptrdiff_t t = 0; t < count; t += LANES) {
+        const group g = group_at(t, count);
+        lanes s, c;
+        sine_cosine(gathered(&g, angle, 1, 0), &s, &c);
+        scattered(&g, &s, 1, sine, 1, 0);
+        scattered(&g, &c, 1, cosine, 1, 0);
+    }
+}
+
+const batch_kernels VARIANT = {
+    .name = NAME,
+    .regressor = regressor,
+    .body_regressor = body_regressor,
+    .arm_torque = arm_torque,
+    .arm_torque_slope = arm_torque_slope,
+    .information = information,
+    .information_slope = information_slope,
+    .clearances = clearances,
+    .clearance_slope = clearance_slope,
+    .sine_cosine = sines_cosines,
+};
