@@ -1,5 +1,5 @@
 # Everything runs in .venv, which is built once from requirements.lock and rebuilt when that file changes. The compiled
-# kernels are rebuilt when one of their C files changes.
+# kernels are rebuilt when one of their C files changes; where there is no C compiler, PyPI's is fetched.
 PYTHON  ?= python3
 ROBOT   ?= er50
 BIN     := .venv/bin
@@ -24,6 +24,8 @@ $(KERNELS): .venv/.requirements pyproject.toml $(wildcard $(CORE)/source/*.[ch])
 .venv/.requirements: requirements.lock
 	$(PYTHON) -m venv .venv
 	$(PIP) --require-hashes --no-deps -r requirements.lock
+	for cc in $$CC cc gcc clang; do command -v $$cc >/dev/null && exit; done; \
+	  $(PIP) --require-hashes --no-deps -r $(CORE)/source/compiler.lock
 	touch $@
 
 lint: env
