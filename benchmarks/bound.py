@@ -57,7 +57,7 @@ def bound_of(setup: Setup) -> FloatArray:
 def _columns(setup: Setup, result: Identification) -> FloatArray:
     """(K, n, p) regressor of an identification, nuisance columns included."""
     signal = result.signal
-    phi = payload_regressor(setup.chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
+    phi = payload_regressor(setup.chain, *signal.states)
     fit = result.plain
     weight = fit.sample_weight * fit.weight_1_nm
     nuisance = np.divide(

@@ -182,7 +182,7 @@ class TorqueWindow:
         model: TorqueModel | None,
     ) -> None:
         self._joint_names = joint_names
-        self._measured = JointTorque(transmission)
+        self._transmission = transmission
         self._share = cycle_s / (TORQUE_FILTER_S + cycle_s)
         self._model = model
         self._filtered: FloatArray | None = None
@@ -210,7 +210,7 @@ class TorqueWindow:
         self._calls += 1
         least, greatest = self._window
         before = 0.5 * (least + greatest) if self._filtered is None else self._filtered
-        self._filtered = before + self._share * (self._measured(step.feedback) - before)
+        self._filtered = before + self._share * (measured_torque(step.feedback, self._transmission) - before)
         excess = np.maximum(self._filtered - greatest, least - self._filtered)
         worst = int(np.argmax(excess))
         if not excess[worst] <= 0.0:
@@ -219,20 +219,15 @@ class TorqueWindow:
             )
 
 
-class JointTorque:
-    """Measured joint torque of a feedback, whichever way the drives tell it.
+def measured_torque(feedback: JointFeedback, transmission: Transmission) -> FloatArray:
+    """Measured joint torque of a feedback.
 
     Args:
+        feedback: Of one cycle.
         transmission: From motor current to joint torque.
+
+    Returns:
+        (n,) in N m; NaN where the drives report neither torque nor current.
     """
-
-    def __init__(self, transmission: Transmission) -> None:
-        self._from_current = np.linalg.inv(transmission.coupling).T * transmission.gain_nm_a
-
-    def __call__(self, feedback: JointFeedback) -> FloatArray:
-        """(n,) joint torque in N m; NaN where the drives tell neither torque nor current."""
-        if feedback.torque_nm is not None:
-            return feedback.torque_nm
-        if feedback.current_a is None:
-            return np.full(len(feedback.position_rad), np.nan)
-        return np.asarray(self._from_current @ feedback.current_a)
+    torque = transmission.measured(feedback.torque_nm, feedback.current_a)
+    return np.full(len(feedback.position_rad), np.nan) if torque is None else torque

@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_controller.control_errors import ControlError
-from armload_controller.cycle.monitors import JointTorque
+from armload_controller.cycle.monitors import measured_torque
 from armload_controller.cycle.plugins import CycleStep
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.robust_scale import deviation_by_median
 
 CHECK_SHARE = 0.2
 """Share of the payload's greatest torque that is tried."""
@@ -43,8 +44,6 @@ FADES = 4
 LEAST_FITS = 8
 MOST_FITS = 20
 """After so many a joint that is still not certain is left without feed-forward."""
-_MEDIAN_TO_SIGMA = 1.4826
-"""From a median absolute deviation to a standard deviation."""
 _MEDIAN_EFFICIENCY = 1.2533
 """Standard error of a median in terms of a mean's."""
 
@@ -140,7 +139,7 @@ class OffsetCheck:
         self, joint_names: tuple[str, ...], transmission: Transmission, tried_nm: FloatArray, cycle_s: float
     ) -> None:
         self._joint_names = joint_names
-        self._measured = JointTorque(transmission)
+        self._transmission = transmission
         self._tried = tried_nm
         self._told = tried_nm > SMALLEST_SHARE * tried_nm.max()
         self._fade = max(8, round(FADE_S / cycle_s))
@@ -154,7 +153,7 @@ class OffsetCheck:
         """Fade in and out, and evaluate; the first fades open the gate and are not."""
         if step.sent is not None and self._cycle > self._length:
             self._offset.append(step.sent.torque_offset_nm)
-            self._torque.append(self._measured(step.feedback))
+            self._torque.append(measured_torque(step.feedback, self._transmission))
             if len(self._offset) == self._length:
                 self._evaluate()
         if self.done():
@@ -175,7 +174,7 @@ class OffsetCheck:
         """What was found so far."""
         gains = np.array(self._gains)
         gain = np.median(gains, axis=0)
-        spread = np.maximum(_MEDIAN_TO_SIGMA * np.median(np.abs(gains - gain), axis=0), gains.std(axis=0))
+        spread = np.maximum(deviation_by_median(gains - gain), gains.std(axis=0))
         sigma = _MEDIAN_EFFICIENCY * spread / np.sqrt(len(gains))
         return OffsetVerdict(self._joint_names, self._tried, gain, np.where(self._told, sigma, np.inf), len(gains))
 

@@ -18,8 +18,8 @@ from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import Provenance
 from armload_identification.recording.recording import Recording, RecordingSource, check_joints, hashes_by_name
-from armload_identification.signals.arm_motion import arm_motion
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.motion import motion_of
 from armload_identification.verdict.sanity import check_run
 
 
@@ -128,9 +128,9 @@ def identify_body(
     motions = []
     for run in recordings:
         _require_usable(run, chain, transmission)
-        motions.append(arm_motion(run, transmission))
+        motions.append(motion_of(run, transmission))
     with threadpool_limits(1):  # threads would wait for each other: see `identification.identify`
-        fit = fit_body([motion.samples for motion in motions], chain, transmission.coupling, stribeck=stribeck)
+        fit = fit_body(motions, chain, transmission.coupling, stribeck=stribeck)
     gains = np.ones(chain.n) if recordings[0].torque_nm is not None else transmission.gain_nm_a
     return BodyIdentification(
         model=fit.model,
@@ -161,8 +161,8 @@ def check_body(body: BodyModel, recording: Recording, chain: Chain, transmission
         RecordingError: a recording that does not fit the arm or cannot be right.
     """
     _require_usable(recording, chain, transmission)
-    motion = arm_motion(recording, transmission).with_delay(body.torque_delay_s)
-    predicted = body.torque(chain, motion.position_rad, motion.velocity_rad_s, motion.acceleration_rad_s2)
+    motion = motion_of(recording, transmission).with_delay(body.torque_delay_s)
+    predicted = body.torque(chain, *motion.states)
     error = (motion.torque_nm - predicted)[motion.valid]
     return BodyCheck(
         error_rms_nm=np.sqrt(np.mean(error**2, axis=0)),

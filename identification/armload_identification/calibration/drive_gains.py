@@ -12,7 +12,7 @@ gains. An axis on which the payload hardly pulls keeps its nominal gain and is n
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -150,11 +150,10 @@ class _Problem:
     def __init__(self, signal: LoadSignal, chain: Chain, coupling: FloatArray, known: KnownPayload) -> None:
         self._signal, self._chain, self._coupling = signal, chain, coupling
         self._prior = known.prior()
-        self._regressor = payload_regressor(
-            chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2
-        )
+        self._regressor = payload_regressor(chain, *signal.states)
         self._measured = signal.torque_nm @ coupling
-        self._direction = smooth_sign(signal.velocity_rad_s, reversal_speed(signal.velocity_rad_s))
+        velocity = signal.states.velocity_rad_s
+        self._direction = smooth_sign(velocity, reversal_speed(velocity))
         self._start, self._difference = self._friction_by(np.zeros(chain.n), None)
         self._mass_kg = known.reference_mass_kg or self._start[0]
 
@@ -171,11 +170,7 @@ class _Problem:
     def _friction_by(self, log_h: FloatArray, prior: Prior | None) -> tuple[FloatArray, FrictionDifference]:
         """Payload and friction as some gains have them."""
         coupling = self._coupling
-        signal = replace(
-            self._signal,
-            torque_nm=self._by_gains(self._signal.torque_nm, log_h),
-            unloaded_nm=self._by_gains(self._signal.unloaded_nm, log_h),
-        )
+        signal = self._by_gains(log_h)
         arm = unloaded_body(signal, self._chain, coupling)
 
         def weighted(columns: FloatArray, expected: FloatArray, deviation: FloatArray) -> Estimate:
@@ -185,10 +180,10 @@ class _Problem:
         fit, friction = fit_with_friction(signal, self._regressor, self._chain, arm.model, weighted, arm)
         return fit.theta[:10], friction
 
-    def _by_gains(self, torque_nm: FloatArray, log_h: FloatArray) -> FloatArray:
-        """(K, n) joint torque by nominal gains as other gains have it."""
-        axes = (torque_nm @ self._coupling) * np.exp(-log_h)
-        return np.asarray(np.linalg.solve(self._coupling.T, axes.T).T, dtype=np.float64)
+    def _by_gains(self, log_h: FloatArray) -> LoadSignal:
+        """The signal as other gains than the nominal ones have it."""
+        back = np.linalg.inv(self._coupling)
+        return self._signal.with_torque_times(self._coupling * np.exp(-log_h) @ back)
 
     def _gauss_newton(self, free: NDArray[np.bool_]) -> _Solution:
         """Gauss-Newton; the body is fitted anew as the gains move, for its links' torque."""
@@ -209,7 +204,7 @@ class _Problem:
             if fitted_at is None or np.abs(log_h - fitted_at).max() > _BODY_SETTLED:
                 empty, fitted_at = self._links(log_h), log_h
             column = load_column(empty, self._regressor @ theta, self._direction)
-            own = np.concatenate([column, self._signal.velocity_rad_s], axis=1)
+            own = np.concatenate([column, self._signal.states.velocity_rad_s], axis=1)
             rubbing = own[:, None, :] * np.tile(self._coupling.T, 2)
             h = np.exp(log_h)
             model = h * (axes @ theta + rubbing @ friction)
@@ -237,9 +232,8 @@ class _Problem:
 
     def _links(self, log_h: FloatArray) -> FloatArray:
         """(K, n) torque of the empty arm's links, by the unloaded run and the present gains."""
-        signal = replace(self._signal, unloaded_nm=self._by_gains(self._signal.unloaded_nm, log_h))
-        body = unloaded_body(signal, self._chain, self._coupling).model
-        return body.link_torque(self._chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
+        body = unloaded_body(self._by_gains(log_h), self._chain, self._coupling).model
+        return body.link_torque(self._chain, *self._signal.states)
 
     def _fit(self, columns: FloatArray, target: FloatArray, prior: Prior | None) -> Estimate:
         signal = self._signal

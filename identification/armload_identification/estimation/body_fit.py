@@ -29,6 +29,7 @@ from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS, body_regressor
+from armload_identification.signals.motion import Motion
 
 _PRIOR_FACTOR: Final = 30.0
 """Width of the prior in terms of an arm whose greatest torque is its own weight at full reach."""
@@ -54,29 +55,6 @@ _TOLD: Final = 0.1
 _STRIBECK_VELOCITIES_RAD_S: Final = (0.01, 0.02, 0.05, 0.1)
 _GRAVITY_M_S2: Final = 9.81
 _HAND_M: Final = 0.1
-
-
-@dataclass(frozen=True, eq=False)
-class ArmSamples:
-    """What a fit needs of a run, K samples of n joints.
-
-    Attributes:
-        interval_s: Time between samples.
-        position_rad: (K, n).
-        velocity_rad_s: (K, n).
-        acceleration_rad_s2: (K, n).
-        torque_nm: (K, n) smoothed joint torque.
-        valid: (K,) samples to use.
-        noise_nm: (n,) standard deviation of the noise in the torque before smoothing.
-    """
-
-    interval_s: float
-    position_rad: FloatArray
-    velocity_rad_s: FloatArray
-    acceleration_rad_s2: FloatArray
-    torque_nm: FloatArray
-    valid: NDArray[np.bool_]
-    noise_nm: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +113,7 @@ def reversal_speed(velocity_rad_s: FloatArray) -> FloatArray:
 
 
 def fit_body(
-    runs: Sequence[ArmSamples],
+    runs: Sequence[Motion],
     chain: Chain,
     coupling: FloatArray,
     *,
@@ -195,14 +173,12 @@ class _System:
     its own few columns.
     """
 
-    def __init__(self, runs: Sequence[ArmSamples], chain: Chain, coupling: FloatArray) -> None:
-        q, dq, ddq, self._torque = (
-            np.vstack([getattr(run, name) for run in runs])
-            for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "torque_nm")
-        )
+    def __init__(self, runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> None:
+        q, dq, ddq = (np.vstack(parts) for parts in zip(*(run.states for run in runs), strict=True))
+        self._torque = np.vstack([run.torque_nm for run in runs])
         n = chain.n
         self._n, self._coupling, self._dq = n, coupling, dq
-        self._noise = np.sqrt(np.mean([run.noise_nm**2 for run in runs], axis=0))
+        self._noise = np.sqrt(np.mean([run.averaged_noise_nm**2 for run in runs], axis=0))
         self._parts = [(len(run.torque_nm), run.interval_s) for run in runs]
         valid = np.concatenate([run.valid for run in runs])
         self._used_samples = int(np.count_nonzero(valid))

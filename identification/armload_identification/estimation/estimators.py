@@ -20,7 +20,8 @@ from armload_identification.estimation.least_squares import (
 )
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
-from armload_identification.signals.load_signal import SCATTER, LoadSignal
+from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.motion import SCATTER
 
 _NEGLIGIBLE: Final = 1e-3
 _REPEATED_REVERSAL: Final = 0.05
@@ -58,7 +59,7 @@ def steadiness(signal: LoadSignal) -> FloatArray:
         signal: The torque difference.
     """
     repeated = signal.periodic and min(signal.periods) > 0
-    return reversal_weights(signal.velocity_rad_s, _REPEATED_REVERSAL if repeated else REVERSAL)
+    return reversal_weights(signal.states.velocity_rad_s, _REPEATED_REVERSAL if repeated else REVERSAL)
 
 
 def fit_payload(

@@ -31,7 +31,6 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import (
     GREATEST_LOAD_FRICTION,
-    ArmSamples,
     BodyFit,
     fit_body,
     reversal_speed,
@@ -40,7 +39,8 @@ from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.uncertainty import nuisance_deviation
 from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
 from armload_identification.model.chain import Chain
-from armload_identification.signals.load_signal import LoadSignal, low_pass_cutoff
+from armload_identification.signals.filters import low_pass_cutoff
+from armload_identification.signals.load_signal import LoadSignal
 
 Solver = Callable[[FloatArray, FloatArray, FloatArray], Estimate]
 """Fits a (K, n, 10 + r) regressor, given the expected values of the r last parameters and their deviations."""
@@ -103,19 +103,9 @@ def unloaded_body(signal: LoadSignal, chain: Chain, coupling: FloatArray) -> Bod
     step = 1
     if not signal.periodic:
         # What was low-passed tells no more at every sample than at every few.
-        step = max(
-            int(1.0 / (_THINNED * low_pass_cutoff(signal.velocity_rad_s, signal.interval_s) * signal.interval_s)), 1
-        )
-    run = ArmSamples(
-        step * signal.interval_s,
-        signal.position_rad[::step],
-        signal.velocity_rad_s[::step],
-        signal.acceleration_rad_s2[::step],
-        signal.unloaded_nm[::step],
-        signal.valid[::step],
-        signal.averaged_noise_nm,
-    )
-    return fit_body([run], chain, coupling)
+        cutoff_hz = low_pass_cutoff(signal.states.velocity_rad_s, signal.interval_s)
+        step = max(int(1.0 / (_THINNED * cutoff_hz * signal.interval_s)), 1)
+    return fit_body([signal.empty_arm.every(step)], chain, coupling)
 
 
 def load_column(empty_nm: FloatArray, payload_nm: FloatArray, direction: FloatArray) -> FloatArray:
@@ -148,7 +138,7 @@ def fit_with_friction(
     """
     columns = _Columns(signal, regressor, chain, body, solve)
     n = chain.n
-    moving = np.abs(signal.velocity_rad_s).max(axis=0) > reversal_speed(signal.velocity_rad_s)
+    moving = np.abs(signal.states.velocity_rad_s).max(axis=0) > reversal_speed(signal.states.velocity_rad_s)
     fit, chosen = _justified(columns, np.concatenate([moving, moving]))
     expected = np.concatenate([body.load_friction, np.zeros(n)])
     deviation = np.full(2 * n, np.inf)
@@ -195,9 +185,9 @@ class _Columns:
 
     def __init__(self, signal: LoadSignal, regressor: FloatArray, chain: Chain, body: BodyModel, solve: Solver) -> None:
         self._signal, self._regressor, self._solve, self._coupling = signal, regressor, solve, body.coupling
-        self._velocity = signal.velocity_rad_s
-        self._empty = body.link_torque(chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
-        self._direction = smooth_sign(signal.velocity_rad_s, reversal_speed(signal.velocity_rad_s))
+        self._velocity = signal.states.velocity_rad_s
+        self._empty = body.link_torque(chain, *signal.states)
+        self._direction = smooth_sign(signal.states.velocity_rad_s, reversal_speed(signal.states.velocity_rad_s))
 
     def plain(self) -> Estimate:
         """The payload alone."""
@@ -265,7 +255,7 @@ class _Columns:
             return np.zeros((0, *self._empty.shape))
         payload = self._regressor @ fit.theta[:10]
         turned = np.sign(self._empty + payload) - np.sign(self._empty)
-        per_rotor = rotor_columns(self._signal.acceleration_rad_s2, self._coupling).transpose(1, 0, 2)
+        per_rotor = rotor_columns(self._signal.states.acceleration_rad_s2, self._coupling).transpose(1, 0, 2)
         rotors = per_rotor * arm.rotor_deviation_kg_m2[:, None, None] * (load * self._direction * turned)
         change = np.gradient(payload + friction, self._signal.interval_s, axis=0)
         return np.concatenate([rotors, arm.delay_deviation_s * change[None]])

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import EstimationError
+from armload_identification.signals.robust_scale import deviation_by_median
 
 _RANK_TOLERANCE: Final = 1e-7
 _REWEIGHTINGS: Final = 20
 _WEIGHTS_SETTLED: Final = 1e-4
 _HUBER: Final = 1.345
-_MEDIAN_OF_NORMAL: Final = 0.674490
 _LEAST_NOISE: Final = 1e-6
 """A joint's noise is never taken below this share of the loudest joint's."""
 
@@ -203,12 +203,11 @@ def estimate_robust(
     fit = estimate_reweighted(regressor, torque_nm, valid, noise_nm, sample_weight, prior)
     given = fit.sample_weight
     for iteration in range(fit.iterations + 1, fit.iterations + _REWEIGHTINGS + 1):
-        size = np.abs(fit.residual_nm)
-        spread = np.median(size[valid], axis=0) / _MEDIAN_OF_NORMAL
+        spread = deviation_by_median(fit.residual_nm[valid])
         spread = np.maximum(spread, _LEAST_NOISE * spread.max())
         if spread.max() == 0.0:
             break
-        outlying = np.maximum(size / (_HUBER * spread), 1.0)
+        outlying = np.maximum(np.abs(fit.residual_nm) / (_HUBER * spread), 1.0)
         before = fit.theta
         fit = _solve(regressor, torque_nm, given / np.sqrt(outlying), 1.0 / spread, iteration, prior)
         if np.abs((fit.theta - before) / fit.scale).max() < _WEIGHTS_SETTLED:

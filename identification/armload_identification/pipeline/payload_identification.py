@@ -25,9 +25,9 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.recording.recording import Recording, RecordingSource, check_joints, hashes_by_name
-from armload_identification.signals.arm_motion import arm_motion, without_body
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.load_signal import LoadSignal, load_signal
+from armload_identification.signals.load_signal import LoadSignal, load_signal, without_body
+from armload_identification.signals.motion import motion_of
 from armload_identification.verdict.operator_notes import notes_on
 from armload_identification.verdict.sanity import check_pair, check_run, check_signs, explain_negative_mass
 from armload_identification.verdict.validation import raw_residual_rms
@@ -136,7 +136,7 @@ def _identified(
         arm = unloaded_body(signal, chain, transmission.coupling)
         body = arm.model
         signal = signal.with_delay(body.torque_delay_s)
-    regressor = payload_regressor(chain, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
+    regressor = payload_regressor(chain, *signal.states)
     fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior, arm)
     check_signs(signal, regressor, fit)
     plain = InertialParameters(fit.theta[:10])
@@ -178,8 +178,8 @@ def _signal(
             "body once with `armload identify-body` and give that file as --body."
         )
     check_run(loaded, transmission)
-    motion = arm_motion(loaded, transmission).with_delay(body.torque_delay_s)
-    empty = body.torque(chain, motion.position_rad, motion.velocity_rad_s, motion.acceleration_rad_s2)
+    motion = motion_of(loaded, transmission).with_delay(body.torque_delay_s)
+    empty = body.torque(chain, *motion.states)
     return without_body(motion, empty)
 
 

@@ -13,11 +13,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.excitation_file import parse_excitation
@@ -169,6 +170,16 @@ class Recording:
     def n(self) -> int:
         """Number of joints."""
         return int(self.position_rad.shape[1])
+
+    def rows(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Recording:
+        """The same run with some of its rows.
+
+        Args:
+            chosen: (N,) True where a row is kept, or indices in order.
+        """
+        names = ("time_s", "position_rad", "velocity_rad_s", "current_a", "torque_nm", "phase_s")
+        kept = {name: values[chosen] for name in names if (values := getattr(self, name)) is not None}
+        return replace(self, **kept)
 
 
 def read_recording(path: Path, columns: CsvColumns | None = None) -> Recording:

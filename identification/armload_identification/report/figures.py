@@ -73,8 +73,8 @@ def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
         figure = Figure(figsize=(_NARROW_IN, 1.95))
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.60))
         for axes, values, label in (
-            (upper, signal.position_rad, "position, rad"),
-            (lower, signal.velocity_rad_s, "velocity, rad/s"),
+            (upper, signal.states.position_rad, "position, rad"),
+            (lower, signal.states.velocity_rad_s, "velocity, rad/s"),
         ):
             _curve(axes, signal.time_s, values[:, joint], color=SMOOTHED)
             axes.yaxis.set_major_locator(_ticks(3))

@@ -10,7 +10,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.report.numerals import Numeral, align, common_decimals, listed, numeral
-from armload_identification.signals.joint_torque import SMOOTHING_LOSS_LIMIT
+from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.verdict.validation import Validation
 

@@ -24,7 +24,7 @@ from armload_identification.report.joints import JointRow, joint_rows, verdict
 from armload_identification.report.numerals import NO_BREAK, numeral, scientific
 from armload_identification.report.parameters import compared_rows, headline, parameter_rows, truth_sentence
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
-from armload_identification.signals.joint_torque import SMOOTHING_LOSS_LIMIT
+from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.storage.replace_file import replace_file
 from armload_identification.verdict.validation import LIMIT, Validation
@@ -117,7 +117,7 @@ def render_report(subject: ReportSubject, identification: Identification, valida
     Raises:
         ReportError: the names do not fit the joints.
     """
-    joints = identification.signal.position_rad.shape[1]
+    joints = identification.signal.states.position_rad.shape[1]
     names = subject.joint_names
     if len(names) != joints:
         raise ReportError(f"{len(names)} joint names for recordings of {joints} joints; give one name per joint")
@@ -167,8 +167,8 @@ def _notes(payload: PayloadResult, identification: Identification) -> Iterator[s
 
 def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[_Panel]:
     for joint, name in enumerate(names):
-        low, high = signal.position_rad[:, joint].min(), signal.position_rad[:, joint].max()
-        fastest = np.abs(signal.velocity_rad_s[:, joint]).max()
+        low, high = signal.states.position_rad[:, joint].min(), signal.states.position_rad[:, joint].max()
+        fastest = np.abs(signal.states.velocity_rad_s[:, joint]).max()
         caption = f"{numeral(low, 2)} to {numeral(high, 2)}{NO_BREAK}rad, at most {numeral(fastest, 2)}{NO_BREAK}rad/s"
         title = f"Position and velocity of joint {joint + 1} ({name}) over time: {caption}."
         svg = figures.motion_figure(signal, joint, f"motion-{joint + 1}", title)

@@ -14,7 +14,8 @@ from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.physical_consistency import PhysicalEstimate
 from armload_identification.estimation.uncertainty import Uncertainty
 from armload_identification.recording.recording import Recording
-from armload_identification.signals.joint_torque import SMOOTHING_LOSS_LIMIT, Transmission
+from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
+from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 
 _POOR_FIT: Final = 0.5
@@ -145,7 +146,7 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
     if arm is None:
         return []
     loud = arm.torque_rms_nm > _LOUD * signal.averaged_noise_nm
-    speed = np.sqrt(np.mean(signal.velocity_rad_s**2, axis=0))
+    speed = np.sqrt(np.mean(signal.states.velocity_rad_s**2, axis=0))
     pushes = arm.model.coulomb_nm + arm.model.viscous_nm_s_rad * speed < -_PUSHES * arm.torque_rms_nm
     strange = loud & ((arm.residual_rms_nm > _STRANGE * arm.torque_rms_nm) | pushes)
     if not strange.any():

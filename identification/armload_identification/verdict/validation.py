@@ -101,9 +101,7 @@ def judge(signal: LoadSignal, chain: Chain, payload: InertialParameters) -> Vali
     Returns:
         Residual beside noise per joint, and the verdict.
     """
-    predicted = payload_torque(
-        chain, payload.theta, signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2
-    )
+    predicted = payload_torque(chain, payload.theta, *signal.states)
     residual = raw_residual_rms(signal, predicted)
     noise = signal.noise_nm
     ratio = np.divide(residual, noise, out=np.full_like(residual, np.inf), where=noise > 0.0)

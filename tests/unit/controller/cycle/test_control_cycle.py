@@ -7,7 +7,7 @@ import pytest
 
 from armload_controller.control_errors import MotionError
 from armload_controller.cycle.control_cycle import Cycle
-from armload_controller.cycle.monitors import FollowingMonitor, JointTorque, TorqueWindow
+from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow, measured_torque
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.safety import DECISIONS, Cause, StopStep, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
@@ -236,7 +236,7 @@ def test_torque_windows_and_checks_see_coupled_motors_as_joints():
     gain = np.array([30.0, 20.0])
     current, motor_speed = np.array([1.5, -0.7]), np.array([0.3, 1.1])
     feedback = JointFeedback(1, 0.01, np.zeros(N), None, current, None, np.zeros(N, np.uint16), np.zeros(N, bool))
-    torque = JointTorque(Transmission(gain, coupling))(feedback)
+    torque = measured_torque(feedback, Transmission(gain, coupling))
     assert torque @ (coupling @ motor_speed) == pytest.approx((gain * current) @ motor_speed)
 
 

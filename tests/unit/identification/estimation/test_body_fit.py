@@ -9,13 +9,15 @@ import pinocchio as pin
 import pytest
 
 from armload_identification.calibration.body_identification import check_body, identify_body, require_same_gains
-from armload_identification.estimation.body_fit import ArmSamples, base_columns, fit_body, reversal_weights
+from armload_identification.estimation.body_fit import base_columns, fit_body, reversal_weights
 from armload_identification.files.body_file import format_body, parse_body, read_body, write_body
 from armload_identification.identification_errors import BodyFileError, EstimationError, ModelError
 from armload_identification.model.body_model import rotor_columns
+from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import body_regressor
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.motion import SCATTER, Motion
 
 pytestmark = pytest.mark.pure
 
@@ -64,6 +66,25 @@ def test_base_columns_span_all_columns_and_none_is_idle(pinocchio_arm):
     assert not base[60]
 
 
+def motion_with(interval_s, states, torque, noise_nm):
+    """A periodic motion of which everything but the noise is exact."""
+    nothing = np.zeros(len(noise_nm))
+    return Motion(
+        time_s=interval_s * np.arange(len(torque)),
+        periodic=True,
+        states=states,
+        raw_nm=torque,
+        torque_nm=torque,
+        valid=np.ones(len(torque), dtype=bool),
+        noise_nm=noise_nm,
+        averaged_noise_nm=noise_nm,
+        noise_source=SCATTER,
+        smoothing_loss=nothing,
+        periods=1,
+        position_fit_rad=nothing,
+    )
+
+
 def test_rotors_behind_coupled_motors_are_the_derivative_of_their_energy(pinocchio_arm):
     coupling = pinocchio_arm.transmission.coupling
     inertia = np.array([1.0, 2.0, 3.0, 0.5, 0.4, 0.3])
@@ -94,7 +115,7 @@ def test_rotor_inertia_and_stribeck_friction_are_found(pinocchio_arm):
         torque += np.einsum("tij,i->tj", rotor_columns(ddq, arm.transmission.coupling), inertia)
         torque += stribeck * np.tanh(dq / 0.01) * np.exp(-((dq / velocity) ** 2))
         torque += 0.01 * np.random.default_rng(seed).normal(size=torque.shape)
-        samples.append(ArmSamples(5.0 / 2000, q, dq, ddq, torque, np.ones(2000, dtype=bool), np.full(6, 0.01)))
+        samples.append(motion_with(5.0 / 2000, JointStates(q, dq, ddq), torque, np.full(6, 0.01)))
     plain, fit = (
         fit_body(samples, arm.chain, arm.transmission.coupling, stribeck=with_it) for with_it in (False, True)
     )
@@ -117,8 +138,8 @@ def test_load_dependent_friction_tells_the_rotors_that_no_link_torque_can(pinocc
     torque = arm.torque(q, dq, ddq, load_friction=load)
     torque += np.einsum("tij,i->tj", rotor_columns(ddq, arm.transmission.coupling), inertia)
     torque += arm.noise_nm * np.random.default_rng(5).normal(size=torque.shape) / np.sqrt(50.0)
-    state = (now.position_rad, now.velocity_rad_s, now.acceleration_rad_s2)
-    samples = ArmSamples(interval_s, *state, torque, np.ones(time_s.size, dtype=bool), arm.noise_nm / np.sqrt(50.0))
+    states = JointStates(now.position_rad, now.velocity_rad_s, now.acceleration_rad_s2)
+    samples = motion_with(interval_s, states, torque, arm.noise_nm / np.sqrt(50.0))
     fit = fit_body([samples], arm.chain, arm.transmission.coupling)
     assert fit.model.torque_delay_s == pytest.approx(delay_s, abs=3e-4)
     assert (np.abs(fit.model.rotor_inertia_kg_m2 - inertia)[1:] < 4.0 * fit.rotor_deviation_kg_m2[1:] + 0.02).all()

@@ -348,13 +348,17 @@ def test_names_must_fit_the_joints(noisy):
 def test_long_recordings_make_no_long_pages(clear):
     signal = clear.signal
     times = 100
-    long = replace(
-        signal,
-        time_s=np.arange(times * signal.time_s.size) * signal.interval_s,
-        raw_nm=np.tile(signal.raw_nm, (times, 1)),
-        torque_nm=np.tile(signal.torque_nm, (times, 1)),
-        valid=np.tile(signal.valid, times),
+    loaded, unloaded = (
+        replace(
+            motion,
+            time_s=np.arange(times * signal.time_s.size) * signal.interval_s,
+            raw_nm=np.tile(motion.raw_nm, (times, 1)),
+            torque_nm=np.tile(motion.torque_nm, (times, 1)),
+            valid=np.tile(motion.valid, times),
+        )
+        for motion in (signal.loaded, signal.unloaded)
     )
+    long = replace(signal, loaded=loaded, unloaded=unloaded)
     svg = torque_figure(long, np.tile(clear.predicted_nm, (times, 1)), 0, "long", "long")
     assert len(svg) < 120_000
 

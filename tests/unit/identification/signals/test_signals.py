@@ -9,15 +9,10 @@ import pytest
 
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.signals.alignment import fit_motion, time_shift
-from armload_identification.signals.joint_torque import (
-    Transmission,
-    joint_torque,
-    low_pass,
-    smooth,
-    smoothing_loss,
-    white_noise,
-)
-from armload_identification.signals.load_signal import ABOVE_BAND, SCATTER, load_signal, low_pass_cutoff
+from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
+from armload_identification.signals.joint_torque import Transmission, joint_torque
+from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER
 from armload_identification.signals.periods import fold, phases_per_period, whole_periods
 
 pytestmark = pytest.mark.pure
@@ -228,8 +223,7 @@ def test_the_time_between_two_runs_is_found_from_positions(pinocchio_arm, late_s
 
 def test_the_difference_of_runs_is_the_payloads_torque(pair, pinocchio_arm):
     signal = load_signal(*pair, pinocchio_arm.transmission)
-    state = (signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
-    payload = pinocchio_arm.torque(*state, pinocchio_arm.payload) - pinocchio_arm.torque(*state)
+    payload = pinocchio_arm.torque(*signal.states, pinocchio_arm.payload) - pinocchio_arm.torque(*signal.states)
     assert signal.periodic
     assert signal.periods == (3, 3)
     assert signal.noise_source == SCATTER
@@ -256,8 +250,7 @@ def test_without_a_period_the_runs_are_laid_over_each_other(pinocchio_arm):
         current_a=loaded.current_a[keep],
     )
     signal = load_signal(loaded, unloaded, pinocchio_arm.transmission)
-    state = (signal.position_rad, signal.velocity_rad_s, signal.acceleration_rad_s2)
-    payload = pinocchio_arm.torque(*state, pinocchio_arm.payload) - pinocchio_arm.torque(*state)
+    payload = pinocchio_arm.torque(*signal.states, pinocchio_arm.payload) - pinocchio_arm.torque(*signal.states)
     assert not signal.periodic
     assert signal.noise_source == ABOVE_BAND
     assert signal.shift_s == pytest.approx(-700.0, abs=1e-3)
@@ -276,7 +269,7 @@ def test_both_runs_go_through_the_same_filter(pinocchio_arm, with_phase):
     if with_phase:
         filtered = smooth(signal.raw_nm)
     else:
-        cutoff_hz = low_pass_cutoff(signal.velocity_rad_s, signal.interval_s)
+        cutoff_hz = low_pass_cutoff(signal.states.velocity_rad_s, signal.interval_s)
         filtered = low_pass(signal.raw_nm, signal.interval_s, cutoff_hz)
     np.testing.assert_allclose(signal.torque_nm, filtered, atol=1e-9)
 

@@ -1,0 +1,50 @@
+"""Position, velocity and acceleration of all joints, which travel together."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+
+
+class JointStates(NamedTuple):
+    """N states of n joints; a function of q, dq and ddq is called as `f(chain, *states)`.
+
+    Attributes:
+        position_rad: (N, n) q.
+        velocity_rad_s: (N, n) dq.
+        acceleration_rad_s2: (N, n) ddq.
+    """
+
+    position_rad: FloatArray
+    velocity_rad_s: FloatArray
+    acceleration_rad_s2: FloatArray
+
+    def every(self, step: int) -> JointStates:
+        """Every `step`-th state.
+
+        Args:
+            step: 1 keeps all of them.
+        """
+        return JointStates(*(values[::step] for values in self))
+
+    def earlier(self, by_s: float, interval_s: float) -> JointStates:
+        """The same smooth motion a little earlier, by its own derivatives.
+
+        Args:
+            by_s: How much earlier; far below the time in which the motion changes.
+            interval_s: Time between the states, which are equidistant.
+
+        Returns:
+            States exact to the square of `by_s`.
+        """
+        position, velocity, acceleration = self
+        jerk = np.gradient(acceleration, interval_s, axis=0)
+        half = 0.5 * by_s**2
+        return JointStates(
+            position - by_s * velocity + half * acceleration,
+            velocity - by_s * acceleration + half * jerk,
+            acceleration - by_s * jerk,
+        )

@@ -1,0 +1,107 @@
+"""The filters that take noise out of a measured signal, and the noise that it has.
+
+Averages of whole periods go through the five-point cubic smoothing of Chen 2016; what has no period goes through a
+zero-phase low-pass chosen by the motion's own band.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from scipy.signal import butter, savgol_filter, sosfiltfilt
+
+from armload_core.arrays import FloatArray
+from armload_identification.signals.robust_scale import deviation_by_median
+
+SMOOTHING_PASSES: Final = 5
+SMOOTHING_LOSS_LIMIT: Final = 0.10
+"""Chen 2016: at most this share of a signal's RMS may be lost by smoothing."""
+_LOW_PASS_ORDER: Final = 4
+_LOW_PASS_BANDS: Final = 8.0
+_BAND_POWER: Final = 0.999
+_THIRD_DIFFERENCE_GAIN: Final = 20.0
+"""Variance of a third difference of unit white noise: 1 + 9 + 9 + 1."""
+
+
+def smooth(values: FloatArray) -> FloatArray:
+    """Five-point cubic smoothing, five passes.
+
+    Args:
+        values: (N, n), N at least 5.
+
+    Returns:
+        (N, n) smoothed along the first axis.
+
+    References:
+        Chen 2016, eq. (8): with its four rows for the ends, a Savitzky-Golay filter of window 5 and order 3
+        with interpolated ends.
+    """
+    for _ in range(SMOOTHING_PASSES):
+        values = savgol_filter(values, 5, 3, axis=0, mode="interp")
+    return np.asarray(values)
+
+
+def smoothing_loss(raw: FloatArray, smoothed: FloatArray) -> FloatArray:
+    """Share of each signal's RMS that a filter took away, 1 - RMS(smoothed) / RMS(raw).
+
+    Args:
+        raw: (N, n) before.
+        smoothed: (N, n) after.
+
+    Returns:
+        (n,) between 0 and 1; 0 for a signal that is zero.
+    """
+    before = np.sqrt(np.mean(raw**2, axis=0))
+    after = np.sqrt(np.mean(smoothed**2, axis=0))
+    return np.asarray(1.0 - np.divide(after, before, out=np.ones_like(before), where=before > 0.0))
+
+
+def low_pass(values: FloatArray, interval_s: float, cutoff_hz: float) -> FloatArray:
+    """Zero-phase low-pass: a Butterworth filter of order 4, forwards and backwards.
+
+    Args:
+        values: (N, n), equidistant.
+        interval_s: Time between samples.
+        cutoff_hz: Where each of the two passes takes 3 dB.
+
+    Returns:
+        (N, n) filtered along the first axis, without delay.
+    """
+    sections = butter(_LOW_PASS_ORDER, cutoff_hz, fs=1.0 / interval_s, output="sos")
+    pad = min(values.shape[0] - 1, int(3.0 / (cutoff_hz * interval_s)))
+    return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))
+
+
+def low_pass_cutoff(velocity: FloatArray, interval_s: float) -> float:
+    """Cutoff in Hz of the low-pass for a motion: a multiple of the band in which nearly all of its power lies.
+
+    Args:
+        velocity: (K, n) equidistant velocities in rad/s.
+        interval_s: Time between samples.
+    """
+    power = np.sum(np.abs(np.fft.rfft(velocity * np.hanning(velocity.shape[0])[:, None], axis=0)) ** 2, axis=1)
+    total = np.cumsum(power)
+    index = int(np.searchsorted(total, _BAND_POWER * total[-1]))
+    band_hz = float(np.fft.rfftfreq(velocity.shape[0], interval_s)[index])
+    return min(max(_LOW_PASS_BANDS * band_hz, 2.0), 0.25 / interval_s)
+
+
+def white_noise(values: FloatArray) -> FloatArray:
+    """Standard deviation of the white noise on every sample, from third differences.
+
+    A third difference removes whatever a cubic over four samples can follow, which is all that an excitation
+    contains, and leaves white noise with 20 times its variance. The size is taken from the median, because
+    friction at a reversal is sharper than any noise: by the RMS it made the noise of a wrist 1.7 times too large.
+
+    Args:
+        values: (N, n) raw samples, N at least 4.
+
+    Returns:
+        (n,) standard deviations.
+    """
+    difference = np.diff(values, n=3, axis=0)
+    usual = deviation_by_median(difference)
+    # A coarsely quantised signal repeats itself so often that its median says nothing.
+    spread = np.where(usual > 0.0, usual, np.sqrt(np.mean(difference**2, axis=0)))
+    return np.asarray(spread / np.sqrt(_THIRD_DIFFERENCE_GAIN))

@@ -1,0 +1,283 @@
+"""What one run says of an arm: its motion and its joint torque, at equidistant samples.
+
+A run that holds whole periods of a known excitation becomes its average period. Any other run is taken as it is: its
+position as a spline, its torque interpolated to a grid and low-passed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import RecordingError
+from armload_identification.model.joint_states import JointStates
+from armload_identification.recording.recording import Recording
+from armload_identification.signals.alignment import MeasuredMotion, fit_motion
+from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
+from armload_identification.signals.joint_torque import Transmission, joint_torque
+from armload_identification.signals.periods import fold, phases_per_period, whole_periods
+
+SCATTER: Final = "scatter between periods"
+ABOVE_BAND: Final = "the signal above the motion's band"
+
+_NO_MOTION_RAD: Final = 0.01
+_STANDING: Final = 0.02
+"""Below this share of the greatest speed the arm stands; only what lies between is motion."""
+_HOLE: Final = 0.25
+"""Samples further apart than this share of the low-pass' shortest period leave a hole."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Motion and torque of one run: K equidistant samples of n joints.
+
+    Attributes:
+        time_s: (K,) time since the start of the period, or of the motion.
+        periodic: The last sample is followed by the first.
+        states: (K, n) each: fitted to the measured position, and its analytic derivatives.
+        raw_nm: (K, n) measured joint torque, averaged over the periods where there are some.
+        torque_nm: (K, n) the same, smoothed: five-point cubic on averages, else a zero-phase low-pass.
+        valid: (K,) False where a sample had to be filled in; it is not used.
+        noise_nm: (n,) standard deviation of one RAW sample of the torque.
+        averaged_noise_nm: (n,) what is left of it in `raw_nm`, after averaging or interpolation.
+        noise_source: Where the noise was taken from, `SCATTER` or `ABOVE_BAND`.
+        smoothing_loss: (n,) share of the RMS lost by smoothing.
+        periods: Whole periods averaged; 1 without a period.
+        position_fit_rad: (n,) RMS of the measured position about the fitted one.
+    """
+
+    time_s: FloatArray
+    periodic: bool
+    states: JointStates
+    raw_nm: FloatArray
+    torque_nm: FloatArray
+    valid: NDArray[np.bool_]
+    noise_nm: FloatArray
+    averaged_noise_nm: FloatArray
+    noise_source: str
+    smoothing_loss: FloatArray
+    periods: int
+    position_fit_rad: FloatArray
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.torque_nm.shape[1])
+
+    @property
+    def interval_s(self) -> float:
+        """Time between samples."""
+        return float(self.time_s[1] - self.time_s[0])
+
+    def with_delay(self, delay_s: float) -> Motion:
+        """The same torque with the motion that it belongs to.
+
+        Args:
+            delay_s: By how much later than positions the drives report torques.
+        """
+        return replace(self, states=self.states.earlier(delay_s, self.interval_s))
+
+    def with_torque_times(self, matrix: FloatArray) -> Motion:
+        """The same motion with every torque tau replaced by tau M; the noise is left as it is.
+
+        Args:
+            matrix: (n, n) M, as other gains make it.
+        """
+        return replace(self, raw_nm=self.raw_nm @ matrix, torque_nm=self.torque_nm @ matrix)
+
+    def every(self, step: int) -> Motion:
+        """Every `step`-th sample.
+
+        Args:
+            step: 1 keeps all of them.
+        """
+        if step == 1:
+            return self
+        return replace(
+            self,
+            time_s=self.time_s[::step],
+            states=self.states.every(step),
+            raw_nm=self.raw_nm[::step],
+            torque_nm=self.torque_nm[::step],
+            valid=self.valid[::step],
+        )
+
+
+def motion_of(run: Recording, transmission: Transmission) -> Motion:
+    """Motion and torque of one run.
+
+    Args:
+        run: The run.
+        transmission: Gains and coupling.
+
+    Returns:
+        The average period of a run with whole periods of a known excitation, else the part in which the arm moves.
+
+    Raises:
+        RecordingError: a run without motion, too short, or without torque.
+    """
+    require_motion(run)
+    if whole_periods(run):
+        return average_period(run, transmission, phases_per_period(run))
+    timed = TimedRun.of(run, transmission)
+    return timed.sampled(timed.moving_grid(0.0, timed.path.duration_s))
+
+
+def average_period(run: Recording, transmission: Transmission, phases: int) -> Motion:
+    """The average period of a run.
+
+    Args:
+        run: A run with at least one whole period.
+        transmission: Gains and coupling.
+        phases: K, the number of equidistant phases to average at.
+
+    Returns:
+        One period; its motion goes through the same filter as its torque.
+
+    Raises:
+        RecordingError: no whole period, a phase that did not advance evenly, or no torque.
+    """
+    torque = joint_torque(run, transmission)
+    folded = fold(run, torque, phases)
+    time_s = np.arange(phases) / phases * folded.period_s
+    state = folded.motion.evaluate(time_s)
+    smoothed = smooth(folded.torque_nm)
+    noise = white_noise(torque) if folded.scatter_nm is None else folded.scatter_nm
+    return Motion(
+        time_s=time_s,
+        periodic=True,
+        states=JointStates(smooth(state.position_rad), smooth(state.velocity_rad_s), smooth(state.acceleration_rad_s2)),
+        raw_nm=folded.torque_nm,
+        torque_nm=smoothed,
+        valid=folded.valid,
+        noise_nm=noise,
+        averaged_noise_nm=noise / np.sqrt(folded.periods),
+        noise_source=ABOVE_BAND if folded.scatter_nm is None else SCATTER,
+        smoothing_loss=smoothing_loss(folded.torque_nm, smoothed),
+        periods=folded.periods,
+        position_fit_rad=folded.position_fit_rad,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Equidistant times at which a run is sampled, and the filter that its torque goes through.
+
+    Attributes:
+        elapsed_s: (K,) times since the run's first sample.
+        interval_s: Time between them.
+        cutoff_hz: Cutoff of the low-pass.
+    """
+
+    elapsed_s: FloatArray
+    interval_s: float
+    cutoff_hz: float
+
+    def later(self, by_s: float) -> Grid:
+        """The same grid, every time later by `by_s`.
+
+        Args:
+            by_s: Time to add.
+        """
+        return replace(self, elapsed_s=self.elapsed_s + by_s)
+
+
+@dataclass(frozen=True, eq=False)
+class TimedRun:
+    """A run without a known period, to be sampled at any times.
+
+    Attributes:
+        run: The rows of its motion.
+        path: Its measured position as a spline.
+        torque_nm: (N, n) its joint torque.
+    """
+
+    run: Recording
+    path: MeasuredMotion
+    torque_nm: FloatArray
+
+    @classmethod
+    def of(cls, run: Recording, transmission: Transmission) -> TimedRun:
+        """Fit the motion of a run.
+
+        Args:
+            run: The run; approach and return are left out where its phase marks them.
+            transmission: Gains and coupling.
+
+        Raises:
+            RecordingError: too short for a spline, or without torque.
+        """
+        rows = _moving_part(run)
+        return cls(rows, fit_motion(rows.time_s, rows.position_rad), joint_torque(rows, transmission))
+
+    def moving_grid(self, start_s: float, end_s: float) -> Grid:
+        """Times between which the arm moves, as dense as the run's own samples.
+
+        Args:
+            start_s: Earliest time since the run's first sample.
+            end_s: Latest.
+        """
+        interval_s = float(np.median(np.diff(self.run.time_s)))
+        elapsed = start_s + np.arange(int((end_s - start_s) / interval_s), dtype=np.float64) * interval_s
+        velocity = self.path.spline.derivative()(elapsed)
+        speed = np.abs(velocity).max(axis=1)
+        moving = np.flatnonzero(speed > _STANDING * speed.max())
+        rows = slice(moving[0], moving[-1] + 1)
+        return Grid(elapsed[rows], interval_s, low_pass_cutoff(velocity[rows], interval_s))
+
+    def sampled(self, grid: Grid) -> Motion:
+        """The run at given times.
+
+        Args:
+            grid: Where, within the run.
+        """
+        stamps_s, moment_s = self.run.time_s, grid.elapsed_s + self.run.time_s[0]
+        noise = white_noise(self.torque_nm[(stamps_s >= moment_s[0]) & (stamps_s <= moment_s[-1])])
+        raw = np.column_stack([np.interp(moment_s, stamps_s, column) for column in self.torque_nm.T])
+        smoothed = low_pass(raw, grid.interval_s, grid.cutoff_hz)
+        after = np.clip(np.searchsorted(stamps_s, moment_s), 1, stamps_s.size - 1)
+        apart_s = stamps_s[after] - stamps_s[after - 1]
+        share = np.clip((moment_s - stamps_s[after - 1]) / apart_s, 0.0, 1.0)
+        spline = self.path.spline
+        return Motion(
+            time_s=grid.elapsed_s - grid.elapsed_s[0],
+            periodic=False,
+            states=JointStates(*(spline(grid.elapsed_s, order) for order in range(3))),
+            raw_nm=raw,
+            torque_nm=smoothed,
+            valid=apart_s <= _HOLE / grid.cutoff_hz,
+            noise_nm=noise,
+            # Interpolation averages two samples, and so takes away some of their noise.
+            averaged_noise_nm=noise * np.sqrt(np.mean((1.0 - share) ** 2 + share**2)),
+            noise_source=ABOVE_BAND,
+            smoothing_loss=smoothing_loss(raw, smoothed),
+            periods=1,
+            position_fit_rad=self.path.fit_rad,
+        )
+
+
+def require_motion(run: Recording) -> None:
+    """Refuse a run in which the arm stands still.
+
+    Args:
+        run: The run.
+
+    Raises:
+        RecordingError: no joint moves.
+    """
+    if (np.ptp(run.position_rad, axis=0) < _NO_MOTION_RAD).all():
+        raise RecordingError(
+            f"{run.source.path}: no joint moves more than {_NO_MOTION_RAD} rad, so nothing can be identified. "
+            "Record a run along an excitation, and check the position columns."
+        )
+
+
+def _moving_part(run: Recording) -> Recording:
+    """The run without approach and return, where its phase marks them; else all of it."""
+    if run.phase_s is None or np.count_nonzero(np.isfinite(run.phase_s)) < 2:
+        return run
+    return run.rows(np.isfinite(run.phase_s))
