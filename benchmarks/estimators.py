@@ -13,7 +13,7 @@ import numpy as np
 
 from armload_controller.config.robot import load_robot
 from armload_identification.calibration.drive_gains import calibrate_gains
-from armload_identification.estimation.estimators import Estimator
+from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.pipeline.payload_identification import identify
 from benchmarks.bodies import ER50_PAYLOADS, PRBT_PAYLOADS

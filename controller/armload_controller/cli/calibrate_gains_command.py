@@ -8,17 +8,9 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.cad_table import gains_table
 from armload_controller.cli.options import LoadedOption, RobotArgument, UnloadedOption
 from armload_controller.cli.output_files import require_folder
-from armload_controller.cli.screen import Screen
-from armload_controller.config.robot import load_robot
-from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import ConfigurationError
-from armload_identification.calibration.drive_gains import calibrate_gains as calibrate
-from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.files.gains_file import write_gains
-from armload_identification.files.payload_file import read_payload
 
 
 def calibrate_gains(
@@ -30,6 +22,15 @@ def calibrate_gains(
     mass_kg: Annotated[float | None, typer.Option(help="The payload was weighed; nothing else is known.")] = None,
 ) -> None:
     """Calibrate the drive gains with a known payload."""
+    from armload_controller.cli.cad_table import gains_table
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import load_robot
+    from armload_controller.config.robot_recordings import read_of
+    from armload_identification.calibration.drive_gains import calibrate_gains as calibrate
+    from armload_identification.estimation.prior_knowledge import KnownPayload
+    from armload_identification.files.gains_file import write_gains
+    from armload_identification.files.payload_file import read_payload
+
     arm = load_robot(robot)
     screen = Screen()
     if (payload is None) == (mass_kg is None):

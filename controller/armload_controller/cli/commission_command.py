@@ -9,11 +9,10 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.keyboard import Keyboard
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -24,28 +23,15 @@ from armload_controller.cli.options import (
     YesOption,
 )
 from armload_controller.cli.output_files import make_folder
-from armload_controller.cli.result_tables import payload_table, possibility, validation_table, verdict
-from armload_controller.cli.screen import Screen, attended, listening
-from armload_controller.config.robot import Robot, load_robot
 from armload_controller.control_errors import CommissioningError
-from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules
-from armload_controller.session.commissioning import (
-    ROLES,
-    Consent,
-    Load,
-    missing_roles,
-    read_pair,
-    record_half,
-    require_recordings,
-)
-from armload_drivers.servos import JointServos
-from armload_identification.files.payload_file import write_payload
-from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_identification import identify, payload_result
-from armload_identification.report.report import ReportSubject, write_report
-from armload_identification.verdict.validation import validate as validate_payload
+
+if TYPE_CHECKING:
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import Robot
+    from armload_controller.cycle.monitors import CycleSummary
+    from armload_controller.session.commissioning import Load
+    from armload_identification.model.payload import InertialParameters
 
 
 class Runs(StrEnum):
@@ -73,6 +59,13 @@ def commission(
     yes: YesOption = False,
 ) -> None:
     """Run the arm empty and loaded, identify the payload, judge it, report."""
+    from armload_controller.cli.keyboard import Keyboard
+    from armload_controller.cli.screen import Screen, attended, listening
+    from armload_controller.config.robot import load_robot
+    from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules
+    from armload_controller.session.commissioning import Consent, Load, missing_roles, record_half, require_recordings
+    from armload_drivers.servos import JointServos
+
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     now = datetime.now(UTC)
@@ -138,6 +131,13 @@ def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
 
 def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParameters | None, now: datetime) -> None:
     """Identify on the first pair, judge on the second, write payload and report, show both."""
+    from armload_controller.cli.result_tables import payload_table, possibility, validation_table, verdict
+    from armload_controller.session.commissioning import ROLES, read_pair
+    from armload_identification.files.payload_file import write_payload
+    from armload_identification.pipeline.payload_identification import identify, payload_result
+    from armload_identification.report.report import ReportSubject, write_report
+    from armload_identification.verdict.validation import validate as validate_payload
+
     pairs = {role: read_pair(arm, directory, role) for role in ROLES}
     chain, transmission = arm.chain(), arm.transmission()
     first, second = (pairs[role] for role in ROLES)

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from enum import StrEnum
 from importlib.metadata import version
 from math import ceil, floor, inf
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armload_controller.cli.options import RobotArgument
-from armload_controller.cli.screen import Screen
-from armload_controller.config.robot import Robot, load_robot
-from armload_controller.motion.setpoints import CYCLE_ROUNDING
-from armload_identification.excitation.design import DesignResult
-from armload_identification.excitation.design import design as design_excitation
-from armload_identification.excitation.design_search import PeriodRange
-from armload_identification.excitation.excitation_file import write_excitation
-from armload_identification.excitation.information import named_criterion
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from armload_controller.config.robot import Robot
+    from armload_identification.excitation.design import DesignResult
+    from armload_identification.excitation.design_search import PeriodRange
 
 POSITION_MARGIN_RAD = 0.1
 """Room left to the position limits, for the ramps and the servo."""
@@ -76,6 +73,12 @@ def design(
     criterion: Annotated[CriterionName, typer.Option(help="What is to be told best.")] = CriterionName.A_OPTIMAL,
 ) -> None:
     """Design an excitation for a robot's expected payload, at any time within all limits and clear of all obstacles."""
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import load_robot
+    from armload_identification.excitation.design import design as design_excitation
+    from armload_identification.excitation.excitation_file import write_excitation
+    from armload_identification.excitation.information import named_criterion
+
     arm = load_robot(robot)
     screen = Screen()
     cell = arm.cell()
@@ -121,6 +124,9 @@ def design(
 @contextmanager
 def _workers(restarts: int) -> Iterator[Executor | None]:
     """A process per core, none where one start is all there is."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
     cores = min(restarts, len(os.sched_getaffinity(0)))
     if cores == 1:
         yield None
@@ -131,6 +137,8 @@ def _workers(restarts: int) -> Iterator[Executor | None]:
 
 def _frequency(arm: Robot, period_s: str, harmonics: int) -> float | PeriodRange:
     """The base frequency, or the range to choose the period from; both as the arm's bus can stream them."""
+    from armload_identification.excitation.design_search import PeriodRange
+
     if period_s == "auto":
         cycle_s = 1 / arm.bus.cycle_hz
         step_s = ceil(PERIOD_STEP_S / cycle_s - 1e-9) * cycle_s
@@ -149,6 +157,8 @@ def _frequency(arm: Robot, period_s: str, harmonics: int) -> float | PeriodRange
 
 def _require_streamable(period_s: float, harmonics: int, cycle_hz: float) -> None:
     """Refuse a period that setpoints at the bus's rate cannot follow."""
+    from armload_controller.motion.setpoints import CYCLE_ROUNDING
+
     cycles = period_s * cycle_hz
     if abs(cycles - round(cycles)) > CYCLE_ROUNDING:
         near = [whole / cycle_hz for whole in (floor(cycles), ceil(cycles)) if whole > 0]

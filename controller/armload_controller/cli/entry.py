@@ -16,7 +16,6 @@ def main() -> None:
     """Run the command line and exit."""
     try:
         from armload_controller.cli.main import app
-        from armload_controller.cli.screen import Screen
         from armload_controller.control_errors import ControlError
         from armload_drivers.driver_errors import DriverError
         from armload_identification.identification_errors import IdentificationError
@@ -25,6 +24,8 @@ def main() -> None:
             app()
         except (ControlError, DriverError, IdentificationError) as error:
             status = _exit_status(error)
+            from armload_controller.cli.screen import Screen
+
             text = f"error: {error}" if status == EXIT_REFUSED else str(error)
             text = "\n".join([text, *_notes(error)])
             Screen().errors.print(text, style="bold red", markup=False, soft_wrap=True)

@@ -9,13 +9,7 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.screen import Screen
-from armload_controller.config.robot import load_robot
-from armload_controller.export.export_files import write_texts
-from armload_controller.export.format_registry import EXPORTERS, ExportFormat
-from armload_controller.export.subject import ExportSubject
-from armload_identification.files.payload_file import read_payload
-from armload_identification.model.payload import PARAMETER_NAMES
+from armload_controller.export.format_registry import ExportFormat, exporter
 
 
 def export(
@@ -30,6 +24,13 @@ def export(
     ] = Path(),
 ) -> None:
     """Write a payload as C source, URDF, ROS 2 files or the load data of a robot controller."""
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import load_robot
+    from armload_controller.export.export_files import write_texts
+    from armload_controller.export.subject import ExportSubject
+    from armload_identification.files.payload_file import read_payload
+    from armload_identification.model.payload import PARAMETER_NAMES
+
     arm, screen = load_robot(robot), Screen()
     result = read_payload(payload)
     subject = ExportSubject(
@@ -41,7 +42,7 @@ def export(
         payload_sha256=hashlib.sha256(payload.read_bytes()).hexdigest(),
         armload_version=version("armload"),
     )
-    for path, written in write_texts(EXPORTERS[export_format](subject), output).items():
+    for path, written in write_texts(exporter(export_format)(subject), output).items():
         screen.step(f"{'written' if written else 'unchanged'}: {path}")
     unknown = [name for name, known in zip(PARAMETER_NAMES, result.determined, strict=True) if not known]
     if unknown:

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from rich.table import Table
 
-from armload_controller.cli.keyboard import Keyboard
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -20,23 +17,17 @@ from armload_controller.cli.options import (
     SimulatedDrivesOption,
     YesOption,
 )
-from armload_controller.cli.screen import Screen, attended, listening
-from armload_controller.config.robot import Robot, load_robot
-from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, held_torque, require_body
-from armload_controller.feedforward.injection import PayloadRefused
-from armload_controller.feedforward.offset_check import OffsetVerdict
-from armload_controller.feedforward.payload_use import why_not_usable
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules, simulated_arm
-from armload_controller.session.commissioning import Consent, Load, require_excitation
-from armload_controller.session.comparison_figure import draw, require_picture
-from armload_controller.session.feedforward_comparison import Comparison, ComparisonRuns, FollowingRun, Measure
-from armload_identification.excitation.excitation_file import read_excitation
-from armload_identification.excitation.fourier import Excitation
-from armload_identification.files.body_file import read_body
-from armload_identification.files.payload_file import read_payload
-from armload_identification.model.body_model import BodyModel
-from armload_identification.model.payload import InertialParameters, PayloadResult
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import Robot
+    from armload_controller.feedforward.offset_check import OffsetVerdict
+    from armload_controller.session.feedforward_comparison import Comparison, ComparisonRuns
+    from armload_identification.model.body_model import BodyModel
+    from armload_identification.model.payload import InertialParameters, PayloadResult
 
 IDENTIFIED, IDEAL = "identified payload", "true payload"
 FRICTION, ARM = "and its friction in the gears", "payload and arm"
@@ -68,6 +59,21 @@ def feedforward(
     yes: YesOption = False,
 ) -> None:
     """Add a payload's torque, and the arm's, to the drives' own (60B2), after trying it at standstill."""
+    from armload_controller.cli.keyboard import Keyboard
+    from armload_controller.cli.screen import Screen, attended, listening
+    from armload_controller.config.robot import load_robot
+    from armload_controller.feedforward.body_torque import held_torque, require_body
+    from armload_controller.feedforward.injection import PayloadRefused
+    from armload_controller.feedforward.payload_use import why_not_usable
+    from armload_controller.session.arm_access import open_arm, require_rules
+    from armload_controller.session.commissioning import Consent, Load, require_excitation
+    from armload_controller.session.comparison_figure import draw, require_picture
+    from armload_controller.session.feedforward_comparison import ComparisonRuns
+    from armload_identification.excitation.excitation_file import read_excitation
+    from armload_identification.excitation.fourier import Excitation
+    from armload_identification.files.body_file import read_body
+    from armload_identification.files.payload_file import read_payload
+
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     if mounted is not None:
@@ -109,6 +115,11 @@ def _compare(
     simulated_drives: bool,
 ) -> list[Comparison]:
     """All runs; in simulation the empty arm's and the true payload's too. The mildest addition comes first."""
+    from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
+    from armload_controller.session.arm_access import VIRTUAL, open_arm, simulated_arm
+    from armload_controller.session.commissioning import Load
+    from armload_controller.session.feedforward_comparison import FollowingRun
+
     in_this_process, chain = arm.bus.interface == VIRTUAL, arm.chain()
     empty: FollowingRun | None = None
     if in_this_process:
@@ -140,6 +151,8 @@ def _compare(
 
 
 def _as_result(payload: PayloadResult, truth: InertialParameters) -> PayloadResult:
+    import numpy as np
+
     return replace(payload, model=truth, determined=np.ones(10, dtype=np.bool_))
 
 
@@ -157,6 +170,10 @@ def _account(verdict: OffsetVerdict) -> str:
 
 def comparison_table(comparison: Comparison) -> Table:
     """RMS of the error per joint, and how much less it is with feed-forward."""
+    from rich.table import Table
+
+    from armload_controller.session.feedforward_comparison import Measure
+
     what = comparison.measure
     table = Table(title=f"{what[0].upper()}{what[1:]}, RMS over time", title_justify="left")
     table.add_column("joint")

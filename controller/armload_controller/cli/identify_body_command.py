@@ -8,15 +8,8 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.cad_table import body_table
 from armload_controller.cli.options import GainsOption, RobotArgument, transmission_of
 from armload_controller.cli.output_files import require_folder
-from armload_controller.cli.screen import Screen
-from armload_controller.config.robot import load_robot
-from armload_controller.config.robot_recordings import read_of
-from armload_identification.calibration.body_identification import check_body
-from armload_identification.calibration.body_identification import identify_body as fit
-from armload_identification.files.body_file import write_body
 
 
 def identify_body(
@@ -30,6 +23,14 @@ def identify_body(
     stribeck: Annotated[bool, typer.Option("--stribeck", help="Friction near standstill gets a column.")] = False,
 ) -> None:
     """Identify an arm's base parameters and friction from runs without a payload."""
+    from armload_controller.cli.cad_table import body_table
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import load_robot
+    from armload_controller.config.robot_recordings import read_of
+    from armload_identification.calibration.body_identification import check_body
+    from armload_identification.calibration.body_identification import identify_body as fit
+    from armload_identification.files.body_file import write_body
+
     arm = load_robot(robot)
     screen = Screen()
     require_folder(output)

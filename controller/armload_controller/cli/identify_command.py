@@ -4,26 +4,19 @@ from __future__ import annotations
 
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armload_controller.cli.options import GainsOption, LoadedOption, RobotArgument, transmission_of
 from armload_controller.cli.output_files import require_folder
-from armload_controller.cli.result_tables import payload_table, possibility
-from armload_controller.cli.screen import Screen
-from armload_controller.config.robot import load_robot
-from armload_controller.config.robot_recordings import read_of
-from armload_identification.calibration.body_identification import require_same_gains
-from armload_identification.estimation.estimators import Estimator
-from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.files.body_file import read_body
-from armload_identification.files.payload_file import read_payload, write_payload
-from armload_identification.model.body_model import BodyModel
-from armload_identification.pipeline.payload_identification import identify as identify_payload
-from armload_identification.pipeline.payload_identification import payload_result
-from armload_identification.recording.recording import Recording
-from armload_identification.signals.joint_torque import Transmission
+from armload_identification.estimation.estimator_names import Estimator
+
+if TYPE_CHECKING:
+    from armload_identification.estimation.prior_knowledge import KnownPayload
+    from armload_identification.model.body_model import BodyModel
+    from armload_identification.recording.recording import Recording
+    from armload_identification.signals.joint_torque import Transmission
 
 
 def identify(
@@ -51,6 +44,14 @@ def identify(
     ] = Estimator.FRICTION,
 ) -> None:
     """Identify a payload from a recording with it and one without it, or from the arm's body."""
+    from armload_controller.cli.result_tables import payload_table, possibility
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import load_robot
+    from armload_controller.config.robot_recordings import read_of
+    from armload_identification.files.payload_file import write_payload
+    from armload_identification.pipeline.payload_identification import identify as identify_payload
+    from armload_identification.pipeline.payload_identification import payload_result
+
     arm = load_robot(robot)
     screen = Screen()
     if output is not None:
@@ -81,6 +82,9 @@ def _known(
     mass_kg: float | None, center_of_mass_m: tuple[float, float, float] | None, cad: Path | None, cad_share: float
 ) -> KnownPayload | None:
     """What the operator knows of the payload; None where it is nothing."""
+    from armload_identification.estimation.prior_knowledge import KnownPayload
+    from armload_identification.files.payload_file import read_payload
+
     if mass_kg is None and center_of_mass_m is None and cad is None:
         return None
     return KnownPayload(mass_kg, center_of_mass_m, None if cad is None else read_payload(cad).model, cad_share)
@@ -88,6 +92,9 @@ def _known(
 
 def _body(path: Path | None, loaded: Recording, transmission: Transmission) -> BodyModel | None:
     """The body of a file, which belongs to the gains in use."""
+    from armload_identification.calibration.body_identification import require_same_gains
+    from armload_identification.files.body_file import read_body
+
     if path is None:
         return None
     body = read_body(path)

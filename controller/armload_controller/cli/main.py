@@ -1,14 +1,19 @@
-"""The commands of `armload`."""
+"""The commands of `armload`.
+
+A command's module declares its arguments and loads nothing else. What the command needs is imported where it is used,
+so that help, version and completion do not wait for it; `tests/unit/controller/cli/test_startup.py` checks this.
+"""
 
 from __future__ import annotations
 
+import os
 from importlib.metadata import version
 from typing import Annotated
 
 import typer
-from threadpoolctl import threadpool_limits
 
 from armload_controller.cli.calibrate_gains_command import calibrate_gains
+from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.commission_command import commission
 from armload_controller.cli.compare_command import compare
 from armload_controller.cli.design_command import design
@@ -17,15 +22,14 @@ from armload_controller.cli.export_command import export
 from armload_controller.cli.feedforward_command import feedforward
 from armload_controller.cli.identify_body_command import identify_body
 from armload_controller.cli.identify_command import identify
-from armload_controller.cli.screen import Screen
 from armload_controller.cli.simulate_command import simulate
 from armload_controller.cli.validate_command import validate
 
 app = typer.Typer(
     name="armload",
+    cls=CommandGroup,
     help="Find out what a robot arm is carrying, from the currents of its own motors.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # its boxes cut off the names of options where the console is narrow
 )
@@ -48,7 +52,7 @@ app.add_typer(drives, name="drives")
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        Screen().step(f"armload {version('armload')}")
+        typer.echo(f"armload {version('armload')}")
         raise typer.Exit
 
 
@@ -59,5 +63,7 @@ def _options(
     ] = False,
 ) -> None:
     """Find out what a robot arm is carrying, from the currents of its own motors."""
-    # For all that follows. The matrices are small, and an arm does not wait while threads wait for each other.
-    threadpool_limits(1)
+    # The matrices are small, and an arm does not wait while threads wait for each other. The libraries read these
+    # variables when they are loaded, which is later.
+    for library in ("OPENBLAS", "MKL", "BLIS", "OMP"):
+        os.environ[f"{library}_NUM_THREADS"] = "1"

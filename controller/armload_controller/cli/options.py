@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.config.robot import Robot
-from armload_identification.files.gains_file import read_gains
-from armload_identification.signals.joint_torque import Transmission
+if TYPE_CHECKING:
+    from armload_controller.config.robot import Robot
+    from armload_identification.signals.joint_torque import Transmission
 
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or the path of a robot's TOML.")]
 InterfaceOption = Annotated[
@@ -36,4 +36,6 @@ GainsOption = Annotated[
 
 def transmission_of(robot: Robot, gains: Path | None) -> Transmission:
     """The robot's transmission, with calibrated gains where a file of them is given."""
+    from armload_identification.files.gains_file import read_gains
+
     return robot.transmission() if gains is None else read_gains(gains, robot.coupling())

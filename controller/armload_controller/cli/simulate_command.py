@@ -8,10 +8,7 @@ from typing import Annotated
 import typer
 
 from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
-from armload_controller.cli.screen import Screen, listening
-from armload_controller.config.robot import load_robot
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.session.arm_access import drives_alone
 
 NO_PAYLOAD = "none"
 POLL_S = 0.1
@@ -29,6 +26,10 @@ def simulate(
     ] = None,
 ) -> None:
     """Serve simulated CiA 402 drives with an arm behind them, until Ctrl-C."""
+    from armload_controller.cli.screen import Screen, listening
+    from armload_controller.config.robot import load_robot
+    from armload_controller.session.arm_access import drives_alone
+
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     name = arm.simulated_payload_name if payload is None else payload
     mounted = None if name == NO_PAYLOAD else name

@@ -8,16 +8,8 @@ from typing import Annotated
 import typer
 
 from armload_controller.cli.options import GainsOption, LoadedOption, RobotArgument, UnloadedOption, transmission_of
-from armload_controller.cli.result_tables import validation_table, verdict
-from armload_controller.cli.screen import Screen
-from armload_controller.config.robot import load_robot
-from armload_controller.config.robot_recordings import read_of
-from armload_identification.files.payload_file import read_payload
-from armload_identification.identification_errors import PayloadFileError
-from armload_identification.pipeline.payload_identification import FLANGE
-from armload_identification.verdict.validation import validate as validate_payload
 
-EXIT_FAILED = 2
+EXIT_FAILED = 3
 
 
 def validate(
@@ -27,7 +19,16 @@ def validate(
     unloaded: UnloadedOption,
     gains: GainsOption = None,
 ) -> None:
-    """Judge a payload file: residual beside the noise per joint. Exit status 2 where it fails."""
+    """Judge a payload file: residual beside the noise per joint. Exit status 3 where it fails."""
+    from armload_controller.cli.result_tables import validation_table, verdict
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import load_robot
+    from armload_controller.config.robot_recordings import read_of
+    from armload_identification.files.payload_file import read_payload
+    from armload_identification.identification_errors import PayloadFileError
+    from armload_identification.pipeline.payload_identification import FLANGE
+    from armload_identification.verdict.validation import validate as validate_payload
+
     arm = load_robot(robot)
     screen = Screen()
     judged = read_payload(payload)

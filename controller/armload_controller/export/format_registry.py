@@ -1,19 +1,13 @@
-"""All formats by name."""
+"""All formats by name; what a format needs is loaded when a payload is exported."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-from armload_controller.export.abb import export_abb
-from armload_controller.export.c99 import export_c
-from armload_controller.export.fanuc import export_fanuc
-from armload_controller.export.kuka import export_kuka
-from armload_controller.export.ros2 import export_ros2
-from armload_controller.export.subject import ExportSubject
-from armload_controller.export.ur import export_ur
-from armload_controller.export.urdf import export_urdf
-from armload_controller.export.yaskawa import export_yaskawa
+if TYPE_CHECKING:
+    from armload_controller.export.subject import ExportSubject
 
 
 class ExportFormat(StrEnum):
@@ -29,14 +23,38 @@ class ExportFormat(StrEnum):
     YASKAWA = "yaskawa"
 
 
-EXPORTERS: dict[ExportFormat, Callable[[ExportSubject], dict[str, str]]] = {
-    ExportFormat.C: export_c,
-    ExportFormat.URDF: export_urdf,
-    ExportFormat.ROS2: export_ros2,
-    ExportFormat.KUKA: export_kuka,
-    ExportFormat.ABB: export_abb,
-    ExportFormat.UR: export_ur,
-    ExportFormat.FANUC: export_fanuc,
-    ExportFormat.YASKAWA: export_yaskawa,
-}
-"""Each gives texts by file name and touches no file."""
+def exporter(export_format: ExportFormat) -> Callable[[ExportSubject], dict[str, str]]:
+    """The function that writes a format: texts by file name; it touches no file."""
+    match export_format:
+        case ExportFormat.C:
+            from armload_controller.export.c99 import export_c
+
+            return export_c
+        case ExportFormat.URDF:
+            from armload_controller.export.urdf import export_urdf
+
+            return export_urdf
+        case ExportFormat.ROS2:
+            from armload_controller.export.ros2 import export_ros2
+
+            return export_ros2
+        case ExportFormat.KUKA:
+            from armload_controller.export.kuka import export_kuka
+
+            return export_kuka
+        case ExportFormat.ABB:
+            from armload_controller.export.abb import export_abb
+
+            return export_abb
+        case ExportFormat.UR:
+            from armload_controller.export.ur import export_ur
+
+            return export_ur
+        case ExportFormat.FANUC:
+            from armload_controller.export.fanuc import export_fanuc
+
+            return export_fanuc
+        case ExportFormat.YASKAWA:
+            from armload_controller.export.yaskawa import export_yaskawa
+
+            return export_yaskawa

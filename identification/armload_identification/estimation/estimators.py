@@ -1,14 +1,14 @@
-"""The estimators to choose from, and the payload's fit by one of them."""
+"""The payload's fit by one of the estimators."""
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Final
 
 import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import REVERSAL, BodyFit, reversal_weights
+from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.friction_columns import FrictionDifference, fit_with_friction
 from armload_identification.estimation.least_squares import (
     NOTHING_KNOWN,
@@ -26,19 +26,6 @@ from armload_identification.signals.motion import SCATTER
 _NEGLIGIBLE: Final = 1e-3
 _REPEATED_REVERSAL: Final = 0.05
 """`REVERSAL` where two runs are compared phase by phase, so that half of what a servo does at a reversal cancels."""
-
-
-class Estimator(StrEnum):
-    """How a payload is fitted to a torque difference; identification/README.md has what chose the default."""
-
-    OLS = "ols"
-    """Least squares with equal weights, as in the paper."""
-    WLS = "wls"
-    """Weights by each joint's noise: from the scatter between periods, else from the residual."""
-    ROBUST = "robust"
-    """Weights by each joint's residual, reversals and outliers weighing less (Huber)."""
-    FRICTION = "friction"
-    """Weights by each joint's residual, reversals weighing less, friction columns where the data justify them."""
 
 
 def least_noise(signal: LoadSignal) -> FloatArray:

@@ -13,7 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import BodyFit
-from armload_identification.estimation.estimators import Estimator, fit_payload
+from armload_identification.estimation.estimator_names import Estimator
+from armload_identification.estimation.estimators import fit_payload
 from armload_identification.estimation.friction_columns import FrictionDifference, unloaded_body
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical

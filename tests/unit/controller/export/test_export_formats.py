@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from armload_controller.control_errors import ExportError
 from armload_controller.export.abb import export_abb
 from armload_controller.export.fanuc import export_fanuc
-from armload_controller.export.format_registry import EXPORTERS
+from armload_controller.export.format_registry import ExportFormat, exporter
 from armload_controller.export.inertia import principal_inertia
 from armload_controller.export.kuka import export_kuka
 from armload_controller.export.ros2 import export_ros2
@@ -308,10 +308,10 @@ def test_a_payload_of_another_frame_arm_or_world_is_refused(make_subject):
         replace(subject, payload=replace(subject.payload, model=impossible))
 
 
-@pytest.mark.parametrize("name", EXPORTERS)
+@pytest.mark.parametrize("name", ExportFormat)
 def test_every_text_says_where_it_comes_from_and_is_ascii(make_subject, name):
     subject = replace(make_subject(), robot="Ünit--3", payload_file="last-->\n\u2603.toml")
-    for text in EXPORTERS[name](subject).values():
+    for text in exporter(name)(subject).values():
         assert text.isascii()
         assert "written by armload 1.2.3" in text
         assert "sha256 0123abcd" in unwrapped(text)
@@ -321,7 +321,7 @@ def test_every_text_says_where_it_comes_from_and_is_ascii(make_subject, name):
 @pytest.mark.parametrize("name", ["urdf", "ros2"])
 def test_names_from_files_cannot_end_an_xml_comment(make_subject, name):
     subject = replace(make_subject(), payload_file="a-->b--c-.toml")
-    ElementTree.fromstring(next(iter(EXPORTERS[name](subject).values())))
+    ElementTree.fromstring(next(iter(exporter(name)(subject).values())))
 
 
 @pytest.mark.parametrize(

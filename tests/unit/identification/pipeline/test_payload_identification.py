@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.estimation.estimators import Estimator
+from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.friction_columns import SIGNIFICANT_LOAD
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.files.payload_file import format_payload, parse_payload

@@ -1,0 +1,75 @@
+"""Start-up: CPU time of help, version and the feed-forward's import beside `import numpy`, each in its own process.
+
+All candidates take turns, so that a busy machine is busy for all of them. What counts is the median of the CPU time of
+user and system; the first round fills the caches and is left out.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from resource import RUSAGE_CHILDREN, getrusage
+from statistics import median
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from armload_controller.cli.main import app
+
+ROUNDS = 9
+HELP_MOST = 2.0
+FEEDFORWARD_MOST = 1.5
+PYTHON = (sys.executable, "-c")
+PROGRAM = (*PYTHON, "from armload_controller.cli.entry import main; main()")
+REFERENCE = "import numpy"
+
+
+def run() -> None:
+    """Print the table."""
+    feedforward = "from armload_controller.feedforward.payload_feedforward import PayloadFeedforward"
+    commands: dict[str, tuple[str, ...]] = {
+        REFERENCE: (*PYTHON, REFERENCE),
+        "import of the feed-forward": (*PYTHON, feedforward),
+    }
+    commands |= {" ".join(["armload", *words]): (*PROGRAM, *words) for words in invocations()}
+    seconds: dict[str, list[float]] = {name: [] for name in commands}
+    for number in range(ROUNDS + 1):
+        for name, command in commands.items():
+            taken_s = cpu_s(command)
+            if number:
+                seconds[name].append(taken_s)
+    numpy_s = median(seconds[REFERENCE])
+    table = Table(title=f"Start-up, CPU time, median of {ROUNDS}", title_justify="left")
+    table.add_column("process")
+    for heading in ("ms", f"x `{REFERENCE}`", "at most"):
+        table.add_column(heading, justify="right")
+    for name, taken in seconds.items():
+        most = {REFERENCE: "", "import of the feed-forward": f"{FEEDFORWARD_MOST:g}"}.get(name, f"{HELP_MOST:g}")
+        table.add_row(name, f"{1e3 * median(taken):.0f}", f"{median(taken) / numpy_s:.2f}", most)
+    Console(highlight=False).print(table)
+
+
+def invocations() -> list[tuple[str, ...]]:
+    """Words of every invocation that shows something and does nothing: version, help, each command's help."""
+
+    def below(command: object, words: tuple[str, ...]) -> list[tuple[str, ...]]:
+        found = [(*words, "--help")]
+        for name, inner in getattr(command, "commands", {}).items():
+            found += below(inner, (*words, name))
+        return found
+
+    return [("--version",), *below(typer.main.get_command(app), ())]
+
+
+def cpu_s(command: Sequence[str]) -> float:
+    """CPU time of a process, user and system."""
+    before = getrusage(RUSAGE_CHILDREN)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    after = getrusage(RUSAGE_CHILDREN)
+    return (after.ru_utime - before.ru_utime) + (after.ru_stime - before.ru_stime)
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,68 @@
+"""What `armload drives` shows: nodes, the steps of a check, and how drives fare, as tables."""
+
+from __future__ import annotations
+
+from rich.markup import escape
+from rich.table import Table
+
+from armload_drivers.bring_up.drive_check import Check, Verdict
+from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
+from armload_drivers.cia402.emergency import describe
+
+MODE_NAMES = {1: "PP", 3: "PV", 4: "PT", 6: "HM", 7: "IP", 8: "CSP", 9: "CSV", 10: "CST"}
+_COLOURS = {Verdict.OK: "green", Verdict.MISSING: "yellow", Verdict.WRONG: "red", Verdict.NOT_DONE: "dim"}
+
+
+def found_table(found: list[FoundNode]) -> Table:
+    """One row per node."""
+    table = Table(title="nodes on the bus")
+    for heading in ("node", "device", "vendor", "product", "revision", "modes", "lacks for safety"):
+        table.add_column(heading)
+    for node in found:
+        kind = escape(node.name) or ("CiA 402 drive" if node.is_drive else "no CiA 402 drive")
+        identity = node.identity
+        numbers = (identity.vendor_id, identity.product_code, identity.revision)
+        modes = " ".join(MODE_NAMES.get(mode, str(mode)) for mode in node.modes)
+        lacks = " ".join(node.missing) if node.is_drive else "-"
+        table.add_row(str(node.node_id), kind, *(_hexadecimal(number) for number in numbers), modes, lacks or "nothing")
+    return table
+
+
+def _hexadecimal(number: int | None) -> str:
+    """A number of 1018."""
+    return "-" if number is None else f"0x{number:08X}"
+
+
+def check_table(rows: list[Check]) -> Table:
+    """One row per step and joint."""
+    table = Table(title="bring-up, short of enabling")
+    for heading in ("joint", "node", "step", "", "what"):
+        table.add_column(heading, overflow="fold")
+    for row in rows:
+        verdict = f"[{_COLOURS[row.verdict]}]{row.verdict.value}[/]"
+        table.add_row(row.joint, str(row.node_id), row.step, verdict, escape(row.detail))
+    return table
+
+
+def status_table(status: ArmStatus) -> Table:
+    """One row per joint."""
+    table = Table()
+    warm = any(drive.temperature_celsius is not None for drive in status.drives)
+    for heading in ("joint", "node", "state", "axis position rad", "effort", *["°C"] * warm, "error"):
+        table.add_column(heading, no_wrap=heading == "joint")
+    for drive in status.drives:
+        if drive.state is None:
+            table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, escape(drive.trouble))
+            continue
+        position = "-" if drive.position_rad is None else f"{drive.position_rad:+.5f}"
+        effort = "-" if drive.effort is None else f"{drive.effort:+.3f} {drive.effort_unit}"
+        error = "-" if drive.error_code is None else describe(drive.error_code)
+        celsius = "-" if drive.temperature_celsius is None else f"{drive.temperature_celsius:.0f}"
+        table.add_row(drive.joint, str(drive.node_id), drive.state.title, position, effort, *[celsius] * warm, error)
+    return table
+
+
+def bus_line(status: ArmStatus) -> str:
+    """The bus in one line."""
+    passive = ", error passive" if status.error_passive else ""
+    return f"bus load {status.bus_load:.1%}, {status.error_frames} error frames{passive}"

@@ -1,0 +1,85 @@
+"""What starting the command line loads: help, version and completion wait for no library that they do not use."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = (
+    "numpy",
+    "scipy",
+    "pydantic",
+    "rich",
+    "can",
+    "canopen",
+    "ruckig",
+    "mcap",
+    "orjson",
+    "matplotlib",
+    "jinja2",
+    "mujoco",
+    "multiprocessing",
+    "asyncio",
+)
+"""Roots of what no help may load; armload's own modules are light unless they import one of these."""
+SHOW_EVERYTHING = f"""
+import json, sys
+import typer
+from typer.testing import CliRunner
+from armload_controller.cli.main import app
+
+def below(command, words):
+    yield [*words, "--help"]
+    for name, inner in getattr(command, "commands", {{}}).items():
+        yield from below(inner, [*words, name])
+
+loaded = {{}}
+for words in ([], ["--version"], *below(typer.main.get_command(app), [])):
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == (0 if words else 2), (words, result.output)
+    assert result.output.count("\\n") >= 1
+    loaded[" ".join(words)] = [name for name in {HEAVY!r} if name in sys.modules]
+print(json.dumps(loaded))
+"""
+
+
+def answer(program):
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_no_help_loads_what_it_does_not_use():
+    loaded = answer(SHOW_EVERYTHING)
+    assert len(loaded) > 15
+    assert {words: names for words, names in loaded.items() if names} == {}
+
+
+def test_the_list_of_heavy_modules_is_not_empty_talk():
+    """A command that runs does load them, by these names."""
+    loaded = answer(
+        "import json, sys\n"
+        "from typer.testing import CliRunner\n"
+        "from armload_controller.cli.main import app\n"
+        "assert CliRunner().invoke(app, ['identify', 'nonsense', '--loaded', 'x']).exit_code == 1\n"
+        f"print(json.dumps([name for name in {HEAVY!r} if name in sys.modules]))"
+    )
+    assert {"numpy", "scipy", "pydantic", "rich", "mcap"} <= set(loaded)
+
+
+def test_linear_algebra_runs_in_one_thread():
+    """Set before the libraries are loaded, also where the environment asks for more."""
+    threads = answer(
+        "import json, os\n"
+        "os.environ['OPENBLAS_NUM_THREADS'] = '2'\n"
+        "from typer.testing import CliRunner\n"
+        "from armload_controller.cli.main import app\n"
+        "assert CliRunner().invoke(app, ['compare', 'nothing', 'nothing']).exit_code == 1\n"
+        "import numpy, scipy.linalg\n"
+        "from threadpoolctl import threadpool_info\n"
+        "print(json.dumps([library['num_threads'] for library in threadpool_info()]))"
+    )
+    if not threads:
+        pytest.skip("no library of linear algebra that threadpoolctl knows")
+    assert set(threads) == {1}
