@@ -242,7 +242,7 @@ def test_any_other_bus_is_refused(armload, interface, tmp_path):
 
 def test_a_cycle_that_does_not_fit_the_bus_is_refused(armload, tmp_path):
     result = armload("commission", "er50", "--cycle-hz", "900", "--output", tmp_path / "x")
-    assert "command line: bus.cycle_hz = 900.0" in str(result.exception)
+    assert "command line: bus.cycle_hz is 900.0" in str(result.exception)
     assert not (tmp_path / "x").exists()
 
 
