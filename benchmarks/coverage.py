@@ -24,7 +24,7 @@ KEPT = 5
 def run(tally: Tally, pool: Executor, census: Census) -> None:
     """A table of coverage per value and number of periods, then the same with model error."""
     robot = load_robot("er50")
-    payload = robot.plant_spec("paper").payload
+    payload = robot.simulation.plant_spec("paper").payload
     if payload is None:
         raise ValueError("er50 has no payload of the name 'paper'")
     tally.heading(f"Coverage of the 95 % intervals: er50, six joints, white noise, {SEEDS} commissionings each")

@@ -82,7 +82,7 @@ def _company() -> Iterator[None]:
 def _ours(cycles: int) -> np.ndarray:
     """(cycles, 5) CPU time of each part and wall time of the whole, us."""
     robot = load_robot(ROBOT)
-    arm, limits, clock = robot.arm_settings(), robot.motion_limits(), VirtualClock()
+    arm, limits, clock = robot.drives.settings, robot.limits.motion, VirtualClock()
     plant, channel = IdealPlant(np.zeros(robot.n)), uuid.uuid4().hex
     zero, rows = np.zeros(robot.n), np.zeros((cycles, len(PARTS) + 1))
     with ExitStack() as stack:
@@ -144,7 +144,7 @@ def _description() -> canopen.ObjectDictionary:
 def _theirs(cycles: int) -> np.ndarray:
     """(cycles, 2) CPU time of canopen's threads and wall time, us: setpoints set and sent, SYNC, feedback decoded."""
     robot = load_robot(ROBOT)
-    arm, clock = robot.arm_settings(), VirtualClock()
+    arm, clock = robot.drives.settings, VirtualClock()
     plant, channel = IdealPlant(np.zeros(robot.n)), uuid.uuid4().hex
     rows = np.zeros((cycles, 2))
     with ExitStack() as stack:

@@ -35,7 +35,7 @@ def main() -> None:
     with workers() as pool:
         _white(pool)
         er50, prbt = load_robot("er50"), load_robot("prbt")
-        motion, payload = paper_motion(er50, CRITERION), er50.plant_spec("paper").payload
+        motion, payload = paper_motion(er50, CRITERION), er50.simulation.plant_spec("paper").payload
         if payload is None:
             raise ValueError("er50 has no payload of the name 'paper'")
         setups = [setup_of("paper, normative", er50, Twin.NORMATIVE, motion, payload)]
@@ -53,7 +53,7 @@ def main() -> None:
 
 def _white(pool: Executor) -> None:
     robot = load_robot("er50")
-    payload = robot.plant_spec("paper").payload
+    payload = robot.simulation.plant_spec("paper").payload
     if payload is None:
         raise ValueError("er50 has no payload of the name 'paper'")
     setup = setup_of("paper, white noise", robot, Twin.CLEAN, paper_motion(robot, CRITERION), payload)
@@ -89,14 +89,14 @@ def _real() -> None:
     pairs = measured_pairs(robot)
     known = KnownPayload(mass_kg=MASS_KG)
     gains = {
-        name: calibrate_gains(pair.loaded, pair.unloaded, robot.chain(), robot.transmission(), known).transmission
+        name: calibrate_gains(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission, known).transmission
         for name, pair in pairs.items()
     }
     print("\nUR10e, measured currents, gains calibrated on the other pair: mass error a, b; centres apart")
     for estimator in Estimator:
         bodies = [
             identify(
-                pairs[name].loaded, pairs[name].unloaded, robot.chain(), gains[other], estimator=estimator
+                pairs[name].loaded, pairs[name].unloaded, robot.chain, gains[other], estimator=estimator
             ).parameters
             for name, other in (("a", "b"), ("b", "a"))
         ]

@@ -87,7 +87,7 @@ def _children_s() -> float:
 def _ours(
     robot: Robot, envelope: Envelope, criterion: str, restarts: int, executor: ProcessPoolExecutor | None
 ) -> DesignResult:
-    chosen = named_criterion(criterion, robot.chain(), robot.torque_noise_nm(), robot.expected_payload())
+    chosen = named_criterion(criterion, robot.chain, robot.limits.torque_noise_nm, robot.payloads.expected)
     return design(
         chosen,
         envelope,
@@ -103,7 +103,7 @@ class Peer:
     """The condition number by SLSQP; everything that knows the arm is Pinocchio's."""
 
     def __init__(self, robot: Robot, envelope: Envelope) -> None:
-        chain = robot.chain()
+        chain = robot.chain
         self._n, self._envelope = chain.n, envelope
         self._model, self._flange = pinocchio_model(chain), pin.SE3(chain.flange[:3, :3], chain.flange[:3, 3])
         self._data = self._model.createData()

@@ -87,7 +87,7 @@ def run() -> None:
 def _subject() -> ExportSubject:
     """The er50 with its expected payload, as if all of it had been measured."""
     robot = load_robot("er50")
-    body, per_joint = robot.expected_payload(), np.ones(robot.n)
+    body, per_joint = robot.payloads.expected, np.ones(robot.n)
     payload = PayloadResult(
         frame="flange",
         model=body,
@@ -98,7 +98,7 @@ def _subject() -> ExportSubject:
         provenance=Provenance("benchmark", robot.sha256, {}),
     )
     return ExportSubject(
-        robot.name, robot.joint_names, robot.chain(), payload, "expected_payload", robot.sha256, "benchmark"
+        robot.name, robot.joint_names, robot.chain, payload, "expected_payload", robot.sha256, "benchmark"
     )
 
 

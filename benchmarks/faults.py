@@ -56,9 +56,9 @@ class _Arm:
 
     def __init__(self, stack: ExitStack) -> None:
         robot = load_robot(ROBOT)
-        self.settings = replace(robot.arm_settings(), cycle_s=0.004)
-        self.speed_rad_s = SPEED_SHARE * robot.motion_limits().velocity_max_rad_s
-        self.plant = _Watched(robot.plant_spec(robot.simulated_payload_name), self.settings.coupling)
+        self.settings = replace(robot.drives.settings, cycle_s=0.004)
+        self.speed_rad_s = SPEED_SHARE * robot.limits.motion.velocity_max_rad_s
+        self.plant = _Watched(robot.simulation.plant_spec(robot.simulation.payload_name), self.settings.coupling)
         self.clock, channel = VirtualClock(), uuid.uuid4().hex
         bus, drives_bus, self.other = (
             stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(3)

@@ -82,15 +82,17 @@ def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
                 "benchmark",
             )
         pair = read_pair(robot, Path(folder), "identification")
-        found = identify(pair.loaded, pair.unloaded, robot.chain(), robot.transmission())
-        body = identify_body([pair.unloaded], robot.chain(), robot.transmission())
+        found = identify(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission)
+        body = identify_body([pair.unloaded], robot.chain, robot.drives.transmission)
         return payload_result(found, "benchmark", robot.sha256), body.model
 
 
 def _sweep(robot: Robot) -> Excitation:
     """One harmonic, once there and back."""
-    payload = robot.expected_payload()
-    criterion = named_criterion("a-optimal", robot.chain(), robot.torque_noise_nm(), payload, robot.payload_set())
+    payload = robot.payloads.expected
+    criterion = named_criterion(
+        "a-optimal", robot.chain, robot.limits.torque_noise_nm, payload, robot.payloads.design_set
+    )
     envelope = robot.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
     result = design(criterion, envelope, harmonics=1, base_frequency_hz=SWEEP_HZ, seed=3, restarts=4)
     return result.excitation(1, "benchmark", "benchmark")
@@ -102,14 +104,14 @@ def _compare(robot: Robot, identified: PayloadResult, body: BodyModel, label: st
     with simulated_arm(robot, Load.UNLOADED) as servos:
         servos.connect()
         empty = runs.plain(servos, "empty", with_payload=False)
-    truth = robot.simulated_payload(robot.simulated_payload_name)
+    truth = robot.simulation.payload(robot.simulation.payload_name)
     known = replace(identified, model=truth, determined=np.ones(10, dtype=np.bool_))
     with simulated_arm(robot, Load.LOADED) as servos:
         servos.connect()
         without = runs.plain(servos, "loaded", with_payload=True)
         first, tried = runs.with_feedforward(servos, identified, IDENTIFIED, None)
         fed = {IDENTIFIED: first, TRUE: runs.with_feedforward(servos, known, TRUE, tried)[0]}
-        chain = robot.chain()
+        chain = robot.chain
         for key, term in ((FRICTION, LoadFriction(chain, body)), (ARM, ArmTorque(chain, body))):
             fed[key] = runs.with_feedforward(servos, identified, key, tried, term)[0]
     added = runs.compare(without, fed, empty, identified)

@@ -6,7 +6,8 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from armload_controller.config.robot import HARSH_GAIN_ERROR, Robot
+from armload_controller.config.robot import Robot
+from armload_controller.config.robot_simulation import HARSH_GAIN_ERROR
 from armload_drivers.simulation.plant_spec import RigidBody
 from benchmarks.setups import Motion, Twin, setup_of
 from benchmarks.statistics import Errors

@@ -27,7 +27,7 @@ CENTER_OF_SEEDS = 0.95
 def run(tally: Tally, pool: Executor, robot: Robot, census: Census) -> None:
     """Table and criteria, then the same seed's experiment complete over CANopen."""
     tally.heading(f"2. One minute instead of seventeen: six joints, {motion_seconds(robot):.0f} s of periods in all")
-    payload = robot.plant_spec(robot.simulated_payload_name).payload
+    payload = robot.simulation.plant_spec(robot.simulation.payload_name).payload
     if payload is None:
         raise ValueError(f"{robot.name} names no payload to simulate")
     setup = setup_of("one minute", robot, Twin.NORMATIVE, shipped_motion(robot), payload)

@@ -16,7 +16,8 @@ from concurrent.futures import Executor
 import numpy as np
 from scipy.stats import norm
 
-from armload_controller.config.robot import HARSH_GAIN_ERROR, load_robot
+from armload_controller.config.robot import load_robot
+from armload_controller.config.robot_simulation import HARSH_GAIN_ERROR
 from armload_identification.estimation.uncertainty import derived
 from benchmarks.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
 from benchmarks.bound import bound_of

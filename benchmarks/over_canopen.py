@@ -44,7 +44,7 @@ def commissioned(pool: Executor, robot_name: str, transmission: Transmission) ->
             half.result()
         robot = load_robot(robot_name)
         runs = read_pair(robot, Path(directory), "identification")
-        return identify(runs.loaded, runs.unloaded, robot.chain(), transmission)
+        return identify(runs.loaded, runs.unloaded, robot.chain, transmission)
 
 
 def _record(robot_name: str, load: Load, directory: str) -> None:

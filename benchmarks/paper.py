@@ -13,7 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from armload_controller.config.robot import HARSH_GAIN_ERROR, Robot, load_robot
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.config.robot_simulation import HARSH_GAIN_ERROR
 from armload_drivers.simulation.plant_spec import RigidBody
 from benchmarks import harsh, one_minute, published
 from benchmarks.bodies import CALIBRATION_LOAD
@@ -43,7 +44,7 @@ def main() -> int:
     tally, census, robot = Tally(), Census(), load_robot("er50")
     with workers() as pool:
         motion = paper_motion(robot, CRITERION)
-        payload = robot.plant_spec("paper").payload
+        payload = robot.simulation.plant_spec("paper").payload
         if payload is None:
             raise ValueError("er50 has no payload of the name 'paper'")
         _white(tally, pool, robot, motion, payload, census)

@@ -47,7 +47,7 @@ def run(tally: Tally, census: Census) -> None:
     robot = load_robot("ur10e")
     pairs = measured_pairs(robot)
     print("  gains             pair |     mass kg  error %  interval +- | centre of mass mm        | possible")
-    nominal = {name: _identify(robot, pair, robot.transmission(), census) for name, pair in pairs.items()}
+    nominal = {name: _identify(robot, pair, robot.drives.transmission, census) for name, pair in pairs.items()}
     for name, result in nominal.items():
         _row("nominal", name, result)
     for name, result in nominal.items():
@@ -69,7 +69,7 @@ def measured_pairs(robot: Robot) -> dict[str, Pair]:
     """
     return {
         name: Pair(
-            *(read_recording(FOLDER / f"{load}{suffix}.csv", robot.csv_columns()) for load in ("loaded", "unloaded"))
+            *(read_recording(FOLDER / f"{load}{suffix}.csv", robot.csv_columns) for load in ("loaded", "unloaded"))
         )
         for name, suffix in (("a", ""), ("b", "_b"))
     }
@@ -81,7 +81,7 @@ def _calibrated(tally: Tally, robot: Robot, pairs: dict[str, Pair], census: Cens
     for name, other in (("a", "b"), ("b", "a")):
         weighed = pairs[other]
         calibration = calibrate_gains(
-            weighed.loaded, weighed.unloaded, robot.chain(), robot.transmission(), KnownPayload(mass_kg=MASS_KG)
+            weighed.loaded, weighed.unloaded, robot.chain, robot.drives.transmission, KnownPayload(mass_kg=MASS_KG)
         )
         gains[name] = calibration.transmission
         results[name] = _identify(robot, pairs[name], gains[name], census)
@@ -130,8 +130,8 @@ def _agreement(
         f"margins {one.margin:.1e} and {two.margin:.1e}",
         min(one.margin, two.margin) >= SMALLEST_MARGIN,
     )
-    signal = identify(pairs["b"].loaded, pairs["b"].unloaded, robot.chain(), transmission).signal
-    predicted = judge(signal, robot.chain(), _turned(one, turn)).predicted_nm
+    signal = identify(pairs["b"].loaded, pairs["b"].unloaded, robot.chain, transmission).signal
+    predicted = judge(signal, robot.chain, _turned(one, turn)).predicted_nm
     used = signal.valid
     left, raw = (
         np.sqrt(np.mean((measured - predicted)[used] ** 2, axis=0) / np.mean(measured[used] ** 2, axis=0))
@@ -145,7 +145,7 @@ def _agreement(
 
 
 def _identify(robot: Robot, pair: Pair, transmission: Transmission, census: Census) -> Identification:
-    result = identify(pair.loaded, pair.unloaded, robot.chain(), transmission)
+    result = identify(pair.loaded, pair.unloaded, robot.chain, transmission)
     census.results += 1
     census.impossible += result.parameters.margin < SMALLEST_MARGIN
     return result

@@ -29,7 +29,7 @@ ORDER = [0, 1, 2, 3, 4, 6, 9, 5, 7, 8]  # Pinocchio's dynamic parameters in this
 def run() -> None:
     """Print both tables."""
     robot = load_robot("er50")
-    chain, payload = robot.chain(), robot.expected_payload()
+    chain, payload = robot.chain, robot.payloads.expected
     rng = np.random.default_rng(0)
     q, dq, ddq = rng.uniform(-1.5, 1.5, (3, SAMPLES, chain.n))
     model = pinocchio_model(chain)

@@ -15,7 +15,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from armload_controller.config.robot import HARSH_SECOND_RUN_FRICTION, Robot
+from armload_controller.config.robot import Robot
+from armload_controller.config.robot_simulation import HARSH_SECOND_RUN_FRICTION
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
 from armload_identification.excitation.design import design
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
@@ -73,7 +74,7 @@ def paper_motion(robot: Robot, criterion: str) -> Motion:
         robot: er50, whose limits of joints 1 to 3 are METHOD's.
         criterion: What the excitation is designed for.
     """
-    n, limits = PAPER_JOINTS, robot.excitation_limits()
+    n, limits = PAPER_JOINTS, robot.limits.excitation
     head = ExcitationLimits(
         limits.position_min_rad[:n],
         limits.position_max_rad[:n],
@@ -81,10 +82,10 @@ def paper_motion(robot: Robot, criterion: str) -> Motion:
         limits.acceleration_max_rad_s2[:n],
         limits.jerk_max_rad_s3[:n],
     )
-    chain, payload = robot.chain().head(n), in_frame(robot, robot.expected_payload(), n)
-    strong = TorqueLimits.from_share(chain, np.zeros(n), payload, robot.torque_max_nm()[:n])
+    chain, payload = robot.chain.head(n), in_frame(robot, robot.payloads.expected, n)
+    strong = TorqueLimits.from_share(chain, np.zeros(n), payload, robot.limits.torque_max_nm[:n])
     found = design(
-        named_criterion(criterion, chain, robot.torque_noise_nm()[:n], payload),
+        named_criterion(criterion, chain, robot.limits.torque_noise_nm[:n], payload),
         Envelope(head, strong, Workspace(chain)),
         harmonics=PAPER_HARMONICS,
         base_frequency_hz=PAPER_BASE_HZ,
@@ -98,8 +99,8 @@ def paper_motion(robot: Robot, criterion: str) -> Motion:
         np.vstack([found.sin_rad, held]),
         np.vstack([found.cos_rad, held]),
     )
-    arm = replace(robot.arm_settings(), cycle_s=1.0 / PAPER_RATE_HZ)
-    return Motion(trajectory, Streaming(arm, robot.motion_limits(), PAPER_KEPT), n, PAPER_PERIODS)
+    arm = replace(robot.drives.settings, cycle_s=1.0 / PAPER_RATE_HZ)
+    return Motion(trajectory, Streaming(arm, robot.limits.motion, PAPER_KEPT), n, PAPER_PERIODS)
 
 
 def shipped_motion(robot: Robot, keep_every: int = 1, periods: int | None = None) -> Motion:
@@ -111,7 +112,7 @@ def shipped_motion(robot: Robot, keep_every: int = 1, periods: int | None = None
         periods: M; None takes the file's.
     """
     excitation = robot.excitations["identification"]
-    streaming = Streaming(robot.arm_settings(), robot.motion_limits(), keep_every)
+    streaming = Streaming(robot.drives.settings, robot.limits.motion, keep_every)
     return Motion(excitation.trajectory, streaming, robot.n, periods or excitation.periods)
 
 
@@ -119,13 +120,13 @@ def in_frame(robot: Robot, payload: InertialParameters, joints: int) -> Inertial
     """A payload of the flange frame in the frame that the first joints' chain reports in, the others at zero."""
     if joints == robot.n:
         return payload
-    poses = robot.chain().forward(np.zeros(robot.n))
+    poses = robot.chain.forward(np.zeros(robot.n))
     return payload.transformed(np.linalg.inv(poses[joints - 1]) @ poses[-1])
 
 
 def twin_spec(robot: Robot, twin: Twin, payload: RigidBody | None) -> PlantSpec:
     """The simulated arm with a payload on its flange."""
-    spec = replace(robot.plant_spec(None), payload=payload)
+    spec = replace(robot.simulation.plant_spec(None), payload=payload)
     if twin in {Twin.GEARS, Twin.HARSH}:
         scale = 1.0 if payload is None or twin is Twin.GEARS else HARSH_SECOND_RUN_FRICTION
         return replace(spec, variant=PlantVariant.HARSH, friction_scale=scale)
@@ -154,13 +155,13 @@ def setup_of(
         calibration: Weighed payload that the gains are calibrated with.
     """
     n, arm = motion.joints, motion.streaming.arm
-    nominal = robot.transmission()
+    nominal = robot.drives.transmission
 
     def period(body: RigidBody | None) -> SteadyPeriod:
         make = ideal_period if twin is Twin.CLEAN else steady_period
         return make(twin_spec(robot, twin, body), motion.streaming, motion.trajectory)
 
-    chain = robot.chain() if n == robot.n else robot.chain().head(n)
+    chain = robot.chain if n == robot.n else robot.chain.head(n)
     known = None
     if calibration is not None:
         truth = in_frame(robot, calibration.inertial(), n)
@@ -170,7 +171,7 @@ def setup_of(
         name=name,
         loaded=period(payload),
         unloaded=period(None),
-        scales=DriveScales.of(arm, robot.torque_noise_nm(), n),
+        scales=DriveScales.of(arm, robot.limits.torque_noise_nm, n),
         chain=chain,
         transmission=Transmission(nominal.gain_nm_a[:n], nominal.coupling[:n, :n]),
         truth=in_frame(robot, truth, n),

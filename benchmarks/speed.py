@@ -35,8 +35,8 @@ def run(tally: Tally, pool: Executor) -> None:
     tally.heading("Speed: two MCAP files of 50 periods of 20 s at 250 Hz, 500,000 cycles, one core")
     robot = load_robot("er50")
     slow = paper_motion(robot, "a-optimal")
-    motion = Motion(slow.trajectory, Streaming(robot.arm_settings(), robot.motion_limits()), robot.n, 1)
-    payload = robot.plant_spec("paper").payload
+    motion = Motion(slow.trajectory, Streaming(robot.drives.settings, robot.limits.motion), robot.n, 1)
+    payload = robot.simulation.plant_spec("paper").payload
     if payload is None:
         raise ValueError("er50 has no payload of the name 'paper'")
     setup = setup_of("speed", robot, Twin.NORMATIVE, motion, payload)

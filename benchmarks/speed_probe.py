@@ -24,7 +24,7 @@ def main() -> None:
     robot = load_robot("er50")
     loaded, unloaded = (read_recording(Path(name)) for name in sys.argv[1:3])
     read_s = time.perf_counter()
-    result = identify(loaded, unloaded, robot.chain(), robot.transmission())
+    result = identify(loaded, unloaded, robot.chain, robot.drives.transmission)
     used = resource.getrusage(resource.RUSAGE_SELF)
     figures = {
         "wall_s": time.perf_counter() - _BEGUN_S,

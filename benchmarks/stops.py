@@ -165,21 +165,21 @@ def measure(robot: Robot, cause: Cause | None) -> Stop:
     Raises:
         RuntimeError: another cause was found, or none.
     """
-    limits, cycle_s = robot.motion_limits(), 1 / robot.bus.cycle_hz
+    limits, cycle_s = robot.limits.motion, 1 / robot.bus.cycle_hz
     trajectory = robot.excitations["validation"].trajectory
     legs = plan_legs(Excitation(trajectory, 1), limits, cycle_s)
-    spec = replace(robot.plant_spec(robot.simulated_payload_name), start_position_rad=legs.start_rad)
+    spec = replace(robot.simulation.plant_spec(robot.simulation.payload_name), start_position_rad=legs.start_rad)
     lead_in = round(-legs.measured.start_s / cycle_s * 2) + round(AT_S / cycle_s)
     plant = WatchedPlant(spec)
     failures = _failures(cause, lead_in)
-    servos = Disturbed(robot.arm_settings(), plant, failures)
+    servos = Disturbed(robot.drives.settings, plant, failures)
     servos.at, servos.event = lead_in, _event(cause, cycle_s)
     control = MotionControl()
     monitors: list[CyclePlugin] = [FollowingMonitor(_limits(cause, limits, trajectory), robot.bus.max_missing_cycles)]
     if cause is Cause.TORQUE:
-        window = 0.5 * robot.torque_max_nm()
+        window = 0.5 * robot.limits.torque_max_nm
         window[1] = 300.0
-        monitors.append(TorqueWindow(robot.joint_names, robot.transmission(), window, cycle_s, None))
+        monitors.append(TorqueWindow(robot.joint_names, robot.drives.transmission, window, cycle_s, None))
     act = _act(cause, control)
     sluggish = Sluggish(cycle_s)
     witnesses: list[Disturbed | Culprit | Sluggish] = [servos, sluggish]
@@ -189,7 +189,7 @@ def measure(robot: Robot, cause: Cause | None) -> Stop:
         culprit = Culprit(act)
         monitors.append(culprit)
         witnesses.append(culprit)
-    gate = TorqueGate(robot.torque_max_nm(), cycle_s)
+    gate = TorqueGate(robot.limits.torque_max_nm, cycle_s)
     path: Path = Bumped(trajectory) if cause is Cause.DEVIATION else trajectory
     cycle = Cycle(servos, _limits(cause, limits, trajectory), gate, control, monitors, stopwatch=lambda: sluggish.now_s)
     servos.connect()

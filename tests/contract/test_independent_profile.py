@@ -19,7 +19,7 @@ from tests.independent_master import Master, description
     ("robot", "mode"), [("er50", "CYCLIC SYNCHRONOUS POSITION"), ("prbt", "INTERPOLATED POSITION")]
 )
 def test_a_node_is_booted_enabled_moved_by_a_degree_and_disabled(tmp_path, robot, mode, split):
-    arm = load_robot(robot).arm_settings()
+    arm = load_robot(robot).drives.settings
     start = np.array([0.1, -0.2, 0.3, 0.0, 0.5, -0.1])
     plant = IdealPlant(start)
     channel = uuid.uuid4().hex

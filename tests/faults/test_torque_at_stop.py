@@ -40,8 +40,8 @@ class Track(ArmPlant):
 @pytest.fixture(params=["fake", "canopen"])
 def arm(request):
     robot = load_robot("er50")
-    settings = replace(robot.arm_settings(), cycle_s=CYCLE_S)
-    spec = robot.plant_spec(robot.simulated_payload_name)
+    settings = replace(robot.drives.settings, cycle_s=CYCLE_S)
+    spec = robot.simulation.plant_spec(robot.simulation.payload_name)
     # Friction would hide at standstill what the torque does.
     plant = Track(replace(spec, friction_scale=0.0))
     with ExitStack() as stack:

@@ -19,8 +19,8 @@ def robot():
 
 
 def identified(robot, folder, suffix=""):
-    runs = [read_recording(folder / f"{name}{suffix}.csv", robot.csv_columns()) for name in ("loaded", "unloaded")]
-    return identify(*runs, robot.chain(), robot.transmission())
+    runs = [read_recording(folder / f"{name}{suffix}.csv", robot.csv_columns) for name in ("loaded", "unloaded")]
+    return identify(*runs, robot.chain, robot.drives.transmission)
 
 
 def test_pair_a_is_weighed_and_its_inertia_is_not_printed(robot, shared_data):

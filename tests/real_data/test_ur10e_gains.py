@@ -24,7 +24,7 @@ def robot():
 def pairs(robot, shared_data):
     folder = shared_data / "ur10e"
     return {
-        name: [read_recording(folder / f"{load}{suffix}.csv", robot.csv_columns()) for load in ("loaded", "unloaded")]
+        name: [read_recording(folder / f"{load}{suffix}.csv", robot.csv_columns) for load in ("loaded", "unloaded")]
         for name, suffix in PAIRS.items()
     }
 
@@ -32,15 +32,14 @@ def pairs(robot, shared_data):
 @pytest.fixture(scope="module")
 def gains(robot, pairs):
     known = KnownPayload(mass_kg=WEIGHED_KG)
-    return {name: calibrate_gains(*pair, robot.chain(), robot.transmission(), known) for name, pair in pairs.items()}
+    return {name: calibrate_gains(*pair, robot.chain, robot.drives.transmission, known) for name, pair in pairs.items()}
 
 
 @pytest.fixture(scope="module")
 def crossed(robot, pairs, gains):
     """Each pair, identified with the gains of the other."""
     return {
-        name: identify(*pairs[name], robot.chain(), gains[other].transmission)
-        for name, other in (("a", "b"), ("b", "a"))
+        name: identify(*pairs[name], robot.chain, gains[other].transmission) for name, other in (("a", "b"), ("b", "a"))
     }
 
 

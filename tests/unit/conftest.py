@@ -188,7 +188,7 @@ def make_subject():
         )
         known = np.array([name not in undetermined for name in PARAMETER_NAMES])
         interval = np.where(known[:, None], body.values[:, None] + np.array([-1e-4, 1e-4]), np.nan)
-        chain = changes.get("chain", arm.chain())
+        chain = changes.get("chain", arm.chain)
         assert isinstance(chain, Chain)
         per_joint = np.ones(chain.n)
         payload = PayloadResult(

@@ -113,7 +113,7 @@ def test_two_halves_in_two_processes(short_robot, tmp_path):
         done = record(short_robot, output)
     assert done.returncode == 0, done.stdout + done.stderr
     result = read_payload(output / "payload.toml")
-    truth = load_robot("er50").simulated_payload("paper")
+    truth = load_robot("er50").simulation.payload("paper")
     assert result.model.mass_kg == pytest.approx(truth.mass_kg, rel=0.15)
     assert result.model.is_physical
     assert (output / "report.html").stat().st_size > 10_000

@@ -23,7 +23,7 @@ def drives():
     robot = load_robot("prbt").with_bus("socketcan", "vcan0", None, 50.0)
     with (
         can.Bus(interface="socketcan", channel="vcan0") as bus,
-        SimulatedDrives(robot.arm_settings(), IdealPlant(np.zeros(6)), bus, time.monotonic) as simulated,
+        SimulatedDrives(robot.drives.settings, IdealPlant(np.zeros(6)), bus, time.monotonic) as simulated,
     ):
         yield simulated
 

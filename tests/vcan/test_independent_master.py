@@ -20,7 +20,7 @@ from armload_drivers.simulation.plant_interface import IdealPlant
 plant = IdealPlant(np.zeros(6))
 with (
     can.Bus(interface="socketcan", channel="vcan0") as bus,
-    SimulatedDrives(load_robot(sys.argv[1]).arm_settings(), plant, bus, time.monotonic),
+    SimulatedDrives(load_robot(sys.argv[1]).drives.settings, plant, bus, time.monotonic),
 ):
     print("ready", flush=True)
     for line in sys.stdin:

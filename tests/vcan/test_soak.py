@@ -35,7 +35,7 @@ from armload_drivers.simulation.plant_interface import IdealPlant
 
 robot = load_robot("er50").with_bus("socketcan", "vcan0", None, 50.0)
 with can.Bus(interface="socketcan", channel="vcan0") as bus:
-    with SimulatedDrives(robot.arm_settings(), IdealPlant(np.zeros(6)), bus, time.monotonic) as drives:
+    with SimulatedDrives(robot.drives.settings, IdealPlant(np.zeros(6)), bus, time.monotonic) as drives:
         print("ready", flush=True)
         sys.stdin.readline()
         print(drives.frames_lost, flush=True)
@@ -72,7 +72,7 @@ class Counted:
 def test_ten_minutes_lose_nothing(drives, tmp_path):
     robot = load_robot("er50").with_bus("socketcan", "vcan0", None, float(CYCLE_HZ))
     # A guest on a busy machine may not run for a while, which is not what is tested here.
-    arm = replace(robot.arm_settings(), heartbeat_s=0.5)
+    arm = replace(robot.drives.settings, heartbeat_s=0.5)
     cycles, zero, path = round(SECONDS * CYCLE_HZ), np.zeros(6), tmp_path / "soak.mcap"
     missing = skipped = 0
     with can.Bus(interface="socketcan", channel="vcan0") as bus, Recorder(path, {}) as recorder:

@@ -37,7 +37,7 @@ def calibrate_gains(
         raise ConfigurationError("command line", "--payload / --mass-kg", None, "exactly one of the two")
     known = KnownPayload(mass_kg=mass_kg) if payload is None else KnownPayload.weighed(read_payload(payload).model)
     require_folder(output)
-    result = calibrate(read_of(arm, loaded), read_of(arm, unloaded), arm.chain(), arm.transmission(), known)
+    result = calibrate(read_of(arm, loaded), read_of(arm, unloaded), arm.chain, arm.drives.transmission, known)
     screen.table(gains_table(result, arm.joint_names))
     untold = [name for name, told in zip(arm.joint_names, result.told, strict=True) if not told]
     if untold:

@@ -104,14 +104,14 @@ def commission(
     if runs is Runs.UNLOADED:
         screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
         return
-    truth = arm.simulated_payload(arm.simulated_payload_name) if in_this_process else None
+    truth = arm.simulation.payload(arm.simulation.payload_name) if in_this_process else None
     _evaluate(arm, directory, screen, truth, now)
 
 
 def _mount(arm: Robot, screen: Screen, in_this_process: bool, yes: bool) -> None:
     """Get the payload onto the flange, the drives being off."""
     if in_this_process:
-        screen.step(f"payload {arm.simulated_payload_name!r} mounted on the simulated flange")
+        screen.step(f"payload {arm.simulation.payload_name!r} mounted on the simulated flange")
     elif not yes and not screen.confirm(
         "The drives are off, the brakes are on. Is the payload mounted and the cell clear?"
     ):
@@ -139,7 +139,7 @@ def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParame
     from armload_identification.verdict.validation import validate as validate_payload
 
     pairs = {role: read_pair(arm, directory, role) for role in ROLES}
-    chain, transmission = arm.chain(), arm.transmission()
+    chain, transmission = arm.chain, arm.drives.transmission
     first, second = (pairs[role] for role in ROLES)
     identification = identify(first.loaded, first.unloaded, chain, transmission)
     validation = validate_payload(second.loaded, second.unloaded, chain, transmission, identification.parameters)

@@ -81,16 +81,18 @@ def design(
 
     arm = load_robot(robot)
     screen = Screen()
-    cell = arm.cell()
+    cell = arm.obstacles
     frequency = _frequency(arm, period_s, harmonics)
-    if not arm.knows_workspace:
+    if not arm.has_workspace:
         screen.step(
             f"note: {arm.file} has no [workspace]: nothing keeps this motion from the floor or from the arm itself"
         )
     envelope = arm.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
     with _workers(restarts) as executor, screen.track("designing", restarts) as done:
         result = design_excitation(
-            named_criterion(criterion, arm.chain(), arm.torque_noise_nm(), arm.expected_payload(), arm.payload_set()),
+            named_criterion(
+                criterion, arm.chain, arm.limits.torque_noise_nm, arm.payloads.expected, arm.payloads.design_set
+            ),
             envelope,
             harmonics=harmonics,
             base_frequency_hz=frequency,

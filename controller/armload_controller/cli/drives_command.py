@@ -70,7 +70,7 @@ def check_command(
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     screen = Screen()
     with _bus_of(arm) as bus:
-        rows = check(arm.arm_settings(), bus)
+        rows = check(arm.drives.settings, bus)
     screen.table(check_table(rows))
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
@@ -98,7 +98,7 @@ def show_command(
     control = MotionControl()
     with listening(control), _bus_of(arm) as bus:
         while control.goal.stop is None:
-            status = show(arm.arm_settings(), bus)
+            status = show(arm.drives.settings, bus)
             screen.table(status_table(status))
             screen.step(bus_line(status))
             if once:
@@ -124,7 +124,7 @@ def reset_command(
         raise ConfigurationError(arm.file, "JOINT", joint, f"one of: {', '.join(arm.joint_names)}")
     screen = Screen()
     with _bus_of(arm) as bus:
-        state = reset(arm.arm_settings(), joint, bus, lambda question: yes or screen.confirm(question))
+        state = reset(arm.drives.settings, joint, bus, lambda question: yes or screen.confirm(question))
     if state is None:
         raise CommissioningError("not confirmed: nothing was reset")
     screen.step(f"{joint}: {state.title}")
@@ -142,9 +142,9 @@ def _bus_of(robot: Robot) -> Iterator[can.BusABC]:
         if bus.interface != VIRTUAL:
             yield opened
             return
-        plant = IdealPlant(robot.simulated_start_rad)
+        plant = IdealPlant(robot.simulation.start_rad)
         with (
             open_bus(bus.interface, bus.channel, bus.bitrate) as drives_bus,
-            SimulatedDrives(robot.arm_settings(), plant, drives_bus, time.monotonic),
+            SimulatedDrives(robot.drives.settings, plant, drives_bus, time.monotonic),
         ):
             yield opened

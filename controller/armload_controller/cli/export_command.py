@@ -36,7 +36,7 @@ def export(
     subject = ExportSubject(
         robot=arm.name,
         joint_names=arm.joint_names,
-        chain=arm.chain(),
+        chain=arm.chain,
         payload=result,
         payload_file=str(payload),
         payload_sha256=hashlib.sha256(payload.read_bytes()).hexdigest(),

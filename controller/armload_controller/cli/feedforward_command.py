@@ -82,14 +82,14 @@ def feedforward(
     control = MotionControl()
     screen = Screen(Keyboard.of_this_process(control))
     result = read_payload(payload)
-    problem = why_not_usable(result, arm.chain(), arm.name, "fed forward")
+    problem = why_not_usable(result, arm.chain, arm.name, "fed forward")
     if problem is not None:
         raise PayloadRefused(f"{payload}: {problem}")
     chosen = require_excitation(arm, "validation") if excitation is None else read_excitation(excitation)
     chosen = Excitation(chosen.trajectory, PERIODS)
     model = None if body is None else read_body(body).model
     if model is not None:
-        require_body(model, arm.chain(), arm.coupling())
+        require_body(model, arm.chain, arm.drives.coupling)
     tried_nm = None if model is None else held_torque(model)
     runs = ComparisonRuns(arm, chosen, screen, control, Consent(screen.confirm, given=yes), tried_nm)
     with listening(control):
@@ -120,7 +120,7 @@ def _compare(
     from armload_controller.session.commissioning import Load
     from armload_controller.session.feedforward_comparison import FollowingRun
 
-    in_this_process, chain = arm.bus.interface == VIRTUAL, arm.chain()
+    in_this_process, chain = arm.bus.interface == VIRTUAL, arm.chain
     empty: FollowingRun | None = None
     if in_this_process:
         with simulated_arm(arm, Load.UNLOADED) as servos:
@@ -136,7 +136,7 @@ def _compare(
             for label, term in ((FRICTION, LoadFriction(chain, body)), (ARM, ArmTorque(chain, body))):
                 results[label], _ = runs.with_feedforward(servos, payload, f"loaded, {label}", verdict, term)
         if in_this_process:
-            truth = arm.simulated_payload(arm.simulated_payload_name)
+            truth = arm.simulation.payload(arm.simulation.payload_name)
             true = _as_result(payload, truth)
             results[IDEAL], _ = runs.with_feedforward(servos, true, "loaded, with the true one", verdict)
 

@@ -34,7 +34,7 @@ def identify_body(
     arm = load_robot(robot)
     screen = Screen()
     require_folder(output)
-    chain, transmission = arm.chain(), transmission_of(arm, gains)
+    chain, transmission = arm.chain, transmission_of(arm, gains)
     body = fit([read_of(arm, path) for path in recordings], chain, transmission, stribeck=stribeck)
     screen.step(
         f"{body.base_parameters} base parameters of links and rotors, {body.determined} of them told by these runs"

@@ -62,7 +62,7 @@ def identify(
     result = identify_payload(
         run,
         empty,
-        arm.chain(),
+        arm.chain,
         transmission,
         estimator=estimator,
         known=_known(mass_kg, center_of_mass_m, cad, cad_share),

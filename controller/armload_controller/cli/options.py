@@ -38,4 +38,4 @@ def transmission_of(robot: Robot, gains: Path | None) -> Transmission:
     """The robot's transmission, with calibrated gains where a file of them is given."""
     from armload_identification.files.gains_file import read_gains
 
-    return robot.transmission() if gains is None else read_gains(gains, robot.coupling())
+    return robot.drives.transmission if gains is None else read_gains(gains, robot.drives.coupling)

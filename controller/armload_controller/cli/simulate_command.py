@@ -31,7 +31,7 @@ def simulate(
     from armload_controller.session.arm_access import drives_alone
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
-    name = arm.simulated_payload_name if payload is None else payload
+    name = arm.simulation.payload_name if payload is None else payload
     mounted = None if name == NO_PAYLOAD else name
     screen = Screen()
     control = MotionControl()

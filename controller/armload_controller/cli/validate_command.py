@@ -40,7 +40,7 @@ def validate(
             f"expected {FLANGE!r}, the frame that the robot's kinematics end in",
         )
     result = validate_payload(
-        read_of(arm, loaded), read_of(arm, unloaded), arm.chain(), transmission_of(arm, gains), judged.model
+        read_of(arm, loaded), read_of(arm, unloaded), arm.chain, transmission_of(arm, gains), judged.model
     )
     screen.table(validation_table(result, arm.joint_names))
     screen.step(verdict(result, arm.joint_names))

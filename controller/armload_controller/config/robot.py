@@ -1,115 +1,94 @@
-"""Robots from TOML: reading, checking, and what the other layers get made from a file.
+"""One robot from its TOML file: reading, checking, and the parts that the other layers work with.
 
-Three kinds of file are accepted by the same tables (`schema`): an arm on a bus (`[bus]` and a drive per joint),
-an arm known from logs (`[log]`), and either with a `[simulation]`. What a file says is checked beyond its
-form: counts, the bus load, and whether the joints can hold the payloads it names.
+Three kinds of file have the same tables: an arm on a bus (`[bus]` and a drive per joint), an arm known from logs
+(`[log]`), and either with a `[simulation]`. Beyond the tables' form and agreement it is checked that the bus has room
+for the cycle, that the joints can hold the payloads named, and that the files named beside it can be used.
 """
 
 from __future__ import annotations
 
 import hashlib
-import tomllib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
 
-import numpy as np
-from pydantic import ValidationError
-
-from armload_controller.config.drive_tables import (
-    BusTable,
-    DriveTable,
-    drive_settings,
-    read_descriptions,
-    require_scales,
-)
-from armload_controller.config.motion_envelope import (
-    expected_torque_of,
-    following_speed_of,
-    meshes_of,
-    require_consistent,
-    require_drivable,
-    require_told,
-    torque_limits_of,
-    workspace_of,
-)
-from armload_controller.config.robot_file import RobotFile, SimulationTable, explained
-from armload_controller.config.table_types import PayloadTable
+from armload_controller.config.robot_drives import RobotDrives
+from armload_controller.config.robot_limits import RobotLimits
+from armload_controller.config.robot_payloads import RobotPayloads
+from armload_controller.config.robot_simulation import RobotSimulation
+from armload_controller.config.robot_source import RobotSource
+from armload_controller.config.robot_strength import RobotStrength
+from armload_controller.config.tables.drive_tables import BusTable
+from armload_controller.config.tables.robot_file import RobotFile
 from armload_controller.control_errors import ConfigurationError
-from armload_controller.motion.expected_torque import ExpectedTorque
-from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.obstacles import Cell
-from armload_core.arrays import FloatArray
-from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.bus_budget import require_room
-from armload_drivers.cia402.device_description import DeviceDescription
-from armload_drivers.driver_errors import BusOverload
-from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant
-from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
+from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.workspace import Workspace
-from armload_identification.identification_errors import IdentificationError
-from armload_identification.model.chain import Chain, pose_from_xyz_rpy
-from armload_identification.model.payload import InertialParameters
-from armload_identification.model.regressor import payload_torque
+from armload_identification.identification_errors import IdentificationError, ModelError
+from armload_identification.model.chain import Chain
 from armload_identification.recording.recording import CsvColumns
-from armload_identification.signals.joint_torque import Transmission
-
-HARSH_GAIN_ERROR = 0.02
-"""The harsh twin's torque gains are off by up to this share, the same in every run."""
-HARSH_SECOND_RUN_FRICTION = 1.03
-"""The harsh twin's friction in every run after the first."""
+from armload_identification.storage.strict_toml import parse, read_text, validated
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Robot:
     """One robot's configuration, checked.
 
     Attributes:
-        file: Where it was read from, for messages.
-        text: The file's text, kept for the recordings.
-        folder: Where it lies, and what it names beside it.
+        source: The file it comes from.
         excitations: Excitation by role ("identification", "validation"); empty where the file names none.
-        descriptions: Device description by joint, where the file names one.
     """
 
-    file: str
-    text: str
+    source: RobotSource
     excitations: dict[str, Excitation]
-    _model: RobotFile
-    folder: Path = Path()
-    descriptions: dict[str, DeviceDescription] = field(default_factory=dict)
+
+    @property
+    def file(self) -> str:
+        """Where it was read from, for messages."""
+        return self.source.file
+
+    @property
+    def text(self) -> str:
+        """The file's text, which recordings keep."""
+        return self.source.text
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the file."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
 
     @property
     def name(self) -> str:
         """Name of the robot."""
-        return self._model.robot.name
+        return self.source.tables.robot.name
 
     @property
     def description(self) -> str:
         """What the robot is, in a line."""
-        return self._model.robot.description
-
-    @property
-    def sha256(self) -> str:
-        """Hash of the configuration."""
-        return hashlib.sha256(self.text.encode()).hexdigest()
+        return self.source.tables.robot.description
 
     @property
     def n(self) -> int:
         """Number of joints."""
-        return len(self._model.joints)
+        return self.source.n
 
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, from the base to the flange."""
-        return tuple(joint.name for joint in self._model.joints)
+        return self.source.joint_names
+
+    @property
+    def chain(self) -> Chain:
+        """Kinematics up to the flange, and gravity."""
+        return self.source.chain
 
     @property
     def has_bus(self) -> bool:
         """Whether the file has a `[bus]`; else the robot is known from logs only."""
-        return self._model.bus is not None
+        return self.source.tables.bus is not None
 
     @property
     def bus(self) -> BusTable:
@@ -118,119 +97,72 @@ class Robot:
         Raises:
             ConfigurationError: the robot has none.
         """
-        if self._model.bus is None:
-            raise ConfigurationError(
-                self.file, "bus", None, "this robot is known from logs only; use `armload identify`"
-            )
-        return self._model.bus
+        return self.source.bus
 
-    def with_bus(
-        self,
-        interface: str | None = None,
-        channel: str | None = None,
-        bitrate: int | None = None,
-        cycle_hz: float | None = None,
-    ) -> Robot:
-        """The same robot with some of its `[bus]` overridden.
+    @property
+    def csv_columns(self) -> CsvColumns | None:
+        """Columns of other programs' logs; None where the file has no `[log]`."""
+        log = self.source.tables.log
+        return None if log is None else log.csv_columns()
 
-        Raises:
-            ConfigurationError: the robot has no bus, or the new values do not fit it.
-        """
-        given = {"interface": interface, "channel": channel, "bitrate": bitrate, "cycle_hz": cycle_hz}
-        values = self.bus.model_dump() | {key: value for key, value in given.items() if value is not None}
-        try:
-            bus = BusTable.model_validate(values)
-        except ValidationError as error:
-            raise explained("command line", error, prefix="bus") from error
-        robot = replace(self, _model=self._model.model_copy(update={"bus": bus}))
-        _check_bus_load(robot, "command line")
-        return robot
+    @cached_property
+    def drives(self) -> RobotDrives:
+        """Settings of the drives, and how currents become torque."""
+        return RobotDrives(self.source)
 
-    def chain(self) -> Chain:
-        """Kinematics up to the flange, and gravity."""
-        kinematics = self._model.kinematics
-        flange = pose_from_xyz_rpy(kinematics.flange.xyz_m, kinematics.flange.rpy_rad)
-        gravity = np.array(self._model.robot.gravity_m_s2)
-        if kinematics.origins is not None:
-            return Chain.from_origins(
-                np.array([o.xyz_m for o in kinematics.origins]),
-                np.array([o.rpy_rad for o in kinematics.origins]),
-                np.array([o.axis for o in kinematics.origins]),
-                flange,
-                gravity,
-            )
-        rows = np.array([[r.alpha_rad, r.a_m, r.d_m, r.theta_rad] for r in kinematics.rows or ()])
-        build = Chain.from_modified_dh if kinematics.convention == "modified-dh" else Chain.from_standard_dh
-        return build(rows, flange, gravity)
+    @cached_property
+    def limits(self) -> RobotLimits:
+        """What the joints may do."""
+        return RobotLimits(self.source)
 
-    def transmission(self) -> Transmission:
-        """How motor currents become joint torques.
+    @cached_property
+    def payloads(self) -> RobotPayloads:
+        """What the arm may carry."""
+        return RobotPayloads(self.source)
 
-        Raises:
-            ConfigurationError: a joint has no torque constant and its drive sends no torque.
-        """
-        gains = []
-        for i, joint in enumerate(self._model.joints):
-            if joint.drive is not None and joint.drive.feedback == "torque":
-                gains.append(1.0)  # never applied: such recordings hold torque, not current
-                continue
-            for key in ("gear_ratio", "torque_constant_nm_a"):
-                if getattr(joint, key) is None:
-                    raise ConfigurationError(
-                        self.file,
-                        f"joints[{i + 1}].{key}",
-                        None,
-                        "needed to turn this joint's current into torque",
-                    )
-            gains.append(float(joint.gear_ratio or 0) * float(joint.torque_constant_nm_a or 0))
-        return Transmission(np.array(gains), self.coupling())
+    @cached_property
+    def strength(self) -> RobotStrength:
+        """How much torque the joints have for a motion and a payload."""
+        return RobotStrength(self.source, self.payloads)
 
-    def coupling(self) -> FloatArray:
-        """(n, n) C with q_joint = C q_axis."""
-        if self._model.transmission is None:
-            return np.eye(self.n)
-        return np.array(self._model.transmission.coupling)
+    @cached_property
+    def simulation(self) -> RobotSimulation:
+        """The simulated twin."""
+        return RobotSimulation(self.source, self.drives.coupling)
 
-    def motion_limits(self) -> MotionLimits:
-        """What the joints may do; without a drive a joint has no window for its following error."""
-        joints = self._model.joints
-        return MotionLimits(
-            joint_names=self.joint_names,
-            position_min_rad=np.array([j.position_min_rad for j in joints]),
-            position_max_rad=np.array([j.position_max_rad for j in joints]),
-            velocity_max_rad_s=np.array([j.velocity_max_rad_s for j in joints]),
-            acceleration_max_rad_s2=np.array([j.acceleration_max_rad_s2 for j in joints]),
-            jerk_max_rad_s3=np.array([j.jerk_max_rad_s3 for j in joints]),
-            following_error_rad=np.array([j.drive.following_error_rad if j.drive else np.inf for j in joints]),
-        )
+    @property
+    def has_workspace(self) -> bool:
+        """Whether the file has a `[workspace]`."""
+        return self.source.tables.workspace is not None
 
-    def excitation_limits(self) -> ExcitationLimits:
-        """What an excitation's joints may do; a drive whose lag is known keeps its following error."""
-        limits = self.motion_limits()
-        return ExcitationLimits(
-            limits.position_min_rad,
-            limits.position_max_rad,
-            np.minimum(limits.velocity_max_rad_s, following_speed_of(self._model)),
-            limits.acceleration_max_rad_s2,
-            limits.jerk_max_rad_s3,
-        )
-
+    @cached_property
     def workspace(self) -> Workspace:
-        """What the arm must not touch; without a `[workspace]` in the file there is nothing."""
-        return workspace_of(self.file, self._model, self.chain())
+        """Spheres around the arm and what they must not touch; nothing without a `[workspace]` in the file.
 
-    def cell(self) -> Cell:
-        """What the arm must not touch, meshes included.
+        Raises:
+            ConfigurationError: obstacles that make no sense.
+        """
+        table = self.source.tables.workspace
+        if table is None:
+            return Workspace(self.chain)
+        try:
+            return table.workspace(self.chain)
+        except ModelError as error:
+            raise self.source.refused("workspace", {}, str(error)) from error
+
+    @cached_property
+    def obstacles(self) -> Cell:
+        """The workspace, and the meshes of its URDF.
 
         Raises:
             ConfigurationError: the URDF that the file names cannot be used.
         """
-        return Cell(self.workspace(), meshes_of(self.file, self.folder, self._model, self.chain()))
-
-    @property
-    def knows_workspace(self) -> bool:
-        """Whether the file has a `[workspace]`."""
-        return self._model.workspace is not None
+        table = self.source.tables.workspace
+        try:
+            meshes = None if table is None else table.meshes(self.source.folder, self.chain, self.joint_names)
+        except ModelError as error:
+            raise self.source.refused("workspace.urdf", table and table.urdf, str(error)) from error
+        return Cell(self.workspace, meshes)
 
     def envelope(self, position_margin_rad: float, rate_share: float, torque_share: float) -> Envelope:
         """All limits that an excitation is designed within.
@@ -241,17 +173,20 @@ class Robot:
             torque_share: Share of the joints' torque.
 
         Raises:
-            ConfigurationError: the file tells neither the arm's body nor its share of the torque.
+            ConfigurationError: the file states neither the arm's body nor its share of the torque.
             ExcitationError: nothing is left of a range.
         """
         return Envelope(
-            self.excitation_limits().reduced(position_margin_rad, rate_share),
-            torque_limits_of(self.file, self._model, self.chain(), self.heaviest_payload(), torque_share),
-            self.workspace(),
+            self.limits.excitation.reduced(position_margin_rad, rate_share),
+            self.strength.limits(torque_share),
+            self.workspace,
         )
 
     def require_drivable(self, role: str) -> None:
-        """Refuse one of the excitations where the file's cell, arm or heaviest payload do not allow it any more.
+        """Refuse one of the excitations where the file as it is now does not allow it, whatever it was designed for.
+
+        Checked at any time and any steady speed, between samples too: that nothing of `[workspace]` is touched, and
+        that the torque for arm and heaviest payload is there, as far as the file states either.
 
         Args:
             role: "identification" or "validation"; the file must name it.
@@ -260,132 +195,45 @@ class Robot:
             ConfigurationError: naming what would be touched, or the joint that is too weak.
         """
         path = self.excitations[role].trajectory
-        require_drivable(self.file, self._model, self.chain(), self.cell(), role, path)
+        touched = self.obstacles.objection(path)
+        if touched is not None:
+            raise self.source.refused(f"excitation.{role}", touched, "expected one designed for this workspace")
+        weak = self.strength.objection(path)
+        if weak is not None:
+            raise self.source.refused(f"excitation.{role}", *weak)
 
-    def require_told(self) -> None:
-        """Refuse to move an arm that may be real where the file leaves out what that takes.
+    def require_complete_for_real_arm(self) -> None:
+        """Refuse to move an arm that may be real where the file leaves out what keeps a motion from doing harm.
 
         Raises:
-            ConfigurationError: naming the key: who a drive is (1018), the workspace, or what the joints can give.
+            ConfigurationError: naming the key: who a drive is (1018), what the joints can give or must carry, or the
+                workspace.
         """
-        for i, (joint, drive) in enumerate(zip(self._model.joints, self.arm_settings().drives, strict=True)):
-            described = self.descriptions.get(joint.name)
-            known = drive.identity.vendor_id is not None or (
-                described is not None and described.vendor_id is not None and described.product_code is not None
+        self.drives.require_identities()
+        self.strength.require_stated()
+        if not self.has_workspace:
+            raise self.source.refused(
+                "workspace", None, "a real arm is moved only where the file states what it must not touch"
             )
-            if not known:
-                raise ConfigurationError(
-                    self.file,
-                    f"joints[{i + 1}].drive.identity",
-                    None,
-                    "a real arm is moved only where the file says who its drives are: give vendor_id and product_code "
-                    "(`armload drives scan` shows them). Where `armload simulate` answers on that bus, say so with "
-                    "--simulated-drives",
-                )
-        require_told(self.file, self._model)
 
-    def expected_torque(self, *, loaded: bool) -> ExpectedTorque | None:
-        """Between which torques motions lie; None where the file tells too little of arm or payload.
-
-        Args:
-            loaded: Something up to the heaviest payload hangs on the flange; else nothing.
-        """
-        return expected_torque_of(self._model, self.chain(), loaded=loaded)
-
-    def weak_points(self) -> tuple[str, ...]:
-        """What an operator has to know of the drives before the arm moves, in words."""
-        found = []
-        for drive in self.arm_settings().drives:
-            if not drive.has_brake:
-                found.append(f"{drive.joint} has no brake: it falls when torque is removed")
-            if drive.accept_missing:
-                found.append(f"{drive.joint} may lack {', '.join(sorted(drive.accept_missing))} (accept_missing)")
-        return tuple(found)
-
-    def torque_max_nm(self) -> FloatArray:
-        """(n,) greatest torque of each joint."""
-        return np.array([j.torque_max_nm for j in self._model.joints])
-
-    def torque_for_drives_nm(self) -> FloatArray:
-        """(n,) greatest torque that may be added: the joint's, or what its drive gives (6072) where that is less."""
-        given = [
-            np.inf if j.drive is None or j.drive.rated_torque_nm is None else _greatest_torque_nm(j.drive)
-            for j in self._model.joints
-        ]
-        return np.minimum(self.torque_max_nm(), given)
-
-    def torque_noise_nm(self) -> FloatArray:
-        """(n,) expected noise of one raw torque sample at 100 Hz."""
-        return np.array([j.torque_noise_nm for j in self._model.joints])
-
-    def expected_payload(self) -> InertialParameters:
-        """The payload that excitations are designed for.
+    def with_bus(
+        self,
+        interface: str | None = None,
+        channel: str | None = None,
+        bitrate: int | None = None,
+        cycle_hz: float | None = None,
+    ) -> Robot:
+        """The same robot with some of its `[bus]` overridden from the command line.
 
         Raises:
-            ConfigurationError: the file names none.
+            ConfigurationError: the robot has no bus, or the new values do not fit it.
         """
-        if self._model.expected_payload is None:
-            raise ConfigurationError(self.file, "expected_payload", None, "needed to design an excitation")
-        return self._model.expected_payload.inertial()
-
-    def heaviest_payload(self) -> InertialParameters:
-        """The heaviest payload that an excitation must be safe with; the expected one where the file names none.
-
-        Raises:
-            ConfigurationError: the file names neither.
-        """
-        heaviest = self._model.heaviest_payload
-        return self.expected_payload() if heaviest is None else heaviest.inertial()
-
-    def payload_set(self) -> tuple[InertialParameters, ...]:
-        """The payloads that a robust excitation is designed for; empty where the file names none."""
-        return tuple(payload.inertial() for payload in self._model.payload_set.values())
-
-    def csv_columns(self) -> CsvColumns | None:
-        """Column map of foreign logs, or None where the file has no `[log]`."""
-        log = self._model.log
-        if log is None:
-            return None
-        return CsvColumns(log.time_column, log.position_columns, log.velocity_columns, log.current_columns)
-
-    def arm_settings(self) -> ArmSettings:
-        """What the driver layer has to know.
-
-        Raises:
-            ConfigurationError: the robot has no bus.
-        """
-        bus = self.bus
-        drives = []
-        for i, joint in enumerate(self._model.joints):
-            drive = joint.drive
-            if drive is None:
-                raise ConfigurationError(
-                    self.file, f"joints[{i + 1}].drive", None, "an arm on a bus needs one per joint"
-                )
-            limits = (joint.position_min_rad, joint.position_max_rad)
-            described = self.descriptions.get(joint.name)
-            drives.append(drive_settings(drive, joint.name, limits, joint.gear_ratio, described))
-        return ArmSettings(
-            drives=tuple(drives),
-            coupling=self.coupling(),
-            cycle_s=1 / bus.cycle_hz,
-            bitrate=bus.bitrate,
-            heartbeat_s=bus.heartbeat_s,
-            max_missing_cycles=bus.max_missing_cycles,
-            sync_counter=bus.sync_counter,
-            other_nodes=frozenset(bus.other_nodes),
-        )
-
-    @property
-    def simulated_start_rad(self) -> FloatArray:
-        """(n,) where the simulated twin's axes are at first; zeros where there is no twin."""
-        simulation = self._model.simulation
-        return np.zeros(self.n) if simulation is None else np.array(simulation.start_position_rad)
-
-    @property
-    def simulated_payload_name(self) -> str:
-        """Name of the payload that a simulated commissioning mounts."""
-        return self._simulation().payload
+        given = {"interface": interface, "channel": channel, "bitrate": bitrate, "cycle_hz": cycle_hz}
+        values = self.bus.model_dump() | {key: value for key, value in given.items() if value is not None}
+        bus = validated(values, "command line", BusTable, ConfigurationError, within="bus")
+        source = self.source.with_tables(bus=bus)
+        RobotDrives(replace(source, file="command line")).require_bus_load()
+        return replace(self, source=source)
 
     def with_simulated_payload(self, name: str) -> Robot:
         """The same robot with another of its payloads mounted in simulation.
@@ -393,85 +241,9 @@ class Robot:
         Raises:
             ConfigurationError: the file has no simulation, or no payload of that name.
         """
-        self._payload(name)
-        simulation = self._simulation().model_copy(update={"payload": name})
-        return replace(self, _model=self._model.model_copy(update={"simulation": simulation}))
-
-    def simulated_payload(self, name: str) -> InertialParameters:
-        """One of the payloads of `[simulation.payloads]`, in the flange frame.
-
-        Raises:
-            ConfigurationError: there is none of that name.
-        """
-        return self._payload(name).inertial()
-
-    def plant_spec(self, payload: str | None, run: int = 0) -> PlantSpec:
-        """The simulated arm.
-
-        Args:
-            payload: Name of a payload of `[simulation.payloads]`; None is the empty flange.
-            run: Number of the run, so that no two runs share their noise; the harsh twin's friction rises after 0.
-
-        Raises:
-            ConfigurationError: the file has no simulation, or no payload of that name.
-        """
-        simulation = self._simulation()
-        variant = PlantVariant(simulation.variant)
-        harsh = variant is PlantVariant.HARSH
-        gains = np.random.default_rng(simulation.seed)
-        chain = self.chain()
-        joints = []
-        for i, (joint, truth) in enumerate(zip(self._model.joints, simulation.joints, strict=True)):
-            joints.append(
-                PlantJoint(
-                    name=joint.name,
-                    placement=chain.placement[i],
-                    axis=chain.axis[i],
-                    link=truth.link.rigid_body(),
-                    coulomb_nm=truth.coulomb_nm,
-                    viscous_nm_s_rad=truth.viscous_nm_s_rad,
-                    stribeck_nm=truth.stribeck_nm,
-                    stribeck_velocity_rad_s=truth.stribeck_velocity_rad_s,
-                    load_friction=truth.load_friction,
-                    rotor_inertia_kg_m2=truth.reflected_rotor_inertia_kg_m2,
-                    gear_ratio=joint.gear_ratio or 1.0,
-                    torque_ripple_nm=truth.torque_ripple_nm,
-                    ripple_per_motor_turn=truth.ripple_per_motor_turn,
-                    torque_noise_nm=joint.torque_noise_nm,
-                    max_torque_nm=joint.torque_max_nm,
-                    has_brake=joint.drive.has_brake if joint.drive else True,
-                )
-            )
-        return PlantSpec(
-            joints=tuple(joints),
-            flange=chain.flange,
-            gravity_m_s2=chain.gravity_m_s2,
-            coupling=self.coupling(),
-            start_position_rad=np.array(simulation.start_position_rad),
-            seed=simulation.seed + run,
-            payload=None if payload is None else self._payload(payload).rigid_body(),
-            variant=variant,
-            rated_payload=self._payload(simulation.payload).rigid_body(),
-            friction_scale=HARSH_SECOND_RUN_FRICTION if harsh and run else 1.0,
-            torque_gain_error=gains.uniform(-HARSH_GAIN_ERROR, HARSH_GAIN_ERROR, self.n) if harsh else None,
-        )
-
-    def _simulation(self) -> SimulationTable:
-        if self._model.simulation is None:
-            raise ConfigurationError(self.file, "simulation", None, "this robot has no simulated twin")
-        return self._model.simulation
-
-    def _payload(self, name: str) -> PayloadTable:
-        payloads = self._simulation().payloads
-        if name not in payloads:
-            known = ", ".join(sorted(payloads))
-            raise ConfigurationError(self.file, "simulation.payloads", name, f"one of: {known}")
-        return payloads[name]
-
-
-def _greatest_torque_nm(drive: DriveTable) -> float:
-    """What 6072 allows a drive whose rated torque the file tells."""
-    return float(drive.rated_torque_nm or 0.0) * drive.max_torque_permille / 1000.0
+        self.simulation.payload(name)
+        table = self.source.simulation.model_copy(update={"payload": name})
+        return replace(self, source=self.source.with_tables(simulation=table))
 
 
 def shipped_robots() -> tuple[str, ...]:
@@ -490,145 +262,38 @@ def load_robot(name_or_path: str) -> Robot:
     Raises:
         ConfigurationError: naming file, key, the value found and what was expected.
     """
-    path = _find(name_or_path)
-    file = f"{name_or_path}.toml" if _is_shipped(name_or_path) else str(path)
-    try:
-        text = path.read_text("utf-8")
-        values = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigurationError(file, "syntax", str(error), "expected TOML in UTF-8") from error
-    except OSError as error:
-        raise ConfigurationError(file, "file", error.strerror, "expected a readable file") from error
-    try:
-        model = RobotFile.model_validate(values)
-    except ValidationError as error:
-        raise explained(file, error) from error
-    _check_counts(file, model)
-    excitations = _read_excitations(file, path.parent, model)
-    drives = {joint.name: joint.drive for joint in model.joints}
-    if model.simulation is not None:
-        require_scales(file, drives)
-    robot = Robot(file, text, excitations, model, path.parent, read_descriptions(file, path.parent, drives))
-    robot.workspace()
-    _check_excitations(robot)
-    _check_strength(robot)
-    robot.transmission()
-    if model.bus is not None:
-        _check_bus_load(robot, file)
+    shipped = shipped_robots()
+    if name_or_path in shipped:
+        path, file = Path(str(resources.files("armload_configs") / f"{name_or_path}.toml")), f"{name_or_path}.toml"
+    else:
+        path, file = Path(name_or_path), name_or_path
+        if not path.is_file():
+            raise ConfigurationError(
+                "command line", "ROBOT", file, f"no such file, and no shipped robot: {', '.join(shipped)}"
+            )
+    text = read_text(path, ConfigurationError)
+    source = RobotSource(file, text, path.parent, parse(text, file, RobotFile, ConfigurationError))
+    robot = Robot(source, _read_excitations(source))
+    _ = robot.drives.descriptions, robot.drives.transmission, robot.workspace
+    robot.payloads.require_carried()
+    if robot.has_bus:
+        robot.drives.require_bus_load()
     return robot
 
 
-def _is_shipped(name: str) -> bool:
-    return name in shipped_robots()
-
-
-def _find(name_or_path: str) -> Path:
-    if _is_shipped(name_or_path):
-        return Path(str(resources.files("armload_configs") / f"{name_or_path}.toml"))
-    path = Path(name_or_path)
-    if not path.is_file():
-        known = ", ".join(shipped_robots())
-        raise ConfigurationError("command line", "ROBOT", name_or_path, f"no such file, and no shipped robot: {known}")
-    return path
-
-
-def _check_counts(file: str, model: RobotFile) -> None:
-    n = len(model.joints)
-    names = [joint.name for joint in model.joints]
-    if len(set(names)) != n:
-        raise ConfigurationError(file, "joints", names, "every joint a name of its own")
-    if model.kinematics.n != n:
-        raise ConfigurationError(
-            file, "kinematics", f"{model.kinematics.n} rows", f"the file has {n} [[joints]]; give one row per joint"
-        )
-    if model.transmission is not None:
-        coupling = model.transmission.coupling
-        if len(coupling) != n or any(len(row) != n for row in coupling):
-            raise ConfigurationError(file, "transmission.coupling", coupling, f"{n} rows of {n} numbers")
-        if abs(np.linalg.det(np.array(coupling))) < 1e-6:
-            raise ConfigurationError(file, "transmission.coupling", coupling, "an invertible matrix")
-    if model.simulation is not None:
-        for key in ("joints", "start_position_rad"):
-            if len(getattr(model.simulation, key)) != n:
-                found = f"{len(getattr(model.simulation, key))} entries"
-                raise ConfigurationError(file, f"simulation.{key}", found, f"give one per joint, {n} in this file")
-        for joint, start in zip(model.joints, model.simulation.start_position_rad, strict=True):
-            if not joint.position_min_rad <= start <= joint.position_max_rad:
-                raise ConfigurationError(
-                    file,
-                    "simulation.start_position_rad",
-                    start,
-                    f"{joint.name} may stand between {joint.position_min_rad} and {joint.position_max_rad}",
-                )
-        if model.simulation.payload not in model.simulation.payloads:
-            known = ", ".join(sorted(model.simulation.payloads))
-            raise ConfigurationError(file, "simulation.payload", model.simulation.payload, f"one of: {known}")
-    require_consistent(file, model)
-    if model.bus is not None:
-        nodes = [joint.drive.node_id for joint in model.joints if joint.drive is not None]
-        if len(set(nodes)) != len(nodes):
-            shared = next(node for node in nodes if nodes.count(node) > 1)
-            both = " and ".join(j.name for j in model.joints if j.drive is not None and j.drive.node_id == shared)
-            raise ConfigurationError(file, "joints.drive.node_id", shared, f"{both} share it; give each its own")
-
-
-def _read_excitations(file: str, folder: Path, model: RobotFile) -> dict[str, Excitation]:
+def _read_excitations(source: RobotSource) -> dict[str, Excitation]:
     """The excitation files that a robot's file names, by role."""
-    if model.excitation is None:
-        return {}
     excitations = {}
-    for role, name in model.excitation:
+    for role, name in source.tables.excitation or ():
         try:
-            excitations[role] = read_excitation(folder / name)
+            excitation = read_excitation(source.folder / name)
         except IdentificationError as error:
-            raise ConfigurationError(
-                file, f"excitation.{role}", name, f"{error}. Make one with `armload design`, or leave [excitation] out"
+            raise source.refused(
+                f"excitation.{role}", name, f"{error}. Make one with `armload design`, or leave [excitation] out"
             ) from error
+        if excitation.trajectory.n != source.n:
+            raise source.refused(
+                f"excitation.{role}", excitation.trajectory.n, f"expected a trajectory of {source.n} joints"
+            )
+        excitations[role] = excitation
     return excitations
-
-
-def _check_excitations(robot: Robot) -> None:
-    for role, excitation in robot.excitations.items():
-        found = excitation.trajectory.n
-        if found != robot.n:
-            raise ConfigurationError(robot.file, f"excitation.{role}", found, f"a trajectory of {robot.n} joints")
-
-
-def _check_strength(robot: Robot) -> None:
-    """Refuse payloads that the arm is not made for or that its joints cannot hold up."""
-    model = robot._model  # noqa: SLF001
-    payloads: dict[str, PayloadTable] = {}
-    if model.expected_payload is not None:
-        payloads["expected_payload"] = model.expected_payload
-    if model.heaviest_payload is not None:
-        payloads["heaviest_payload"] = model.heaviest_payload
-    payloads |= {f"payload_set.{name}": p for name, p in model.payload_set.items()}
-    if model.simulation is not None:
-        payloads |= {f"simulation.payloads.{name}": p for name, p in model.simulation.payloads.items()}
-    chain, limits = robot.chain(), robot.motion_limits()
-    rng = np.random.default_rng(0)
-    q = rng.uniform(limits.position_min_rad, limits.position_max_rad, (512, robot.n))
-    still = np.zeros_like(q)
-    for key, payload in payloads.items():
-        rated = model.robot.rated_payload_kg
-        if payload.mass_kg > rated:
-            raise ConfigurationError(
-                robot.file, f"{key}.mass_kg", payload.mass_kg, f"at most robot.rated_payload_kg = {rated:g}"
-            )
-        torque = np.abs(payload_torque(chain, payload.inertial().theta, q, still, still)).max(axis=0)
-        weakest = int(np.argmax(torque / robot.torque_max_nm()))
-        bound = robot.torque_max_nm()[weakest]
-        if torque[weakest] > bound:
-            raise ConfigurationError(
-                robot.file,
-                key,
-                f"{torque[weakest]:.0f} N m on {robot.joint_names[weakest]}",
-                f"a payload that this joint can hold, torque_max_nm = {bound:g}: less mass or a shorter lever",
-            )
-
-
-def _check_bus_load(robot: Robot, where: str) -> None:
-    try:
-        require_room(robot.arm_settings())
-    except BusOverload as error:
-        raise ConfigurationError(where, "bus.cycle_hz", robot.bus.cycle_hz, str(error)) from error

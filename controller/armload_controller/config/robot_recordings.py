@@ -20,7 +20,7 @@ def read_of(robot: Robot, path: Path) -> Recording:
         CommissioningError: it was recorded on another arm.
         RecordingError: it cannot be read.
     """
-    recording = read_recording(path, robot.csv_columns())
+    recording = read_recording(path, robot.csv_columns)
     name = recording.source.run().get("robot", robot.name)
     if name != robot.name:
         raise CommissioningError(

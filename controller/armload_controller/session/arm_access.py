@@ -54,7 +54,7 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
     """
     if robot.bus.interface == VIRTUAL or simulated_drives:
         return
-    robot.require_told()
+    robot.require_complete_for_real_arm()
     if not attended:
         raise UnsafeBus(
             f"bus {robot.bus.interface}:{robot.bus.channel}: a real arm is moved only with somebody at a terminal, "
@@ -86,9 +86,9 @@ def simulated_arm(robot: Robot, load: Load) -> Iterator[JointServos]:
         robot: The arm; its configured payload hangs on the flange in the loaded half.
         load: What hangs on the flange.
     """
-    arm = robot.arm_settings()
-    payload = robot.simulated_payload_name if load is Load.LOADED else None
-    plant = ArmPlant(robot.plant_spec(payload, run=int(load is Load.LOADED)))
+    arm = robot.drives.settings
+    payload = robot.simulation.payload_name if load is Load.LOADED else None
+    plant = ArmPlant(robot.simulation.plant_spec(payload, run=int(load is Load.LOADED)))
     clock = VirtualClock()
     with _bus(robot) as drives_bus, _bus(robot) as bus, SimulatedDrives(arm, plant, drives_bus, clock):
         servos = CanopenServos(arm, bus, LockstepSync(clock))
@@ -110,7 +110,7 @@ def arm_on_bus(robot: Robot, tell: Callable[[str], None], *, simulated_drives: b
     Raises:
         BusError: the interface cannot be opened.
     """
-    arm = robot.arm_settings()
+    arm = robot.drives.settings
     if simulated_drives:
         drives = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
         arm = replace(arm, drives=drives)
@@ -142,8 +142,8 @@ def drives_alone(robot: Robot, payload: str | None, run: int) -> Iterator[Simula
             "drives alone on the virtual bus cannot be reached from another process: "
             "give --interface and --channel, such as --interface socketcan --channel vcan0"
         )
-    plant = ArmPlant(robot.plant_spec(payload, run))
-    with _bus(robot) as bus, SimulatedDrives(robot.arm_settings(), plant, bus, clock_from_now()) as drives:
+    plant = ArmPlant(robot.simulation.plant_spec(payload, run))
+    with _bus(robot) as bus, SimulatedDrives(robot.drives.settings, plant, bus, clock_from_now()) as drives:
         yield drives
 
 

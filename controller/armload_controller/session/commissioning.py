@@ -149,7 +149,7 @@ def record_half(
     excitations = [require_excitation(robot, role) for role in roles]
     for role in roles:
         robot.require_drivable(role)
-    limits, cell = robot.motion_limits(), robot.cell()
+    limits, cell = robot.limits.motion, robot.obstacles
     summaries = []
     runs = [plan_legs(excitation, limits, cycle_s) for excitation in excitations]
     for legs in runs:
@@ -186,7 +186,7 @@ def record_half(
                 cycle = Cycle(
                     servos,
                     limits,
-                    TorqueGate(robot.torque_for_drives_nm(), servos.cycle_s),
+                    TorqueGate(robot.limits.added_torque_max_nm, servos.cycle_s),
                     control,
                     [recorder, monitor, torque_window(robot, load, servos.cycle_s)],
                 )
@@ -205,7 +205,7 @@ def record_half(
 
 def tell_weak_points(robot: Robot, servos: JointServos, watcher: Watcher) -> None:
     """Before an arm moves that may be real: what its configuration admits to."""
-    for text in () if servos.simulated else robot.weak_points():
+    for text in () if servos.simulated else robot.drives.weak_points:
         watcher.step(f"mind: {text}")
 
 
@@ -256,8 +256,8 @@ def approach(
 
 def torque_window(robot: Robot, load: Load, cycle_s: float) -> TorqueWindow:
     """The torque window of an arm: what its file tells, or its joints' greatest torque where that is not enough."""
-    model = robot.expected_torque(loaded=load is Load.LOADED)
-    return TorqueWindow(robot.joint_names, robot.transmission(), robot.torque_max_nm(), cycle_s, model)
+    model = robot.strength.expected_torque(loaded=load is Load.LOADED)
+    return TorqueWindow(robot.joint_names, robot.drives.transmission, robot.limits.torque_max_nm, cycle_s, model)
 
 
 def missing_roles(directory: Path, load: Load) -> tuple[str, ...]:

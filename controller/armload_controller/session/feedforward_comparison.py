@@ -189,7 +189,7 @@ class ComparisonRuns:
     ) -> None:
         self._robot, self._watcher, self._control, self._consent = robot, watcher, control, consent
         self._tried_nm = np.zeros(robot.n) if tried_nm is None else tried_nm
-        self._limits, self._cell = robot.motion_limits(), robot.cell()
+        self._limits, self._cell = robot.limits.motion, robot.obstacles
         cycle_s = 1 / robot.bus.cycle_hz
         self._legs: RunLegs = plan_legs(excitation, self._limits, cycle_s)
         for leg in (self._legs.slow, self._legs.measured):
@@ -291,7 +291,7 @@ class ComparisonRuns:
         else:
             rows = [row - rows[-1] for row in rows]
         still = np.zeros_like(self._path_rad)
-        weight = payload_torque(self._robot.chain(), payload.model.theta, self._path_rad, still, still)
+        weight = payload_torque(self._robot.chain, payload.model.theta, self._path_rad, still, still)
         return Comparison(
             measure=Measure.TORQUES if empty is None else Measure.ADDED,
             joint_names=self._robot.joint_names,
@@ -304,15 +304,17 @@ class ComparisonRuns:
     def _feedforward(self, servos: JointServos, payload: PayloadResult, beside: ArmTerm | None) -> CheckedFeedforward:
         """The feed-forward of a payload for this path, and the check that comes before it."""
         robot = self._robot
-        chain = robot.chain()
+        chain = robot.chain
         added = FeedforwardPlugin(chain, robot.name, payload, servos.cycle_s, beside)
         tried = np.maximum(tried_torque(chain, payload.model, self._path_rad), self._tried_nm)
-        return CheckedFeedforward(added, OffsetCheck(robot.joint_names, robot.transmission(), tried, servos.cycle_s))
+        return CheckedFeedforward(
+            added, OffsetCheck(robot.joint_names, robot.drives.transmission, tried, servos.cycle_s)
+        )
 
     def _cycle(self, servos: JointServos, load: Load, plugins: list[CyclePlugin]) -> Cycle:
         """A cycle with monitors, and what a run adds."""
         robot = self._robot
         monitor = FollowingMonitor(self._limits, robot.bus.max_missing_cycles)
-        gate = TorqueGate(robot.torque_for_drives_nm(), servos.cycle_s)
+        gate = TorqueGate(robot.limits.added_torque_max_nm, servos.cycle_s)
         watching: list[CyclePlugin] = [monitor, torque_window(robot, load, servos.cycle_s)]
         return Cycle(servos, self._limits, gate, self._control, [*watching, *plugins])

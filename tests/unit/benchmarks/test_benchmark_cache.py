@@ -17,13 +17,15 @@ ROBOT = load_robot("er50")
 
 
 def key(spec=None, **changes):
-    streaming = Streaming(ROBOT.arm_settings(), ROBOT.motion_limits())
+    streaming = Streaming(ROBOT.drives.settings, ROBOT.limits.motion)
     trajectory = changes.pop("trajectory", ROBOT.excitations["identification"].trajectory)
-    return period_key(noiseless(spec or ROBOT.plant_spec("paper")), replace(streaming, **changes), trajectory)
+    return period_key(
+        noiseless(spec or ROBOT.simulation.plant_spec("paper")), replace(streaming, **changes), trajectory
+    )
 
 
 def test_the_key_changes_with_everything_that_a_period_depends_on():
-    spec = ROBOT.plant_spec("paper")
+    spec = ROBOT.simulation.plant_spec("paper")
     heavier = replace(spec, payload=replace(spec.payload, mass_kg=9.815))
     joint = replace(spec.joints[3], load_friction=0.051)
     trajectory = ROBOT.excitations["identification"].trajectory
@@ -38,8 +40,8 @@ def test_the_key_changes_with_everything_that_a_period_depends_on():
         key(replace(spec, friction_scale=1.03)),
         *(key(twin_spec(ROBOT, twin, spec.payload)) for twin in (Twin.GEARS, Twin.HARSH)),
         key(keep_every=5),
-        key(arm=replace(ROBOT.arm_settings(), cycle_s=0.01)),
-        key(arm=replace(ROBOT.arm_settings(), coupling=np.eye(6))),
+        key(arm=replace(ROBOT.drives.settings, cycle_s=0.01)),
+        key(arm=replace(ROBOT.drives.settings, coupling=np.eye(6))),
         key(trajectory=other),
         key(trajectory=ROBOT.excitations["validation"].trajectory),
     ]
@@ -47,7 +49,7 @@ def test_the_key_changes_with_everything_that_a_period_depends_on():
 
 
 def test_the_key_does_not_change_with_what_is_added_per_seed():
-    spec = ROBOT.plant_spec("paper")
+    spec = ROBOT.simulation.plant_spec("paper")
     louder = tuple(replace(joint, torque_noise_nm=99.0) for joint in spec.joints)
     assert key() == key(replace(spec, joints=louder, seed=5, torque_gain_error=np.full(6, 0.02)))
 

@@ -24,10 +24,10 @@ from benchmarks.trials import identified, trial
 pytest.importorskip("mujoco")
 
 ROBOT = load_robot("er50")
-ARM = replace(ROBOT.arm_settings(), cycle_s=0.01)
+ARM = replace(ROBOT.drives.settings, cycle_s=0.01)
 TRAJECTORY = ROBOT.excitations["identification"].trajectory
-STREAMING = Streaming(ARM, ROBOT.motion_limits())
-PAYLOAD = ROBOT.plant_spec("paper").payload
+STREAMING = Streaming(ARM, ROBOT.limits.motion)
+PAYLOAD = ROBOT.simulation.plant_spec("paper").payload
 PERIODS = 2
 
 
@@ -133,9 +133,9 @@ def test_a_seed_is_the_same_twice_and_another_is_not(setup):
 
 
 def test_coupled_axes_cannot_be_taken_alone():
-    assert DriveScales.of(ARM, ROBOT.torque_noise_nm(), 3).n == 3
+    assert DriveScales.of(ARM, ROBOT.limits.torque_noise_nm, 3).n == 3
     with pytest.raises(ValueError, match="coupled"):
-        DriveScales.of(ARM, ROBOT.torque_noise_nm(), 5)
+        DriveScales.of(ARM, ROBOT.limits.torque_noise_nm, 5)
 
 
 def test_a_refused_seed_counts_against_every_share(setup):

@@ -51,7 +51,7 @@ def desk(tmp_path_factory):
         write_excitation(folder / f"{role}.toml", Excitation(FourierTrajectory(0.5, offset, *swing), 2))
         text = re.sub(rf'^{role} = ".*"$', f'{role} = "{role}.toml"', text, flags=re.MULTILINE)
     (folder / "short.toml").write_text(text)
-    body = robot.simulated_payload("paper")
+    body = robot.simulation.payload("paper")
     values = np.stack([body.values, body.values], axis=1)
     known, noise = np.ones(10, dtype=bool), np.ones(6)
     write_payload(

@@ -41,7 +41,7 @@ def test_room_is_left_for_the_ramps_and_the_servo(driven, robot, role):
     one = driven[robot, role]
     assert (one.trajectory.period_s, one.excitation.periods, one.trajectory.harmonics) == (10.0, 3, 5)
     assert one.trajectory.n == one.arm.n
-    limits, state = one.arm.motion_limits(), one.state
+    limits, state = one.arm.limits.motion, one.state
     assert np.all(state.position_rad > limits.position_min_rad + POSITION_MARGIN_RAD)
     assert np.all(state.position_rad < limits.position_max_rad - POSITION_MARGIN_RAD)
     speed = np.abs(state.velocity_rad_s)
@@ -55,7 +55,7 @@ def test_room_is_left_for_the_ramps_and_the_servo(driven, robot, role):
 @CASES
 def test_nothing_is_touched(driven, robot, role, in_pinocchio):
     one = driven[robot, role]
-    workspace, chain = one.arm.workspace(), one.arm.chain()
+    workspace, chain = one.arm.workspace, one.arm.chain
     massless = [InertialParameters.from_center_of_mass(1.0, np.zeros(3), np.eye(3))] * chain.n
     model = in_pinocchio(chain, massless)
     data = model.createData()
@@ -85,7 +85,7 @@ def test_nothing_is_touched(driven, robot, role, in_pinocchio):
 def test_the_true_body_with_the_heaviest_payload_stays_below_the_torque_limits(driven, robot, role, in_pinocchio):
     """At any speed, empty and loaded; the truth has friction that the design does not know, and still fits."""
     one = driven[robot, role]
-    twin = one.arm.plant_spec(None)
+    twin = one.arm.simulation.plant_spec(None)
     true = [j.link for j in twin.joints]
     links = [InertialParameters.from_center_of_mass(b.mass_kg, b.center_of_mass_m, b.inertia_kg_m2) for b in true]
     rotors, viscous, coulomb, stribeck, mu = (
@@ -94,15 +94,15 @@ def test_the_true_body_with_the_heaviest_payload_stays_below_the_torque_limits(d
     )
     thin = slice(None, None, 10)
     q, dq, ddq = (a[thin] for a in (one.state.position_rad, one.state.velocity_rad_s, one.state.acceleration_rad_s2))
-    for payload in (None, one.arm.heaviest_payload()):
-        model = in_pinocchio(one.arm.chain(), links, payload)
+    for payload in (None, one.arm.payloads.heaviest):
+        model = in_pinocchio(one.arm.chain, links, payload)
         data = model.createData()
         for rate in (0.0, 0.5, 1.0):
             rows = zip(q, rate * dq, rate**2 * ddq, strict=True)
             carried = np.array([pin.rnea(model, data, *row) for row in rows])
             friction = coulomb + stribeck + mu * np.abs(carried) + viscous * rate * np.abs(dq)
             needed = np.abs(carried + rotors * rate**2 * ddq) + friction
-            assert np.all(needed.max(axis=0) < one.arm.torque_max_nm())
+            assert np.all(needed.max(axis=0) < one.arm.limits.torque_max_nm)
 
 
 @CASES
@@ -110,8 +110,8 @@ def test_the_file_says_what_it_is_worth_and_how_it_was_made(driven, robot, role)
     one = driven[robot, role]
     state = one.trajectory.evaluate(np.linspace(0.0, one.trajectory.period_s, 1000, endpoint=False))
     motion = (state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2)
-    payload = one.arm.expected_payload()
-    criterion = named_criterion("a-optimal", one.arm.chain(), one.arm.torque_noise_nm(), payload)
+    payload = one.arm.payloads.expected
+    criterion = named_criterion("a-optimal", one.arm.chain, one.arm.limits.torque_noise_nm, payload)
     design = one.excitation.design
     assert design["cost"] == pytest.approx(criterion.cost(*motion, one.trajectory.period_s), rel=0.01)
     assert design["cost"] < 0.0045  # a random start within the same limits costs about five times as much

@@ -161,7 +161,7 @@ def test_the_verdict_is_about_the_validation_runs(commissioned, short_robot):
     robot = load_robot(str(short_robot))
     loaded, unloaded = (read_recording(output / f"{load}_validation.mcap") for load in ("loaded", "unloaded"))
     model = read_payload(output / "payload.toml").model
-    judged = validate(loaded, unloaded, robot.chain(), robot.transmission(), model)
+    judged = validate(loaded, unloaded, robot.chain, robot.drives.transmission, model)
     for name, residual in zip(robot.joint_names, judged.residual_rms_nm, strict=True):
         row = next(line for line in printed.splitlines() if name in line)
         assert f"{residual:.3f}" in row

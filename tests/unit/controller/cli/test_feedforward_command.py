@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
     write_excitation(folder / "sweep.toml", Excitation(sweep, 1))
     shipped = load_robot("prbt").excitations["identification"].trajectory
     write_excitation(folder / "long.toml", Excitation(shipped, 2))
-    body = load_robot("prbt").simulated_payload("block")
+    body = load_robot("prbt").simulation.payload("block")
     values = np.stack([body.values, body.values], axis=1)
     known = np.ones(10, dtype=bool)
     result = PayloadResult("flange", body, known, values, np.ones(6), np.ones(6), Provenance("0", "0", {}))
@@ -71,10 +71,10 @@ def with_body(armload, folder):
     robot = load_robot("prbt")
     with simulated_arm(robot, Load.UNLOADED) as servos, Recorder(folder / "empty.mcap", recorded_with(folder)) as kept:
         servos.connect()
-        limits = robot.motion_limits()
-        cycle = Cycle(servos, limits, TorqueGate(robot.torque_max_nm(), 0.01), MotionControl(), [kept])
+        limits = robot.limits.motion
+        cycle = Cycle(servos, limits, TorqueGate(robot.limits.torque_max_nm, 0.01), MotionControl(), [kept])
         leg = plan_legs(read_excitation(folder / "long.toml"), limits, 0.01).measured
-        run_leg(cycle, leg, limits, robot.cell(), lambda done: None)
+        run_leg(cycle, leg, limits, robot.obstacles, lambda done: None)
     found = armload("identify-body", "prbt", folder / "empty.mcap", "-o", folder / "body.toml")
     assert found.exit_code == 0, found.output
     words = ["feedforward", "prbt", folder / "payload.toml", "--compare", "--mounted", "block"]

@@ -44,7 +44,7 @@ def edited(tmp_path):
 
 
 def drive(path, axis=0):
-    return load_robot(path).arm_settings().drives[axis]
+    return load_robot(path).drives.settings.drives[axis]
 
 
 def test_a_scale_may_be_left_to_a_real_drive(edited):
@@ -80,7 +80,7 @@ def test_a_device_description_beside_the_file(edited):
 
 
 def test_the_bus(edited):
-    arm = load_robot(edited("[bus]", "[bus]\nsync_counter = 10\nother_nodes = [20]")).arm_settings()
+    arm = load_robot(edited("[bus]", "[bus]\nsync_counter = 10\nother_nodes = [20]")).drives.settings
     assert (arm.sync_counter, arm.other_nodes) == (10, {20})
 
 

@@ -12,7 +12,7 @@ from armload_controller.control_errors import ConfigurationError
 
 
 def test_er50_stands_a_metre_above_the_floor_on_a_pedestal():
-    workspace = load_robot("er50").workspace()
+    workspace = load_robot("er50").workspace
     assert {"floor", "pedestal", "link 1 to tool"} <= set(workspace.names)
     stretched = np.array([[0.0, 1.5707963, -1.5707963 + 0.176, 0.0, 0.0, 0.0]])
     floor = workspace.clearances(stretched)[0, [name == "floor" for name in workspace.names]]
@@ -26,7 +26,7 @@ def test_er50_keeps_a_stated_share_of_its_torque_for_itself():
     arm = load_robot("er50")
     limits = arm.envelope(0.1, 0.7, 0.8).torque
     share = np.array([0.35, 0.45, 0.35, 0.2, 0.2, 0.2])
-    np.testing.assert_allclose(limits.available_nm, 0.8 * (1.0 - share) * arm.torque_max_nm())
+    np.testing.assert_allclose(limits.available_nm, 0.8 * (1.0 - share) * arm.limits.torque_max_nm)
     assert limits.payload.mass_kg == 16.0
     assert not limits.body.links.any()
 
@@ -35,7 +35,7 @@ def test_prbt_knows_its_body_from_its_maker_and_not_from_the_simulation():
     arm = load_robot("prbt")
     limits = arm.envelope(0.1, 0.7, 0.8).torque
     np.testing.assert_allclose(limits.body.links[:, 0], [7.1, 1.7, 4.8, 0.9, 2.6, 0.02])
-    np.testing.assert_allclose(limits.available_nm, 0.8 * arm.torque_max_nm() - [11.0, 10.0, 4.5, 3.8, 3.5, 7.0])
+    np.testing.assert_allclose(limits.available_nm, 0.8 * arm.limits.torque_max_nm - [11.0, 10.0, 4.5, 3.8, 3.5, 7.0])
     assert limits.payload.mass_kg == 6.0
 
 
@@ -48,17 +48,17 @@ def test_without_a_simulation_the_envelope_is_the_same(edited):
 
 
 def test_the_following_error_limits_the_speed_where_the_lag_is_told(edited):
-    assert load_robot("er50").excitation_limits().velocity_max_rad_s[5] == pytest.approx(0.2 / 0.045)
+    assert load_robot("er50").limits.excitation.velocity_max_rad_s[5] == pytest.approx(0.2 / 0.045)
     slow = load_robot(edited("following_error_rad = 0.2", "following_error_rad = 0.02", "er50", count=1))
-    assert slow.excitation_limits().velocity_max_rad_s[0] == pytest.approx(0.02 / 0.045)
+    assert slow.limits.excitation.velocity_max_rad_s[0] == pytest.approx(0.02 / 0.045)
     untold = load_robot(edited("following_lag_s = 0.045", "#", "er50", count=6))
-    np.testing.assert_array_equal(untold.excitation_limits().velocity_max_rad_s, [2.0, 2.0, 2.4, 4.0, 4.0, 5.0])
+    np.testing.assert_array_equal(untold.limits.excitation.velocity_max_rad_s, [2.0, 2.0, 2.4, 4.0, 4.0, 5.0])
 
 
 def test_a_robot_without_a_workspace_has_nothing_in_its_way():
     arm = load_robot("ur10e")
-    assert not arm.knows_workspace
-    assert arm.workspace().names == ()
+    assert not arm.has_workspace
+    assert arm.workspace.names == ()
 
 
 def test_planes_boxes_and_cells_become_obstacles(edited):
@@ -67,7 +67,7 @@ inside = { min_m = [-1.0, -1.1, -0.1], max_m = [1.0, 1.1, 1.5] }
 half_spaces = [{ name = "wall", normal = [0.0, -3.0, 0.0], offset_m = -0.8, links = [5, "tool"] }]
 boxes = [{ name = "table", xyz_m = [0.9, 0.0, 0.0], rpy_rad = [0.0, 0.0, 0.3], size_m = [0.4, 0.4, 0.4] }]
 """
-    workspace = load_robot(edited("[workspace]\n", more, "prbt")).workspace()
+    workspace = load_robot(edited("[workspace]\n", more, "prbt")).workspace
     assert {"inside, -x", "inside, +z", "wall", "table", "floor"} <= set(workspace.names)
     q = np.zeros((1, 6))
     height = workspace.centres(q[0])[:, 2]

@@ -22,26 +22,26 @@ def test_three_robots_ship():
 def test_shipped_robots_load(name):
     robot = load_robot(name)
     assert robot.name == name
-    assert robot.n == robot.chain().n == 6
-    assert robot.transmission().gain_nm_a.shape == (6,)
+    assert robot.n == robot.chain.n == 6
+    assert robot.drives.transmission.gain_nm_a.shape == (6,)
 
 
 @pytest.mark.parametrize("name", ["er50", "prbt"])
 def test_arms_on_a_bus_have_drives_excitations_and_a_twin(name):
     robot = load_robot(name)
-    assert len(robot.arm_settings().drives) == 6
+    assert len(robot.drives.settings.drives) == 6
     assert set(robot.excitations) == {"identification", "validation"}
-    assert robot.plant_spec(robot.simulated_payload_name).payload is not None
-    assert robot.plant_spec(None).payload is None
+    assert robot.simulation.plant_spec(robot.simulation.payload_name).payload is not None
+    assert robot.simulation.plant_spec(None).payload is None
 
 
 def test_er50_flange_hangs_where_the_paper_has_its_payload():
-    chain = load_robot("er50").chain()
+    chain = load_robot("er50").chain
     poses = chain.forward(np.zeros(6))
     in_frame_3 = np.linalg.inv(poses[2]) @ poses[6]
     np.testing.assert_allclose(in_frame_3[:3, 3], [0.13, 0.84, 0.0], atol=1e-12)
     robot = load_robot("er50")
-    payload = robot.simulated_payload("paper").transformed(in_frame_3)
+    payload = robot.simulation.payload("paper").transformed(in_frame_3)
     np.testing.assert_allclose(payload.center_of_mass_m, [0.13, 0.94, -0.102], atol=1e-9)
     # Table 2 of the paper, its products of inertia with the sign turned
     expected = [9.814, 9.814 * 0.13, 9.814 * 0.94, 9.814 * -0.102, 9.023, 0.353, 9.014, -1.222, 0.133, 0.967]
@@ -51,7 +51,7 @@ def test_er50_flange_hangs_where_the_paper_has_its_payload():
 @pytest.mark.parametrize("name", ["er50", "prbt"])
 def test_limits_hold_the_excitations(name):
     robot = load_robot(name)
-    limits = robot.motion_limits()
+    limits = robot.limits.motion
     for excitation in robot.excitations.values():
         bounds = excitation.trajectory.bounds()
         assert (bounds.position_min_rad > limits.position_min_rad).all()
@@ -105,7 +105,7 @@ def test_every_assumed_number_is_marked():
         ('convention = "modified-dh"', 'convention = "joint-origins"', "kinematics", "origins"),
         ("    [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],\n", "", "transmission.coupling", "6 rows of 6"),
         ('payload = "paper"', 'payload = "crate"', "simulation.payload", "paper"),
-        ("[robot]", "[robot", "syntax", "TOML"),
+        ("[robot]", "[robot", "", "no TOML"),
         ("torque_constant_nm_a = 0.9 ", "", "joints[1].torque_constant_nm_a", "missing"),
         ("start_position_rad = [0.0,", "start_position_rad = [5.0,", "simulation.start_position_rad", "-2.9 and 2.9"),
         ('validation = "er50_validation.toml"', 'validation = "nope.toml"', "excitation.validation", "armload design"),
@@ -137,7 +137,7 @@ def test_unknown_robot_names_the_shipped_ones():
 def test_overrides_are_checked_like_the_file():
     robot = load_robot("er50")
     assert robot.with_bus(cycle_hz=50.0, channel="can7").bus.cycle_hz == 50.0
-    assert robot.with_bus(cycle_hz=50.0).arm_settings().cycle_s == pytest.approx(0.02)
+    assert robot.with_bus(cycle_hz=50.0).drives.settings.cycle_s == pytest.approx(0.02)
     with pytest.raises(ConfigurationError, match=r"bus\.cycle_hz"):
         robot.with_bus(cycle_hz=900.0)
     with pytest.raises(ConfigurationError, match=r"command line: bus\.bitrate"):
@@ -146,12 +146,12 @@ def test_overrides_are_checked_like_the_file():
 
 def test_a_robot_known_from_logs_has_no_bus():
     with pytest.raises(ConfigurationError, match="armload identify"):
-        load_robot("ur10e").arm_settings()
+        _ = load_robot("ur10e").drives.settings
 
 
 def test_two_runs_do_not_share_their_noise():
     robot = load_robot("er50")
-    assert robot.plant_spec(None, run=0).seed != robot.plant_spec(None, run=1).seed
+    assert robot.simulation.plant_spec(None, run=0).seed != robot.simulation.plant_spec(None, run=1).seed
 
 
 def test_scaling_of_the_current_path_is_consistent():
@@ -167,6 +167,6 @@ def test_scaling_of_the_current_path_is_consistent():
 
 def test_a_drive_that_gives_less_than_its_joint_takes_bounds_what_is_added(edited):
     robot = load_robot(edited("max_torque_permille = 2500", "max_torque_permille = 1000", "prbt"))
-    assert robot.torque_for_drives_nm()[0] == pytest.approx(148.0)
-    assert robot.torque_for_drives_nm()[1] == pytest.approx(370.0)
-    assert robot.torque_max_nm()[0] == 370.0
+    assert robot.limits.added_torque_max_nm[0] == pytest.approx(148.0)
+    assert robot.limits.added_torque_max_nm[1] == pytest.approx(370.0)
+    assert robot.limits.torque_max_nm[0] == 370.0

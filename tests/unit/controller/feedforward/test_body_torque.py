@@ -16,7 +16,7 @@ from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 
 ROBOT = load_robot("prbt").with_simulated_payload("block")
-CHAIN = ROBOT.chain()
+CHAIN = ROBOT.chain
 SWEEP = FourierTrajectory(
     0.25,
     np.array([0.0, 0.5, 1.2, 0.0, 0.6, 0.0]),
@@ -27,7 +27,7 @@ SWEEP = FourierTrajectory(
 
 def true_body():
     """The simulated arm as a body file would have it: links as they are, in place of base parameters."""
-    spec = ROBOT.plant_spec(None)
+    spec = ROBOT.simulation.plant_spec(None)
     bodies = [joint.link for joint in spec.joints]
     links = [InertialParameters.from_center_of_mass(b.mass_kg, b.center_of_mass_m, b.inertia_kg_m2) for b in bodies]
 
@@ -110,7 +110,7 @@ class Silence:
 @pytest.fixture(scope="module")
 def compared():
     """The loaded simulated arm without feed-forward, with the payload's, with its friction, with all of the arm's."""
-    payload = ROBOT.simulated_payload("block")
+    payload = ROBOT.simulation.payload("block")
     values = np.stack([payload.values, payload.values], axis=1)
     ones = np.ones(6)
     known = PayloadResult("flange", payload, np.ones(10, bool), values, ones, ones, Provenance("0", "0", {}))

@@ -20,12 +20,12 @@ from armload_identification.model.payload import InertialParameters, PayloadResu
 
 ROBOT = load_robot("prbt")
 CYCLE_S = 0.01
-BODY = ROBOT.simulated_payload("gripper")
+BODY = ROBOT.simulation.payload("gripper")
 ALL = np.ones(6, bool)
 TRAJECTORY = FourierTrajectory(
     0.25, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((6, 1), 0.2), np.full((6, 1), 0.1)
 )
-LEGS = plan_legs(Excitation(TRAJECTORY, 1), ROBOT.motion_limits(), CYCLE_S)
+LEGS = plan_legs(Excitation(TRAJECTORY, 1), ROBOT.limits.motion, CYCLE_S)
 
 
 def payload(body=BODY, determined=None, frame="flange", joints=6):
@@ -36,7 +36,7 @@ def payload(body=BODY, determined=None, frame="flange", joints=6):
 
 
 def plugin(the_payload=None, joints=ALL):
-    added = FeedforwardPlugin(ROBOT.chain(), "prbt", the_payload or payload(), CYCLE_S)
+    added = FeedforwardPlugin(ROBOT.chain, "prbt", the_payload or payload(), CYCLE_S)
     added.allow(joints)
     return added
 
@@ -66,10 +66,10 @@ def run(servos, added, cycles=0, at=None):
             for act in (at or {}).get(len(references), ()):
                 act()
 
-    gate = TorqueGate(ROBOT.torque_max_nm(), CYCLE_S)
-    cycle = Cycle(servos, ROBOT.motion_limits(), gate, MotionControl(), [Watch(), added])
+    gate = TorqueGate(ROBOT.limits.torque_max_nm, CYCLE_S)
+    cycle = Cycle(servos, ROBOT.limits.motion, gate, MotionControl(), [Watch(), added])
     with cycle.powered() as arm:
-        arm.follow(plan_approach(arm.position_rad, LEGS.start_rad, ROBOT.motion_limits()), lambda done: None)
+        arm.follow(plan_approach(arm.position_rad, LEGS.start_rad, ROBOT.limits.motion), lambda done: None)
         arm.follow(LEGS.measured, lambda done: None)
     return references, np.array([command.torque_offset_nm for command in servos.sent])
 
@@ -79,7 +79,7 @@ def test_the_torque_is_the_payloads_where_the_arm_is(ideal_servos, cycles):
     added = plugin()
     references, torque = run(ideal_servos(6, CYCLE_S), added, cycles)
     assert added.lag_s == pytest.approx(cycles * CYCLE_S, rel=0.02)
-    feedforward = PayloadFeedforward(ROBOT.chain(), BODY)
+    feedforward = PayloadFeedforward(ROBOT.chain, BODY)
     rows = [i for i, reference in enumerate(references) if reference.segment is Segment.PERIODS][50:]
     delay_s = max(cycles - 0.5, 0.0) * CYCLE_S
 
@@ -104,7 +104,7 @@ def test_joints_that_were_not_found_usable_get_nothing(ideal_servos):
 
 
 def test_nothing_is_added_until_it_is_allowed(ideal_servos):
-    _, torque = run(ideal_servos(6, CYCLE_S), FeedforwardPlugin(ROBOT.chain(), "prbt", payload(), CYCLE_S))
+    _, torque = run(ideal_servos(6, CYCLE_S), FeedforwardPlugin(ROBOT.chain, "prbt", payload(), CYCLE_S))
     assert not torque.any()
 
 
@@ -128,7 +128,7 @@ def test_a_payload_without_mass_or_centre_is_refused_in_the_words_of_export(miss
         plugin(payload(determined=known))
     names = tuple(f"j{i}" for i in range(6))
     with pytest.raises(ExportError) as exported:
-        ExportSubject("prbt", names, ROBOT.chain(), payload(determined=known), "payload", "0", "0")
+        ExportSubject("prbt", names, ROBOT.chain, payload(determined=known), "payload", "0", "0")
     assert str(fed.value).replace("fed forward", "exported") == str(exported.value)
 
 

@@ -40,14 +40,14 @@ class WrongOffset:
 
 def check(factor):
     """Try the offset of a loaded arm at rest; the verdict, and how far the arm moved meanwhile."""
-    spec = replace(ROBOT.plant_spec("gripper"), start_position_rad=POSITION)
+    spec = replace(ROBOT.simulation.plant_spec("gripper"), start_position_rad=POSITION)
     plant = ArmPlant(spec)
-    servos = FakeServos(ROBOT.arm_settings(), WrongOffset(plant, factor))
+    servos = FakeServos(ROBOT.drives.settings, WrongOffset(plant, factor))
     servos.connect()
-    limits = ROBOT.motion_limits()
-    tried = tried_torque(ROBOT.chain(), ROBOT.simulated_payload("gripper"), PATH)
-    offset = OffsetCheck(ROBOT.joint_names, ROBOT.transmission(), tried, servos.cycle_s)
-    gate = TorqueGate(ROBOT.torque_max_nm(), servos.cycle_s)
+    limits = ROBOT.limits.motion
+    tried = tried_torque(ROBOT.chain, ROBOT.simulation.payload("gripper"), PATH)
+    offset = OffsetCheck(ROBOT.joint_names, ROBOT.drives.transmission, tried, servos.cycle_s)
+    gate = TorqueGate(ROBOT.limits.torque_max_nm, servos.cycle_s)
     cycle = Cycle(servos, limits, gate, MotionControl(), [FollowingMonitor(limits, 3), offset])
     with cycle.powered() as arm:
         arm.hold(offset.done)
@@ -82,7 +82,7 @@ def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(ideal_servos):
     check = OffsetCheck(("a", "b"), UNIT, np.array([0.01, 0.0]), 0.01)
     servos = ideal_servos(2, 0.01)
     servos.events = {k: lambda f: replace(f, current_a=rng.normal(size=2)) for k in range(10_000)}
-    limits = replace(ROBOT.motion_limits(), joint_names=("a", "b"))
+    limits = replace(ROBOT.limits.motion, joint_names=("a", "b"))
     limits = replace(limits, **{k: getattr(limits, k)[:2] for k in limits.__slots__ if k != "joint_names"})
     cycle = Cycle(servos, limits, TorqueGate(np.full(2, 50.0), 0.01), MotionControl(), [check])
     with cycle.powered() as arm:
@@ -160,6 +160,6 @@ def test_what_is_usable_and_what_is_wrong():
 
 
 def test_a_fifth_of_what_the_payloads_weight_takes_is_tried():
-    chain, body = ROBOT.chain(), ROBOT.simulated_payload("gripper")
+    chain, body = ROBOT.chain, ROBOT.simulation.payload("gripper")
     weight = [payload_torque(chain, body.theta, q, np.zeros(6), np.zeros(6)) for q in PATH]
     np.testing.assert_allclose(tried_torque(chain, body, PATH), 0.2 * np.abs(weight).max(axis=0), rtol=1e-9)

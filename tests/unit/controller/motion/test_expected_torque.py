@@ -24,7 +24,7 @@ ROBOT = load_robot("prbt").with_simulated_payload("block")
 SWING = FourierTrajectory(
     0.5, np.array([0.0, 0.5, 1.2, 0.0, 0.6, 0.0]), np.full((6, 1), 0.2), np.array([[0.2], [0.1], [-0.2]] * 2)
 )
-LIMITS, CYCLE_S = ROBOT.motion_limits(), 1 / ROBOT.bus.cycle_hz
+LIMITS, CYCLE_S = ROBOT.limits.motion, 1 / ROBOT.bus.cycle_hz
 LEGS = plan_legs(Excitation(SWING, 2), LIMITS, CYCLE_S)
 
 
@@ -43,15 +43,15 @@ class PushedPlant(ArmPlant):
 
 def run(force_n, from_s=3.0, payload="block", load=Load.LOADED, robot=ROBOT):
     """Run a leg on the arm that is pushed; cycles sent, and the error that stopped it."""
-    start = np.linalg.solve(robot.coupling(), LEGS.start_rad)
-    plant = PushedPlant(replace(robot.plant_spec(payload), start_position_rad=start), force_n, from_s)
-    servos = FakeServos(robot.arm_settings(), plant)
+    start = np.linalg.solve(robot.drives.coupling, LEGS.start_rad)
+    plant = PushedPlant(replace(robot.simulation.plant_spec(payload), start_position_rad=start), force_n, from_s)
+    servos = FakeServos(robot.drives.settings, plant)
     monitor = FollowingMonitor(LIMITS, 3)
-    gate = TorqueGate(robot.torque_max_nm(), CYCLE_S)
+    gate = TorqueGate(robot.limits.torque_max_nm, CYCLE_S)
     cycle = Cycle(servos, LIMITS, gate, MotionControl(), [monitor, torque_window(robot, load, CYCLE_S)])
     servos.connect()
     try:
-        run_leg(cycle, LEGS.measured, LIMITS, robot.cell(), lambda done: None)
+        run_leg(cycle, LEGS.measured, LIMITS, robot.obstacles, lambda done: None)
     except MotionError as error:
         return monitor.summary().duration_s, error
     finally:
@@ -71,18 +71,18 @@ def test_an_arm_that_meets_something_is_stopped_before_it_is_behind(force_n):
 @pytest.mark.parametrize("variant", ["normative", "harsh"])
 @pytest.mark.parametrize(("payload", "load"), [("block", Load.LOADED), (None, Load.UNLOADED), (None, Load.LOADED)])
 def test_an_arm_that_meets_nothing_is_not_stopped(payload, load, variant):
-    simulation = ROBOT._model.simulation.model_copy(update={"variant": variant})
-    robot = replace(ROBOT, _model=ROBOT._model.model_copy(update={"simulation": simulation}))
+    simulation = ROBOT.source.tables.simulation.model_copy(update={"variant": variant})
+    robot = replace(ROBOT, source=ROBOT.source.with_tables(simulation=simulation))
     assert run((0.0, 0.0, 0.0), payload=payload, load=load, robot=robot)[1] is None
 
 
 def test_a_payload_on_a_flange_that_should_be_empty_is_noticed_where_it_is_more_than_the_room():
-    model = ROBOT.expected_torque(loaded=False)
-    heaviest = 3.0 * ROBOT.heaviest_payload().theta
+    model = ROBOT.strength.expected_torque(loaded=False)
+    heaviest = 3.0 * ROBOT.payloads.heaviest.theta
     q = np.array([0.0, 1.5, 0.0, 0.0, 0.0, 0.0])
     still = np.zeros(6)
     least, greatest = model.bounds_nm(q, still, still)
-    weight = payload_torque(ROBOT.chain(), heaviest, q, still, still)
+    weight = payload_torque(ROBOT.chain, heaviest, q, still, still)
     arm = 0.5 * (least + greatest)
     assert ((arm + weight < least) | (arm + weight > greatest)).any()
 
@@ -91,27 +91,26 @@ def test_a_payload_on_a_flange_that_should_be_empty_is_noticed_where_it_is_more_
 def test_the_bounds_hold_the_arm_and_every_share_of_its_payload(seed):
     rng = np.random.default_rng(seed)
     q, dq, ddq = rng.uniform(-1.0, 1.0, (3, 6))
-    model = ROBOT.expected_torque(loaded=True)
+    model = ROBOT.strength.expected_torque(loaded=True)
     least, greatest = model.bounds_nm(q, dq, ddq)
-    empty_least, empty_greatest = ROBOT.expected_torque(loaded=False).bounds_nm(q, dq, ddq)
+    empty_least, empty_greatest = ROBOT.strength.expected_torque(loaded=False).bounds_nm(q, dq, ddq)
     assert (least <= empty_least).all()
     assert (greatest >= empty_greatest).all()
-    payload = InertialParameters(ROBOT.heaviest_payload().theta * rng.uniform(0.0, 1.0))
+    payload = InertialParameters(ROBOT.payloads.heaviest.theta * rng.uniform(0.0, 1.0))
     middle = 0.5 * (empty_least + empty_greatest)
-    torque = middle + payload_torque(ROBOT.chain(), payload.theta, q, dq, ddq)
+    torque = middle + payload_torque(ROBOT.chain, payload.theta, q, dq, ddq)
     assert ((torque > least) & (torque < greatest)).all()
 
 
 def test_an_arm_known_by_its_shares_alone_gets_a_wider_window_than_one_with_a_body():
     er50 = load_robot("er50")
     q = np.zeros(6)
-    least, greatest = er50.expected_torque(loaded=False).bounds_nm(q, q, q)
+    least, greatest = er50.strength.expected_torque(loaded=False).bounds_nm(q, q, q)
     np.testing.assert_allclose(greatest, -least)
-    assert (greatest < 0.6 * er50.torque_max_nm()).all()
+    assert (greatest < 0.6 * er50.limits.torque_max_nm).all()
 
 
 def test_without_a_payload_in_the_file_the_limits_are_the_window():
-    model = ROBOT._model.model_copy(update={"heaviest_payload": None, "expected_payload": None})
-    untold = replace(ROBOT, _model=model)
-    assert untold.expected_torque(loaded=True) is None
-    assert untold.expected_torque(loaded=False) is not None
+    untold = replace(ROBOT, source=ROBOT.source.with_tables(heaviest_payload=None, expected_payload=None))
+    assert untold.strength.expected_torque(loaded=True) is None
+    assert untold.strength.expected_torque(loaded=False) is not None

@@ -39,7 +39,7 @@ from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
 
 robot = load_robot(sys.argv[2])
-arm = robot.arm_settings()
+arm = robot.drives.settings
 powered = []
 
 class Plant(IdealPlant):
@@ -47,7 +47,7 @@ class Plant(IdealPlant):
         powered.extend([axis] if on else [])
         super().set_powered(axis, on)
 
-plant = Plant(robot.simulated_start_rad, robot.torque_max_nm())
+plant = Plant(robot.simulation.start_rad, robot.limits.torque_max_nm)
 traits = {drive.node_id: DriveTraits(identity=drive.identity) for drive in arm.drives}
 from armload_controller.cli.entry import main
 with can.Bus(interface="bench", channel="floor") as bus, SimulatedDrives(arm, plant, bus, time.monotonic, traits):
@@ -63,10 +63,10 @@ with can.Bus(interface="bench", channel="floor") as bus, SimulatedDrives(arm, pl
 def bench():
     """prbt's drives on a virtual bus, one of them somebody else's, and a listener."""
     robot = load_robot("prbt").with_bus(channel=uuid.uuid4().hex)
-    arm = robot.arm_settings()
+    arm = robot.drives.settings
     opened = [can.Bus(interface="virtual", channel=robot.bus.channel) for _ in range(2)]
     traits = {6: DriveTraits(identity=FOREIGN)}
-    plant = IdealPlant(robot.plant_spec(None).start_position_rad, robot.torque_max_nm())
+    plant = IdealPlant(robot.simulation.plant_spec(None).start_position_rad, robot.limits.torque_max_nm)
     with SimulatedDrives(arm, plant, opened[0], time.monotonic, traits):
         yield robot, opened[1]
     for bus in opened:
@@ -131,12 +131,12 @@ def test_a_real_arm_needs_a_file_that_tells_what_may_happen(named, pattern, key)
 
 def test_what_the_configuration_admits_to_is_told(named):
     path = named((r"has_brake = true", "has_brake = false"), key=f'{KEY}\naccept_missing = ["6007"]')
-    told = load_robot(str(path)).weak_points()
+    told = load_robot(str(path)).drives.weak_points
     assert told[:2] == (
         "prbt_joint_1 has no brake: it falls when torque is removed",
         "prbt_joint_1 may lack 6007 (accept_missing)",
     )
-    assert not load_robot("prbt").weak_points()
+    assert not load_robot("prbt").drives.weak_points
 
 
 def test_a_foreign_drive_is_refused_before_anything_is_written(bench):
@@ -151,9 +151,9 @@ def test_a_foreign_drive_is_refused_before_anything_is_written(bench):
 
 def test_the_arm_that_the_file_names_is_connected_and_known_to_be_real(named):
     robot = load_robot(str(named())).with_bus(channel=uuid.uuid4().hex)
-    arm = robot.arm_settings()
+    arm = robot.drives.settings
     traits = {drive.node_id: DriveTraits(identity=FOREIGN) for drive in arm.drives}
-    plant = IdealPlant(robot.simulated_start_rad, robot.torque_max_nm())
+    plant = IdealPlant(robot.simulation.start_rad, robot.limits.torque_max_nm)
     with (
         can.Bus(interface="virtual", channel=robot.bus.channel) as bus,
         SimulatedDrives(arm, plant, bus, time.monotonic, traits),
@@ -204,7 +204,7 @@ def test_an_operator_who_says_no_moves_nothing(named, at_a_terminal, tmp_path):
 
 
 def test_consent_beforehand_does_not_cover_a_payload(named, at_a_terminal, tmp_path):
-    body = load_robot("prbt").simulated_payload("block")
+    body = load_robot("prbt").simulation.payload("block")
     known, ones = np.ones(10, dtype=bool), np.ones(6)
     values = np.stack([body.values, body.values], axis=1)
     result = PayloadResult("flange", body, known, values, ones, ones, Provenance("0", "0", {}))

@@ -26,13 +26,13 @@ MISSING = FailureKind.MISSING_FEEDBACK
 
 
 def settings(name: str) -> ArmSettings:
-    return load_robot(name).arm_settings()
+    return load_robot(name).drives.settings
 
 
 def quiet(name: str) -> PlantSpec:
     """A shipped robot with its payload and without noise, away from its zero position."""
     robot = load_robot(name)
-    spec = robot.plant_spec(robot.simulated_payload_name)
+    spec = robot.simulation.plant_spec(robot.simulation.payload_name)
     joints = tuple(replace(joint, torque_noise_nm=0.0) for joint in spec.joints)
     return replace(spec, joints=joints, start_position_rad=np.array([0.2, 0.3, 0.4, -0.5, 0.6, 0.7]))
 

@@ -119,7 +119,7 @@ def random_arm(seed: int, n: int = 5) -> PlantSpec:
 def shipped(name: str) -> PlantSpec:
     """A shipped robot with its payload."""
     robot = load_robot(name)
-    return robot.plant_spec(robot.simulated_payload_name)
+    return robot.simulation.plant_spec(robot.simulation.payload_name)
 
 
 def pinocchio_model(spec: PlantSpec) -> pin.Model:

@@ -42,7 +42,7 @@ def write_urdf(folder, more=NOTHING, tool_m=0.03, names=PRBT.joint_names, lift_m
     points = write_stl(folder / "tool.stl", tool_m)
     text = """<robot name="prbt"><link name="base"><collision><origin xyz="0 0 0.08"/><geometry>
 <cylinder radius="0.08" length="0.16"/></geometry></collision></link>"""
-    origins = PRBT._model.kinematics.origins
+    origins = PRBT.source.tables.kinematics.origins
     for i, (origin, name) in enumerate(zip(origins, names, strict=True)):
         parent = f"link_{i}" if i else "base"
         xyz = np.add(origin.xyz_m, [0.0, 0.0, 0.0 if i else lift_m])
@@ -60,7 +60,7 @@ def write_urdf(folder, more=NOTHING, tool_m=0.03, names=PRBT.joint_names, lift_m
 def meshes(tmp_path):
     def meshes(more=NOTHING, touching=(), **changes):
         write_urdf(tmp_path, more, **changes)
-        return Meshes(tmp_path / "arm.urdf", PRBT.chain(), PRBT.joint_names, KEEP_M, touching)
+        return Meshes(tmp_path / "arm.urdf", PRBT.chain, PRBT.joint_names, KEEP_M, touching)
 
     return meshes
 
@@ -97,7 +97,7 @@ def test_a_mesh_turns_with_its_link(meshes, tmp_path):
     points = write_stl(tmp_path / "tool.stl", 0.03)
     pair = found.names.index("table to tool")
     for q in np.add(np.random.default_rng(2).uniform(-0.3, 0.3, (5, 6)), [0.0, 0.4, -0.4, 0.0, 0.3, 0.0]):
-        pose = PRBT.chain().forward(q)[-1]
+        pose = PRBT.chain.forward(q)[-1]
         at = points @ pose[:3, :3].T + pose[:3, 3]
         beyond = np.abs(at - [0.5, 0.0, 0.0]) - [0.1, 1.0, 0.5]
         nearest_corner = np.linalg.norm(np.maximum(beyond, 0.0), axis=1).min()
@@ -148,20 +148,20 @@ def test_a_configuration_is_checked_against_its_urdf_before_anything_moves(in_a_
     with pytest.raises(ConfigurationError, match=r"excitation.validation is 'brings .* to tool \(meshes\) within"):
         fat.require_drivable("validation")
     with pytest.raises(ConfigurationError, match=r"workspace.urdf is 'other.urdf'"):
-        in_a_cell(keys='urdf = "other.urdf"').cell()
+        _ = in_a_cell(keys='urdf = "other.urdf"').obstacles
 
 
 def test_an_approach_through_something_is_refused(in_a_cell):
-    cell = in_a_cell(TABLE.format(height=1.5)).cell()
+    cell = in_a_cell(TABLE.format(height=1.5)).obstacles
     start = np.array([1.4, 1.1, 0.0, 0.0, 0.0, 0.0])
     with pytest.raises(BlockedWay, match="straight way brings"):
-        Cell(PRBT.workspace(), cell.meshes).require_free(start, start * [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
+        Cell(PRBT.workspace, cell.meshes).require_free(start, start * [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
     cell.require_free(np.zeros(6), np.full(6, 0.1))
 
 
 def designed(objection):
-    payload = PRBT.expected_payload()
-    criterion = named_criterion("condition-number", PRBT.chain(), PRBT.torque_noise_nm(), payload)
+    payload = PRBT.payloads.expected
+    criterion = named_criterion("condition-number", PRBT.chain, PRBT.limits.torque_noise_nm, payload)
     envelope: Envelope = PRBT.envelope(0.1, 0.7, 0.8)
     return design(
         criterion, envelope, harmonics=1, base_frequency_hz=0.1, seed=1, restarts=2, objection=objection
@@ -188,7 +188,7 @@ def test_without_pinocchio_the_way_out_is_told(tmp_path):
         "from armload_controller.config.robot import load_robot\n"
         "from armload_identification.excitation.collision_meshes import Meshes\n"
         "robot = load_robot('prbt')\n"
-        f"Meshes(Path({str(tmp_path / 'arm.urdf')!r}), robot.chain(), robot.joint_names, 0.02)"
+        f"Meshes(Path({str(tmp_path / 'arm.urdf')!r}), robot.chain, robot.joint_names, 0.02)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert 'pip install "armload[urdf]"' in done.stderr

@@ -47,7 +47,7 @@ def test_every_joint_is_drawn_over_a_period_between_its_limits(figure, arm, exci
 
 
 def test_the_tools_path_and_what_is_in_the_way_are_seen_from_two_sides(figure, arm, excitation):
-    chain = arm.chain()
+    chain = arm.chain
     times_s = np.linspace(0.0, excitation.trajectory.period_s, 600)
     flange = np.array([chain.forward(q)[-1, :3, 3] for q in excitation.trajectory.evaluate(times_s).position_rad])
     for words, plane in (("from the side", [0, 2]), ("from above", [0, 1])):

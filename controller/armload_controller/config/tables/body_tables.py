@@ -1,25 +1,16 @@
-"""What several tables of a robot's file are made of: strict tables, numbers with a range, poses, rigid bodies."""
+"""Rigid bodies in a robot's file: payloads, simulated links, and `[body]`, what the arm itself is made of."""
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import model_validator
 
+from armload_controller.config.tables.table_types import NonNegative, Positive, Vector3
 from armload_core.arrays import FloatArray
 from armload_drivers.simulation.plant_spec import RigidBody
+from armload_identification.model.dynamics import ArmBody
 from armload_identification.model.payload import InertialParameters
-
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
-
-
-class Table(BaseModel):
-    """A table in which every key is known and every number a finite number."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+from armload_identification.storage.strict_toml import Table
 
 
 class InertiaTable(Table):
@@ -47,7 +38,7 @@ class BodyTable(Table):
     inertia_kg_m2: InertiaTable
 
     def rigid_body(self) -> RigidBody:
-        """As the plant takes it."""
+        """As the simulated arm takes it."""
         return RigidBody(self.mass_kg, np.array(self.center_of_mass_m), self.inertia_kg_m2.tensor())
 
     def inertial(self) -> InertialParameters:
@@ -70,8 +61,24 @@ class PayloadTable(BodyTable):
         return self
 
 
-class PoseTable(Table):
-    """A frame in another."""
+class ArmLinkTable(BodyTable):
+    """One link in its joint frame, with its drive's rotor and friction."""
 
-    xyz_m: Vector3
-    rpy_rad: Vector3
+    reflected_rotor_inertia_kg_m2: NonNegative
+    coulomb_nm: NonNegative
+    viscous_nm_s_rad: NonNegative
+
+
+class ArmBodyTable(Table):
+    """What the arm itself is made of, from its maker or a CAD model."""
+
+    links: list[ArmLinkTable]
+
+    def arm_body(self) -> ArmBody:
+        """Links, rotors and friction as the dynamics take them."""
+        return ArmBody(
+            np.array([link.inertial().theta for link in self.links]),
+            np.array([link.reflected_rotor_inertia_kg_m2 for link in self.links]),
+            np.array([link.viscous_nm_s_rad for link in self.links]),
+            np.array([link.coulomb_nm for link in self.links]),
+        )

@@ -1,0 +1,130 @@
+"""A robot's drives: what the driver layer is set to, and how currents become torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armload_controller.config.robot_source import RobotSource
+from armload_core.arrays import FloatArray
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.bus_budget import require_room
+from armload_drivers.cia402.device_description import DeviceDescription, read_description
+from armload_drivers.driver_errors import BusOverload, DescriptionError
+from armload_identification.signals.joint_torque import Transmission
+
+
+@dataclass(frozen=True, eq=False)
+class RobotDrives:
+    """The drives of one robot.
+
+    Attributes:
+        source: The robot's file.
+    """
+
+    source: RobotSource
+
+    @cached_property
+    def settings(self) -> ArmSettings:
+        """What the driver layer has to know.
+
+        Raises:
+            ConfigurationError: the robot has no bus, a joint no drive, or a device description cannot be used.
+        """
+        bus = self.source.bus
+        drives = []
+        for number, joint in enumerate(self.source.tables.joints, start=1):
+            if joint.drive is None:
+                raise self.source.refused(f"joints[{number}].drive", None, "an arm on a bus needs one per joint")
+            limits = (joint.position_min_rad, joint.position_max_rad)
+            described = self.descriptions.get(joint.name)
+            drives.append(joint.drive.settings(joint.name, limits, joint.gear_ratio, described))
+        return bus.arm_settings(drives, self.coupling)
+
+    @cached_property
+    def descriptions(self) -> dict[str, DeviceDescription]:
+        """Device description by joint, where the file names one.
+
+        Raises:
+            ConfigurationError: a description cannot be used.
+        """
+        found = {}
+        for number, joint in enumerate(self.source.tables.joints, start=1):
+            name = None if joint.drive is None else joint.drive.description
+            if name is not None:
+                try:
+                    found[joint.name] = read_description(self.source.folder / name)
+                except DescriptionError as error:
+                    raise self.source.refused(
+                        f"joints[{number}].drive.description", name, f"expected a usable EDS or DCF file; {error}"
+                    ) from error
+        return found
+
+    @property
+    def transmission(self) -> Transmission:
+        """How motor currents become joint torques.
+
+        Raises:
+            ConfigurationError: a joint has no torque constant and its drive sends no torque.
+        """
+        gains = []
+        for number, joint in enumerate(self.source.tables.joints, start=1):
+            if joint.drive is not None and joint.drive.feedback == "torque":
+                gains.append(1.0)  # never applied: such recordings hold torque, not current
+                continue
+            for key in ("gear_ratio", "torque_constant_nm_a"):
+                if getattr(joint, key) is None:
+                    raise self.source.refused(
+                        f"joints[{number}].{key}", None, "needed to turn this joint's current into torque"
+                    )
+            gains.append(float(joint.gear_ratio or 0) * float(joint.torque_constant_nm_a or 0))
+        return Transmission(np.array(gains), self.coupling)
+
+    @property
+    def coupling(self) -> FloatArray:
+        """(n, n) C with q_joint = C q_axis."""
+        table = self.source.tables.transmission
+        return np.eye(self.source.n) if table is None else np.array(table.coupling)
+
+    @property
+    def weak_points(self) -> tuple[str, ...]:
+        """What an operator should know of the drives before the arm moves, in words."""
+        found = []
+        for drive in self.settings.drives:
+            if not drive.has_brake:
+                found.append(f"{drive.joint} has no brake: it falls when torque is removed")
+            if drive.accept_missing:
+                found.append(f"{drive.joint} may lack {', '.join(sorted(drive.accept_missing))} (accept_missing)")
+        return tuple(found)
+
+    def require_identities(self) -> None:
+        """Refuse drives whose identity (1018) neither the file nor a device description states.
+
+        Raises:
+            ConfigurationError: naming the key.
+        """
+        for number, drive in enumerate(self.settings.drives, start=1):
+            described = drive.description
+            if drive.identity.vendor_id is None and (
+                described is None or described.vendor_id is None or described.product_code is None
+            ):
+                raise self.source.refused(
+                    f"joints[{number}].drive.identity",
+                    None,
+                    "a real arm is moved only where the file says who its drives are: give vendor_id and product_code "
+                    "(`armload drives scan` shows them). Where `armload simulate` answers on that bus, say so with "
+                    "--simulated-drives",
+                )
+
+    def require_bus_load(self) -> None:
+        """Refuse a cycle whose frames do not fit the bus.
+
+        Raises:
+            ConfigurationError: naming a cycle that does.
+        """
+        try:
+            require_room(self.settings)
+        except BusOverload as error:
+            raise self.source.refused("bus.cycle_hz", self.source.bus.cycle_hz, str(error)) from error

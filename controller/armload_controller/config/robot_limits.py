@@ -1,0 +1,75 @@
+"""What a robot's joints may do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_controller.config.robot_source import RobotSource
+from armload_controller.config.tables.joint_table import JointTable
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.design_envelope import ExcitationLimits
+
+
+@dataclass(frozen=True, eq=False)
+class RobotLimits:
+    """Limits and noise of the joints.
+
+    Attributes:
+        source: The robot's file.
+    """
+
+    source: RobotSource
+
+    @property
+    def motion(self) -> MotionLimits:
+        """What a motion must respect; a joint without a drive has no window for its following error."""
+        joints = self.source.tables.joints
+        return MotionLimits(
+            joint_names=self.source.joint_names,
+            position_min_rad=np.array([j.position_min_rad for j in joints]),
+            position_max_rad=np.array([j.position_max_rad for j in joints]),
+            velocity_max_rad_s=np.array([j.velocity_max_rad_s for j in joints]),
+            acceleration_max_rad_s2=np.array([j.acceleration_max_rad_s2 for j in joints]),
+            jerk_max_rad_s3=np.array([j.jerk_max_rad_s3 for j in joints]),
+            following_error_rad=np.array([j.drive.following_error_rad if j.drive else np.inf for j in joints]),
+        )
+
+    @property
+    def excitation(self) -> ExcitationLimits:
+        """What an excitation is designed within; where a drive's lag is known, its following error is kept too."""
+        limits = self.motion
+        return ExcitationLimits(
+            limits.position_min_rad,
+            limits.position_max_rad,
+            np.minimum(
+                limits.velocity_max_rad_s, [_speed_at_following_error(joint) for joint in self.source.tables.joints]
+            ),
+            limits.acceleration_max_rad_s2,
+            limits.jerk_max_rad_s3,
+        )
+
+    @property
+    def torque_max_nm(self) -> FloatArray:
+        """(n,) greatest torque of each joint."""
+        return np.array([joint.torque_max_nm for joint in self.source.tables.joints])
+
+    @property
+    def added_torque_max_nm(self) -> FloatArray:
+        """(n,) greatest torque that may be added: the joint's, or what its drive allows (6072) where that is less."""
+        return np.array([joint.added_torque_max_nm for joint in self.source.tables.joints])
+
+    @property
+    def torque_noise_nm(self) -> FloatArray:
+        """(n,) expected noise of one raw torque sample at 100 Hz."""
+        return np.array([joint.torque_noise_nm for joint in self.source.tables.joints])
+
+
+def _speed_at_following_error(joint: JointTable) -> float:
+    """Speed at which the following error reaches its window, rad/s; inf where the drive's lag is not known."""
+    drive = joint.drive
+    if drive is None or drive.following_lag_s is None:
+        return np.inf
+    return drive.following_error_rad / drive.following_lag_s

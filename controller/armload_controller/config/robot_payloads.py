@@ -1,0 +1,87 @@
+"""The payloads that a robot's file names, and whether its joints can hold them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_controller.config.robot_source import RobotSource
+from armload_identification.model.payload import InertialParameters
+from armload_identification.model.regressor import payload_torque
+
+_POSES = 512
+"""Random poses in which the joints must hold every payload at rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotPayloads:
+    """What a robot may carry, in the flange frame.
+
+    Attributes:
+        source: The robot's file.
+    """
+
+    source: RobotSource
+
+    @property
+    def expected(self) -> InertialParameters:
+        """The payload that excitations are designed for.
+
+        Raises:
+            ConfigurationError: the file names none.
+        """
+        table = self.source.tables.expected_payload
+        if table is None:
+            raise self.source.refused("expected_payload", None, "needed to design an excitation")
+        return table.inertial()
+
+    @property
+    def heaviest(self) -> InertialParameters:
+        """The heaviest payload that a motion must be safe with; the expected one where the file names none.
+
+        Raises:
+            ConfigurationError: the file names neither.
+        """
+        heaviest = self.heaviest_if_stated
+        if heaviest is None:
+            raise self.source.refused("heaviest_payload", None, "needed to know what the arm may have to carry")
+        return heaviest
+
+    @property
+    def heaviest_if_stated(self) -> InertialParameters | None:
+        """The same, or None where the file names neither."""
+        table = self.source.tables.heaviest_payload or self.source.tables.expected_payload
+        return None if table is None else table.inertial()
+
+    @property
+    def design_set(self) -> tuple[InertialParameters, ...]:
+        """The payloads that a robust excitation is designed for; empty where the file names none."""
+        return tuple(payload.inertial() for payload in self.source.tables.payload_set.values())
+
+    def require_carried(self) -> None:
+        """Refuse payloads that the arm is not made for or that its joints cannot hold up.
+
+        Raises:
+            ConfigurationError: naming the payload, and the joint that is too weak for it.
+        """
+        tables, chain = self.source.tables, self.source.chain
+        rated_kg = tables.robot.rated_payload_kg
+        torque_max_nm = np.array([joint.torque_max_nm for joint in tables.joints])
+        ranges = np.array([[joint.position_min_rad, joint.position_max_rad] for joint in tables.joints])
+        q = np.random.default_rng(0).uniform(ranges[:, 0], ranges[:, 1], (_POSES, self.source.n))
+        still = np.zeros_like(q)
+        for key, payload in tables.payloads().items():
+            if payload.mass_kg > rated_kg:
+                raise self.source.refused(
+                    f"{key}.mass_kg", payload.mass_kg, f"expected at most robot.rated_payload_kg = {rated_kg:g}"
+                )
+            torque = np.abs(payload_torque(chain, payload.inertial().theta, q, still, still)).max(axis=0)
+            weakest = int(np.argmax(torque / torque_max_nm))
+            if torque[weakest] > torque_max_nm[weakest]:
+                raise self.source.refused(
+                    key,
+                    f"{torque[weakest]:.0f} N m on {self.source.joint_names[weakest]}",
+                    "expected a payload that this joint can hold, "
+                    f"torque_max_nm = {torque_max_nm[weakest]:g}: less mass or a shorter lever",
+                )

@@ -1,0 +1,87 @@
+"""A robot's file as it was read: its tables, and what names it in messages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from armload_controller.config.tables.drive_tables import BusTable
+from armload_controller.config.tables.robot_file import RobotFile
+from armload_controller.config.tables.simulation_table import SimulationTable
+from armload_controller.control_errors import ConfigurationError
+from armload_identification.model.chain import Chain
+
+
+@dataclass(frozen=True, eq=False)
+class RobotSource:
+    """What every part of a robot is made from.
+
+    Attributes:
+        file: Where it was read from, for messages.
+        text: The file's text, kept for the recordings.
+        folder: Where it lies, and what it names beside it.
+        tables: Its content.
+    """
+
+    file: str
+    text: str
+    folder: Path
+    tables: RobotFile
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return self.tables.n
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, from the base to the flange."""
+        return tuple(joint.name for joint in self.tables.joints)
+
+    @cached_property
+    def chain(self) -> Chain:
+        """Kinematics up to the flange, and gravity."""
+        return self.tables.kinematics.chain(np.array(self.tables.robot.gravity_m_s2))
+
+    @property
+    def bus(self) -> BusTable:
+        """`[bus]`.
+
+        Raises:
+            ConfigurationError: the file has none.
+        """
+        if self.tables.bus is None:
+            raise self.refused("bus", None, "this robot is known from logs only; use `armload identify`")
+        return self.tables.bus
+
+    @property
+    def simulation(self) -> SimulationTable:
+        """`[simulation]`.
+
+        Raises:
+            ConfigurationError: the file has none.
+        """
+        if self.tables.simulation is None:
+            raise self.refused("simulation", None, "this robot has no simulated twin")
+        return self.tables.simulation
+
+    def with_tables(self, **tables: object) -> RobotSource:
+        """The same with some of the file's tables replaced.
+
+        Args:
+            tables: Table by its key; checked by whoever makes it.
+        """
+        return replace(self, tables=self.tables.model_copy(update=tables))
+
+    def refused(self, key: str, found: object, expected: str) -> ConfigurationError:
+        """The error that names this file.
+
+        Args:
+            key: Dotted path of the key.
+            found: The value found; None where it is missing.
+            expected: What would have been accepted, as the end of a sentence.
+        """
+        return ConfigurationError(self.file, key, found, expected)

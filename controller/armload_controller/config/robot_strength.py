@@ -1,0 +1,143 @@
+"""How much torque a robot's joints have for a motion and a payload, from `[body]` or the joints' shares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from armload_controller.config.robot_payloads import RobotPayloads
+from armload_controller.config.robot_source import RobotSource
+from armload_controller.motion.expected_torque import ExpectedTorque
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.model.dynamics import ArmBody
+
+
+@dataclass(frozen=True, eq=False)
+class RobotStrength:
+    """The torque of the joints, and what the arm itself takes of it.
+
+    Attributes:
+        source: The robot's file.
+        payloads: What the arm may carry.
+    """
+
+    source: RobotSource
+    payloads: RobotPayloads
+
+    @cached_property
+    def arm_body(self) -> ArmBody:
+        """The arm itself, from `[body]`; massless without one."""
+        body = self.source.tables.body
+        return ArmBody.massless(self.source.n) if body is None else body.arm_body()
+
+    @property
+    def is_stated(self) -> bool:
+        """Whether the file has a `[body]`, or a share for every joint."""
+        return self._first_missing_share is None
+
+    def limits(self, share: float) -> TorqueLimits:
+        """What the joints can give.
+
+        Args:
+            share: Of every joint's torque_max_nm that a motion may use.
+
+        Raises:
+            ConfigurationError: neither a body nor the shares are given, no payload is, or a joint has no torque left
+                to move with.
+        """
+        chain, payload = self.source.chain, self.payloads.heaviest
+        usable = share * self._torque_max_nm
+        if self.source.tables.body is not None:
+            body = self.arm_body
+            for i, left in enumerate(usable - body.coulomb_nm):
+                if left <= 0.0:
+                    raise self.source.refused(
+                        f"body.links[{i + 1}].coulomb_nm",
+                        float(body.coulomb_nm[i]),
+                        f"expected less than the {usable[i]:g} N m that a motion may use",
+                    )
+            return TorqueLimits.from_body(chain, body, payload, usable)
+        self._require_shares(
+            "needed to design an excitation: the share of torque_max_nm that the arm's own links, rotor and "
+            "friction take at most; or a [body] in its place"
+        )
+        return TorqueLimits.from_share(chain, self._shares, payload, usable)
+
+    def expected_torque(self, *, loaded: bool) -> ExpectedTorque | None:
+        """Between which torques motions lie; None where the file says too little of arm or payload.
+
+        Args:
+            loaded: Something up to the heaviest payload hangs on the flange; else nothing.
+        """
+        heaviest = self.payloads.heaviest_if_stated
+        if not self.is_stated or (loaded and heaviest is None):
+            return None
+        torque_max_nm = self._torque_max_nm
+        has_body = self.source.tables.body is not None
+        return ExpectedTorque(
+            self.source.chain,
+            self.arm_body,
+            np.zeros_like(torque_max_nm) if has_body else self._shares * torque_max_nm,
+            heaviest if loaded else None,
+            torque_max_nm,
+        )
+
+    def objection(self, path: FourierTrajectory) -> tuple[str, str] | None:
+        """What a path asks of a joint that cannot give it, at any time and any steady speed.
+
+        Args:
+            path: Of all joints.
+
+        Returns:
+            The joint's trouble and what would be accepted; None where there is none, or where the file says too
+            little of arm or payload.
+        """
+        if self.payloads.heaviest_if_stated is None or not self.is_stated:
+            return None
+        limits = self.limits(1.0)
+        needed = limits.greatest(path).reshape(limits.cases, -1).max(axis=0)
+        weakest = int(np.argmax(needed / limits.available_nm))
+        if needed[weakest] <= limits.available_nm[weakest]:
+            return None
+        return (
+            f"asks {needed[weakest]:.0f} N m of {self.source.joint_names[weakest]}, which has "
+            f"{limits.available_nm[weakest]:.0f} N m for it",
+            "expected one designed for this arm and its heaviest payload",
+        )
+
+    def require_stated(self) -> None:
+        """Refuse to move an arm that may be real where the file leaves out what its joints can give or must carry.
+
+        Raises:
+            ConfigurationError: naming the first key that is missing.
+        """
+        self._require_shares(
+            "a real arm is moved only where its joints are known to be strong enough: give it, or a [body]"
+        )
+        if self.payloads.heaviest_if_stated is None:
+            raise self.source.refused("heaviest_payload", None, "needed to know what a real arm may have to carry")
+
+    @property
+    def _torque_max_nm(self) -> FloatArray:
+        return np.array([joint.torque_max_nm for joint in self.source.tables.joints])
+
+    @property
+    def _shares(self) -> FloatArray:
+        """(n,) what the arm itself takes of each joint's torque; nan where it is not stated."""
+        shares = [joint.arm_torque_share for joint in self.source.tables.joints]
+        return np.array([np.nan if share is None else share for share in shares])
+
+    @property
+    def _first_missing_share(self) -> int | None:
+        """Number of the first joint without a share, where there is no `[body]`."""
+        missing = np.flatnonzero(np.isnan(self._shares))
+        return int(missing[0]) + 1 if missing.size and self.source.tables.body is None else None
+
+    def _require_shares(self, expected: str) -> None:
+        number = self._first_missing_share
+        if number is not None:
+            raise self.source.refused(f"joints[{number}].arm_torque_share", None, expected)

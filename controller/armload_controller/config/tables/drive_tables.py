@@ -1,0 +1,202 @@
+"""`[bus]` and `[joints.drive]`, and the settings of the driver layer that are made from them."""
+
+from __future__ import annotations
+
+import math
+import string
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from armload_controller.config.tables.table_types import Positive
+from armload_core.arrays import FloatArray
+from armload_drivers.cia402.arm_settings import (
+    ArmSettings,
+    DriveSettings,
+    EffortFeedback,
+    Identity,
+    OperationMode,
+    TemperatureObject,
+    VendorEffort,
+)
+from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.object_dictionary import DataType
+from armload_identification.storage.strict_toml import BadValue, Table
+
+_EFFORT_TYPES = {"i16": DataType.I16, "i32": DataType.I32}
+_NUMBER_TYPES = {
+    "i8": DataType.I8, "u8": DataType.U8, "i16": DataType.I16, "u16": DataType.U16, "i32": DataType.I32,
+    "u32": DataType.U32, "f32": DataType.F32,
+}  # fmt: skip
+
+
+class BusTable(Table):
+    """The CANopen bus."""
+
+    interface: str
+    channel: str
+    bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)]
+    cycle_hz: Annotated[float, Field(gt=0, le=1000)]
+    heartbeat_s: Positive
+    max_missing_cycles: Annotated[int, Field(ge=0)]
+    sync_counter: Annotated[int, Field(ge=0, le=240)] = 0
+    other_nodes: list[Annotated[int, Field(ge=1, le=127)]] = Field(default=[])
+
+    @model_validator(mode="after")
+    def _countable(self) -> BusTable:
+        if self.sync_counter == 1:
+            raise BadValue("sync_counter", 1, "expected 0 (SYNC without a counter) or 2 to 240 (1019)")
+        return self
+
+    def arm_settings(self, drives: Sequence[DriveSettings], coupling: FloatArray) -> ArmSettings:
+        """As the driver layer takes them.
+
+        Args:
+            drives: From the base to the flange.
+            coupling: (n, n) C with q_joint = C q_axis.
+        """
+        return ArmSettings(
+            drives=tuple(drives),
+            coupling=coupling,
+            cycle_s=1 / self.cycle_hz,
+            bitrate=self.bitrate,
+            heartbeat_s=self.heartbeat_s,
+            max_missing_cycles=self.max_missing_cycles,
+            sync_counter=self.sync_counter,
+            other_nodes=frozenset(self.other_nodes),
+        )
+
+
+class IdentityTable(Table):
+    """What object 1018 must hold."""
+
+    vendor_id: int
+    product_code: int
+    revision: int | None = None
+
+
+class EffortObjectTable(Table):
+    """A vendor's object with the motor's current or torque, in place of 6078 or 6077."""
+
+    index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
+    subindex: Annotated[int, Field(ge=0, le=254)]
+    type: Literal["i16", "i32"]
+    a_per_unit: Positive | None = None
+    nm_per_unit: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_scale(self) -> EffortObjectTable:
+        if (self.a_per_unit is None) == (self.nm_per_unit is None):
+            raise ValueError(
+                "give one scale: a_per_unit (motor current) or nm_per_unit (torque at the axis, behind the gear)"
+            )
+        return self
+
+
+class TemperatureObjectTable(Table):
+    """A vendor's object with a temperature of the drive or its motor, for `armload drives show`."""
+
+    index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
+    subindex: Annotated[int, Field(ge=0, le=254)]
+    type: Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
+    celsius_per_unit: Positive
+
+
+class DriveTable(Table):
+    """One joint's drive. A scale that is left out is read from the drive."""
+
+    node_id: Annotated[int, Field(ge=1, le=127)]
+    mode: Literal["csp", "ip"]
+    feedback: Literal["current", "torque"]
+    counts_per_axis_turn: Positive | None = None
+    rated_current_a: Positive | None = None
+    rated_torque_nm: Positive | None = None
+    max_torque_permille: Annotated[int, Field(ge=1, le=65535)]
+    following_error_rad: Positive
+    following_lag_s: Positive | None = None
+    has_brake: bool
+    torque_offset: bool = True
+    effort_object: EffortObjectTable | None = None
+    temperature_object: TemperatureObjectTable | None = None
+    accept_missing: list[str] = Field(default=[])
+    description: str | None = None
+    identity: IdentityTable | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> DriveTable:
+        effort = self.effort_object
+        if effort is not None:
+            scale = effort.a_per_unit if self.feedback == "current" else effort.nm_per_unit
+            if scale is None:
+                key = "a_per_unit" if self.feedback == "current" else "nm_per_unit"
+                raise ValueError(f'feedback = "{self.feedback}" needs effort_object.{key}')
+        for name in self.accept_missing:
+            if len(name) != 4 or not set(name) <= set(string.hexdigits):
+                raise ValueError(f'accept_missing names objects by four hexadecimal digits, as "6007", not {name!r}')
+        return self
+
+    def missing_scale(self) -> str | None:
+        """Key of a scale that is left to the drive, which only a real one can report; None where there is none."""
+        needed = ["counts_per_axis_turn", "rated_torque_nm"] + ["rated_current_a"] * (self.feedback == "current")
+        return next((name for name in needed if getattr(self, name) is None), None)
+
+    def settings(
+        self,
+        joint: str,
+        position_rad: tuple[float, float],
+        gear_ratio: float | None,
+        description: DeviceDescription | None,
+    ) -> DriveSettings:
+        """As the driver layer takes them.
+
+        Args:
+            joint: Name of the joint.
+            position_rad: Least and greatest position of the joint.
+            gear_ratio: Motor turns per axis turn, where it is known.
+            description: The vendor's device description.
+        """
+        csp = self.mode == "csp"
+        turn = self.counts_per_axis_turn
+        return DriveSettings(
+            joint=joint,
+            node_id=self.node_id,
+            mode=OperationMode.CYCLIC_SYNCHRONOUS_POSITION if csp else OperationMode.INTERPOLATED_POSITION,
+            feedback=EffortFeedback.CURRENT if self.feedback == "current" else EffortFeedback.TORQUE,
+            counts_per_rad=None if turn is None else turn / (2 * math.pi),
+            rated_current_a=self.rated_current_a,
+            rated_torque_nm=self.rated_torque_nm,
+            max_torque_permille=self.max_torque_permille,
+            following_error_rad=self.following_error_rad,
+            position_min_rad=position_rad[0],
+            position_max_rad=position_rad[1],
+            has_brake=self.has_brake,
+            identity=self._identity(),
+            torque_offset=self.torque_offset,
+            gear_ratio=gear_ratio,
+            vendor_effort=self._vendor_effort(),
+            accept_missing=frozenset(name.upper() for name in self.accept_missing),
+            description=description,
+            temperature=self._temperature(),
+        )
+
+    def _identity(self) -> Identity:
+        """What 1018 must hold; anything where the file does not say."""
+        table = self.identity
+        return Identity(None, None) if table is None else Identity(table.vendor_id, table.product_code, table.revision)
+
+    def _vendor_effort(self) -> VendorEffort | None:
+        """The vendor's object for the effort."""
+        table = self.effort_object
+        if table is None:
+            return None
+        return VendorEffort(
+            table.index, table.subindex, _EFFORT_TYPES[table.type], float(table.a_per_unit or table.nm_per_unit or 0.0)
+        )
+
+    def _temperature(self) -> TemperatureObject | None:
+        """The vendor's object for a temperature."""
+        table = self.temperature_object
+        if table is None:
+            return None
+        return TemperatureObject(table.index, table.subindex, _NUMBER_TYPES[table.type], table.celsius_per_unit)

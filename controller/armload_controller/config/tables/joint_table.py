@@ -1,0 +1,43 @@
+"""`[[joints]]`: one joint, its limits, its gear and its drive."""
+
+from __future__ import annotations
+
+from pydantic import model_validator
+
+from armload_controller.config.tables.drive_tables import DriveTable
+from armload_controller.config.tables.table_types import Positive, Share
+from armload_identification.storage.strict_toml import Table
+
+
+class JointTable(Table):
+    """One joint and its limits."""
+
+    name: str
+    position_min_rad: float
+    position_max_rad: float
+    velocity_max_rad_s: Positive
+    acceleration_max_rad_s2: Positive
+    jerk_max_rad_s3: Positive
+    torque_max_nm: Positive
+    arm_torque_share: Share | None = None
+    torque_noise_nm: Positive
+    gear_ratio: Positive | None = None
+    torque_constant_nm_a: Positive | None = None
+    drive: DriveTable | None = None
+
+    @model_validator(mode="after")
+    def _least_below_greatest(self) -> JointTable:
+        if self.position_min_rad >= self.position_max_rad:
+            raise ValueError(
+                f"position_min_rad = {self.position_min_rad} is not below position_max_rad = "
+                f"{self.position_max_rad}: exchange them"
+            )
+        return self
+
+    @property
+    def added_torque_max_nm(self) -> float:
+        """Greatest torque that may be added: the joint's, or what its drive allows (6072) where that is less."""
+        drive = self.drive
+        if drive is None or drive.rated_torque_nm is None:
+            return self.torque_max_nm
+        return min(self.torque_max_nm, drive.rated_torque_nm * drive.max_torque_permille / 1000.0)

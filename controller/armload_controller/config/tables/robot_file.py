@@ -1,0 +1,145 @@
+"""The whole file of a robot: its tables, and what must agree between them.
+
+Every limit must be given, an unknown key is an error, numbers must be numbers.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from armload_controller.config.tables.body_tables import ArmBodyTable, PayloadTable
+from armload_controller.config.tables.drive_tables import BusTable
+from armload_controller.config.tables.joint_table import JointTable
+from armload_controller.config.tables.kinematics_table import KinematicsTable, TransmissionTable
+from armload_controller.config.tables.simulation_table import SimulationTable
+from armload_controller.config.tables.table_types import Positive, Vector3
+from armload_controller.config.tables.workspace_table import WorkspaceTable
+from armload_identification.recording.recording import CsvColumns
+from armload_identification.storage.strict_toml import BadValue, Table
+
+
+class RobotTable(Table):
+    """What the arm is."""
+
+    name: str
+    description: str
+    rated_payload_kg: Positive
+    gravity_m_s2: Vector3
+
+
+class ExcitationTable(Table):
+    """Excitation files beside this one."""
+
+    identification: str
+    validation: str
+
+
+class LogTable(Table):
+    """Columns of other programs' logs, counted from 0."""
+
+    time_column: Annotated[int, Field(ge=0)]
+    position_columns: list[int]
+    velocity_columns: list[int] | None = None
+    current_columns: list[int]
+
+    def csv_columns(self) -> CsvColumns:
+        """As the reader of recordings takes them."""
+        return CsvColumns(self.time_column, self.position_columns, self.velocity_columns, self.current_columns)
+
+
+class RobotFile(Table):
+    """The whole file."""
+
+    robot: RobotTable
+    kinematics: KinematicsTable
+    transmission: TransmissionTable | None = None
+    expected_payload: PayloadTable | None = None
+    heaviest_payload: PayloadTable | None = None
+    payload_set: dict[str, PayloadTable] = Field(default={})
+    body: ArmBodyTable | None = None
+    workspace: WorkspaceTable | None = None
+    excitation: ExcitationTable | None = None
+    bus: BusTable | None = None
+    log: LogTable | None = None
+    joints: Annotated[list[JointTable], Field(min_length=1)]
+    simulation: SimulationTable | None = None
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    def payloads(self) -> dict[str, PayloadTable]:
+        """Every payload of the file by its dotted key."""
+        found: dict[str, PayloadTable] = {}
+        if self.expected_payload is not None:
+            found["expected_payload"] = self.expected_payload
+        if self.heaviest_payload is not None:
+            found["heaviest_payload"] = self.heaviest_payload
+        found |= {f"payload_set.{name}": payload for name, payload in self.payload_set.items()}
+        if self.simulation is not None:
+            found |= {f"simulation.payloads.{name}": payload for name, payload in self.simulation.payloads.items()}
+        return found
+
+    @model_validator(mode="after")
+    def _joints_are_told_apart(self) -> RobotFile:
+        names = [joint.name for joint in self.joints]
+        if len(set(names)) != self.n:
+            raise BadValue("joints", names, "every joint needs a name of its own")
+        nodes = [joint.drive.node_id for joint in self.joints if joint.drive is not None]
+        if self.bus is not None and len(set(nodes)) != len(nodes):
+            shared = next(node for node in nodes if nodes.count(node) > 1)
+            both = " and ".join(j.name for j in self.joints if j.drive is not None and j.drive.node_id == shared)
+            raise BadValue("joints.drive.node_id", shared, f"{both} share it; give each its own")
+        return self
+
+    @model_validator(mode="after")
+    def _kinematics_fit_the_joints(self) -> RobotFile:
+        if self.kinematics.n != self.n:
+            found = f"{self.kinematics.n} rows"
+            raise BadValue("kinematics", found, f"the file has {self.n} [[joints]]; give one row per joint")
+        if self.transmission is not None:
+            self.transmission.check(self.n)
+        return self
+
+    @model_validator(mode="after")
+    def _simulation_fits_the_joints(self) -> RobotFile:
+        if self.simulation is not None:
+            self.simulation.check(self.joints)
+        return self
+
+    @model_validator(mode="after")
+    def _body_fits_the_joints(self) -> RobotFile:
+        if self.body is None:
+            return self
+        if len(self.body.links) != self.n:
+            raise BadValue("body.links", len(self.body.links), f"expected one per joint, {self.n} in this file")
+        for number, (link, joint) in enumerate(zip(self.body.links, self.joints, strict=True), start=1):
+            if joint.arm_torque_share is not None:
+                raise BadValue(
+                    f"joints[{number}].arm_torque_share",
+                    joint.arm_torque_share,
+                    "give either [body] or the shares, not both",
+                )
+            if link.coulomb_nm >= joint.torque_max_nm:
+                raise BadValue(
+                    f"body.links[{number}].coulomb_nm",
+                    link.coulomb_nm,
+                    f"expected less than joints[{number}].torque_max_nm = {joint.torque_max_nm:g}",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _workspace_fits_the_arm(self) -> RobotFile:
+        if self.workspace is None:
+            return self
+        self.workspace.check(self.n)
+        if self.workspace.floor_height_m is not None and not any(self.robot.gravity_m_s2):
+            raise BadValue(
+                "workspace.floor_height_m",
+                self.workspace.floor_height_m,
+                "a floor needs gravity, to know where up is; or give a half-space in its place",
+            )
+        return self

@@ -1,0 +1,90 @@
+"""`[simulation]`: the simulated twin of an arm."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from armload_controller.config.tables.body_tables import BodyTable, PayloadTable
+from armload_controller.config.tables.joint_table import JointTable
+from armload_controller.config.tables.table_types import NonNegative, Positive, Share
+from armload_core.arrays import FloatArray
+from armload_drivers.simulation.plant_spec import PlantJoint
+from armload_identification.storage.strict_toml import BadValue, Table
+
+
+class SimulatedJointTable(Table):
+    """The truth about one simulated joint."""
+
+    link: BodyTable
+    reflected_rotor_inertia_kg_m2: NonNegative
+    coulomb_nm: NonNegative
+    viscous_nm_s_rad: NonNegative
+    stribeck_nm: NonNegative
+    stribeck_velocity_rad_s: Positive
+    load_friction: Share
+    torque_ripple_nm: NonNegative
+    ripple_per_motor_turn: Annotated[int, Field(ge=1)]
+
+    def plant_joint(self, joint: JointTable, placement: FloatArray, axis: FloatArray) -> PlantJoint:
+        """As the simulated arm takes it.
+
+        Args:
+            joint: The joint's own table.
+            placement: (4, 4) its frame in the previous one.
+            axis: (3,) its axis in its frame.
+        """
+        return PlantJoint(
+            name=joint.name,
+            placement=placement,
+            axis=axis,
+            link=self.link.rigid_body(),
+            coulomb_nm=self.coulomb_nm,
+            viscous_nm_s_rad=self.viscous_nm_s_rad,
+            stribeck_nm=self.stribeck_nm,
+            stribeck_velocity_rad_s=self.stribeck_velocity_rad_s,
+            load_friction=self.load_friction,
+            rotor_inertia_kg_m2=self.reflected_rotor_inertia_kg_m2,
+            gear_ratio=joint.gear_ratio or 1.0,
+            torque_ripple_nm=self.torque_ripple_nm,
+            ripple_per_motor_turn=self.ripple_per_motor_turn,
+            torque_noise_nm=joint.torque_noise_nm,
+            max_torque_nm=joint.torque_max_nm,
+            has_brake=joint.drive.has_brake if joint.drive else True,
+        )
+
+
+class SimulationTable(Table):
+    """The simulated twin."""
+
+    seed: int
+    payload: str
+    start_position_rad: list[float]
+    variant: Literal["normative", "harsh"] = "normative"
+    payloads: dict[str, PayloadTable]
+    joints: list[SimulatedJointTable]
+
+    def check(self, joints: list[JointTable]) -> None:
+        """Refuse a twin that does not fit the joints.
+
+        Raises:
+            BadValue: naming the key.
+        """
+        for key in ("joints", "start_position_rad"):
+            found, n = len(getattr(self, key)), len(joints)
+            if found != n:
+                raise BadValue(f"simulation.{key}", f"{found} entries", f"expected one per joint, {n} in this file")
+        for joint, start in zip(joints, self.start_position_rad, strict=True):
+            if not joint.position_min_rad <= start <= joint.position_max_rad:
+                raise BadValue(
+                    "simulation.start_position_rad",
+                    start,
+                    f"{joint.name} may stand between {joint.position_min_rad} and {joint.position_max_rad}",
+                )
+        if self.payload not in self.payloads:
+            raise BadValue("simulation.payload", self.payload, f"expected one of {', '.join(sorted(self.payloads))}")
+        for number, joint in enumerate(joints, start=1):
+            missing = joint.drive.missing_scale() if joint.drive is not None else None
+            if missing is not None:
+                raise BadValue(f"joints[{number}].drive.{missing}", None, "a simulated drive needs its scale here")

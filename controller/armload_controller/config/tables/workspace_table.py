@@ -1,0 +1,172 @@
+"""`[workspace]`: what an arm must not touch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, PlainValidator, field_validator, model_validator
+
+from armload_controller.config.tables.table_types import NonNegative, PoseTable, Positive, Vector3
+from armload_identification.excitation.collision_meshes import Meshes
+from armload_identification.excitation.workspace import Box, HalfSpace, Sphere, Workspace
+from armload_identification.model.chain import Chain, pose_from_xyz_rpy
+from armload_identification.storage.strict_toml import BadValue, Table
+
+_LinkName = int | Literal["tool"]
+
+
+def _link(value: object) -> object:
+    """One message for whatever is no link."""
+    if value == "tool" or (isinstance(value, int) and not isinstance(value, bool) and value >= 0):
+        return value
+    raise ValueError('0 for the base, the number of a joint for the link that turns with it, or "tool"')
+
+
+Link = Annotated[_LinkName, PlainValidator(_link)]
+"""0 the base, i the link that turns with joint i, "tool" what is on the flange, payload included."""
+
+
+class SphereTable(Table):
+    """A sphere around a part of the arm, in the base frame, the link's joint frame, or for a tool the flange frame."""
+
+    link: Link
+    center_m: Vector3
+    radius_m: Positive
+
+
+class HalfSpaceTable(Table):
+    """Everything on the far side of a plane; the normal points to where the arm may be."""
+
+    name: str
+    normal: Vector3
+    offset_m: float
+    links: list[Link] | None = None
+
+    @field_validator("normal")
+    @classmethod
+    def _direction(cls, normal: list[float]) -> list[float]:
+        if not float(np.linalg.norm(normal)) > 0.0:
+            raise ValueError("a plane needs a direction, such as [0.0, 0.0, 1.0]")
+        return normal
+
+
+class BoxTable(PoseTable):
+    """A box in the way: pose of its centre in the base frame, and the lengths of its edges."""
+
+    name: str
+    size_m: Annotated[list[Positive], Field(min_length=3, max_length=3)]
+    links: list[Link] | None = None
+
+
+class InsideTable(Table):
+    """A box along the base frame's axes that the arm never leaves."""
+
+    min_m: Vector3
+    max_m: Vector3
+
+    @model_validator(mode="after")
+    def _ordered(self) -> InsideTable:
+        if any(low >= high for low, high in zip(self.min_m, self.max_m, strict=True)):
+            raise ValueError(f"min_m = {self.min_m} is not below max_m = {self.max_m}: exchange them")
+        return self
+
+
+class WorkspaceTable(Table):
+    """Where the arm may be."""
+
+    keep_m: NonNegative
+    floor_height_m: float | None = None
+    inside: InsideTable | None = None
+    spheres: list[SphereTable]
+    half_spaces: list[HalfSpaceTable] = Field(default=[])
+    boxes: list[BoxTable] = Field(default=[])
+    urdf: str | None = None
+    urdf_touching: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = Field(default=[])
+    apart: list[Annotated[list[Link], Field(min_length=2, max_length=2)]] = Field(default=[])
+
+    def check(self, n: int) -> None:
+        """Refuse names of links that an arm of n joints does not have, and a link without a sphere.
+
+        Raises:
+            BadValue: naming the key.
+        """
+        named: list[tuple[str, _LinkName]] = [(f"spheres[{i + 1}].link", s.link) for i, s in enumerate(self.spheres)]
+        named += [(f"half_spaces[{i + 1}].links", a) for i, p in enumerate(self.half_spaces) for a in p.links or ()]
+        named += [(f"boxes[{i + 1}].links", a) for i, b in enumerate(self.boxes) for a in b.links or ()]
+        named += [(f"apart[{i + 1}]", a) for i, pair in enumerate(self.apart) for a in pair]
+        for key, link in named:
+            if link != "tool" and link > n:
+                raise BadValue(f"workspace.{key}", link, f'expected 0 (the base) to {n}, or "tool"')
+        bare = sorted(set(range(1, n + 2)) - {_number(s.link, n) for s in self.spheres})
+        if bare:
+            name = "tool" if bare[0] == n + 1 else str(bare[0])
+            raise BadValue(
+                "workspace.spheres",
+                f"none with link = {name}",
+                "expected at least one around every link and around the tool",
+            )
+
+    def workspace(self, chain: Chain) -> Workspace:
+        """Spheres around the arm, and the obstacles.
+
+        Args:
+            chain: The arm; with a floor its gravity must not be zero.
+
+        Raises:
+            ModelError: obstacles that make no sense, such as one that nothing can ever touch.
+        """
+        n = chain.n
+        moving = tuple(range(1, n + 2))
+
+        def links(names: Sequence[_LinkName] | None) -> tuple[int, ...]:
+            return moving if names is None else tuple(_number(name, n) for name in names)
+
+        half_spaces = []
+        if self.floor_height_m is not None:
+            up = -chain.gravity_m_s2 / float(np.linalg.norm(chain.gravity_m_s2))
+            half_spaces.append(HalfSpace("floor", up, self.floor_height_m, moving))
+        if self.inside is not None:
+            for axis, letter in enumerate("xyz"):
+                direction = np.eye(3)[axis]
+                half_spaces.append(HalfSpace(f"inside, -{letter}", direction, self.inside.min_m[axis], moving))
+                half_spaces.append(HalfSpace(f"inside, +{letter}", -direction, -self.inside.max_m[axis], moving))
+        for plane in self.half_spaces:
+            normal = np.array(plane.normal)
+            half_spaces.append(
+                HalfSpace(plane.name, normal / np.linalg.norm(normal), plane.offset_m, links(plane.links))
+            )
+        return Workspace(
+            chain,
+            tuple(Sphere(_number(s.link, n), np.array(s.center_m), s.radius_m) for s in self.spheres),
+            tuple(half_spaces),
+            tuple(
+                Box(b.name, pose_from_xyz_rpy(b.xyz_m, b.rpy_rad), np.array(b.size_m), links(b.links))
+                for b in self.boxes
+            ),
+            tuple((_number(a, n), _number(b, n)) for a, b in self.apart),
+            self.keep_m,
+        )
+
+    def meshes(self, folder: Path, chain: Chain, joint_names: tuple[str, ...]) -> Meshes | None:
+        """The collision geometry of `urdf`; None where none is named.
+
+        Args:
+            folder: Where the URDF lies.
+            chain: The arm.
+            joint_names: Names of its joints, which the URDF's must have too.
+
+        Raises:
+            ModelError: the URDF cannot be used, or what reads it is not installed.
+        """
+        if self.urdf is None:
+            return None
+        touching = tuple((a, b) for a, b in self.urdf_touching)
+        return Meshes(folder / self.urdf, chain, joint_names, self.keep_m, touching)
+
+
+def _number(name: _LinkName, n: int) -> int:
+    """A link as the workspace counts: the tool of n joints is n + 1."""
+    return n + 1 if name == "tool" else int(name)
