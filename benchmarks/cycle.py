@@ -1,7 +1,8 @@
-"""What one cycle of six joints costs its own thread, part by part, beside the same cycle with canopen's PDO objects.
+"""What one cycle of six joints costs, part by part, beside the same cycle with canopen's PDO objects.
 
-Master and simulated drives share the process and the virtual bus, in lockstep. Thread CPU time counts what the
-master's threads did themselves; wall time includes the drives' thread, which computes an ideal plant.
+Master and simulated drives share a process and a bus in lockstep. CPU time is the master's own: what the drives take
+to act on its frames is measured at their end of the bus and taken off. Wall time includes it, with an ideal plant.
+The last row is a whole simulated cycle, drives and MuJoCo included, as `armload commission` runs it.
 """
 
 from __future__ import annotations
@@ -10,13 +11,11 @@ import sys
 import tempfile
 import threading
 import time
-import uuid
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from statistics import median
 
-import can
 import canopen
 import numpy as np
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
@@ -27,10 +26,13 @@ from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.joint_limits import check_setpoints
 from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import RuckigFollower
+from armload_controller.session.arm_access import simulated_arm
+from armload_controller.session.commissioning import Load
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.sync_sources import LockstepSync
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.lockstep_bus import Listener, LockstepBus, LockstepWire
+from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
@@ -42,7 +44,7 @@ LIMIT_US = 400
 
 def run() -> None:
     """Print the table, without and with a busy second thread."""
-    print(f"One cycle of six joints ({ROBOT}) on the virtual bus, medians in us; at most {LIMIT_US} us of own CPU time")
+    print(f"One cycle of six joints ({ROBOT}) in lockstep, medians in us; at most {LIMIT_US} us of own CPU time")
     print(f"{'':<34}{'CPU':>7}{'wall':>9}   " + "".join(f"{part:>10}" for part in PARTS))
     for label, busy, cycles in (("alone", False, QUIET_CYCLES), ("beside a busy thread", True, BUSY_CYCLES)):
         with _company() if busy else ExitStack():
@@ -52,6 +54,7 @@ def run() -> None:
             print(f"{'armload, ' + label:<34}{median(cpu):7.0f}{median(wall):9.0f}   {parts}")
             cpu, wall = _theirs(cycles).T
             print(f"{'canopen PDO objects, ' + label:<34}{median(cpu):7.0f}{median(wall):9.0f}   (PDOs and SYNC alone)")
+    print(f"{'simulated arm with drives and MuJoCo':<38}{median(_simulated(QUIET_CYCLES)):9.0f}   (CPU of the process)")
     print(
         f"Switch interval beside the busy thread: {SWITCH_INTERVAL_S * 1e3:g} ms, as the program sets it for its cycle."
     )
@@ -79,14 +82,55 @@ def _company() -> Iterator[None]:
         sys.setswitchinterval(before)
 
 
+class _TimedBus(LockstepBus):
+    """The drives' end of a bus: keeps how long they act."""
+
+    def __init__(self, wire: LockstepWire) -> None:
+        self._spent_ns = 0
+        super().__init__(wire)
+
+    def listen(self, listener: Listener | None) -> None:
+        """As a LockstepBus, and time it."""
+        if listener is None:
+            super().listen(None)
+            return
+
+        def timed(message: can.Message) -> None:
+            begun = time.thread_time_ns()
+            listener(message)
+            self._spent_ns += time.thread_time_ns() - begun
+
+        super().listen(timed)
+
+    def take_spent_ns(self) -> int:
+        """Time spent since the last call."""
+        spent, self._spent_ns = self._spent_ns, 0
+        return spent
+
+
+def _simulated(cycles: int) -> np.ndarray:
+    """(cycles,) CPU time of whole cycles with the simulated arm, us."""
+    robot = load_robot(ROBOT)
+    zero, rows = np.zeros(robot.n), np.zeros(cycles)
+    with simulated_arm(robot, Load.LOADED) as servos:
+        servos.connect()
+        start = servos.enable().position_rad
+        for cycle in range(-WARM_UP, cycles):
+            begun = time.process_time_ns()
+            servos.exchange(JointCommand(start + 0.05 * np.sin(0.01 * (cycle + WARM_UP)), zero, zero))
+            if cycle >= 0:
+                rows[cycle] = time.process_time_ns() - begun
+    return rows * 1e-3
+
+
 def _ours(cycles: int) -> np.ndarray:
     """(cycles, 5) CPU time of each part and wall time of the whole, us."""
     robot = load_robot(ROBOT)
     arm, limits, clock = robot.drives.settings, robot.limits.motion, VirtualClock()
-    plant, channel = IdealPlant(np.zeros(robot.n)), uuid.uuid4().hex
+    plant, wire = IdealPlant(np.zeros(robot.n)), LockstepWire()
     zero, rows = np.zeros(robot.n), np.zeros((cycles, len(PARTS) + 1))
     with ExitStack() as stack:
-        bus, drives_bus = (stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(2))
+        bus, drives_bus = stack.enter_context(LockstepBus(wire)), stack.enter_context(_TimedBus(wire))
         stack.enter_context(SimulatedDrives(arm, plant, drives_bus, clock))
         recorder = Recorder(Path(stack.enter_context(tempfile.TemporaryDirectory())) / "cycle.mcap", {})
         stack.enter_context(recorder)
@@ -108,10 +152,11 @@ def _ours(cycles: int) -> np.ndarray:
             command = JointCommand(position, speed, zero)
             feedback = servos.exchange(command)
             t3 = now()
+            drives = drives_bus.take_spent_ns()
             recorder.write(feedback, command, Segment.PERIODS, phase)
             t4 = now()
             if cycle >= 0:
-                rows[cycle] = (t1 - t0, t2 - t1, t3 - t2, t4 - t3, time.perf_counter_ns() - begun)
+                rows[cycle] = (t1 - t0, t2 - t1, t3 - t2 - drives, t4 - t3, time.perf_counter_ns() - begun)
         servos.close()
     return rows * 1e-3
 
@@ -142,30 +187,22 @@ def _description() -> canopen.ObjectDictionary:
 
 
 def _theirs(cycles: int) -> np.ndarray:
-    """(cycles, 2) CPU time of canopen's threads and wall time, us: setpoints set and sent, SYNC, feedback decoded."""
+    """(cycles, 2) canopen's CPU time and wall time, us: setpoints set and sent, SYNC, feedback decoded."""
     robot = load_robot(ROBOT)
     arm, clock = robot.drives.settings, VirtualClock()
-    plant, channel = IdealPlant(np.zeros(robot.n)), uuid.uuid4().hex
+    plant, wire = IdealPlant(np.zeros(robot.n)), LockstepWire()
     rows = np.zeros((cycles, 2))
     with ExitStack() as stack:
-        bus, drives_bus = (stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(2))
+        bus, drives_bus = stack.enter_context(LockstepBus(wire)), stack.enter_context(_TimedBus(wire))
         stack.enter_context(SimulatedDrives(arm, plant, drives_bus, clock))
         network = canopen.Network(bus)
-        network.NOTIFIER_CYCLE = 0.02
-        before = set(threading.enumerate())
-        network.connect()
-        stack.callback(network.disconnect)
-        receivers = [t.ident for t in set(threading.enumerate()) - before if t.ident is not None]
+        bus.listen(lambda message: network.notify(message.arbitration_id, message.data, message.timestamp))
         nodes = [network.add_node(drive.node_id, _description()) for drive in arm.drives]
         pairs = [_mapped(node) for node in nodes]
         for node in nodes:
             node.nmt.send_command(1)
-        arrived = threading.Semaphore(0)
-        for _, feedback in pairs:
-            feedback.add_callback(lambda _: arrived.release())
-        cpu = _cpu_of([threading.get_ident(), *receivers])
         for cycle in range(-WARM_UP, cycles):
-            begun, used = time.perf_counter_ns(), cpu()
+            begun, used = time.perf_counter_ns(), time.thread_time_ns()
             for setpoints, _ in pairs:
                 setpoints[0x6040].raw = 0x06
                 setpoints[0x607A].raw = cycle
@@ -173,12 +210,12 @@ def _theirs(cycles: int) -> np.ndarray:
                 setpoints.transmit()
             clock.advance(arm.cycle_s)
             network.sync.transmit()
-            for _ in pairs:
-                arrived.acquire(timeout=5.0)
             for _, feedback in pairs:
                 _ = feedback[0x6041].raw, feedback[0x6064].raw, feedback[0x6078].raw
             if cycle >= 0:
-                rows[cycle] = (cpu() - used, (time.perf_counter_ns() - begun))
+                rows[cycle] = (time.thread_time_ns() - used - drives_bus.take_spent_ns(), time.perf_counter_ns() - begun)
+            else:
+                drives_bus.take_spent_ns()
     return rows * 1e-3
 
 
@@ -194,9 +231,3 @@ def _mapped(node: canopen.RemoteNode) -> tuple[canopen.pdo.PdoMap, canopen.pdo.P
         pdo.trans_type, pdo.enabled = 1, True
         pdo.save()
     return setpoints, feedback
-
-
-def _cpu_of(threads: list[int]) -> Callable[[], int]:
-    """CPU time of some threads together, ns."""
-    clocks = [time.pthread_getcpuclockid(ident) for ident in threads]
-    return lambda: sum(time.clock_gettime_ns(clock) for clock in clocks)

@@ -8,7 +8,6 @@ standstill. For a lost master SYNC goes on from elsewhere and nobody stops the d
 from __future__ import annotations
 
 import math
-import uuid
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -18,10 +17,11 @@ import numpy as np
 
 from armload_controller.config.robot import load_robot
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.sync_sources import LockstepSync
 from armload_drivers.driver_errors import DriverError
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
+from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
 from armload_drivers.simulation.plant_spec import PlantSpec
 from armload_drivers.simulation.virtual_clock import VirtualClock
@@ -59,10 +59,8 @@ class _Arm:
         self.settings = replace(robot.drives.settings, cycle_s=0.004)
         self.speed_rad_s = SPEED_SHARE * robot.limits.motion.velocity_max_rad_s
         self.plant = _Watched(robot.simulation.plant_spec(robot.simulation.payload_name), self.settings.coupling)
-        self.clock, channel = VirtualClock(), uuid.uuid4().hex
-        bus, drives_bus, self.other = (
-            stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(3)
-        )
+        self.clock, wire = VirtualClock(), LockstepWire()
+        bus, drives_bus, self.other = (stack.enter_context(LockstepBus(wire)) for _ in range(3))
         self.drives = stack.enter_context(SimulatedDrives(self.settings, self.plant, drives_bus, self.clock))
         self.servos = CanopenServos(self.settings, bus, LockstepSync(self.clock))
         self.servos.connect()

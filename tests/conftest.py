@@ -2,17 +2,14 @@
 
 import math
 import threading
-import uuid
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-import can
 import numpy as np
 import pytest
 
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.sync_sources import LockstepSync
 from armload_drivers.cia402.arm_settings import (
     SIMULATION_IDENTITY,
     ArmSettings,
@@ -25,6 +22,8 @@ from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import DriverError, StateError
 from armload_drivers.servos import JointFeedback
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
+from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.bounded import overheard
@@ -146,7 +145,7 @@ START_RAD = (0.1, -0.2, 0.3)
 
 
 class VirtualArm:
-    """Master and simulated drives of a small arm on a virtual bus in lockstep.
+    """Master and simulated drives of a small arm in lockstep.
 
     Args:
         arm: The master's settings.
@@ -159,11 +158,9 @@ class VirtualArm:
         self.arm = arm or small_arm()
         self.plant = plant or IdealPlant(np.array(START_RAD), np.array([20.0, -40.0, 60.0]))
         self.clock = VirtualClock()
-        channel = uuid.uuid4().hex
+        wire = LockstepWire()
         self._stack = ExitStack()
-        self.bus, drives_bus, self.monitor = (
-            self._stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(3)
-        )
+        self.bus, drives_bus, self.monitor = (self._stack.enter_context(LockstepBus(wire)) for _ in range(3))
         drives = SimulatedDrives(drives_arm or self.arm, self.plant, drives_bus, self.clock, traits)
         self.drives = self._stack.enter_context(drives)
         sync = LockstepSync(self.clock)

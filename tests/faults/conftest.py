@@ -1,7 +1,6 @@
-"""One arm for scripted faults, on the virtual bus in lockstep or on vcan0 on the wall clock."""
+"""One arm for scripted faults, in lockstep or on vcan0 on the wall clock."""
 
 import time
-import uuid
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -11,11 +10,12 @@ import pytest
 
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
-from armload_drivers.canopen.sync_sources import LockstepSync
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import DriverError
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
+from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.plant_interface import IdealPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.bounded import overheard
@@ -29,7 +29,7 @@ class FaultArm:
     """Master, simulated drives, the plant behind them, and a third party on the bus.
 
     Args:
-        vcan: On vcan0; otherwise on the virtual bus.
+        vcan: On vcan0; otherwise in lockstep.
         arm: The master's settings.
         traits: In what drives differ, by node id.
         drives_arm: The drives' settings, where they are not the master's.
@@ -44,20 +44,17 @@ class FaultArm:
         self.vcan, self.arm = vcan, arm
         self.plant = plant or IdealPlant(np.linspace(0.1, 0.3, len((drives_arm or arm).drives)))
         self._stack = ExitStack()
-        channel = {"interface": "socketcan", "channel": "vcan0"}
-        if not vcan:
-            channel = {"interface": "virtual", "channel": uuid.uuid4().hex}
-        self.bus, drives_bus, self.other = (self._stack.enter_context(can.Bus(**channel)) for _ in range(3))
+        wire = LockstepWire()
+        self.bus, drives_bus, self.other = (
+            self._stack.enter_context(can.Bus(interface="socketcan", channel="vcan0") if vcan else LockstepBus(wire))
+            for _ in range(3)
+        )
         clock = time.monotonic if vcan else VirtualClock()
         self.drives = self._stack.enter_context(
             SimulatedDrives(drives_arm or arm, self.plant, drives_bus, clock, traits)
         )
-        # Where nothing answers, the virtual bus need not be waited for as long as a guest with a slow clock; but a
-        # shared machine, too, stands still for half a second now and then.
-        scale = 3.0 if vcan else 1.0
-        self.timeouts = Timeouts(
-            probe_s=0.1 * scale, scan_s=0.03 * scale, boot_s=0.4 * scale, sdo_s=1.0, mode_s=0.1 * scale
-        )
+        # In lockstep a wait costs no time.
+        self.timeouts = Timeouts(probe_s=0.3, scan_s=0.09, boot_s=1.2, sdo_s=1.0, mode_s=0.3)
         self.sync = BcmSync(BroadcastManager("vcan0")) if vcan else LockstepSync(clock)
         self.servos = CanopenServos(arm, self.bus, self.sync, self.timeouts)
 
@@ -67,7 +64,7 @@ class FaultArm:
 
     def heard(self):
         """Everything on the bus since the last call."""
-        return overheard(self.other, 0.02)
+        return overheard(self.other, 0.02 if self.vcan else 0.0)
 
     def enable(self):
         self.servos.connect()
@@ -105,7 +102,7 @@ class FaultArm:
             self._stack.close()
 
 
-@pytest.fixture(params=["virtual", pytest.param("vcan", marks=pytest.mark.vcan)])
+@pytest.fixture(params=["lockstep", pytest.param("vcan", marks=pytest.mark.vcan)])
 def fault_arm(request, arm_settings):
     """Makes `FaultArm`s on one of the two buses and closes them."""
     vcan = request.param == "vcan"

@@ -1,4 +1,4 @@
-"""Every fault, scripted on the virtual bus and on vcan0: the error, its words, the end state, the way back."""
+"""Every fault, scripted in lockstep and on vcan0: the error, its words, the end state, the way back."""
 
 import os
 import signal

@@ -1,8 +1,7 @@
-"""Scripted failures of simulated drives on the virtual bus: what the master says, and what the arm does."""
+"""Scripted failures of simulated drives in lockstep: what the master says, and what the arm does."""
 
 import math
 import struct
-import threading
 from dataclasses import replace
 
 import can
@@ -11,7 +10,6 @@ import pytest
 
 from armload_drivers.bring_up.drive_objects import SAFETY
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.sync_sources import LockstepSync
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, OperationMode
 from armload_drivers.cia402.state_machine import State, decode
 from armload_drivers.cia402.timeouts import Timeouts
@@ -30,6 +28,8 @@ from armload_drivers.driver_errors import (
 )
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.lockstep_bus import LockstepBus
+from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.bounded import MOST_FRAMES, overheard
 
@@ -235,13 +235,13 @@ class Doomed(IdealPlant):
         super().advance(time_s)
 
 
-def test_drives_whose_thread_has_died_are_not_waited_for(virtual_arm):
+def test_drives_that_have_ended_early_are_named_with_the_reason(virtual_arm):
     plant = Doomed(np.array([0.1, -0.2, 0.3]))
     arm = virtual_arm(plant=plant)
     start = enabled(arm)
     plant.end_s = plant.time_s + 0.1
     error = move_until_error(arm, start, SimulationError)
-    assert "their thread ended early: RuntimeError('the floor gave way')" in str(error)
+    assert "they ended early: RuntimeError('the floor gave way')" in str(error)
     with pytest.raises(DriverError):
         arm.servos.close()
     with pytest.raises(SimulationError, match="the floor gave way"):
@@ -339,33 +339,48 @@ class SlowSlave:
     """Somebody else's node that is slow to answer SDO: a real drive beside a simulation.
 
     Args:
-        bus: Its own.
+        wire: The bus.
         node_id: Its node id.
-        delay_s: From a request to its answer.
+        answer: Called with each answer.
     """
 
-    def __init__(self, bus, node_id, delay_s):
-        self._bus, self._node_id, self._delay_s = bus, node_id, delay_s
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
+    def __init__(self, wire, node_id, answer):
+        self._node_id, self._answer = node_id, answer
+        LockstepBus(wire).listen(self._act)
 
-    def __enter__(self):
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_):
-        self._stop.set()
-        self._thread.join()
-
-    def _run(self):
+    def _act(self, message):
         values = {0x1000: 0x0002_0192, 0x1018: 0x0000_02DC}
-        while not self._stop.is_set():
-            message = self._bus.recv(0.01)
-            if message is not None and message.arbitration_id == 0x600 + self._node_id and message.data[0] == 0x40:
-                self._stop.wait(self._delay_s)
-                index = int.from_bytes(message.data[1:3], "little")
-                answer = struct.pack("<B3sI", 0x43, bytes(message.data[1:4]), values.get(index, 0))
-                self._bus.send(can.Message(arbitration_id=0x580 + self._node_id, data=answer, is_extended_id=False))
+        if message.arbitration_id == 0x600 + self._node_id and message.data[0] == 0x40:
+            index = int.from_bytes(message.data[1:3], "little")
+            data = struct.pack("<B3sI", 0x43, bytes(message.data[1:4]), values.get(index, 0))
+            self._answer(can.Message(arbitration_id=0x580 + self._node_id, data=data, is_extended_id=False))
+
+
+class WaitingBus(LockstepBus):
+    """The master's end of a bus on which some frames come only after it has waited for so long.
+
+    Args:
+        wire: The bus.
+        delay_s: How late they are.
+    """
+
+    def __init__(self, wire, delay_s):
+        super().__init__(wire)
+        self._delay_s, self._waited_s, self._late = delay_s, 0.0, []
+
+    def later(self, message):
+        self._late.append((self._waited_s + self._delay_s, message))
+
+    def recv(self, timeout=None):
+        message = super().recv(timeout)
+        if message is not None:
+            return message
+        end_s = self._waited_s + timeout
+        if self._late and self._late[0][0] <= end_s:
+            self._waited_s, message = self._late.pop(0)
+            return message
+        self._waited_s = end_s
+        return None
 
 
 @pytest.mark.parametrize(("delay_s", "kind"), [(0.1, WrongDevice), (1.5, ServoTimeout)])
@@ -373,10 +388,12 @@ def test_a_slow_foreign_node_is_not_reset_where_only_simulations_are_allowed(vir
     """Node 5 is not simulated, and needs longer than the first look lasts, or longer than any answer may take."""
     settings = arm_settings()
     arm = virtual_arm(settings, drives_arm=replace(settings, drives=settings.drives[:2], coupling=np.eye(2)))
-    with can.Bus(interface="virtual", channel=arm.bus.channel_id) as bus, SlowSlave(bus, 5, delay_s):
+    with WaitingBus(arm.bus.wire, delay_s) as bus:
+        SlowSlave(arm.bus.wire, 5, bus.later)
+        servos = CanopenServos(settings, bus, LockstepSync(arm.clock), Timeouts(probe_s=0.05, sdo_s=1.0))
         arm.frames(0)
         with pytest.raises(kind) as raised:
-            arm.servos.connect()
+            servos.connect()
     assert raised.value.node_id == 5
     frames = overheard(arm.monitor)
     assert frames

@@ -1,20 +1,19 @@
 """A stop takes the added torque away without a jerk: er50 with its payload, in the simulated plant."""
 
 import math
-import uuid
 from contextlib import ExitStack
 from dataclasses import replace
 
-import can
 import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.sync_sources import LockstepSync
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.fake_servos import FakeServos
+from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
+from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
@@ -48,8 +47,8 @@ def arm(request):
         if request.param == "fake":
             servos = FakeServos(settings, plant)
         else:
-            clock, channel = VirtualClock(), uuid.uuid4().hex
-            bus, drives_bus = (stack.enter_context(can.Bus(interface="virtual", channel=channel)) for _ in range(2))
+            clock, wire = VirtualClock(), LockstepWire()
+            bus, drives_bus = (stack.enter_context(LockstepBus(wire)) for _ in range(2))
             stack.enter_context(SimulatedDrives(settings, plant, drives_bus, clock))
             servos = CanopenServos(settings, bus, LockstepSync(clock))
         stack.callback(servos.close)

@@ -26,11 +26,13 @@ from armload_controller.cycle.realtime import tuned_for_cycles
 from armload_controller.session.commissioning import Load
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
-from armload_drivers.canopen.sync_sources import LockstepSync, SyncSource, TimerSync
+from armload_drivers.canopen.sync_sources import SyncSource, TimerSync
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
 from armload_drivers.driver_errors import BusError
 from armload_drivers.servos import JointServos
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
+from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
@@ -80,7 +82,7 @@ def open_arm(
 
 @contextmanager
 def simulated_arm(robot: Robot, load: Load) -> Iterator[JointServos]:
-    """Master and simulated drives in this process, in lockstep on the virtual bus.
+    """Master and simulated drives in this process, in lockstep.
 
     Args:
         robot: The arm; its configured payload hangs on the flange in the loaded half.
@@ -90,7 +92,8 @@ def simulated_arm(robot: Robot, load: Load) -> Iterator[JointServos]:
     payload = robot.simulation.payload_name if load is Load.LOADED else None
     plant = ArmPlant(robot.simulation.plant_spec(payload, run=int(load is Load.LOADED)))
     clock = VirtualClock()
-    with _bus(robot) as drives_bus, _bus(robot) as bus, SimulatedDrives(arm, plant, drives_bus, clock):
+    wire = LockstepWire()
+    with LockstepBus(wire) as drives_bus, LockstepBus(wire) as bus, SimulatedDrives(arm, plant, drives_bus, clock):
         servos = CanopenServos(arm, bus, LockstepSync(clock))
         try:
             yield servos

@@ -7,7 +7,6 @@ References:
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Iterable
 
 from armload_drivers.canopen.bus_link import BusLink
@@ -48,9 +47,7 @@ def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, int
     for node_id in asked:
         listen(node_id)
         link.send_frame(od.SDO_RX_BASE + node_id, _UPLOAD)
-    deadline_s = time.monotonic() + wait_s
-    while (left_s := deadline_s - time.monotonic()) > 0.0:
-        link.pump(left_s)
+    link.pump_for(wait_s)
     for node_id in asked:
         link.unsubscribe(od.SDO_TX_BASE + node_id)
     return dict(sorted(found.items()))

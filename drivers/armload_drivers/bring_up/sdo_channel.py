@@ -6,8 +6,8 @@ than one request to a node under way, and every wait has a limit.
 
 from __future__ import annotations
 
+import math
 import struct
-import time
 from collections import deque
 
 from canopen import ObjectDictionary
@@ -22,6 +22,9 @@ _MISSING = frozenset({0x0602_0000, 0x0609_0011})
 """Aborts that mean: this drive does not have the object (or the sub-index)."""
 
 _READ_ONLY = 0x0601_0002
+
+POLL_S = 5e-3
+"""Between two reads of an object that is to reach a value."""
 
 _INITIATE = frozenset({1, 2})
 """Client commands whose answer repeats index and sub-index: initiate download, initiate upload."""
@@ -173,11 +176,13 @@ class SdoChannel:
 
     def read_until(self, entry: Entry, value: int, timeout_s: float) -> int:
         """Read until an object has a value or time is over, and return what it has then. Raises as `read`."""
-        deadline_s = time.monotonic() + timeout_s
-        while True:
+        found = self.read(entry)
+        for _ in range(math.ceil(timeout_s / POLL_S)):
+            if found == value:
+                break
+            self._link.pump_for(POLL_S)
             found = self.read(entry)
-            if found == value or time.monotonic() >= deadline_s:
-                return found
+        return found
 
     def failure(self, what: str, remedy: str) -> ServoError:
         """Error about this node at this step."""

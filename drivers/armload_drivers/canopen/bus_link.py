@@ -151,10 +151,14 @@ class BusLink:
         deadline_s = time.monotonic() + timeout_s
         while not done():
             left_s = deadline_s - time.monotonic()
-            if left_s <= 0.0:
-                return False
-            self.pump(left_s)
+            # Without a frame the wait has taken all the time that was left, on a simulated bus without really waiting.
+            if left_s <= 0.0 or not self.pump(left_s):
+                return done()
         return True
+
+    def pump_for(self, wait_s: float) -> None:
+        """Handle what comes within a time. Raises as `pump`."""
+        self.pump_until(lambda: False, wait_s)
 
     def _receive(self, timeout_s: float) -> can.Message | None:
         """One frame, None after the timeout."""

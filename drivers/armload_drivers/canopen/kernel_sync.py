@@ -33,10 +33,9 @@ from pathlib import Path
 from typing import Protocol
 
 from armload_drivers.canopen.bus_link import BusLink
-from armload_drivers.canopen.sync_sources import SyncTick, sync_data
+from armload_drivers.canopen.sync_sources import Clock, SyncTick, sync_data
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
 from armload_drivers.driver_errors import BusError, ForeignMaster
-from armload_drivers.simulation.virtual_clock import Clock
 
 CREDIT = 2
 """SYNCs that the kernel sends without hearing from the cycle."""

@@ -4,10 +4,10 @@ A source decides when the next SYNC leaves, sends it or sees it sent, and tells 
 once per cycle, after its RPDOs have left. There is no thread: while a source waits it pumps the bus. A caller
 that hangs, is stopped or dies ends SYNC, whatever the source.
 
-- `LockstepSync` for simulations: SYNC leaves at once, and time is advanced by one period for it.
 - `TimerSync` for any interface: SYNC leaves at absolute deadlines. A late caller skips whole periods, which
   are counted; nothing is ever caught up with a burst.
-- `bcm_sync.BcmSync` for SocketCAN: the kernel sends SYNC.
+- `kernel_sync.BcmSync` for SocketCAN: the kernel sends SYNC.
+- `simulation.lockstep_sync.LockstepSync` for simulations: SYNC leaves at once, and virtual time passes for it.
 """
 
 from __future__ import annotations
@@ -22,13 +22,9 @@ import can
 
 from armload_drivers.canopen.bus_link import BusLink
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
-from armload_drivers.driver_errors import SimulationError
-from armload_drivers.simulation.virtual_clock import Clock, VirtualClock
 
-UNTOLD_S = 1.0
-"""In lockstep, on the wall clock: how long to wait for drives that do not tell when they have acted."""
-LOOK_S = 2e-3
-"""In lockstep, on the wall clock: how often to look whether the drives have acted."""
+Clock = Callable[[], float]
+"""Tells a monotonic time in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +74,7 @@ class SyncSource(Protocol):
 
         Raises:
             BusError: the bus failed.
-            SimulationError: the simulated drives do not act any more.
+            DriverError: where nobody is left who could answer.
         """
 
     def end(self, link: BusLink) -> None:
@@ -90,7 +86,7 @@ def sync_data(counter: int) -> list[bytes]:
     return [bytes([number]) for number in range(1, counter + 1)] or [b""]
 
 
-class _SentSync:
+class SentSync:
     """SYNC messages sent by this process, one after the other."""
 
     def __init__(self, counter: int = 0) -> None:
@@ -105,70 +101,6 @@ class _SentSync:
         message = self._messages[self._next]
         self._next = (self._next + 1) % len(self._messages)
         return message
-
-
-class LockstepSync:
-    """SYNC in virtual time: as fast as master and drives can compute.
-
-    Feedback is waited for as long as the drives' thread lives and has not acted on the SYNC, however long the machine
-    takes: only what it did not send is missing.
-
-    Args:
-        clock: The clock that the simulated drives have as well.
-        patience_s: On the wall clock, for drives that live and never act.
-    """
-
-    heard = False
-
-    def __init__(self, clock: VirtualClock, patience_s: float = 60.0) -> None:
-        self._clock = clock
-        self._patience_s = patience_s
-        self._cycle_s = 0.0
-        self._messages = _SentSync()
-
-    def now_s(self) -> float:
-        """Virtual time."""
-        return self._clock()
-
-    def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
-        """Take over the period."""
-        self._cycle_s = cycle_s
-        self._messages = _SentSync(counter)
-
-    def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
-        """Advance time by one period and send SYNC."""
-        link.drain()
-        self._clock.advance(self._cycle_s)
-        on_sync()
-        link.send(self._messages.take())
-        return SyncTick(self._clock(), 0)
-
-    def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
-        """Wait until the drives have acted; for drives that tell nothing, a while.
-
-        Raises:
-            SimulationError: the drives' thread has ended, or lives and does not act.
-        """
-        clock = self._clock
-        if not clock.followed:
-            link.pump_until(complete, UNTOLD_S)
-            return
-        deadline_s = time.monotonic() + self._patience_s
-        while not complete():
-            if clock.settled:
-                # All that is going to come is there.
-                link.drain()
-                return
-            clock.require_follower()
-            if time.monotonic() > deadline_s:
-                raise SimulationError(
-                    f"the simulated drives live and have not acted on a SYNC for {self._patience_s} s. Does the plant "
-                    "hang, or is this computer far too busy?"
-                )
-            link.pump(LOOK_S)
-
-    def end(self, link: BusLink) -> None:
-        """Nothing is running."""
 
 
 class TimerSync:
@@ -186,7 +118,7 @@ class TimerSync:
         self._clock = clock
         self._cycle_s = 0.0
         self._due_s = 0.0
-        self._messages = _SentSync()
+        self._messages = SentSync()
 
     def now_s(self) -> float:
         """Time on the monotonic clock."""
@@ -196,7 +128,7 @@ class TimerSync:
         """Set the first deadline."""
         self._cycle_s = cycle_s
         self._due_s = self._clock() + cycle_s
-        self._messages = _SentSync(counter)
+        self._messages = SentSync(counter)
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
         """Pump the bus until the deadline and send SYNC; a deadline that has passed is skipped."""

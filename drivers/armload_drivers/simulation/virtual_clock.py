@@ -1,13 +1,10 @@
-"""Time for simulations that do not run on the wall clock."""
+"""Time of a simulation whose master and drives run in lockstep instead of on the wall clock."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from armload_drivers.driver_errors import SimulationError
-
-Clock = Callable[[], float]
-"""Tells a monotonic time in seconds."""
 
 
 class VirtualClock:
@@ -16,19 +13,11 @@ class VirtualClock:
     `LockstepSync` advances it by one cycle before every SYNC. Whoever reads it at a SYNC gets the same time
     in every run, which makes a simulation repeatable. Time is kept in whole nanoseconds, so that a million
     cycles of 4 ms are 4000 s exactly.
-
-    Whoever lives by it (`follow`) tells when it has done all that a time asked of it (`acted`). So nobody has to guess
-    from the wall clock, on however busy a machine, whether an answer is late or is not going to come.
-
-    Attributes:
-        followed: Whether somebody lives by it.
     """
 
     def __init__(self) -> None:
         self._time_ns = 0
-        self._acted_s = -1.0
         self._end: Callable[[], str] = _nobody
-        self.followed = False
 
     def __call__(self) -> float:
         """Present time in seconds."""
@@ -46,21 +35,12 @@ class VirtualClock:
         """Live by this clock from now on.
 
         Args:
-            end: Tells why the follower does not live any more, in words; empty while it does.
+            end: Says why the follower does not live any more, in words; empty while it does.
         """
-        self._end, self.followed = end, True
-
-    def acted(self, time_s: float) -> None:
-        """The follower has done all that it does at a time."""
-        self._acted_s = time_s
-
-    @property
-    def settled(self) -> bool:
-        """Whether the follower has done all that it does at the present time."""
-        return self._acted_s >= self()
+        self._end = end
 
     def require_follower(self) -> None:
-        """Refuse to wait for nobody.
+        """Refuse to let time pass for nobody.
 
         Raises:
             SimulationError: the follower does not live any more.

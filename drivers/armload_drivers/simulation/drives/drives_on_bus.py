@@ -1,12 +1,13 @@
-"""The simulated drives of an arm on a CAN bus: one bus object, one thread, one clock.
+"""The simulated drives of an arm on a CAN bus: one bus object, one clock.
 
-The thread receives, lets the drives act, and sends. On a wall clock it also wakes up by itself, and the plant
-moves on without SYNC, as an arm does; what SYNC makes the drives do happens when the frame came, not when the thread
-got round to it. With a `VirtualClock` time is read at SYNC only: whoever sends SYNC owns the time, and the same
-commands give the same arm to the last bit.
+On a wall clock a thread receives, lets the drives act, and sends. It also wakes up by itself, and the plant moves on
+without SYNC, as an arm does; what SYNC makes the drives do happens when the frame came, not when the thread got round
+to it. With a `VirtualClock` there is no thread: the drives act while a frame is being sent to them, on a
+`LockstepBus`. Time is read at SYNC only: whoever sends SYNC owns the time, and the same commands give the same arm to
+the last bit.
 
-The drives can be told to fail (`fail`, `drop_feedback`, `switch_off`, `switch_on`). Such calls come from other
-threads; the drives' thread carries them out before the next frame.
+Faults are injected by `fail`, `drop_feedback`, `switch_off` and `switch_on`, from any thread; they take effect before
+the next frame.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Self
 
 import can
 
+from armload_drivers.canopen.sync_sources import Clock
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.object_dictionary import NmtCommand
@@ -27,8 +29,9 @@ from armload_drivers.driver_errors import BusError, DriverError, SimulationError
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drive_pdos import Pdo
 from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
+from armload_drivers.simulation.lockstep_bus import LockstepBus
 from armload_drivers.simulation.plant_interface import Plant
-from armload_drivers.simulation.virtual_clock import Clock, VirtualClock
+from armload_drivers.simulation.virtual_clock import VirtualClock
 
 WAKE_S = 0.002
 """On a wall clock the plant is advanced at least this often."""
@@ -43,9 +46,6 @@ OLDEST_S = 0.2
 MOST_FRAMES = 256
 """Frames taken in at once before timers get their turn."""
 
-IDLE_S = 0.01
-"""With a virtual clock nothing happens without frames; this bounds how long `stop` takes."""
-
 _NMT_COMMANDS = {command.value: command for command in NmtCommand}
 
 
@@ -54,8 +54,9 @@ class SimulatedDrives:
 
     Args:
         arm: The arm; the simulated drives are what it says, with the simulation's identity.
-        plant: What they move. It belongs to the drives' thread from `start` to `stop`.
-        bus: Where they answer. It is the caller's to open and to close, and nobody else reads from it.
+        plant: What they move. It belongs to the drives from `start` to `stop`.
+        bus: Where they answer; a `LockstepBus` with a virtual clock. It is the caller's to open and to close, and
+            nobody else reads from it.
         clock: Wall clock, or the virtual clock that lockstep SYNC advances.
         traits: Per node id, in what a drive differs.
 
@@ -74,14 +75,14 @@ class SimulatedDrives:
         self.frames_lost = 0
         self._arm, self._plant, self._bus, self._clock = arm, plant, bus, clock
         self._virtual = clock if isinstance(clock, VirtualClock) else None
-        self._lockstep = self._virtual is not None
-        self._wait_s = IDLE_S if self._lockstep else WAKE_S
+        self._wire = bus if isinstance(bus, LockstepBus) else None
         self._now_s = self._wall_s = clock()
         self._messages: dict[int, can.Message] = {}
         self._setpoint_routes: dict[int, list[tuple[SimulatedDrive, Pdo]]] = {}
         self._calls: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
+        self._started = False
         self._failure: Exception | None = None
         self._routes_valid = False
         chosen = {} if traits is None else traits
@@ -104,42 +105,56 @@ class SimulatedDrives:
         Raises:
             StateError: they are on already.
         """
-        if self._thread is not None:
+        if self._started:
             raise StateError("the simulated drives are running already")
+        self._started = True
+        if self._virtual is not None:
+            self._start_in_lockstep(self._virtual)
+            return
         self._stopping.clear()
         self._thread = threading.Thread(target=self._run, name="simulated-drives", daemon=True)
-        if self._virtual is not None:
-            self._virtual.follow(self._why_ended)
         self._thread.start()
+
+    def _start_in_lockstep(self, clock: VirtualClock) -> None:
+        """Act on every frame while it is being sent."""
+        if self._wire is None:
+            raise StateError("simulated drives in virtual time need a LockstepBus")
+        clock.follow(self._why_ended)
+        self._wire.listen(self._act)
+        self._switch_all_on()
 
     @property
     def running(self) -> bool:
-        """Whether the drives' thread is alive; `stop` tells why it ended early."""
-        return self._thread is not None and self._thread.is_alive()
+        """Whether the drives act; `stop` raises what ended them early."""
+        return self._started and self._failure is None and (self._thread is None or self._thread.is_alive())
 
     def _why_ended(self) -> str:
-        """Why the drives' thread does not live any more; empty while it does."""
+        """Why the drives do not act any more; empty while they do."""
         if self.running:
             return ""
-        return "they have been stopped" if self._failure is None else f"their thread ended early: {self._failure!r}"
+        return "they have been stopped" if self._failure is None else f"they ended early: {self._failure!r}"
 
     def stop(self) -> None:
-        """Switch the drives off and end their thread. Idempotent.
+        """Switch the drives off. Idempotent.
 
         Raises:
-            SimulationError: the thread had ended before, because of this error.
+            SimulationError: they had ended before, because of this error.
         """
-        if self._thread is None:
+        if not self._started:
             return
-        self._stopping.set()
-        self._thread.join()
-        self._thread = None
+        self._started = False
+        if self._wire is not None:
+            self._wire.listen(None)
+        if self._thread is not None:
+            self._stopping.set()
+            self._thread.join()
+            self._thread = None
         for drive in self._drives.values():
             drive.switch_off()
         self.raise_failure()
 
     def raise_failure(self) -> None:
-        """Raise what ended the drives' thread, once; for owners that only wait.
+        """Raise what ended the drives early, once; for owners that only wait.
 
         Raises:
             SimulationError: because of this error.
@@ -184,40 +199,52 @@ class SimulatedDrives:
         """Give it back: the drive boots."""
         self._calls.put(lambda: self._drives[node_id].switch_on(self._now_s))
 
-    def _run(self) -> None:
-        """Body of the thread."""
+    def _switch_all_on(self) -> None:
+        """Boot every drive."""
+        for drive in self._drives.values():
+            drive.switch_on(self._now_s)
+
+    def _act(self, message: can.Message) -> None:
+        """In lockstep: act on a frame. What goes wrong ends the drives, and not whoever sent the frame."""
+        if self._failure is not None:
+            return
         try:
-            for drive in self._drives.values():
-                drive.switch_on(self._now_s)
+            self._carry_out_calls()
+            self._receive(message)
+        except Exception as error:  # noqa: BLE001 - raised where the drives are stopped
+            self._failure = error
+
+    def _run(self) -> None:
+        """On a wall clock: body of the thread."""
+        try:
+            self._switch_all_on()
             while not self._stopping.is_set():
-                message = self._bus.recv(self._wait_s)
+                message = self._bus.recv(WAKE_S)
                 self._look_at_clock()
                 self._carry_out_calls()
                 if message is not None:
                     self._receive(message)
                     self._receive_backlog()
-                if not self._lockstep:
-                    self._plant.advance(self._clock())
-                    self._tick()
+                self._plant.advance(self._clock())
+                self._tick()
         except (can.CanError, OSError) as error:
             self._failure = BusError(f"the simulated drives lost their bus: {error}")
         except Exception as error:  # noqa: BLE001 - a thread's error is raised where the drives are stopped
             self._failure = error
 
     def _receive_backlog(self) -> None:
-        """On a wall clock, take in what is waiting before any timer looks for it; a flood has to stop somewhere."""
-        for _ in range(0 if self._lockstep else MOST_FRAMES):
+        """Take in what is waiting before any timer looks for it; a flood has to stop somewhere."""
+        for _ in range(MOST_FRAMES):
             message = self._bus.recv(0.0)
             if message is None:
                 return
             self._receive(message)
 
     def _look_at_clock(self) -> None:
-        """Take over the wall clock; a virtual one is read at SYNC."""
-        if not self._lockstep:
-            wall_s = self._clock()
-            self._now_s += min(wall_s - self._wall_s, LONGEST_GAP_S)
-            self._wall_s = wall_s
+        """Take over the wall clock."""
+        wall_s = self._clock()
+        self._now_s += min(wall_s - self._wall_s, LONGEST_GAP_S)
+        self._wall_s = wall_s
 
     def _carry_out_calls(self) -> None:
         """Do what other threads asked for."""
@@ -260,7 +287,7 @@ class SimulatedDrives:
             stamp_s: When it came, on the interface's clock.
         """
         time_s = self._clock()
-        if self._lockstep:
+        if self._virtual is not None:
             self._now_s = time_s
         else:
             age_s = time.time() - stamp_s
@@ -280,7 +307,6 @@ class SimulatedDrives:
             drive.sync(self._now_s, length)
         if self._virtual is not None:
             self._tick()
-            self._virtual.acted(time_s)
 
     def _tick(self) -> None:
         """Let timers act."""

@@ -1,0 +1,127 @@
+"""A CAN bus inside one process that delivers without a thread: sending a frame lets everybody act on it.
+
+Rules of this file:
+- All endpoints of a wire hear all frames of the others, in one order, the order of sending.
+- `send` returns when every listener has acted on the frame, and on whatever was sent because of it. So whoever sends
+  a SYNC finds the answers in its queue, and the same frames give the same answers in every run.
+- An endpoint without a listener keeps its frames for `recv`. While it waits nobody acts, so nothing can come: a wait
+  is over at once, as if its time had passed, and a time-out costs no time.
+- An exception of a listener, or a signal in the middle of it, reaches whoever sends; the frames not yet delivered are
+  delivered by the next `send`.
+
+What is not modelled: bit rate, arbitration, errors, time stamps (they are 0).
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+
+import can
+
+from armload_drivers.driver_errors import SimulationError
+
+Listener = Callable[[can.Message], None]
+"""Acts on a frame; may send."""
+
+
+class LockstepWire:
+    """What the endpoints are connected to."""
+
+    def __init__(self) -> None:
+        self._endpoints: tuple[LockstepBus, ...] = ()
+        self._under_way: deque[tuple[LockstepBus, can.Message]] = deque()
+        self._delivering = False
+        # Another thread may send as well; its frames wait until everybody has acted on those before them.
+        self._lock = threading.RLock()
+
+    def join(self, endpoint: LockstepBus) -> None:
+        """Connect an endpoint."""
+        with self._lock:
+            self._endpoints += (endpoint,)
+
+    def leave(self, endpoint: LockstepBus) -> None:
+        """Disconnect it. Idempotent."""
+        with self._lock:
+            self._endpoints = tuple(other for other in self._endpoints if other is not endpoint)
+
+    def carry(self, sender: LockstepBus, message: can.Message) -> None:
+        """Deliver a frame to all but its sender, and then what they send."""
+        with self._lock:
+            self._under_way.append((sender, _copy(message)))
+            if self._delivering:
+                return
+            self._delivering = True
+            try:
+                while self._under_way:
+                    sender, frame = self._under_way.popleft()
+                    for endpoint in self._endpoints:
+                        if endpoint is not sender:
+                            endpoint.take(frame)
+            finally:
+                self._delivering = False
+
+
+class LockstepBus(can.BusABC):
+    """One endpoint of a wire.
+
+    Args:
+        wire: What it is connected to.
+    """
+
+    def __init__(self, wire: LockstepWire) -> None:
+        super().__init__(channel="lockstep")
+        self.channel_info = "lockstep bus in this process"
+        self.wire = wire
+        self.take: Listener
+        """Takes in a frame: its listener, or its queue."""
+        self._received: deque[can.Message] = deque()
+        self.listen(None)
+        wire.join(self)
+
+    def listen(self, listener: Listener | None) -> None:
+        """Have frames acted on as they are sent; None keeps them for `recv`."""
+        self.take = self._received.append if listener is None else listener
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame; returns when everybody has acted on it.
+
+        Raises:
+            CanOperationError: the endpoint is closed.
+        """
+        if self._is_shutdown:
+            raise can.CanOperationError("Cannot operate on a closed bus")
+        self.wire.carry(self, msg)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame; None where there is none, however long the wait would be.
+
+        Raises:
+            CanOperationError: the endpoint is closed.
+            SimulationError: the wait would never end.
+        """
+        if self._received:
+            return self._received.popleft()
+        if self._is_shutdown:
+            raise can.CanOperationError("Cannot operate on a closed bus")
+        if timeout is None:
+            raise SimulationError("on a lockstep bus nothing comes while somebody waits: a wait needs a limit")
+        return None
+
+    def shutdown(self) -> None:
+        """Disconnect. Idempotent."""
+        super().shutdown()
+        self.wire.leave(self)
+
+
+def _copy(message: can.Message) -> can.Message:
+    """A frame of its own: senders change and reuse theirs."""
+    return can.Message(
+        arbitration_id=message.arbitration_id,
+        is_extended_id=message.is_extended_id,
+        is_remote_frame=message.is_remote_frame,
+        is_error_frame=message.is_error_frame,
+        dlc=message.dlc,
+        data=bytes(message.data),
+    )
