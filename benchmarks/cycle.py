@@ -11,11 +11,12 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from statistics import median
 
+import can
 import canopen
 import numpy as np
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
@@ -213,7 +214,10 @@ def _theirs(cycles: int) -> np.ndarray:
             for _, feedback in pairs:
                 _ = feedback[0x6041].raw, feedback[0x6064].raw, feedback[0x6078].raw
             if cycle >= 0:
-                rows[cycle] = (time.thread_time_ns() - used - drives_bus.take_spent_ns(), time.perf_counter_ns() - begun)
+                rows[cycle] = (
+                    time.thread_time_ns() - used - drives_bus.take_spent_ns(),
+                    time.perf_counter_ns() - begun,
+                )
             else:
                 drives_bus.take_spent_ns()
     return rows * 1e-3
