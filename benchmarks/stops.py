@@ -12,13 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armload_controller.config.robot import Robot, load_robot
-from armload_controller.control_errors import MotionError, RecordingFailed
+from armload_controller.control_errors import MotionError, OffsetRefused, RecordingFailed
 from armload_controller.cycle.control_cycle import Cycle
 from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.safety import DECISIONS, Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.feedforward.offset_check import OffsetRefused
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop
 from armload_controller.motion.paths import BlockedWay, Path

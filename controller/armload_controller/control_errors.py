@@ -6,6 +6,7 @@ ControlError
  +-- MotionError          the motion was stopped: cause, joint, value, bound; carries the last feedback
  +-- RecordingFailed      the disk is full, or another error of the file
  +-- CommissioningError   a step of the commissioning cannot be done as asked
+ +-- OffsetRefused        a drive's torque offset does not do what it should
  +-- ExportError          a payload that must not be written for others, or a file in the way
 """
 
@@ -53,6 +54,18 @@ class RecordingFailed(ControlError):
 
 class CommissioningError(ControlError):
     """A step of the commissioning cannot be done as asked."""
+
+
+class OffsetRefused(ControlError):
+    """The torque offset of a drive does not do what it should.
+
+    Attributes:
+        joints: Names of the joints.
+    """
+
+    def __init__(self, joints: tuple[str, ...], what: str) -> None:
+        super().__init__(what)
+        self.joints = joints
 
 
 class ExportError(ControlError):

@@ -17,10 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from armload_controller.control_errors import ControlError, RecordingFailed
+from armload_controller.control_errors import ControlError, OffsetRefused, RecordingFailed
 from armload_controller.cycle.monitors import FollowingError, LateCycle, StaleFeedback, TorqueError
 from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
-from armload_controller.feedforward.offset_check import OffsetRefused
 from armload_controller.motion.joint_limits import LimitViolation
 from armload_controller.motion.motion_control import OperatorStop, PluginStop, StopRequested, TerminationStop
 from armload_controller.motion.paths import BlockedWay, InfeasibleMotion

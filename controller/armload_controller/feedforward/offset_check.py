@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armload_controller.control_errors import ControlError
+from armload_controller.control_errors import OffsetRefused
 from armload_controller.cycle.monitors import measured_torque
 from armload_controller.cycle.plugins import CycleStep
 from armload_core.arrays import FloatArray
@@ -46,18 +46,6 @@ MOST_FITS = 20
 """After so many a joint that is still not certain is left without feed-forward."""
 _MEDIAN_EFFICIENCY = 1.2533
 """Standard error of a median in terms of a mean's."""
-
-
-class OffsetRefused(ControlError):
-    """The torque offset of a drive does not do what it should.
-
-    Attributes:
-        joints: Names of the joints.
-    """
-
-    def __init__(self, joints: tuple[str, ...], what: str) -> None:
-        super().__init__(what)
-        self.joints = joints
 
 
 @dataclass(frozen=True, eq=False)

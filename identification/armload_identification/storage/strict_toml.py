@@ -235,13 +235,13 @@ def _near_missing(problem: ErrorDetails, tables: type[Table]) -> str | None:
 
 
 def _near_unknown(loc: Sequence[int | str], tables: type[Table]) -> str:
-    """The nearest key of the same table, or the table that has this very key."""
+    """The table that has this very key, which stands behind a wrong header; else the nearest key of the same table."""
     key = str(loc[-1])
-    close = difflib.get_close_matches(key, _fields_at(loc[:-1], tables), n=1, cutoff=_KEYS_ALIKE)
-    if close:
-        return f": did you mean {close[0]}?"
     owner = next((path for path, model in _all_tables(tables, "") if path and key in model.model_fields), None)
-    return f" here: it belongs to {owner}" if owner else ""
+    if owner is not None:
+        return f" here: it belongs to {owner}"
+    close = difflib.get_close_matches(key, _fields_at(loc[:-1], tables), n=1, cutoff=_KEYS_ALIKE)
+    return f": did you mean {close[0]}?" if close else ""
 
 
 def _fields_at(loc: Sequence[int | str], tables: type[Table]) -> Mapping[str, FieldInfo]:

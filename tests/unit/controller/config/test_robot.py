@@ -129,6 +129,49 @@ def test_unknown_key_proposes_the_nearest(edited):
     assert caught.value.key == "joints[1].drive.has_brakes"
 
 
+def test_a_missing_key_names_the_one_that_stands_in_its_place(edited):
+    path = edited("jerk_max_rad_s3 = 600.0", "jerk_max_rad_s2 = 600.0")
+    with pytest.raises(ConfigurationError, match=r"required; jerk_max_rad_s2 is there.*rename it$") as caught:
+        load_robot(path)
+    assert caught.value.key == "joints[1].jerk_max_rad_s3"
+
+
+def test_a_key_behind_the_wrong_header_names_its_table(edited):
+    path = edited("has_brake = true", "has_brake = true\narm_torque_share = 0.3")
+    with pytest.raises(ConfigurationError, match=r"it belongs to joints$") as caught:
+        load_robot(path)
+    assert caught.value.key == "joints[1].drive.arm_torque_share"
+
+
+@pytest.mark.parametrize(
+    "content", ["a = " + "[" * 100_000, "robot = " + "9" * 1_000_000, "robot = 0x" + "f" * 1_000_000, "joints = 3"]
+)
+def test_a_hostile_file_is_one_sentence(tmp_path, content):
+    path = tmp_path / "arm.toml"
+    path.write_text(content)
+    with pytest.raises(ConfigurationError) as caught:
+        load_robot(str(path))
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+def test_a_file_that_is_no_utf_8_is_one_sentence(tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_bytes(b'[robot]\nname = "\xe4"')
+    with pytest.raises(ConfigurationError, match=r"arm\.toml: cannot be read: no UTF-8, .* at byte 16"):
+        load_robot(str(path))
+
+
+def test_parts_are_made_once():
+    robot = load_robot("er50")
+    assert robot.chain is robot.chain
+    assert robot.drives.settings is robot.drives.settings
+    assert robot.obstacles is robot.obstacles
+    faster = robot.with_bus(cycle_hz=100.0)
+    assert faster.drives.settings.cycle_s == 0.01
+    assert robot.drives.settings.cycle_s == 0.004
+
+
 def test_unknown_robot_names_the_shipped_ones():
     with pytest.raises(ConfigurationError, match="er50, prbt, ur10e"):
         load_robot("nonsense")

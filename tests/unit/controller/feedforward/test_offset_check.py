@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_controller.control_errors import MotionError
+from armload_controller.control_errors import MotionError, OffsetRefused
 from armload_controller.cycle.control_cycle import Cycle
 from armload_controller.cycle.monitors import FollowingMonitor
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.feedforward.offset_check import OffsetCheck, OffsetRefused, OffsetVerdict, tried_torque
+from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, tried_torque
 from armload_controller.motion.motion_control import MotionControl
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.fake_servos import FakeServos

@@ -1,0 +1,28 @@
+"""The READMEs that are maps of a folder name what is there."""
+
+from pathlib import Path
+
+import pytest
+
+from armload_controller.config.robot import shipped_robots
+from armload_controller.config.tables.robot_file import RobotFile
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.mark.parametrize("table", RobotFile.model_fields)
+def test_every_table_of_a_robots_file_is_on_the_map(table):
+    text = (ROOT / "configs" / "README.md").read_text()
+    assert f"`[{table}]`" in text or f"`[[{table}]]`" in text
+
+
+def test_every_shipped_robot_is_on_the_map():
+    text = (ROOT / "configs" / "README.md").read_text()
+    for name in shipped_robots():
+        assert f"| `{name}.toml` |" in text
+
+
+def test_every_room_of_the_controller_is_on_the_map():
+    text = (ROOT / "controller" / "README.md").read_text()
+    rooms = {file.parent.name for file in (ROOT / "controller" / "armload_controller").glob("*/__init__.py")}
+    assert rooms == {line.split("`")[1].rstrip("/") for line in text.splitlines() if line.startswith("| `")}
