@@ -27,7 +27,7 @@ from armload_controller.feedforward.payload_feedforward import NOTHING, PayloadF
 from armload_controller.feedforward.payload_use import why_not_usable
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
-from armload_identification.model.payload import PayloadResult
+from armload_identification.model.payload import InertialParameters, PayloadResult
 
 LONGEST_LAG_S = 0.2
 """A servo that follows later than this is no servo; the lag is taken to be at most this."""
@@ -135,11 +135,11 @@ class FeedforwardPlugin:
             PayloadRefused: it must not be fed forward; the present one stays.
         """
         self._require(payload)
-        self._feedforward.set_payload(payload.model, transition_s, self._cycle_s)
+        self._change(payload.model, transition_s)
 
     def drop_payload(self, transition_s: float) -> None:
         """The flange is empty from now on; from any thread."""
-        self._feedforward.set_payload(NOTHING, transition_s, self._cycle_s)
+        self._change(NOTHING, transition_s)
 
     def on_cycle(self, step: CycleStep) -> FloatArray:
         """The payload's torque where the arm will be while it acts."""
@@ -161,6 +161,12 @@ class FeedforwardPlugin:
             self._beside_share = min(1.0, self._beside_share + self._cycle_s / FADE_IN_S)
             torque = torque + self._beside_share * self._beside.torque_nm(q, dq, ddq, torque)
         return self._joints * torque
+
+    def _change(self, payload: InertialParameters, transition_s: float) -> None:
+        """What is at the flange from now on; added at once only where torque is allowed, else with `allow`."""
+        self._payload = payload
+        if self._joints.any():
+            self._feedforward.set_payload(payload, transition_s, self._cycle_s)
 
     def _require(self, payload: PayloadResult) -> None:
         problem = why_not_usable(payload, self._chain, self._robot, "fed forward")

@@ -10,7 +10,7 @@ from armload_controller.control_errors import ControlError
 from armload_core.arrays import FloatArray
 
 RELATIVE_TOLERANCE = 1e-9
-"""Rounding allowed on top of a limit, as a share of it."""
+"""Rounding allowed beyond a limit: as a share of it, and for a position limit as a share of the joint's range."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,23 +69,32 @@ def check_setpoints(
         LimitViolation: naming joint, quantity, value and bound of the worst excess.
     """
     speed, acceleration = np.abs(velocity_rad_s), np.abs(acceleration_rad_s2)
-    rtol = RELATIVE_TOLERANCE
+    low, high = limits.position_min_rad, limits.position_max_rad
+    rounding_rad = RELATIVE_TOLERANCE * (high - low)
+    wider = 1.0 + RELATIVE_TOLERANCE
     if (
-        (position_rad <= limits.position_max_rad + rtol).all()
-        and (position_rad >= limits.position_min_rad - rtol).all()
-        and (speed <= limits.velocity_max_rad_s * (1 + rtol)).all()
-        and (acceleration <= limits.acceleration_max_rad_s2 * (1 + rtol)).all()
+        (position_rad <= high + rounding_rad).all()
+        and (position_rad >= low - rounding_rad).all()
+        and (speed <= limits.velocity_max_rad_s * wider).all()
+        and (acceleration <= limits.acceleration_max_rad_s2 * wider).all()
     ):
         return
-    for quantity, unit, value, bound, sign in (
-        ("position", "rad", position_rad, limits.position_max_rad, 1),
-        ("position", "rad", position_rad, limits.position_min_rad, -1),
-        ("velocity", "rad/s", speed, limits.velocity_max_rad_s, 1),
-        ("acceleration", "rad/s2", acceleration, limits.acceleration_max_rad_s2, 1),
+    for quantity, unit, value, bound, allowed, sign in (
+        ("position", "rad", position_rad, high, high + rounding_rad, 1),
+        ("position", "rad", position_rad, low, low - rounding_rad, -1),
+        ("velocity", "rad/s", speed, limits.velocity_max_rad_s, limits.velocity_max_rad_s * wider, 1),
+        (
+            "acceleration",
+            "rad/s2",
+            acceleration,
+            limits.acceleration_max_rad_s2,
+            limits.acceleration_max_rad_s2 * wider,
+            1,
+        ),
     ):
-        excess = np.atleast_2d(sign * (value - bound))
+        excess = np.atleast_2d(sign * (value - allowed))
         joint = int(np.argmax(np.where(np.isnan(excess), np.inf, excess).max(axis=0)))
         column = np.atleast_2d(value)[:, joint]
         worst = float(column[np.argmax(np.where(np.isnan(column), np.inf, sign * column))])
-        if not sign * (worst - bound[joint]) <= 0:
+        if not sign * (worst - allowed[joint]) <= 0:
             raise LimitViolation(limits.joint_names[joint], quantity, worst, float(bound[joint]), unit)

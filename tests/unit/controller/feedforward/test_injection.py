@@ -120,6 +120,30 @@ def test_the_payload_is_changed_in_motion_without_a_step(ideal_servos):
     assert np.abs(np.diff(torque, axis=0)).max() < 2.0
 
 
+def test_torque_that_is_allowed_again_is_the_present_payloads(ideal_servos):
+    """An offset check repeated after a grasp or a release: what was at the flange before is not injected."""
+    heavier = payload(InertialParameters(1.5 * BODY.theta))
+    _, first = run(ideal_servos(6, CYCLE_S), plugin())
+    for change, share in ((lambda p: p.set_payload(heavier, 0.0), 1.5), (lambda p: p.drop_payload(0.0), 0.0)):
+        allowed = plugin()
+        _, torque = run(
+            ideal_servos(6, CYCLE_S),
+            allowed,
+            at={500: [lambda p=allowed, do=change: do(p)], 600: [lambda p=allowed: p.allow(ALL)]},
+        )
+        np.testing.assert_allclose(torque[700:800], share * first[700:800], atol=1e-9)
+
+
+def test_a_payload_set_before_torque_is_allowed_is_faded_in_with_it(ideal_servos):
+    added = FeedforwardPlugin(ROBOT.chain(), "prbt", payload(InertialParameters(0.2 * BODY.theta)), CYCLE_S)
+    added.set_payload(payload(), 0.0)
+    _, torque = run(ideal_servos(6, CYCLE_S), added, at={500: [lambda: added.allow(ALL)]})
+    _, allowed_at_once = run(ideal_servos(6, CYCLE_S), plugin())
+    assert not torque[:499].any()
+    assert 0.0 < np.abs(torque[505]).max() < 0.1 * np.abs(allowed_at_once[505]).max()
+    np.testing.assert_allclose(torque[600:700], allowed_at_once[600:700], atol=1e-9)
+
+
 @pytest.mark.parametrize("missing", [0, 1, 3])
 def test_a_payload_without_mass_or_centre_is_refused_in_the_words_of_export(missing):
     known = np.ones(10, bool)

@@ -1,5 +1,7 @@
 """The pure check of setpoints."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,3 +59,19 @@ def test_one_bad_row_of_a_plan_is_found():
     position[57, 0] = -1.001
     with pytest.raises(LimitViolation, match=r"base: position -1\.0010 rad"):
         check_setpoints(position, np.zeros_like(position), np.zeros_like(position), LIMITS)
+
+
+@pytest.mark.parametrize("range_rad", [1e-6, 1.0, 1e4])
+def test_rounding_beyond_a_position_limit_is_a_share_of_the_range(range_rad):
+    """One figure in radians would be a tenth of a small range, and less than one rounding of a large one."""
+    limits = replace(LIMITS, position_min_rad=np.full(2, 0.0), position_max_rad=np.full(2, range_rad))
+    for bound, outwards in ((0.0, -1.0), (range_rad, 1.0)):
+        check_setpoints(np.full(2, bound + outwards * 0.5e-9 * range_rad), REST, REST, limits)
+        with pytest.raises(LimitViolation) as caught:
+            check_setpoints(np.full(2, bound + outwards * 2e-9 * range_rad), REST, REST, limits)
+        assert (caught.value.quantity, caught.value.bound) == ("position", bound)
+
+
+def test_what_rounding_explains_is_not_named_in_place_of_what_breaks_a_limit():
+    with pytest.raises(LimitViolation, match="elbow: velocity"):
+        check_setpoints(np.array([1.0 + 1e-10, 0.0]), np.array([0.0, 0.7]), REST, LIMITS)
