@@ -16,8 +16,7 @@ torque takes away no more than 50 to 53 % even where the gears' friction does no
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,10 +25,12 @@ import numpy as np
 from armload_controller.cli.design_command import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, held_torque
-from armload_controller.motion.motion_control import MotionControl
+from armload_controller.motion.checked_path import check_path
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.commissioning import Consent, Load, read_pair, record_half
+from armload_controller.session.commissioning import read_pair, record_half
 from armload_controller.session.feedforward_comparison import ComparisonRuns
+from armload_controller.session.run_session import Load, no_operator, run_session
+from armload_drivers.servos import JointServos
 from armload_identification.calibration.body_identification import identify_body
 from armload_identification.excitation.design import design
 from armload_identification.excitation.fourier import Excitation
@@ -42,18 +43,6 @@ ARMS = (("er50", "paper"), ("prbt", "block"))
 TARGET = {"er50": 75.0, "prbt": 65.0}
 SWEEP_HZ = 0.1
 IDENTIFIED, TRUE, FRICTION, ARM = "identified", "true", "with friction", "with arm"
-
-
-class Silence:
-    """Watches nothing."""
-
-    def step(self, text: str) -> None:
-        """Nothing."""
-
-    @contextmanager
-    def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
-        """Nothing."""
-        yield lambda done: None
 
 
 def run() -> None:
@@ -72,14 +61,7 @@ def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
     with tempfile.TemporaryDirectory() as folder:
         for load in Load:
             record_half(
-                robot,
-                load,
-                lambda which: simulated_arm(robot, which),
-                Path(folder),
-                Silence(),
-                MotionControl(),
-                Consent(lambda question: False, given=False),
-                "benchmark",
+                robot, load, lambda which: simulated_arm(robot, which), Path(folder), no_operator(), "benchmark"
             )
         pair = read_pair(robot, Path(folder), "identification")
         found = identify(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission)
@@ -99,21 +81,24 @@ def _sweep(robot: Robot) -> Excitation:
 
 
 def _compare(robot: Robot, identified: PayloadResult, body: BodyModel, label: str, excitation: Excitation) -> None:
-    consent = Consent(lambda question: False, given=False)
-    runs = ComparisonRuns(robot, excitation, Silence(), MotionControl(), consent, held_torque(body))
-    with simulated_arm(robot, Load.UNLOADED) as servos:
-        servos.connect()
-        empty = runs.plain(servos, "empty", with_payload=False)
+    cycle_s = 1 / robot.bus.cycle_hz
+    path = check_path(excitation, robot.motion_constraints, cycle_s, file=robot.file, key=label)
+    runs = ComparisonRuns(robot, path, held_torque(body))
+
+    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+        return simulated_arm(robot, load)
+
+    with run_session(robot, Load.UNLOADED, open_servos, no_operator()) as session:
+        empty = runs.plain(session, "empty")
     truth = robot.simulation.payload(robot.simulation.payload_name)
     known = replace(identified, model=truth, determined=np.ones(10, dtype=np.bool_))
-    with simulated_arm(robot, Load.LOADED) as servos:
-        servos.connect()
-        without = runs.plain(servos, "loaded", with_payload=True)
-        first, tried = runs.with_feedforward(servos, identified, IDENTIFIED, None)
-        fed = {IDENTIFIED: first, TRUE: runs.with_feedforward(servos, known, TRUE, tried)[0]}
+    with run_session(robot, Load.LOADED, open_servos, no_operator()) as session:
+        without = runs.plain(session, "loaded")
+        first, tried = runs.with_feedforward(session, identified, IDENTIFIED, None)
+        fed = {IDENTIFIED: first, TRUE: runs.with_feedforward(session, known, TRUE, tried)[0]}
         chain = robot.chain
         for key, term in ((FRICTION, LoadFriction(chain, body)), (ARM, ArmTorque(chain, body))):
-            fed[key] = runs.with_feedforward(servos, identified, key, tried, term)[0]
+            fed[key] = runs.with_feedforward(session, identified, key, tried, term)[0]
     added = runs.compare(without, fed, empty, identified)
     beyond = runs.compare(without, fed, None, identified)
     print(f"\n  {robot.name}, {identified.model.mass_kg:.2f} kg, {label}; wanted: {TARGET[robot.name]:.0f} % less")

@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 from armload_controller.config.robot import Robot, load_robot
-from armload_controller.motion.motion_control import MotionControl
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.commissioning import Consent, Load, read_pair, record_half
+from armload_controller.session.commissioning import read_pair, record_half
+from armload_controller.session.run_session import Load, no_operator
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.pipeline.payload_identification import Identification, identify
 from armload_identification.signals.joint_torque import Transmission
-
-
-class Silence:
-    """A watcher that says nothing."""
-
-    def step(self, text: str) -> None:
-        """Something begins."""
-
-    @contextmanager
-    def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
-        """Something of known length begins."""
-        yield lambda done: None
 
 
 def commissioned(pool: Executor, robot_name: str, transmission: Transmission) -> Identification:
@@ -53,16 +39,7 @@ def _record(robot_name: str, load: Load, directory: str) -> None:
     short = Excitation(robot.excitations["validation"].trajectory, 1)
     robot = replace(robot, excitations=robot.excitations | {"validation": short})
     # Both halves run at once: each in its own process, whose virtual bus nobody else sees.
-    record_half(
-        robot,
-        load,
-        lambda which: simulated_arm(robot, which),
-        Path(directory),
-        Silence(),
-        MotionControl(),
-        Consent(lambda question: False, given=False),
-        "benchmark",
-    )
+    record_half(robot, load, lambda which: simulated_arm(robot, which), Path(directory), no_operator(), "benchmark")
 
 
 def motion_seconds(robot: Robot) -> float:

@@ -18,18 +18,18 @@ from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.safety import DECISIONS, Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop
-from armload_controller.motion.paths import BlockedWay, Path
+from armload_controller.motion.paths import BlockedWay
 from armload_controller.motion.phase import Segment
-from armload_controller.motion.setpoints import plan_legs
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.driver_errors import BusError, CommandError, ServoError
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.fake_servos import FailureKind, FakeServos, ScriptedFailure
 from armload_drivers.simulation.mujoco_plant import ArmPlant
-from armload_identification.excitation.fourier import Excitation, FourierState, FourierTrajectory
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 
 AT_S = 1.3
 """Phase at which the cause comes about."""
@@ -96,19 +96,6 @@ class Disturbed(FakeServos):
         return self.event(super().exchange(command))
 
 
-@dataclass(frozen=True)
-class Bumped:
-    """The excitation with a step in it, as a defect would make it."""
-
-    trajectory: FourierTrajectory
-
-    def evaluate(self, t_s: object) -> FourierState:
-        """The path, and the step."""
-        phase = np.asarray(t_s, dtype=np.float64)
-        state = self.trajectory.evaluate(phase)
-        return replace(state, position_rad=state.position_rad + 0.01 * (phase > AT_S)[..., None])
-
-
 class Culprit:
     """A plug-in that does something at a phase, once."""
 
@@ -166,9 +153,10 @@ def measure(robot: Robot, cause: Cause | None) -> Stop:
     """
     limits, cycle_s = robot.limits.motion, 1 / robot.bus.cycle_hz
     trajectory = robot.excitations["validation"].trajectory
-    legs = plan_legs(Excitation(trajectory, 1), limits, cycle_s)
-    spec = replace(robot.simulation.plant_spec(robot.simulation.payload_name), start_position_rad=legs.start_rad)
-    lead_in = round(-legs.measured.start_s / cycle_s * 2) + round(AT_S / cycle_s)
+    one = Excitation(trajectory, 1)
+    path = check_path(one, robot.motion_constraints, cycle_s, file=robot.file, key="excitation.validation")
+    spec = replace(robot.simulation.plant_spec(robot.simulation.payload_name), start_position_rad=path.start_rad)
+    lead_in = round(-path.measured.leg.start_s / cycle_s * 2) + round(AT_S / cycle_s)
     plant = WatchedPlant(spec)
     failures = _failures(cause, lead_in)
     servos = Disturbed(robot.drives.settings, plant, failures)
@@ -189,13 +177,12 @@ def measure(robot: Robot, cause: Cause | None) -> Stop:
         monitors.append(culprit)
         witnesses.append(culprit)
     gate = TorqueGate(robot.limits.torque_max_nm, cycle_s)
-    path: Path = Bumped(trajectory) if cause is Cause.DEVIATION else trajectory
     cycle = Cycle(servos, _limits(cause, limits, trajectory), gate, control, monitors, stopwatch=lambda: sluggish.now_s)
     servos.connect()
     message = ""
     try:
         with cycle.powered() as arm:
-            arm.follow(replace(legs.measured, path=path), lambda share: None)
+            arm.follow(path.measured, lambda share: None)
     except MotionError as error:
         message = str(error)
         found = cause_of(error.__cause__) if error.__cause__ is not None else None
@@ -224,7 +211,7 @@ def _look(plant: WatchedPlant, trajectory: FourierTrajectory, cause: Cause, begi
 
 
 def _limits(cause: Cause | None, limits: MotionLimits, trajectory: FourierTrajectory) -> MotionLimits:
-    """Limits that the undisturbed motion breaks, for two causes."""
+    """Limits that the undisturbed motion breaks, for three causes."""
     if cause is Cause.FOLLOWING_ERROR:
         return replace(limits, following_error_rad=np.full_like(limits.following_error_rad, 0.07))
     if cause is Cause.LIMIT:
@@ -233,6 +220,10 @@ def _limits(cause: Cause | None, limits: MotionLimits, trajectory: FourierTrajec
         low, high = limits.position_min_rad.copy(), limits.position_max_rad.copy()
         (high if state.velocity_rad_s[joint] > 0 else low)[joint] = state.position_rad[joint]
         return replace(limits, position_min_rad=low, position_max_rad=high)
+    if cause is Cause.DEVIATION:
+        grid_s = np.arange(0.0, trajectory.period_s, GRID_S)
+        peak = np.abs(trajectory.evaluate(grid_s).jerk_rad_s3).max(axis=0)
+        return replace(limits, jerk_max_rad_s3=0.5 * peak)
     return limits
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.cycle.monitors import CycleSummary
-    from armload_controller.session.commissioning import Load
+    from armload_controller.session.run_session import Load
     from armload_identification.model.payload import InertialParameters
 
 
@@ -63,7 +63,8 @@ def commission(
     from armload_controller.cli.screen import Screen, attended, listening
     from armload_controller.config.robot import load_robot
     from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules
-    from armload_controller.session.commissioning import Consent, Load, missing_roles, record_half, require_recordings
+    from armload_controller.session.commissioning import missing_roles, record_half, require_recordings
+    from armload_controller.session.run_session import Consent, Load, Operator
     from armload_drivers.servos import JointServos
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
@@ -88,7 +89,7 @@ def commission(
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
 
-    consent = Consent(screen.confirm, given=yes)
+    operator = Operator(screen, control, Consent(screen.confirm, given=yes))
     with listening(control):
         for load in halves[runs]:
             if load not in todo:
@@ -97,9 +98,7 @@ def commission(
             if load is Load.LOADED and runs is Runs.BOTH:
                 _mount(arm, screen, in_this_process, yes)
             begun_s = time.monotonic()
-            summaries = record_half(
-                arm, load, open_servos, directory, screen, control, consent, now.isoformat(timespec="seconds")
-            )
+            summaries = record_half(arm, load, open_servos, directory, operator, now.isoformat(timespec="seconds"))
             screen.step(_account(load, summaries, time.monotonic() - begun_s))
     if runs is Runs.UNLOADED:
         screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")

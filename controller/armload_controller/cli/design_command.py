@@ -81,7 +81,7 @@ def design(
 
     arm = load_robot(robot)
     screen = Screen()
-    cell = arm.obstacles
+    obstacles = arm.obstacles
     frequency = _frequency(arm, period_s, harmonics)
     if not arm.has_workspace:
         screen.step(
@@ -100,7 +100,7 @@ def design(
             restarts=restarts,
             executor=executor,
             progress=lambda finished, _total, _best: done(finished),
-            objection=cell.objection,
+            objection=obstacles.objection,
         )
     found_s = result.trajectory.period_s
     driven = periods or max(LEAST_PERIODS, ceil(MEASURED_S / found_s - 1e-9))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,10 +23,11 @@ from armload_controller.motion.motion_control import MotionControl
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.feedforward.offset_check import OffsetVerdict
+    from armload_controller.motion.checked_path import CheckedPath
     from armload_controller.session.feedforward_comparison import Comparison, ComparisonRuns
+    from armload_controller.session.run_session import Operator, ServosFactory
     from armload_identification.model.body_model import BodyModel
     from armload_identification.model.payload import InertialParameters, PayloadResult
 
@@ -66,11 +68,10 @@ def feedforward(
     from armload_controller.feedforward.injection import PayloadRefused
     from armload_controller.feedforward.payload_use import why_not_usable
     from armload_controller.session.arm_access import open_arm, require_rules
-    from armload_controller.session.commissioning import Consent, Load, require_excitation
     from armload_controller.session.comparison_figure import draw, require_picture
     from armload_controller.session.feedforward_comparison import ComparisonRuns
-    from armload_identification.excitation.excitation_file import read_excitation
-    from armload_identification.excitation.fourier import Excitation
+    from armload_controller.session.run_session import Consent, Load, Operator, run_session
+    from armload_drivers.servos import JointServos
     from armload_identification.files.body_file import read_body
     from armload_identification.files.payload_file import read_payload
 
@@ -85,24 +86,41 @@ def feedforward(
     problem = why_not_usable(result, arm.chain, arm.name, "fed forward")
     if problem is not None:
         raise PayloadRefused(f"{payload}: {problem}")
-    chosen = require_excitation(arm, "validation") if excitation is None else read_excitation(excitation)
-    chosen = Excitation(chosen.trajectory, PERIODS)
+    path = _checked_path(arm, excitation)
     model = None if body is None else read_body(body).model
     if model is not None:
         require_body(model, arm.chain, arm.drives.coupling)
-    tried_nm = None if model is None else held_torque(model)
-    runs = ComparisonRuns(arm, chosen, screen, control, Consent(screen.confirm, given=yes), tried_nm)
+    runs = ComparisonRuns(arm, path, None if model is None else held_torque(model))
+    operator = Operator(screen, control, Consent(screen.confirm, given=yes))
+
+    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+        return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
+
     with listening(control):
         if not compare:
-            with open_arm(arm, Load.LOADED, screen.step, simulated_drives=simulated_drives) as servos:
-                servos.connect()
-                screen.step(_account(runs.check_only(servos, result)))
+            with run_session(arm, Load.LOADED, open_servos, operator) as session:
+                screen.step(_account(runs.try_offset(session, result)))
             return
-        comparisons = _compare(arm, runs, result, model, screen, simulated_drives=simulated_drives)
+        comparisons = _compare(arm, runs, result, model, open_servos, operator)
     for comparison in comparisons:
         screen.table(comparison_table(comparison))
     draw(comparisons, arm.name, picture)
     screen.step(f"picture: {picture}")
+
+
+def _checked_path(arm: Robot, excitation: Path | None) -> CheckedPath:
+    """The trajectory to run, one period of it, checked."""
+    from armload_controller.motion.checked_path import check_path
+    from armload_controller.session.commissioning import require_excitation
+    from armload_identification.excitation.excitation_file import read_excitation
+    from armload_identification.excitation.fourier import Excitation
+
+    if excitation is None:
+        chosen, file, key = require_excitation(arm, "validation"), arm.file, "excitation.validation"
+    else:
+        chosen, file, key = read_excitation(excitation), "command line", f"--excitation {excitation}"
+    one = Excitation(chosen.trajectory, PERIODS)
+    return check_path(one, arm.motion_constraints, 1 / arm.bus.cycle_hz, file=file, key=key)
 
 
 def _compare(
@@ -110,35 +128,32 @@ def _compare(
     runs: ComparisonRuns,
     payload: PayloadResult,
     body: BodyModel | None,
-    screen: Screen,
-    *,
-    simulated_drives: bool,
+    open_servos: ServosFactory,
+    operator: Operator,
 ) -> list[Comparison]:
     """All runs; in simulation the empty arm's and the true payload's too. The mildest addition comes first."""
     from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
-    from armload_controller.session.arm_access import VIRTUAL, open_arm, simulated_arm
-    from armload_controller.session.commissioning import Load
+    from armload_controller.session.arm_access import VIRTUAL
     from armload_controller.session.feedforward_comparison import FollowingRun
+    from armload_controller.session.run_session import Load, run_session
 
     in_this_process, chain = arm.bus.interface == VIRTUAL, arm.chain
     empty: FollowingRun | None = None
     if in_this_process:
-        with simulated_arm(arm, Load.UNLOADED) as servos:
-            servos.connect()
-            empty = runs.plain(servos, "empty", with_payload=False)
-    with open_arm(arm, Load.LOADED, screen.step, simulated_drives=simulated_drives) as servos:
-        servos.connect()
-        without = runs.plain(servos, "loaded, without feed-forward", with_payload=True)
-        fed, verdict = runs.with_feedforward(servos, payload, "loaded, with feed-forward", None)
-        screen.step(_account(verdict))
+        with run_session(arm, Load.UNLOADED, open_servos, operator) as session:
+            empty = runs.plain(session, "empty")
+    with run_session(arm, Load.LOADED, open_servos, operator) as session:
+        without = runs.plain(session, "loaded, without feed-forward")
+        fed, verdict = runs.with_feedforward(session, payload, "loaded, with feed-forward", None)
+        operator.display.step(_account(verdict))
         results = {IDENTIFIED: fed}
         if body is not None:
             for label, term in ((FRICTION, LoadFriction(chain, body)), (ARM, ArmTorque(chain, body))):
-                results[label], _ = runs.with_feedforward(servos, payload, f"loaded, {label}", verdict, term)
+                results[label], _ = runs.with_feedforward(session, payload, f"loaded, {label}", verdict, term)
         if in_this_process:
             truth = arm.simulation.payload(arm.simulation.payload_name)
             true = _as_result(payload, truth)
-            results[IDEAL], _ = runs.with_feedforward(servos, true, "loaded, with the true one", verdict)
+            results[IDEAL], _ = runs.with_feedforward(session, true, "loaded, with the true one", verdict)
 
     def chosen(*left_out: str) -> dict[str, FollowingRun]:
         return {label: run for label, run in results.items() if label not in left_out}

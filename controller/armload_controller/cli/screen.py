@@ -38,7 +38,7 @@ _TIME = Column(no_wrap=True, min_width=7)
 
 
 class Screen:
-    """A console that satisfies `commissioning.Watcher`.
+    """A console that satisfies `run_session.Display`.
 
     Args:
         keyboard: Whose keys are listened to while something is tracked.

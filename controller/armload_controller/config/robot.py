@@ -22,7 +22,8 @@ from armload_controller.config.robot_strength import RobotStrength
 from armload_controller.config.tables.drive_tables import BusTable
 from armload_controller.config.tables.robot_file import RobotFile
 from armload_controller.control_errors import ConfigurationError
-from armload_controller.motion.obstacles import Cell
+from armload_controller.motion.motion_constraints import MotionConstraints
+from armload_controller.motion.obstacles import Obstacles
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.excitation.fourier import Excitation
@@ -151,7 +152,7 @@ class Robot:
             raise self.source.refused("workspace", {}, str(error)) from error
 
     @cached_property
-    def obstacles(self) -> Cell:
+    def obstacles(self) -> Obstacles:
         """The workspace, and the meshes of its URDF.
 
         Raises:
@@ -162,7 +163,7 @@ class Robot:
             meshes = None if table is None else table.meshes(self.source.folder, self.chain, self.joint_names)
         except ModelError as error:
             raise self.source.refused("workspace.urdf", table and table.urdf, str(error)) from error
-        return Cell(self.workspace, meshes)
+        return Obstacles(self.workspace, meshes)
 
     def envelope(self, position_margin_rad: float, rate_share: float, torque_share: float) -> Envelope:
         """All limits that an excitation is designed within.
@@ -182,25 +183,17 @@ class Robot:
             self.workspace,
         )
 
-    def require_drivable(self, role: str) -> None:
-        """Refuse one of the excitations where the file as it is now does not allow it, whatever it was designed for.
-
-        Checked at any time and any steady speed, between samples too: that nothing of `[workspace]` is touched, and
-        that the torque for arm and heaviest payload is there, as far as the file states either.
-
-        Args:
-            role: "identification" or "validation"; the file must name it.
+    @cached_property
+    def motion_constraints(self) -> MotionConstraints:
+        """What every motion of the arm must respect.
 
         Raises:
-            ConfigurationError: naming what would be touched, or the joint that is too weak.
+            ConfigurationError: the URDF cannot be used, or friction alone uses up a joint's torque.
         """
-        path = self.excitations[role].trajectory
-        touched = self.obstacles.objection(path)
-        if touched is not None:
-            raise self.source.refused(f"excitation.{role}", touched, "expected one designed for this workspace")
-        weak = self.strength.objection(path)
-        if weak is not None:
-            raise self.source.refused(f"excitation.{role}", *weak)
+        limits = self.limits
+        return MotionConstraints(
+            limits.motion, limits.following_speed_rad_s, self.strength.limits_if_stated, self.obstacles
+        )
 
     def require_complete_for_real_arm(self) -> None:
         """Refuse to move an arm that may be real where the file leaves out what keeps a motion from doing harm.

@@ -44,12 +44,15 @@ class RobotLimits:
         return ExcitationLimits(
             limits.position_min_rad,
             limits.position_max_rad,
-            np.minimum(
-                limits.velocity_max_rad_s, [_speed_at_following_error(joint) for joint in self.source.tables.joints]
-            ),
+            np.minimum(limits.velocity_max_rad_s, self.following_speed_rad_s),
             limits.acceleration_max_rad_s2,
             limits.jerk_max_rad_s3,
         )
+
+    @property
+    def following_speed_rad_s(self) -> FloatArray:
+        """(n,) speed at which the following error reaches its window; inf where the drive's lag is not known."""
+        return np.array([_speed_at_following_error(joint) for joint in self.source.tables.joints])
 
     @property
     def torque_max_nm(self) -> FloatArray:

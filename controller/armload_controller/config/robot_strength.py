@@ -11,7 +11,6 @@ from armload_controller.config.robot_payloads import RobotPayloads
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.motion.expected_torque import ExpectedTorque
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.joint_strength import TorqueLimits
 from armload_identification.model.dynamics import ArmBody
 
@@ -86,28 +85,16 @@ class RobotStrength:
             torque_max_nm,
         )
 
-    def objection(self, path: FourierTrajectory) -> tuple[str, str] | None:
-        """What a path asks of a joint that cannot give it, at any time and any steady speed.
+    @property
+    def limits_if_stated(self) -> TorqueLimits | None:
+        """What the joints can give in all; None where the file says too little of arm or payload.
 
-        Args:
-            path: Of all joints.
-
-        Returns:
-            The joint's trouble and what would be accepted; None where there is none, or where the file says too
-            little of arm or payload.
+        Raises:
+            ConfigurationError: friction alone uses up a joint's torque.
         """
         if self.payloads.heaviest_if_stated is None or not self.is_stated:
             return None
-        limits = self.limits(1.0)
-        needed = limits.greatest(path).reshape(limits.cases, -1).max(axis=0)
-        weakest = int(np.argmax(needed / limits.available_nm))
-        if needed[weakest] <= limits.available_nm[weakest]:
-            return None
-        return (
-            f"asks {needed[weakest]:.0f} N m of {self.source.joint_names[weakest]}, which has "
-            f"{limits.available_nm[weakest]:.0f} N m for it",
-            "expected one designed for this arm and its heaviest payload",
-        )
+        return self.limits(1.0)
 
     def require_stated(self) -> None:
         """Refuse to move an arm that may be real where the file leaves out what its joints can give or must carry.

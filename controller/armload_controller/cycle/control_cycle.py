@@ -22,10 +22,11 @@ from armload_controller.cycle.monitors import LateCycle
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep, PluginHost, PluginTiming
 from armload_controller.cycle.safety import DECISIONS, PathDeviation, StopStep, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.motion.checked_path import CheckedLeg
 from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
-from armload_controller.motion.leg_stream import PhaseStream, Reference
+from armload_controller.motion.leg_interpolator import LegInterpolator, Reference
 from armload_controller.motion.motion_control import MotionControl, PluginStop
-from armload_controller.motion.phase import Leg, PhaseState, Segment
+from armload_controller.motion.phase import PhaseState, Segment
 from armload_controller.motion.setpoints import RuckigFollower
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback, JointServos
@@ -129,26 +130,26 @@ class PoweredArm:
         self._follower = RuckigFollower(feedback.position_rad, limits, servos.cycle_s)
         self._sent: JointCommand | None = None
         self._sent_reference: Reference | None = None
-        self._stream: PhaseStream | None = None
+        self._interpolator: LegInterpolator | None = None
         self._unsent: tuple[JointCommand, Reference] | None = None
         self.position_rad = feedback.position_rad
 
-    def follow(self, leg: Leg, progress: Progress) -> None:
-        """Run a leg from rest to rest; pauses and other speeds are the operator's.
+    def follow(self, leg: CheckedLeg, progress: Progress) -> None:
+        """Run a leg from rest to rest; the operator may pause it and change its speed.
 
         Args:
             leg: The way; it begins where the arm stands.
-            progress: Told how much is over.
+            progress: Called with the share that is over.
 
         Raises:
             StopRequested: somebody asked for it; the arm is at rest on the path, still powered.
             ControlError: something went wrong. `Cycle.powered` brings the arm to rest.
         """
-        self._stream = stream = PhaseStream(leg, self._servos.cycle_s, self._control)
-        while (reference := stream.take()) is not None:
+        self._interpolator = interpolator = LegInterpolator(leg.leg, self._servos.cycle_s, self._control)
+        while (reference := interpolator.next_reference()) is not None:
             self._exchange(reference)
-            progress(stream.done)
-        self._stream = None
+            progress(interpolator.done)
+        self._interpolator = None
         self._control.require_no_stop()
 
     def hold(self, done: Callable[[], bool]) -> None:
@@ -208,8 +209,8 @@ class PoweredArm:
         if self._unsent is not None:
             # A plug-in stood between this setpoint and the drives; left out, it would be missing as a jump.
             self._send(*self._unsent)
-        stream = self._stream
-        while stream is not None and (reference := stream.take()) is not None:
+        interpolator = self._interpolator
+        while interpolator is not None and (reference := interpolator.next_reference()) is not None:
             self._exchange(reference)
         self.release_torque()
 

@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from armload_controller.control_errors import ControlError
-from armload_controller.motion.leg_stream import Reference
+from armload_controller.motion.leg_interpolator import Reference
 from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback
 

@@ -10,7 +10,6 @@ so that the arm is never anywhere but on a path that was checked:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +17,7 @@ from numpy.typing import ArrayLike
 from armload_controller.control_errors import ControlError
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.fourier import FourierState, FourierTrajectory
+from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
 
 APPROACH_SHARE = 0.25
 """Share of the velocity, acceleration and jerk limits that the way onto a path uses."""
@@ -33,14 +32,7 @@ class InfeasibleMotion(ControlError):
 
 
 class BlockedWay(ControlError):
-    """Something stands between where the arm is and where it is to begin."""
-
-
-class Path(Protocol):
-    """Joint positions over the phase."""
-
-    def evaluate(self, t_s: ArrayLike) -> FourierState:
-        """Position and its derivatives to the phase; (n,) for one phase, (N, n) for N."""
+    """The way from where the arm is to where its path begins is not free, or asks too much of a joint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +64,14 @@ class LinePath:
         duration_s = float((distance / (APPROACH_SHARE * limits.velocity_max_rad_s)).max())
         return cls(start_rad, goal_rad, duration_s)
 
-    def bounds(self, limits: MotionLimits) -> PhaseLimits:
-        """Phase limits that keep every joint at its share of the limits."""
+    def bounds(self) -> FourierBounds:
+        """Range and greatest derivatives to the phase, each (n,)."""
+        speed = np.abs(self.goal_rad - self.start_rad) / self.duration_s
+        low, high = np.minimum(self.start_rad, self.goal_rad), np.maximum(self.start_rad, self.goal_rad)
+        return FourierBounds(low, high, speed, np.zeros_like(speed), np.zeros_like(speed))
+
+    def phase_limits(self, limits: MotionLimits) -> PhaseLimits:
+        """What the phase may do so that every joint keeps to its share of the limits."""
         speed = np.abs(self.goal_rad - self.start_rad) / self.duration_s
         moving = speed > 0
         return PhaseLimits(
@@ -87,6 +85,10 @@ class LinePath:
         speed = (self.goal_rad - self.start_rad) / self.duration_s
         nothing = np.zeros(phase.shape[:-1] + speed.shape)
         return FourierState(self.start_rad + speed * phase, speed + nothing, nothing, nothing)
+
+
+Path = FourierTrajectory | LinePath
+"""Joint positions over the phase."""
 
 
 def bound_phase(path: FourierTrajectory, limits: MotionLimits) -> PhaseLimits:

@@ -12,6 +12,7 @@ from ruckig import (
     InputParameter,
     Result,
     Ruckig,
+    RuckigError,
     Trajectory,
 )
 
@@ -102,7 +103,10 @@ class PhaseRamp:
         problem.duration_discretization = DurationDiscretization.Discrete
         problem.max_acceleration, problem.max_jerk = [bounds.acceleration_1_s], [bounds.jerk_1_s2]
         self._trajectory = Trajectory(1)
-        result = Ruckig(1, cycle_s).calculate(problem, self._trajectory)
+        try:
+            result = Ruckig(1, cycle_s).calculate(problem, self._trajectory)
+        except RuckigError as error:
+            raise InfeasibleMotion(f"Ruckig finds no motion within the limits: {error}") from error
         if result not in (Result.Working, Result.Finished):
             raise InfeasibleMotion(f"Ruckig finds no motion within the limits: {result}")
         self._cycle_s = cycle_s

@@ -19,11 +19,12 @@ from ruckig import (
     OutputParameter,
     Result,
     Ruckig,
+    RuckigError,
     Synchronization,
 )
 
-from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
-from armload_controller.motion.leg_stream import PhaseStream, along
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_controller.motion.leg_interpolator import LegInterpolator, along
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.paths import InfeasibleMotion, LinePath, bound_phase
 from armload_controller.motion.phase import SLOW_RATE, Leg, PhaseState, Segment, ramp_to_rate
@@ -112,26 +113,16 @@ def plan_approach(start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLim
     if np.abs(goal_rad - start_rad).max() < STANDING_RAD:
         return None
     line = LinePath.within(start_rad, goal_rad, limits)
-    return Leg(line, line.bounds(limits), 0.0, line.duration_s, 1.0, Segment.APPROACH)
+    return Leg(line, line.phase_limits(limits), 0.0, line.duration_s, 1.0, Segment.APPROACH)
 
 
 def plan_leg(leg: Leg, cycle_s: float) -> MotionPlan:
     """Every setpoint of a leg that nobody interrupts, from the one at rest where it begins."""
-    stream = PhaseStream(leg, cycle_s, MotionControl())
-    rows = [(PhaseState(leg.start_s, 0.0, 0.0), stream.first_segment), *stream.rest()]
+    interpolator = LegInterpolator(leg, cycle_s, MotionControl())
+    rows = [(PhaseState(leg.start_s, 0.0, 0.0), interpolator.first_segment), *interpolator.remaining()]
     states = [state for state, _ in rows]
     s, rate, acceleration = np.array([(x.phase_s, x.rate, x.acceleration_1_s) for x in states]).T
     return MotionPlan(*along(leg.path, states), s, rate, acceleration, tuple(segment for _, segment in rows))
-
-
-def check_leg(leg: Leg, limits: MotionLimits, cycle_s: float) -> None:
-    """Check every setpoint of a leg that nobody interrupts.
-
-    Raises:
-        LimitViolation: naming joint, quantity, value and bound.
-    """
-    plan = plan_leg(leg, cycle_s)
-    check_setpoints(plan.position_rad, plan.velocity_rad_s, plan.acceleration_rad_s2, limits)
 
 
 def plan_path(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> MotionPlan:
@@ -192,7 +183,10 @@ class RuckigFollower:
         self._input.target_position = position_rad
         self._input.target_velocity = velocity_rad_s
         self._input.target_acceleration = acceleration_rad_s2
-        result = self._otg.update(self._input, self._output)
+        try:
+            result = self._otg.update(self._input, self._output)
+        except RuckigError as error:
+            raise InfeasibleMotion(f"Ruckig refuses a setpoint: {error}") from error
         if result not in (Result.Working, Result.Finished):
             raise InfeasibleMotion(f"Ruckig refuses a setpoint: {result}")
         self._output.pass_to_input(self._input)

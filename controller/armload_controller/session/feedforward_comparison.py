@@ -19,29 +19,16 @@ import numpy as np
 
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import CommissioningError
-from armload_controller.cycle.control_cycle import Cycle
-from armload_controller.cycle.monitors import FollowingMonitor
-from armload_controller.cycle.plugins import CyclePlugin, CycleStep
-from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.cycle.control_cycle import PoweredArm
+from armload_controller.cycle.plugins import CycleStep
 from armload_controller.feedforward.body_torque import ArmTerm
 from armload_controller.feedforward.injection import CheckedFeedforward, FeedforwardPlugin
 from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, tried_torque
-from armload_controller.motion.motion_control import MotionControl
+from armload_controller.motion.checked_path import CheckedPath
 from armload_controller.motion.phase import Segment
-from armload_controller.motion.setpoints import RunLegs, check_leg, plan_legs
-from armload_controller.session.commissioning import (
-    BAR,
-    Consent,
-    Load,
-    Watcher,
-    approach,
-    run_leg,
-    tell_weak_points,
-    torque_window,
-)
+from armload_controller.session.run_session import RunSession
 from armload_core.arrays import FloatArray
-from armload_drivers.servos import JointServos
-from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.payload import PayloadResult
 from armload_identification.model.regressor import payload_torque
 
@@ -135,7 +122,7 @@ def rms(error_rad: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(error_rad**2, axis=0)))
 
 
-class Follower:
+class FollowingRecorder:
     """Plug-in that keeps the following error of the measured periods."""
 
     name = "following error"
@@ -167,102 +154,77 @@ class ComparisonRuns:
 
     Args:
         robot: The arm.
-        excitation: Path and periods.
-        watcher: Is told what happens.
-        control: The operator's hand.
-        consent: The operator's agreement.
-        tried_nm: (n,) torque that is tried at standstill on every joint, where the payload's weight asks for less.
-
-    Raises:
-        LimitViolation: the excitation breaks a limit.
-        InfeasibleMotion: it cannot be run at this cycle.
+        path: Its path.
+        tried_nm: (n,) torque that is tried at standstill on every joint, where the payload's weight requires less.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        excitation: Excitation,
-        watcher: Watcher,
-        control: MotionControl,
-        consent: Consent,
-        tried_nm: FloatArray | None = None,
-    ) -> None:
-        self._robot, self._watcher, self._control, self._consent = robot, watcher, control, consent
+    def __init__(self, robot: Robot, path: CheckedPath, tried_nm: FloatArray | None = None) -> None:
+        self._robot, self._path = robot, path
         self._tried_nm = np.zeros(robot.n) if tried_nm is None else tried_nm
-        self._limits, self._cell = robot.limits.motion, robot.obstacles
-        cycle_s = 1 / robot.bus.cycle_hz
-        self._legs: RunLegs = plan_legs(excitation, self._limits, cycle_s)
-        for leg in (self._legs.slow, self._legs.measured):
-            check_leg(leg, self._limits, cycle_s)
-        self._path = path = excitation.trajectory
-        self._path_rad = path.evaluate(np.linspace(0.0, path.period_s, 512)).position_rad
+        self._trajectory = path.excitation.trajectory
+        grid_s = np.linspace(0.0, self._trajectory.period_s, 512)
+        self._path_rad = self._trajectory.evaluate(grid_s).position_rad
 
-    def plain(self, servos: JointServos, text: str, *, with_payload: bool) -> FollowingRun:
-        """A slow round, consent, and a run without feed-forward.
+    def plain(self, session: RunSession, text: str) -> FollowingRun:
+        """A run without feed-forward.
+
+        Args:
+            session: With the arm.
+            text: What the run is called.
 
         Raises:
             CommissioningError: the operator does not agree.
             MotionError: the motion was stopped.
         """
-        tell_weak_points(self._robot, servos, self._watcher)
-        self._consent.require(
-            servos, f"{text}: the arm will move, slowly first. Is the cell clear?", always=with_payload
-        )
-        kept = Follower()
-        cycle = self._cycle(servos, Load.LOADED if with_payload else Load.UNLOADED, [kept])
-        with self._watcher.track(f"{text}, slow round", BAR) as progress:
-            run_leg(cycle, self._legs.slow, self._limits, self._cell, progress)
-        self._consent.require(servos, f"{text}: run at full speed?", always=False)
-        with self._watcher.track(text, BAR) as progress:
-            run_leg(cycle, self._legs.measured, self._limits, self._cell, progress)
+        kept = FollowingRecorder()
+        session.run(self._path, text, plugins=[kept])
         return kept.run()
 
     def with_feedforward(
         self,
-        servos: JointServos,
+        session: RunSession,
         payload: PayloadResult,
         text: str,
         tried: OffsetVerdict | None,
         beside: ArmTerm | None = None,
     ) -> tuple[FollowingRun, OffsetVerdict]:
-        """A run with feed-forward, after the torque offset was tried where the run begins; no other way.
+        """A run with feed-forward; the torque offset is tried where the run begins, or was tried before.
 
         Args:
-            servos: The arm, connected.
+            session: With the arm.
             payload: What is fed forward.
             text: What the run is called.
-            tried: What a trial of these drives found before, since they were connected; None tries now.
+            tried: What a trial found before in this session; None tries now.
             beside: What the arm itself adds in this run.
 
         Raises:
             PayloadRefused: the payload must not be fed forward; nothing has moved.
+            CommissioningError: the operator does not agree.
             MotionError: the motion was stopped, for a torque offset that is wrong too.
         """
-        added = self._feedforward(servos, payload, beside)
-        kept = Follower()
-        cycle = self._cycle(servos, Load.LOADED, [kept, added])
-        self._consent.require(servos, f"{text}: run at full speed with torque added to the drives'?", always=False)
-        with self._watcher.track(text, BAR) as progress, cycle.powered() as arm:
-            leg = self._legs.measured
-            approach(arm, self._legs.start_rad, self._limits, self._cell, progress)
+        added = self._feedforward(session, payload, beside)
+        kept = FollowingRecorder()
+        verdicts = [] if tried is None else [tried]
+
+        def before(arm: PoweredArm) -> None:
             if tried is None:
-                tried = added.begin(arm)
+                verdicts.append(added.begin(arm))
             else:
                 added.fade_in(arm, tried)
-            arm.follow(leg, lambda share: progress(round(BAR * share)))
-        return kept.run(), tried
 
-    def check_only(self, servos: JointServos, payload: PayloadResult) -> OffsetVerdict:
+        session.run(self._path, text, plugins=[kept, added], before=before)
+        return kept.run(), verdicts[0]
+
+    def try_offset(self, session: RunSession, payload: PayloadResult) -> OffsetVerdict:
         """Try the torque offset where the arm stands; it is held in position and goes nowhere.
 
         Raises:
             PayloadRefused: the payload must not be fed forward.
+            CommissioningError: the operator does not agree.
             MotionError: the torque offset is wrong, or the check was stopped.
         """
-        self._consent.require(servos, "The arm will hold its position with torque on. Is the cell clear?", always=True)
-        added = self._feedforward(servos, payload, None)
-        with self._cycle(servos, Load.LOADED, [added]).powered() as arm:
-            return added.begin(arm)
+        added = self._feedforward(session, payload, None)
+        return session.hold([added], added.begin)
 
     def compare(
         self,
@@ -287,7 +249,7 @@ class ComparisonRuns:
         rows = [run.error_rad[np.searchsorted(key, common)] for run, key in zip(runs, keys, strict=True)]
         phase_s = common / self._robot.bus.cycle_hz
         if empty is None:
-            rows = [beyond_lag(row, self._path, phase_s) for row in rows]
+            rows = [beyond_lag(row, self._trajectory, phase_s) for row in rows]
         else:
             rows = [row - rows[-1] for row in rows]
         still = np.zeros_like(self._path_rad)
@@ -301,20 +263,10 @@ class ComparisonRuns:
             weight_nm=np.abs(weight).max(axis=0),
         )
 
-    def _feedforward(self, servos: JointServos, payload: PayloadResult, beside: ArmTerm | None) -> CheckedFeedforward:
+    def _feedforward(self, session: RunSession, payload: PayloadResult, beside: ArmTerm | None) -> CheckedFeedforward:
         """The feed-forward of a payload for this path, and the check that comes before it."""
-        robot = self._robot
+        robot, cycle_s = self._robot, session.servos.cycle_s
         chain = robot.chain
-        added = FeedforwardPlugin(chain, robot.name, payload, servos.cycle_s, beside)
+        added = FeedforwardPlugin(chain, robot.name, payload, cycle_s, beside)
         tried = np.maximum(tried_torque(chain, payload.model, self._path_rad), self._tried_nm)
-        return CheckedFeedforward(
-            added, OffsetCheck(robot.joint_names, robot.drives.transmission, tried, servos.cycle_s)
-        )
-
-    def _cycle(self, servos: JointServos, load: Load, plugins: list[CyclePlugin]) -> Cycle:
-        """A cycle with monitors, and what a run adds."""
-        robot = self._robot
-        monitor = FollowingMonitor(self._limits, robot.bus.max_missing_cycles)
-        gate = TorqueGate(robot.limits.added_torque_max_nm, servos.cycle_s)
-        watching: list[CyclePlugin] = [monitor, torque_window(robot, load, servos.cycle_s)]
-        return Cycle(servos, self._limits, gate, self._control, [*watching, *plugins])
+        return CheckedFeedforward(added, OffsetCheck(robot.joint_names, robot.drives.transmission, tried, cycle_s))

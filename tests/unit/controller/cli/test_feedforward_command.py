@@ -10,10 +10,10 @@ from armload_controller.config.robot import load_robot
 from armload_controller.cycle.control_cycle import Cycle
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.motion.setpoints import plan_legs
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.commissioning import Load, run_leg
+from armload_controller.session.run_session import Load, run_leg
 from armload_identification.excitation.excitation_file import read_excitation, write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.payload_file import write_payload
@@ -73,8 +73,10 @@ def with_body(armload, folder):
         servos.connect()
         limits = robot.limits.motion
         cycle = Cycle(servos, limits, TorqueGate(robot.limits.torque_max_nm, 0.01), MotionControl(), [kept])
-        leg = plan_legs(read_excitation(folder / "long.toml"), limits, 0.01).measured
-        run_leg(cycle, leg, limits, robot.obstacles, lambda done: None)
+        path = check_path(
+            read_excitation(folder / "long.toml"), robot.motion_constraints, 0.01, file="long.toml", key="excitation"
+        )
+        run_leg(cycle, path, path.measured, lambda done: None)
     found = armload("identify-body", "prbt", folder / "empty.mcap", "-o", folder / "body.toml")
     assert found.exit_code == 0, found.output
     words = ["feedforward", "prbt", folder / "payload.toml", "--compare", "--mounted", "block"]

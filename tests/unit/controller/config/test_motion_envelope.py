@@ -9,6 +9,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
+from armload_controller.session.commissioning import checked_excitations
 
 
 def test_er50_stands_a_metre_above_the_floor_on_a_pedestal():
@@ -139,7 +140,7 @@ def test_friction_that_leaves_no_torque_to_move_with_is_named(edited):
 @pytest.mark.parametrize("robot", ["er50", "prbt"])
 @pytest.mark.parametrize("role", ["identification", "validation"])
 def test_the_shipped_excitations_may_be_driven(robot, role):
-    load_robot(robot).require_drivable(role)
+    checked_excitations(load_robot(robot), [role])
 
 
 @pytest.mark.parametrize(
@@ -153,9 +154,9 @@ def test_the_shipped_excitations_may_be_driven(robot, role):
 def test_an_excitation_of_another_cell_or_arm_is_not_driven(edited, robot, old, new, words):
     arm = load_robot(edited(old, new, robot))
     with pytest.raises(ConfigurationError, match=r"excitation\.identification") as caught:
-        arm.require_drivable("identification")
+        checked_excitations(arm, ["identification"])
     assert words in str(caught.value)
 
 
 def test_an_arm_whose_strength_is_not_told_is_judged_by_its_cell_alone(edited):
-    load_robot(edited("arm_torque_share = 0.35", "#", "er50", count=2)).require_drivable("identification")
+    checked_excitations(load_robot(edited("arm_torque_share = 0.35", "#", "er50", count=2)), ["identification"])

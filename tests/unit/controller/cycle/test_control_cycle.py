@@ -11,12 +11,14 @@ from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow, me
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.safety import DECISIONS, Cause, StopStep, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.motion.checked_path import CheckedLeg, check_path
 from armload_controller.motion.joint_limits import MotionLimits
+from armload_controller.motion.motion_constraints import MotionConstraints
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, SpeedOutOfRange, TerminationStop
-from armload_controller.motion.obstacles import Cell
+from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.phase import Segment
-from armload_controller.motion.setpoints import plan_approach, plan_leg, plan_legs
-from armload_controller.session.commissioning import run_leg
+from armload_controller.motion.setpoints import plan_leg
+from armload_controller.session.run_session import run_leg
 from armload_drivers.driver_errors import BusError, CommandError, ServoFault, ServoTimeout
 from armload_drivers.servos import JointFeedback
 from armload_identification.excitation.excitation_file import format_excitation
@@ -40,8 +42,7 @@ LIMITS = MotionLimits(
 EXCITATION = Excitation(
     FourierTrajectory(1.0, np.array([0.2, -0.2]), np.array([[0.05], [0.03]]), np.array([[0.02], [0.04]])), 2
 )
-PATH = EXCITATION.trajectory
-LEGS = plan_legs(EXCITATION, LIMITS, CYCLE_S)
+TRAJECTORY = EXCITATION.trajectory
 START = np.full(N, 0.1)
 TORQUE_MAX_NM = np.full(N, 50.0)
 TRANSMISSION = Transmission(np.ones(N), np.eye(N))
@@ -52,7 +53,21 @@ CHAIN = Chain.from_origins(
     np.eye(4),
     np.array([0.0, 0.0, -9.81]),
 )
-CELL = Cell(Workspace(CHAIN))
+
+
+def constraints(workspace):
+    """The limits above in a workspace; nothing is known of torque and of the servos' lag."""
+    return MotionConstraints(LIMITS, np.full(N, np.inf), None, Obstacles(workspace))
+
+
+PATH = check_path(EXCITATION, constraints(Workspace(CHAIN)), CYCLE_S, file="test", key="excitation")
+
+
+def as_if_checked(leg):
+    """What a defect behind the checks would be: a leg that was never checked, past the constructor that refuses it."""
+    checked = object.__new__(CheckedLeg)
+    object.__setattr__(checked, "leg", leg)
+    return checked
 
 
 class Bumped:
@@ -62,7 +77,7 @@ class Bumped:
         self.at_s, self.step_rad = at_s, step_rad
 
     def evaluate(self, t_s):
-        state, late = PATH.evaluate(t_s), (np.asarray(t_s) > self.at_s)[..., None]
+        state, late = TRAJECTORY.evaluate(t_s), (np.asarray(t_s) > self.at_s)[..., None]
         return replace(state, position_rad=state.position_rad + self.step_rad * late)
 
 
@@ -83,7 +98,7 @@ class Stranger:
 def run(tmp_path):
     """Approach and run the measured leg on some servos; the recording is closed whatever happens."""
 
-    def run(servos, control=None, plugins=(), leg=LEGS.measured, stopwatch=lambda: 0.0, cell=CELL):
+    def run(servos, control=None, plugins=(), leg=None, stopwatch=lambda: 0.0, path=PATH):
         control = control or MotionControl()
         monitor = FollowingMonitor(LIMITS, max_skipped_cycles=3)
         gate = TorqueGate(TORQUE_MAX_NM, CYCLE_S)
@@ -91,7 +106,7 @@ def run(tmp_path):
         with Recorder(tmp_path / f"run{len(list(tmp_path.iterdir()))}.mcap", attachments) as recorder:
             window = TorqueWindow(LIMITS.joint_names, TRANSMISSION, TORQUE_MAX_NM, CYCLE_S, None)
             cycle = Cycle(servos, LIMITS, gate, control, [recorder, monitor, window, *plugins], stopwatch)
-            run_leg(cycle, leg, LIMITS, cell, lambda done: None)
+            run_leg(cycle, path, leg or path.measured, lambda done: None)
         return monitor.summary(), cycle
 
     return run
@@ -99,32 +114,42 @@ def run(tmp_path):
 
 def first_of(segment):
     """Setpoints sent before a segment of the measured leg begins."""
-    approach = plan_leg(plan_approach(START, LEGS.start_rad, LIMITS), CYCLE_S)
-    return len(approach) - 1 + plan_leg(LEGS.measured, CYCLE_S).segment.index(segment) - 1
+    approach = plan_leg(PATH.approach_from(START).leg, CYCLE_S)
+    return len(approach) - 1 + plan_leg(PATH.measured.leg, CYCLE_S).segment.index(segment) - 1
 
 
 def distance_to_path(positions):
-    grid = PATH.evaluate(np.linspace(0.0, 1.0, 20001)).position_rad
+    grid = TRAJECTORY.evaluate(np.linspace(0.0, 1.0, 20001)).position_rad
     return max(np.abs(grid - position).max(axis=1).min() for position in positions)
 
 
 def test_a_way_that_is_not_free_is_not_gone(ideal_servos, run):
-    elbow = CHAIN.forward(LEGS.start_rad)[1][:3, 3]
-    wall = HalfSpace("wall", np.array([0.0, -1.0, 0.0]), -elbow[1], (2,))
-    cell = Cell(Workspace(CHAIN, (Sphere(2, np.zeros(3), 0.01),), (wall,)))
+    elbow = CHAIN.forward(START)[1][:3, 3]
+    wall = HalfSpace("wall", np.array([0.0, 1.0, 0.0]), elbow[1] + 0.002, (2,))
+    workspace = Workspace(CHAIN, (Sphere(2, np.zeros(3), 0.01),), (wall,))
+    path = check_path(EXCITATION, constraints(workspace), CYCLE_S, file="test", key="excitation")
     servos = ideal_servos(N, CYCLE_S)
     with pytest.raises(MotionError, match=r"the way to the beginning is not free.*-0\.01. m of 'wall'") as raised:
-        run(servos, cell=cell)
+        run(servos, path=path)
     assert cause_of(raised.value.__cause__) is Cause.BLOCKED
     assert all((command.position_rad == START).all() for command in servos.sent)
     assert servos.log[-2:] == ["stop", "disable"]
+
+
+def test_a_leg_that_was_not_checked_is_not_followed(ideal_servos):
+    servos = ideal_servos(N, CYCLE_S)
+    cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
+    with pytest.raises(MotionError), cycle.powered() as arm:
+        arm.follow(PATH.measured.leg, lambda done: None)
+    assert servos.sent == []
+    assert servos.log[1:] == ["stop", "disable"]
 
 
 def test_a_whole_leg_is_sent_and_recorded(ideal_servos, run, tmp_path):
     servos = ideal_servos(N, CYCLE_S)
     summary, _ = run(servos)
     sent = np.array([command.position_rad for command in servos.sent])
-    plan = plan_leg(LEGS.measured, CYCLE_S)
+    plan = plan_leg(PATH.measured.leg, CYCLE_S)
     begin = first_of(Segment.RAMP_UP)
     np.testing.assert_allclose(sent[begin + 1 : begin + len(plan)], plan.position_rad[1:], atol=1e-8)
     assert summary.cycles == len(sent)
@@ -135,14 +160,14 @@ def test_a_whole_leg_is_sent_and_recorded(ideal_servos, run, tmp_path):
     phase = recording.phase_s[periods]
     np.testing.assert_allclose(phase, np.arange(1, 201) * CYCLE_S, atol=1e-12)
     # The arm is where its setpoint was, so every recorded place is the one that belongs to the recorded phase.
-    np.testing.assert_allclose(recording.position_rad[periods], PATH.evaluate(phase).position_rad, atol=1e-8)
+    np.testing.assert_allclose(recording.position_rad[periods], TRAJECTORY.evaluate(phase).position_rad, atol=1e-8)
     assert servos.log == ["enable", "stop", "disable"]
 
 
 def test_a_jump_in_the_plan_stops_before_it_is_sent(ideal_servos, run):
     servos = ideal_servos(N, CYCLE_S)
     with pytest.raises(MotionError, match="off the checked path"):
-        run(servos, leg=replace(LEGS.measured, path=Bumped(0.105)))
+        run(servos, leg=as_if_checked(replace(PATH.measured.leg, path=Bumped(0.105))))
     assert len(servos.sent) == first_of(Segment.PERIODS) + 10
     assert servos.log[1:] == ["stop", "disable"]
 
@@ -153,8 +178,8 @@ def test_nothing_leaves_that_is_a_tenth_of_a_milliradian_off_the_path(ideal_serv
     """One joint jumps by so little that a few hundred rad/s3 nearly do it; where they do not, Ruckig takes a detour."""
     servos = ideal_servos(N, CYCLE_S)
     cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
-    leg = replace(LEGS.measured, path=Bumped(0.105, step_rad * (np.arange(N) == joint)))
-    legs = plan_approach(START, LEGS.start_rad, LIMITS), leg
+    leg = replace(PATH.measured.leg, path=Bumped(0.105, step_rad * (np.arange(N) == joint)))
+    legs = PATH.approach_from(START), as_if_checked(leg)
     if stops:
         with pytest.raises(MotionError, match="off the checked path"):
             follow_all(cycle, legs)
@@ -217,11 +242,11 @@ def follow_all(cycle, legs):
 
 def test_a_setpoint_beyond_a_limit_stops_before_it_is_sent(ideal_servos):
     """The plan was checked; this is about what is on its way to the drives all the same."""
-    highest = PATH.evaluate(np.linspace(0.0, 1.0, 1001)).position_rad[:, 0].max()
+    highest = TRAJECTORY.evaluate(np.linspace(0.0, 1.0, 1001)).position_rad[:, 0].max()
     narrow = replace(LIMITS, position_max_rad=np.array([highest - 0.01, 2.0]))
     servos = ideal_servos(N, CYCLE_S)
     cycle = Cycle(servos, narrow, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
-    legs = plan_approach(START, LEGS.start_rad, LIMITS), LEGS.measured
+    legs = PATH.approach_from(START), PATH.measured
     with pytest.raises(MotionError, match=r"base: position .* is beyond the limit of") as caught:
         follow_all(cycle, legs)
     assert cause_of(caught.value.__cause__) is Cause.LIMIT
@@ -305,7 +330,7 @@ def test_a_stop_is_along_the_path(ideal_servos, run, segment, reason):
     sent = np.array([command.position_rad for command in servos.sent])
     assert row < len(sent) < row + 120
     if segment is Segment.APPROACH:
-        line = LEGS.start_rad - START
+        line = PATH.start_rad - START
         share = (sent - START) @ line / (line @ line)
         np.testing.assert_allclose(sent, START + share[:, None] * line, atol=1e-9)
     else:

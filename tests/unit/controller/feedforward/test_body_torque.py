@@ -1,16 +1,14 @@
 """What the arm adds to a payload's torque: against the body's own sum, on a perfect arm and on the simulated one."""
 
-from contextlib import nullcontext
-
 import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.feedforward.body_torque import ArmTorque, BodyRefused, LoadFriction, held_torque, require_body
-from armload_controller.motion.motion_control import MotionControl
+from armload_controller.motion.checked_path import check_path
 from armload_controller.session.arm_access import simulated_arm
-from armload_controller.session.commissioning import Consent, Load
 from armload_controller.session.feedforward_comparison import ComparisonRuns, Measure, beyond_lag, rms
+from armload_controller.session.run_session import Load, no_operator, run_session
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
@@ -97,16 +95,6 @@ def test_the_lag_is_taken_off_and_what_is_no_lag_is_left():
     np.testing.assert_allclose(beyond_lag(late + bump, SWEEP, phase), bump, atol=1e-4)
 
 
-class Silence:
-    """Watches nothing."""
-
-    def step(self, text):
-        pass
-
-    def track(self, text, total):
-        return nullcontext(lambda done: None)
-
-
 @pytest.fixture(scope="module")
 def compared():
     """The loaded simulated arm without feed-forward, with the payload's, with its friction, with all of the arm's."""
@@ -114,19 +102,22 @@ def compared():
     values = np.stack([payload.values, payload.values], axis=1)
     ones = np.ones(6)
     known = PayloadResult("flange", payload, np.ones(10, bool), values, ones, ones, Provenance("0", "0", {}))
-    consent = Consent(lambda question: False, given=False)
-    runs = ComparisonRuns(ROBOT, Excitation(SWEEP, 1), Silence(), MotionControl(), consent, held_torque(BODY))
-    with simulated_arm(ROBOT, Load.UNLOADED) as servos:
-        servos.connect()
-        empty = runs.plain(servos, "empty", with_payload=False)
-    with simulated_arm(ROBOT, Load.LOADED) as servos:
-        servos.connect()
-        without = runs.plain(servos, "loaded", with_payload=True)
-        fed, verdict = runs.with_feedforward(servos, known, "payload", None)
+    sweep, cycle_s = Excitation(SWEEP, 1), 1 / ROBOT.bus.cycle_hz
+    path = check_path(sweep, ROBOT.motion_constraints, cycle_s, file=ROBOT.file, key="sweep")
+    runs = ComparisonRuns(ROBOT, path, held_torque(BODY))
+
+    def open_servos(load):
+        return simulated_arm(ROBOT, load)
+
+    with run_session(ROBOT, Load.UNLOADED, open_servos, no_operator()) as session:
+        empty = runs.plain(session, "empty")
+    with run_session(ROBOT, Load.LOADED, open_servos, no_operator()) as session:
+        without = runs.plain(session, "loaded")
+        fed, verdict = runs.with_feedforward(session, known, "payload", None)
         terms = {"friction": LoadFriction(CHAIN, BODY), "arm": ArmTorque(CHAIN, BODY)}
         all_runs = {"payload": fed}
         for name, term in terms.items():
-            all_runs[name], _ = runs.with_feedforward(servos, known, name, verdict, term)
+            all_runs[name], _ = runs.with_feedforward(session, known, name, verdict, term)
     added = runs.compare(without, all_runs, empty, known)
     beyond = runs.compare(without, all_runs, None, known)
     return verdict, added, beyond

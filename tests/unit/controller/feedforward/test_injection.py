@@ -12,9 +12,10 @@ from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.export.subject import ExportSubject
 from armload_controller.feedforward.injection import FeedforwardPlugin, FollowingLag, PayloadRefused
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.phase import Segment
-from armload_controller.motion.setpoints import plan_approach, plan_legs
+from armload_controller.session.run_session import run_leg
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 
@@ -25,7 +26,7 @@ ALL = np.ones(6, bool)
 TRAJECTORY = FourierTrajectory(
     0.25, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((6, 1), 0.2), np.full((6, 1), 0.1)
 )
-LEGS = plan_legs(Excitation(TRAJECTORY, 1), ROBOT.limits.motion, CYCLE_S)
+PATH = check_path(Excitation(TRAJECTORY, 1), ROBOT.motion_constraints, CYCLE_S, file=ROBOT.file, key="path")
 
 
 def payload(body=BODY, determined=None, frame="flange", joints=6):
@@ -68,9 +69,7 @@ def run(servos, added, cycles=0, at=None):
 
     gate = TorqueGate(ROBOT.limits.torque_max_nm, CYCLE_S)
     cycle = Cycle(servos, ROBOT.limits.motion, gate, MotionControl(), [Watch(), added])
-    with cycle.powered() as arm:
-        arm.follow(plan_approach(arm.position_rad, LEGS.start_rad, ROBOT.limits.motion), lambda done: None)
-        arm.follow(LEGS.measured, lambda done: None)
+    run_leg(cycle, PATH, PATH.measured, lambda done: None)
     return references, np.array([command.torque_offset_nm for command in servos.sent])
 
 
@@ -135,7 +134,7 @@ def test_torque_that_is_allowed_again_is_the_present_payloads(ideal_servos):
 
 
 def test_a_payload_set_before_torque_is_allowed_is_faded_in_with_it(ideal_servos):
-    added = FeedforwardPlugin(ROBOT.chain(), "prbt", payload(InertialParameters(0.2 * BODY.theta)), CYCLE_S)
+    added = FeedforwardPlugin(ROBOT.chain, "prbt", payload(InertialParameters(0.2 * BODY.theta)), CYCLE_S)
     added.set_payload(payload(), 0.0)
     _, torque = run(ideal_servos(6, CYCLE_S), added, at={500: [lambda: added.allow(ALL)]})
     _, allowed_at_once = run(ideal_servos(6, CYCLE_S), plugin())

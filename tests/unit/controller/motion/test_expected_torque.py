@@ -11,9 +11,9 @@ from armload_controller.cycle.control_cycle import Cycle
 from armload_controller.cycle.monitors import FollowingMonitor, TorqueError
 from armload_controller.cycle.safety import Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl
-from armload_controller.motion.setpoints import plan_legs
-from armload_controller.session.commissioning import Load, run_leg, torque_window
+from armload_controller.session.run_session import Load, run_leg, torque_window
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
@@ -25,7 +25,7 @@ SWING = FourierTrajectory(
     0.5, np.array([0.0, 0.5, 1.2, 0.0, 0.6, 0.0]), np.full((6, 1), 0.2), np.array([[0.2], [0.1], [-0.2]] * 2)
 )
 LIMITS, CYCLE_S = ROBOT.limits.motion, 1 / ROBOT.bus.cycle_hz
-LEGS = plan_legs(Excitation(SWING, 2), LIMITS, CYCLE_S)
+PATH = check_path(Excitation(SWING, 2), ROBOT.motion_constraints, CYCLE_S, file=ROBOT.file, key="swing")
 
 
 class PushedPlant(ArmPlant):
@@ -43,7 +43,7 @@ class PushedPlant(ArmPlant):
 
 def run(force_n, from_s=3.0, payload="block", load=Load.LOADED, robot=ROBOT):
     """Run a leg on the arm that is pushed; cycles sent, and the error that stopped it."""
-    start = np.linalg.solve(robot.drives.coupling, LEGS.start_rad)
+    start = np.linalg.solve(robot.drives.coupling, PATH.start_rad)
     plant = PushedPlant(replace(robot.simulation.plant_spec(payload), start_position_rad=start), force_n, from_s)
     servos = FakeServos(robot.drives.settings, plant)
     monitor = FollowingMonitor(LIMITS, 3)
@@ -51,7 +51,7 @@ def run(force_n, from_s=3.0, payload="block", load=Load.LOADED, robot=ROBOT):
     cycle = Cycle(servos, LIMITS, gate, MotionControl(), [monitor, torque_window(robot, load, CYCLE_S)])
     servos.connect()
     try:
-        run_leg(cycle, LEGS.measured, LIMITS, robot.obstacles, lambda done: None)
+        run_leg(cycle, PATH, PATH.measured, lambda done: None)
     except MotionError as error:
         return monitor.summary().duration_s, error
     finally:

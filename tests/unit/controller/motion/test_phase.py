@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
-from armload_controller.motion.leg_stream import PhaseStream
+from armload_controller.motion.leg_interpolator import LegInterpolator
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.phase import PhaseState, Segment, ramp_to_grid, ramp_to_rate
 from armload_controller.motion.setpoints import plan_leg, plan_legs
@@ -31,12 +31,12 @@ CYCLES_IN_PERIODS = 400
 def stream(leg, requests, most=20_000):
     """All rows of a leg; `requests` are made of the control before the row of their number."""
     control = MotionControl()
-    source = PhaseStream(leg, CYCLE_S, control)
+    source = LegInterpolator(leg, CYCLE_S, control)
     rows = []
     while len(rows) < most:
         for request in requests.get(len(rows), ()):
             request(control)
-        row = source.take()
+        row = source.next_reference()
         if row is None:
             return rows
         rows.append(row)
@@ -146,7 +146,7 @@ def test_stop_is_final():
     control.stop(OperatorStop("later"))
     control.resume()
     assert str(control.goal.stop) == "enough"
-    assert PhaseStream(LEGS.slow, CYCLE_S, control).take() is None
+    assert LegInterpolator(LEGS.slow, CYCLE_S, control).next_reference() is None
 
 
 @settings(max_examples=40, deadline=None)

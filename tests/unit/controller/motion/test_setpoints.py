@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_controller.motion.joint_limits import LimitViolation, MotionLimits, check_setpoints
+from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
 from armload_controller.motion.paths import InfeasibleMotion, bound_phase
 from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import (
     RuckigFollower,
-    check_leg,
     plan_approach,
     plan_leg,
     plan_legs,
@@ -115,14 +114,6 @@ def test_the_approach_is_straight_and_at_a_quarter_of_the_limits():
 
 def test_there_is_no_approach_where_the_arm_stands_already():
     assert plan_approach(START, START + 1e-12, LIMITS) is None
-
-
-def test_a_leg_beyond_a_limit_is_refused_as_a_whole(excitation):
-    tight = replace(LIMITS, position_max_rad=np.array([2.0, 2.0, 0.3]))
-    legs = plan_legs(excitation, tight, CYCLE_S)
-    for leg in (legs.slow, legs.measured):
-        with pytest.raises(LimitViolation, match="c: position"):
-            check_leg(leg, tight, CYCLE_S)
 
 
 def test_excitation_that_uses_up_the_acceleration_is_refused(excitation):

@@ -199,7 +199,7 @@ def test_an_operator_who_says_no_moves_nothing(named, at_a_terminal, tmp_path):
     status, printed, errors = at_a_terminal(["commission", path, "-o", tmp_path / "run"], b"n\n")
     assert status == 1, errors
     assert "not confirmed: nothing was moved" in errors
-    assert "mind: prbt_joint_1 has no brake" in printed
+    assert "warning: prbt_joint_1 has no brake" in printed
     assert "never powered" in printed
 
 

@@ -1,7 +1,7 @@
 """What a half of a commissioning does, in which order, and when the operator is asked."""
 
 import re
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,8 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, MotionError
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
-from armload_controller.session.commissioning import Consent, Load, record_half
+from armload_controller.session.commissioning import record_half
+from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.recording.mcap_reader import read_topic
 from armload_identification.recording.recording import TOPIC, read_recording
@@ -27,17 +28,7 @@ def robot():
     return replace(arm, excitations={"identification": Excitation(still, 1), "validation": Excitation(other, 1)})
 
 
-class Silence:
-    """Watches nothing."""
-
-    def step(self, text):
-        pass
-
-    def track(self, text, total):
-        return nullcontext(lambda done: None)
-
-
-class Operator:
+class Person:
     """Answers, and remembers what was asked and how often the arm had been enabled by then."""
 
     def __init__(self, servos, *answers):
@@ -55,20 +46,19 @@ def half(robot, ideal_servos, tmp_path):
     def half(load, *answers, simulated=False, given=False, control=None):
         servos = ideal_servos(6, 0.01)
         servos.simulated = simulated
-        operator = Operator(servos, *answers)
+        person = Person(servos, *answers)
 
         @contextmanager
         def open_servos(which):
             assert which is load
             yield servos
 
-        control = control or MotionControl()
-        arguments = (robot, load, open_servos, tmp_path, Silence(), control, Consent(operator, given), "now")
+        operator = Operator(NoDisplay(), control or MotionControl(), Consent(person, given))
         try:
-            record_half(*arguments)
+            record_half(robot, load, open_servos, tmp_path, operator, "now")
         except (CommissioningError, MotionError) as error:
-            return operator.asked, servos, error
-        return operator.asked, servos, None
+            return person.asked, servos, error
+        return person.asked, servos, None
 
     return half
 

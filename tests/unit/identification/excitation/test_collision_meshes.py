@@ -11,8 +11,8 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
-from armload_controller.motion.obstacles import Cell
-from armload_controller.motion.paths import BlockedWay
+from armload_controller.motion.obstacles import Obstacles
+from armload_controller.session.commissioning import checked_excitations
 from armload_identification.excitation.collision_meshes import SURPLUS_M, Meshes
 from armload_identification.excitation.design import design
 from armload_identification.excitation.design_envelope import Envelope
@@ -143,20 +143,22 @@ def test_links_that_may_touch_are_left_out(meshes):
 
 
 def test_a_configuration_is_checked_against_its_urdf_before_anything_moves(in_a_cell):
-    in_a_cell().require_drivable("validation")
+    checked_excitations(in_a_cell(), ["validation"])
     fat = in_a_cell(tool_m=0.3)
-    with pytest.raises(ConfigurationError, match=r"excitation.validation is 'brings .* to tool \(meshes\) within"):
-        fat.require_drivable("validation")
+    with pytest.raises(
+        ConfigurationError, match=r"excitation.validation is 'a path that brings .* to tool \(meshes\) within"
+    ):
+        checked_excitations(fat, ["validation"])
     with pytest.raises(ConfigurationError, match=r"workspace.urdf is 'other.urdf'"):
         _ = in_a_cell(keys='urdf = "other.urdf"').obstacles
 
 
 def test_an_approach_through_something_is_refused(in_a_cell):
-    cell = in_a_cell(TABLE.format(height=1.5)).obstacles
+    obstacles = in_a_cell(TABLE.format(height=1.5)).obstacles
     start = np.array([1.4, 1.1, 0.0, 0.0, 0.0, 0.0])
-    with pytest.raises(BlockedWay, match="straight way brings"):
-        Cell(PRBT.workspace, cell.meshes).require_free(start, start * [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
-    cell.require_free(np.zeros(6), np.full(6, 0.1))
+    goal = start * [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    assert Obstacles(PRBT.workspace, obstacles.meshes).objection_on_line(start, goal).startswith("brings ")
+    assert obstacles.objection_on_line(np.zeros(6), np.full(6, 0.1)) is None
 
 
 def designed(objection):

@@ -62,7 +62,7 @@ class _Mode(Enum):
     OVER = auto()
 
 
-class PhaseStream:
+class LegInterpolator:
     """Rows of one leg, one per cycle, after the operator's goal.
 
     Args:
@@ -90,7 +90,7 @@ class PhaseStream:
         """What the first row will be recorded as."""
         return self._segment
 
-    def take(self) -> Reference | None:
+    def next_reference(self) -> Reference | None:
         """The next row; None when the leg is over or has been stopped."""
         goal = self._control.goal
         if goal != self._goal:
@@ -112,8 +112,8 @@ class PhaseStream:
         self._sent = reference.state
         return reference
 
-    def rest(self) -> list[tuple[PhaseState, Segment]]:
-        """All rows up to the end, where they are to be looked at as a whole and nothing is taken afterwards."""
+    def remaining(self) -> list[tuple[PhaseState, Segment]]:
+        """All rows up to the end, for a plan; no row may be asked for afterwards."""
         rows = []
         while (row := self._advance()) is not None:
             rows.append(row)

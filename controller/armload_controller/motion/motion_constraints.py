@@ -1,0 +1,29 @@
+"""What every motion of an arm must respect, whoever commands it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_controller.motion.obstacles import Obstacles
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.joint_strength import TorqueLimits
+
+
+@dataclass(frozen=True, eq=False)
+class MotionConstraints:
+    """Constraints of one arm of n joints in its workspace.
+
+    Attributes:
+        limits: Position, velocity, acceleration and jerk limits, and following-error windows.
+        following_speed_rad_s: (n,) speed at which a servo's lag fills its following-error window; inf where the lag
+            is not known.
+        torque: What the joints can give, and what the arm and its heaviest payload require; None where the robot's
+            file specifies neither.
+        obstacles: What the arm must not touch.
+    """
+
+    limits: MotionLimits
+    following_speed_rad_s: FloatArray
+    torque: TorqueLimits | None
+    obstacles: Obstacles

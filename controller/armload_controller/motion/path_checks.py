@@ -1,0 +1,87 @@
+"""The checks of a path, for every phase and for everything that ramps, pauses, overrides and stops make of it.
+
+With V, A, J the greatest derivatives of the path to its phase, a phase rate r from 0 to 1 and, from `PhaseLimits`,
+|dr/dt| <= alpha and |d2r/dt2| <= beta, no joint ever exceeds
+
+    velocity V        acceleration A + V alpha        jerk J + 3 A alpha + V beta        following error V lag
+
+Torque is linear in the phase acceleration and in r^2, so its greatest value is at r = 0 or 1 and dr/dt = +-alpha.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armload_controller.motion.joint_limits import RELATIVE_TOLERANCE, LimitViolation, check_setpoints
+from armload_controller.motion.motion_constraints import MotionConstraints
+from armload_controller.motion.paths import LinePath, Path, PhaseLimits
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.fourier import FourierBounds, FourierState
+from armload_identification.excitation.joint_strength import TorqueLimits
+
+RAMP_SAMPLES = 1024
+"""Samples of a period, for each harmonic, at which the torque of ramps is computed."""
+LINE_STEP_RAD = 0.01
+"""Greatest way of any joint between two samples of a straight line."""
+
+
+def require_joint_limits(reach: FourierBounds, phase: PhaseLimits, constraints: MotionConstraints) -> None:
+    """Check a path's range and rates.
+
+    Args:
+        reach: Range and greatest derivatives of the path to its phase.
+        phase: What its phase may do.
+        constraints: Of the arm.
+
+    Raises:
+        LimitViolation: naming joint, quantity, value and bound.
+    """
+    limits = constraints.limits
+    v, a, j = reach.velocity_max_rad_s, reach.acceleration_max_rad_s2, reach.jerk_max_rad_s3
+    alpha, beta = phase.acceleration_1_s, phase.jerk_1_s2
+    position = np.stack([reach.position_min_rad, reach.position_max_rad])
+    check_setpoints(position, v, a + v * alpha, limits)
+    for quantity, unit, share, bound in (
+        ("jerk", "rad/s3", (j + 3.0 * a * alpha + v * beta) / limits.jerk_max_rad_s3, limits.jerk_max_rad_s3),
+        ("following error", "rad", v / constraints.following_speed_rad_s, limits.following_error_rad),
+    ):
+        worst = int(np.argmax(share))
+        if not share[worst] <= 1.0 + RELATIVE_TOLERANCE:
+            value = float(share[worst] * bound[worst])
+            raise LimitViolation(limits.joint_names[worst], quantity, value, float(bound[worst]), unit)
+
+
+def torque_objection(path: Path, phase: PhaseLimits, constraints: MotionConstraints) -> str | None:
+    """The joint that is too weak for arm and heaviest payload somewhere on a path, in words; None where none is."""
+    torque = constraints.torque
+    if torque is None:
+        return None
+    alpha = phase.acceleration_1_s
+    if isinstance(path, LinePath):
+        steps = int(np.ceil(np.abs(path.goal_rad - path.start_rad).max() / LINE_STEP_RAD)) + 1
+        needed = _greatest(torque, path.evaluate(np.linspace(0.0, path.duration_s, steps + 1)), alpha)
+    else:
+        samples = RAMP_SAMPLES * path.harmonics
+        state = path.evaluate(np.arange(samples) * (path.period_s / samples))
+        # At steady rates the bound holds between samples too; ramps are far smoother than what lies between these.
+        ramps = _greatest(torque, state, alpha) - _greatest(torque, state, 0.0)
+        needed = torque.greatest(path) + ramps
+    needed = needed.reshape(torque.cases, -1).max(axis=0)
+    share = needed / torque.available_nm
+    weakest = int(np.argmax(share))
+    if share[weakest] <= 1.0:
+        return None
+    name = constraints.limits.joint_names[weakest]
+    return f"asks {needed[weakest]:.0f} N m of {name}, which has {torque.available_nm[weakest]:.0f} N m for it"
+
+
+def _greatest(torque: TorqueLimits, state: FourierState, alpha: float) -> FloatArray:
+    """(cases n,) greatest demand at samples, at rates 0 and 1 and phase accelerations of both signs."""
+    q, v, a = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
+    still = np.zeros_like(q)
+    demands = [
+        torque.demand(q, rate, acceleration + ramp * v).max(axis=0)
+        for rate, acceleration in ((v, a), (still, still))
+        for ramp in (-alpha, alpha)
+    ]
+    return np.asarray(np.max(demands, axis=0))

@@ -1,0 +1,271 @@
+"""The one way to move an arm: a session with its servos open, in which checked paths are run.
+
+    open, connect -> warnings -> consent -> for every path: slow round -> consent -> approach, measured leg
+
+Rules. A path is run at full speed only after its slow round in the same session, that is with the same load and drives
+that stayed connected. The first motion of a session requires consent, with a payload even where consent was given
+beforehand. Between two motions the drives are off. A simulated arm requires no consent, but its slow round as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol, TypeVar
+
+from armload_controller.config.robot import Robot
+from armload_controller.control_errors import CommissioningError
+from armload_controller.cycle.control_cycle import Cycle, PoweredArm, require_going
+from armload_controller.cycle.monitors import CycleSummary, FollowingMonitor, TorqueWindow
+from armload_controller.cycle.plugins import CyclePlugin
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.motion.checked_path import CheckedLeg, CheckedPath
+from armload_controller.motion.motion_control import MotionControl
+from armload_drivers.servos import JointServos
+
+BAR = 1000
+"""Length of a progress bar."""
+
+T = TypeVar("T")
+
+
+class Load(StrEnum):
+    """What hangs on the flange during a session."""
+
+    UNLOADED = "unloaded"
+    LOADED = "loaded"
+
+
+class Display(Protocol):
+    """Where progress is shown, such as the command line's console."""
+
+    def step(self, text: str) -> None:
+        """Show that something begins."""
+
+    def track(self, text: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
+        """Show something of known length; the function returned takes how much of it is done."""
+
+
+class NoDisplay:
+    """A `Display` that shows nothing."""
+
+    def step(self, text: str) -> None:
+        """Show nothing."""
+
+    @contextmanager
+    def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
+        """Show nothing."""
+        yield lambda done: None
+
+
+@dataclass(frozen=True)
+class Consent:
+    """How the operator's consent is obtained.
+
+    Attributes:
+        ask: Asks a question; True is yes.
+        given: The operator has agreed beforehand to everything that allows it.
+    """
+
+    ask: Callable[[str], bool]
+    given: bool
+
+    def require(self, servos: JointServos, question: str, *, always: bool) -> None:
+        """Go on only with consent; a simulated arm requires none.
+
+        Args:
+            servos: The arm, connected.
+            question: What is about to happen.
+            always: Ask even where consent was given beforehand.
+
+        Raises:
+            CommissioningError: the answer is no.
+        """
+        if servos.simulated or (self.given and not always):
+            return
+        if not self.ask(question):
+            raise CommissioningError("not confirmed: nothing was moved. The drives are off, the brakes are on")
+
+
+@dataclass(frozen=True)
+class Operator:
+    """The person at the arm.
+
+    Attributes:
+        display: What they see.
+        control: Their pause, speed and stop.
+        consent: Their agreement.
+    """
+
+    display: Display
+    control: MotionControl
+    consent: Consent
+
+
+def no_operator() -> Operator:
+    """Nobody: enough for a simulated arm; a real one is not moved, as nobody consents."""
+    return Operator(NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
+
+
+ServosFactory = Callable[[Load], AbstractContextManager[JointServos]]
+"""Opens an arm with a load at its flange, not connected yet; leaving the block closes it."""
+
+
+@contextmanager
+def run_session(robot: Robot, load: Load, open_servos: ServosFactory, operator: Operator) -> Iterator[RunSession]:
+    """Open and connect an arm for as many runs as the block makes.
+
+    Args:
+        robot: The arm.
+        load: What hangs on its flange meanwhile.
+        open_servos: Opens the arm.
+        operator: The person at the arm.
+
+    Raises:
+        MotionError: a stop was requested before; the arm was not opened.
+        DriverError: the arm could not be connected.
+    """
+    require_going(operator.control)
+    with open_servos(load) as servos:
+        operator.display.step(f"{load}: connecting to {servos.n} drives")
+        servos.connect()
+        for text in () if servos.simulated else robot.drives.weak_points:
+            operator.display.step(f"warning: {text}")
+        yield RunSession(robot, load, servos, operator)
+
+
+class RunSession:
+    """Runs on one connected arm; `run_session` makes it.
+
+    Args:
+        robot: The arm.
+        load: What hangs on its flange.
+        servos: Its servos, connected.
+        operator: The person at the arm.
+
+    Attributes:
+        load: As given.
+        servos: As given.
+    """
+
+    def __init__(self, robot: Robot, load: Load, servos: JointServos, operator: Operator) -> None:
+        self._robot, self._operator = robot, operator
+        self.load, self.servos = load, servos
+        self._moved = False
+        self._rounded: set[CheckedPath] = set()
+
+    def run(
+        self,
+        path: CheckedPath,
+        name: str,
+        *,
+        recorder: Recorder | None = None,
+        plugins: Sequence[CyclePlugin] = (),
+        before: Callable[[PoweredArm], None] | None = None,
+    ) -> CycleSummary:
+        """Run a path at full speed, after its slow round where the session has not made that yet.
+
+        Args:
+            path: The path.
+            name: What the run is called.
+            recorder: Records the slow round too, and every row, the one that a monitor stops the arm for included.
+            plugins: Further plug-ins, called after the monitors.
+            before: Called with the arm standing where the measured leg begins; for torque that is added to the run.
+
+        Returns:
+            What was counted in the slow round and the run.
+
+        Raises:
+            CommissioningError: the operator does not agree.
+            MotionError: the motion was stopped.
+        """
+        monitor = self._monitor()
+        cycle = self._cycle([*([] if recorder is None else [recorder]), monitor, self._window(), *plugins])
+        display, consent = self._operator.display, self._operator.consent
+        if path not in self._rounded:
+            if not self._moved:
+                consent.require(
+                    self.servos,
+                    f"First motion {self.load}: the arm will go to the start of the excitation and round it once, "
+                    "slowly. Is the workspace clear and the emergency stop at hand?",
+                    always=self.load is Load.LOADED,
+                )
+                self._moved = True
+            with display.track(f"{name}, slow round", BAR) as progress:
+                run_leg(cycle, path, path.slow, progress)
+            self._rounded.add(path)
+        added = "" if before is None else " with torque added to the drives' own"
+        consent.require(
+            self.servos,
+            f"{name}: the slow round is over, the drives are off. Run it at full speed{added}?",
+            always=False,
+        )
+        with display.track(f"{name} run", BAR) as progress:
+            run_leg(cycle, path, path.measured, progress, before)
+        return monitor.summary()
+
+    def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[PoweredArm], T]) -> T:
+        """Power the arm where it stands and hold its position while something is done with it.
+
+        Args:
+            plugins: Plug-ins, called after the monitors.
+            work: What is done.
+
+        Raises:
+            CommissioningError: the operator does not agree.
+            MotionError: it was stopped.
+        """
+        question = "The arm will hold its position with torque on. Is the workspace clear?"
+        self._operator.consent.require(self.servos, question, always=True)
+        with self._cycle([self._monitor(), self._window(), *plugins]).powered() as arm:
+            return work(arm)
+
+    def _cycle(self, plugins: Sequence[CyclePlugin]) -> Cycle:
+        """A cycle of this arm."""
+        gate = TorqueGate(self._robot.limits.added_torque_max_nm, self.servos.cycle_s)
+        return Cycle(self.servos, self._robot.limits.motion, gate, self._operator.control, plugins)
+
+    def _monitor(self) -> FollowingMonitor:
+        """The monitor of following error, feedback and cycles."""
+        return FollowingMonitor(self._robot.limits.motion, self._robot.bus.max_missing_cycles)
+
+    def _window(self) -> TorqueWindow:
+        """The torque window for this load."""
+        return torque_window(self._robot, self.load, self.servos.cycle_s)
+
+
+def run_leg(
+    cycle: Cycle,
+    path: CheckedPath,
+    leg: CheckedLeg,
+    progress: Callable[[int], None],
+    before: Callable[[PoweredArm], None] | None = None,
+) -> None:
+    """Power the arm, go to where a path begins, run one of its legs, power off.
+
+    Args:
+        cycle: Of a connected arm that is disabled.
+        path: The path.
+        leg: Its slow or its measured leg.
+        progress: Takes how much of `BAR` is done; nothing during the approach.
+        before: Called with the arm standing where the leg begins.
+
+    Raises:
+        MotionError: the motion was stopped; nothing has moved where the way to the path is not free.
+    """
+    with cycle.powered() as arm:
+        approach = path.approach_from(arm.position_rad)
+        if approach is not None:
+            arm.follow(approach, lambda share: progress(0))
+        if before is not None:
+            before(arm)
+        arm.follow(leg, lambda share: progress(round(BAR * share)))
+
+
+def torque_window(robot: Robot, load: Load, cycle_s: float) -> TorqueWindow:
+    """The torque window of an arm: from its model, or its joints' greatest torque where the file has no model."""
+    model = robot.strength.expected_torque(loaded=load is Load.LOADED)
+    return TorqueWindow(robot.joint_names, robot.drives.transmission, robot.limits.torque_max_nm, cycle_s, model)

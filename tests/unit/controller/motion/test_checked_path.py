@@ -1,0 +1,280 @@
+"""What may be commanded to an arm: each check refuses what it alone is there for, on paths and on the ways onto them.
+
+Delete any one of the checks in `checked_path` or `path_checks`, and a test here fails.
+"""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import ConfigurationError
+from armload_controller.motion.checked_path import CheckedLeg, CheckedPath, check_path
+from armload_controller.motion.joint_limits import LimitViolation
+from armload_controller.motion.obstacles import Obstacles
+from armload_controller.motion.path_checks import require_joint_limits, torque_objection
+from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
+from armload_controller.motion.setpoints import plan_leg
+from armload_identification.excitation.fourier import Excitation, FourierBounds, FourierTrajectory
+from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
+
+ROBOT = load_robot("prbt")
+CYCLE_S = 0.01
+N = 6
+CONSTRAINTS = ROBOT.motion_constraints
+LIMITS = CONSTRAINTS.limits
+FREE = Obstacles(Workspace(ROBOT.chain))
+SWING = FourierTrajectory(
+    0.5, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((N, 1), 0.1), np.array([[0.05], [0.1], [-0.1]] * 2)
+)
+STANDING = np.array([0.0, -1.2, 0.2, 0.0, 0.0, 0.0])
+"""Stretched out backwards, where the weight of arm and payload is greatest."""
+JOINT = 2
+"""The joint that a test makes the weak one."""
+
+
+def checked(constraints=CONSTRAINTS, trajectory=SWING):
+    return check_path(Excitation(trajectory, 2), constraints, CYCLE_S, file="my.toml", key="excitation.probe")
+
+
+def limited(**changes):
+    """The constraints with some of one joint's limits replaced."""
+    limits = {}
+    for key, value in changes.items():
+        limits[key] = getattr(LIMITS, key).copy()
+        limits[key][JOINT] = value
+    return replace(CONSTRAINTS, limits=replace(LIMITS, **limits))
+
+
+def reaches(**changes):
+    """Range and rates of zero but for some of one joint's."""
+    values = {
+        key: np.zeros(N)
+        for key in (
+            "position_min_rad",
+            "position_max_rad",
+            "velocity_max_rad_s",
+            "acceleration_max_rad_s2",
+            "jerk_max_rad_s3",
+        )
+    }
+    for key, value in changes.items():
+        values[key][JOINT] = value
+    return FourierBounds(**values)
+
+
+class CloseMeshes:
+    """Collision meshes that come within a distance of each other, on a path or on a line."""
+
+    keep_m = least_m = 0.05
+
+    def __init__(self, on_path_m=1.0, on_line_m=1.0):
+        self.on_path_m, self.on_line_m = on_path_m, on_line_m
+
+    def nearest(self, path):
+        return self.on_path_m, "hand to table"
+
+    def nearest_on_line(self, start_rad, goal_rad):
+        return self.on_line_m, "hand to table"
+
+
+# What cannot be made any other way ------------------------------------------------------------------------------
+
+
+def test_nobody_but_the_checks_makes_what_may_be_commanded():
+    path = checked()
+    for attempt in (
+        lambda: CheckedLeg(path.measured.leg),
+        CheckedLeg,
+        lambda: CheckedPath(path.excitation, path.constraints, path.slow, path.measured),
+        CheckedPath,
+        lambda: replace(path, constraints=replace(CONSTRAINTS, torque=None)),
+        lambda: replace(path.measured, leg=path.slow.leg),
+    ):
+        with pytest.raises(TypeError, match="check"):
+            attempt()
+    for attribute in ("leg", "anything"):
+        with pytest.raises(AttributeError):
+            setattr(path.measured, attribute, path.slow.leg)
+    assert copy.copy(path.measured).leg is path.measured.leg
+
+
+def test_what_was_checked_is_what_is_run():
+    path = checked()
+    assert path.measured.leg.path is SWING
+    assert path.slow.leg.path is SWING
+    np.testing.assert_allclose(plan_leg(path.measured.leg, CYCLE_S).position_rad[0], path.start_rad, atol=1e-12)
+    np.testing.assert_allclose(plan_leg(path.slow.leg, CYCLE_S).position_rad[0], path.start_rad, atol=1e-12)
+
+
+# Joint limits ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("reach", "phase", "quantity"),
+    [
+        ({"position_max_rad": LIMITS.position_max_rad[JOINT] + 1e-3}, (0.0, 0.0), "position"),
+        ({"position_min_rad": LIMITS.position_min_rad[JOINT] - 1e-3}, (0.0, 0.0), "position"),
+        ({"velocity_max_rad_s": 1.001 * LIMITS.velocity_max_rad_s[JOINT]}, (0.0, 0.0), "velocity"),
+        ({"acceleration_max_rad_s2": 1.001 * LIMITS.acceleration_max_rad_s2[JOINT]}, (0.0, 0.0), "acceleration"),
+        ({"velocity_max_rad_s": 1.0}, (1.001 * LIMITS.acceleration_max_rad_s2[JOINT], 0.0), "acceleration"),
+        ({"jerk_max_rad_s3": 1.001 * LIMITS.jerk_max_rad_s3[JOINT]}, (0.0, 0.0), "jerk"),
+        ({"acceleration_max_rad_s2": 1.0}, (0.334 * LIMITS.jerk_max_rad_s3[JOINT], 0.0), "jerk"),
+        ({"velocity_max_rad_s": 1.0}, (0.0, 1.001 * LIMITS.jerk_max_rad_s3[JOINT]), "jerk"),
+        ({"velocity_max_rad_s": np.nan}, (0.0, 0.0), "velocity"),
+    ],
+)
+def test_range_and_rates_with_their_ramps_are_within_the_limits(reach, phase, quantity):
+    with pytest.raises(LimitViolation) as caught:
+        require_joint_limits(reaches(**reach), PhaseLimits(*phase), CONSTRAINTS)
+    assert (caught.value.joint, caught.value.quantity) == (LIMITS.joint_names[JOINT], quantity)
+
+
+def test_the_following_error_of_a_known_lag_is_within_its_window():
+    slow = replace(CONSTRAINTS, following_speed_rad_s=np.full(N, 0.5))
+    require_joint_limits(reaches(velocity_max_rad_s=0.5), PhaseLimits(0.0, 0.0), slow)
+    with pytest.raises(LimitViolation) as caught:
+        require_joint_limits(reaches(velocity_max_rad_s=0.55), PhaseLimits(0.0, 0.0), slow)
+    assert caught.value.quantity == "following error"
+    assert caught.value.value == pytest.approx(1.1 * caught.value.bound)
+
+
+@pytest.mark.parametrize(
+    ("constraints", "quantity"),
+    [
+        (limited(position_max_rad=1.2), "position"),
+        (limited(position_min_rad=1.2), "position"),
+        (limited(velocity_max_rad_s=0.2), "velocity"),
+        (replace(CONSTRAINTS, following_speed_rad_s=np.full(N, 0.2)), "following error"),
+    ],
+)
+def test_a_path_beyond_a_joints_limit_is_refused(constraints, quantity):
+    checked()
+    with pytest.raises(LimitViolation) as caught:
+        checked(constraints)
+    assert caught.value.quantity == quantity
+
+
+def test_a_path_of_another_arm_is_refused():
+    with pytest.raises(
+        ConfigurationError, match=r"my\.toml: excitation\.probe is 'a path of 2 joints': one of this arm's 6"
+    ):
+        checked(trajectory=FourierTrajectory(0.5, np.zeros(2), np.zeros((2, 1)), np.zeros((2, 1))))
+
+
+# Torque ---------------------------------------------------------------------------------------------------------
+
+
+def with_torque(share):
+    """The constraints with a share of the torque that the path takes at any steady speed."""
+    steady = CONSTRAINTS.torque.greatest(SWING).reshape(CONSTRAINTS.torque.cases, N).max(axis=0)
+    available = CONSTRAINTS.torque.available_nm.copy()
+    available[JOINT] = share * steady[JOINT]
+    return replace(CONSTRAINTS, torque=replace(CONSTRAINTS.torque, available_nm=available))
+
+
+def test_a_path_that_a_joint_is_too_weak_for_is_refused():
+    with pytest.raises(ConfigurationError, match=rf"excitation\.probe.*N m of {LIMITS.joint_names[JOINT]}, which has"):
+        checked(with_torque(0.95))
+
+
+def test_the_torque_of_ramps_and_stops_counts_too():
+    """At a steady speed the joint is strong enough, while its phase accelerates it is not."""
+    enough = with_torque(1.0005)
+    assert torque_objection(SWING, PhaseLimits(0.0, 0.0), enough) is None
+    with pytest.raises(ConfigurationError, match="N m of"):
+        checked(enough)
+    checked(with_torque(2.0))
+
+
+def test_arm_and_heaviest_payload_and_both_directions_of_a_ramp_count():
+    """Against the sum at dense phases, each with the phase accelerating and braking, loaded and empty."""
+    path = checked()
+    alpha = path.measured.leg.bounds.acceleration_1_s
+    torque = CONSTRAINTS.torque
+    state = SWING.evaluate(np.arange(0.0, SWING.period_s, 1e-3))
+    q, v, a = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
+    needed = np.zeros(N)
+    for rate in (0.0, 0.25, 0.5, 1.0):
+        for ramp in (-alpha, alpha):
+            demand = torque.demand(q, rate * v, rate**2 * a + ramp * v).max(axis=0)
+            needed = np.maximum(needed, demand.reshape(torque.cases, N).max(axis=0))
+    for share, refused in ((0.999, True), (1.01, False)):
+        available = torque.available_nm.copy()
+        available[JOINT] = share * needed[JOINT]
+        changed = replace(CONSTRAINTS, torque=replace(torque, available_nm=available))
+        assert (torque_objection(SWING, path.measured.leg.bounds, changed) is not None) is refused
+
+
+# Obstacles ------------------------------------------------------------------------------------------------------
+
+
+def test_a_path_in_the_floor_is_refused():
+    probe = replace(SWING, offset_rad=np.array([0.0, 2.2, 0.3, 0.0, 0.5, 0.0]))
+    with pytest.raises(
+        ConfigurationError, match=r"excitation\.probe is \"a path that comes within -0\.2\d+ m of 'floor'\""
+    ):
+        checked(trajectory=probe)
+    checked(replace(CONSTRAINTS, obstacles=FREE), probe)
+
+
+def test_a_path_on_which_meshes_come_too_close_is_refused():
+    with pytest.raises(ConfigurationError, match=r"brings hand to table \(meshes\) within 0\.040 m"):
+        checked(replace(CONSTRAINTS, obstacles=Obstacles(FREE.workspace, CloseMeshes(on_path_m=0.04))))
+    checked(replace(CONSTRAINTS, obstacles=Obstacles(FREE.workspace, CloseMeshes(on_path_m=0.05))))
+
+
+# The way onto a path --------------------------------------------------------------------------------------------
+
+
+def test_the_way_is_straight_from_where_the_arm_stands():
+    leg = checked().approach_from(STANDING).leg
+    assert isinstance(leg.path, LinePath)
+    plan = plan_leg(leg, CYCLE_S)
+    np.testing.assert_allclose(plan.position_rad[[0, -1]], [STANDING, checked().start_rad], atol=1e-9)
+
+
+def test_there_is_no_way_where_the_arm_stands_already():
+    path = checked()
+    assert path.approach_from(path.start_rad + 1e-12) is None
+
+
+def test_an_arm_that_stands_beyond_its_limits_is_not_moved():
+    beyond = STANDING.copy()
+    beyond[JOINT] = LIMITS.position_min_rad[JOINT] - 0.01
+    with pytest.raises(LimitViolation, match=f"{LIMITS.joint_names[JOINT]}: position"):
+        checked().approach_from(beyond)
+
+
+def test_a_way_that_a_joint_is_too_weak_for_is_not_gone():
+    available = CONSTRAINTS.torque.available_nm.copy()
+    available[1] = 60.0  # the weight takes 10 N m where the path is and 87 N m where the arm stands
+    weak = replace(CONSTRAINTS, torque=replace(CONSTRAINTS.torque, available_nm=available))
+    with pytest.raises(BlockedWay, match=rf"straight way asks .* N m of {LIMITS.joint_names[1]}, which has 60 N m"):
+        checked(weak).approach_from(STANDING)
+
+
+def test_a_way_through_an_obstacle_is_not_gone():
+    """The path is clear of the wall, and so is where the arm stands: only the way between is not."""
+    reaching = replace(SWING, offset_rad=np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
+    start = checked(trajectory=reaching).start_rad
+    standing = start + np.array([np.pi - 0.6, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert LIMITS.position_min_rad[0] < standing[0] < LIMITS.position_max_rad[0]
+    tool = Sphere(N + 1, np.zeros(3), 0.02)
+    positions = [ROBOT.chain.forward(start + share * (standing - start))[-1][:3, 3] for share in (0.0, 0.5, 1.0)]
+    away = positions[1] - 0.5 * (positions[0] + positions[2])
+    normal = -away / np.linalg.norm(away)
+    wall = HalfSpace("wall", normal, normal @ positions[1] + 0.05, (N + 1,))
+    walled = replace(CONSTRAINTS, obstacles=Obstacles(Workspace(ROBOT.chain, (tool,), (wall,))))
+    path = checked(walled, reaching)
+    assert path.approach_from(start + 0.01) is not None
+    with pytest.raises(BlockedWay, match=r"straight way comes within -0\.\d+ m of 'wall'"):
+        path.approach_from(standing)
+
+
+def test_a_way_on_which_meshes_come_too_close_is_not_gone():
+    path = checked(replace(CONSTRAINTS, obstacles=Obstacles(FREE.workspace, CloseMeshes(on_line_m=0.04))))
+    with pytest.raises(BlockedWay, match=r"straight way brings hand to table \(meshes\) within 0\.040 m"):
+        path.approach_from(STANDING)

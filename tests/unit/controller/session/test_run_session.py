@@ -1,0 +1,195 @@
+"""A session: every way of running a path has the slow round, the consent, the monitors and the checks."""
+
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import CommissioningError, MotionError
+from armload_controller.cycle.safety import Cause, cause_of
+from armload_controller.motion.checked_path import check_path
+from armload_controller.motion.motion_control import MotionControl, OperatorStop
+from armload_controller.motion.phase import Segment
+from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, no_operator, run_session
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+
+ROBOT = load_robot("prbt")
+SWING = FourierTrajectory(1.0, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((6, 1), 0.05), np.full((6, 1), 0.02))
+CONSTRAINTS = ROBOT.motion_constraints
+
+
+def checked():
+    return check_path(Excitation(SWING, 1), CONSTRAINTS, 0.01, file=ROBOT.file, key="swing")
+
+
+class Segments:
+    """Plug-in that keeps which parts of a run were commanded."""
+
+    name = "segments"
+
+    def __init__(self):
+        self.seen = []
+
+    def on_cycle(self, step):
+        segment = step.reference.segment
+        if not self.seen or self.seen[-1] is not segment:
+            self.seen.append(segment)
+
+
+class Adding:
+    """Plug-in that adds more torque than any gate passes."""
+
+    name = "adding"
+
+    def on_cycle(self, step):
+        return np.full(6, 1e4)
+
+
+@pytest.fixture
+def opened(ideal_servos):
+    """A session with a perfect arm, and the arm."""
+
+    @contextmanager
+    def opened(load=Load.UNLOADED, operator=None, *, simulated=True, events=None):
+        servos = ideal_servos(6, 0.01, events)
+        servos.simulated = simulated
+
+        @contextmanager
+        def open_servos(which):
+            assert which is load
+            yield servos
+
+        with run_session(ROBOT, load, open_servos, operator or no_operator()) as session:
+            yield session, servos
+
+    return opened
+
+
+def test_a_path_is_rounded_slowly_once_and_run_as_often_as_wanted(opened):
+    path, seen = checked(), Segments()
+    with opened() as (session, servos):
+        session.run(path, "first", plugins=[seen])
+        assert seen.seen[:2] == [Segment.APPROACH, Segment.SLOW]
+        again = Segments()
+        session.run(path, "again", plugins=[again])
+    assert servos.log == ["connect", *["enable", "stop", "disable"] * 3]
+    assert again.seen[0] is Segment.APPROACH
+    assert Segment.SLOW not in again.seen
+
+
+def test_every_path_has_a_slow_round_of_its_own(opened):
+    with opened() as (session, servos):
+        session.run(checked(), "first")
+        seen = Segments()
+        session.run(checked(), "second", plugins=[seen])
+    assert Segment.SLOW in seen.seen
+    assert servos.log.count("enable") == 4
+
+
+def test_a_slow_round_that_was_stopped_is_made_again(opened):
+    path, seen = checked(), Segments()
+    with opened(events={300: RuntimeError("a defect")}) as (session, servos):
+        with pytest.raises(MotionError, match="a defect"):
+            session.run(path, "first")
+        servos.events.clear()
+        session.run(path, "again", plugins=[seen])
+    assert Segment.SLOW in seen.seen
+
+
+@pytest.mark.parametrize(
+    ("distort", "cause"),
+    [
+        (lambda f: replace(f, position_rad=f.position_rad + 1.0), Cause.FOLLOWING_ERROR),
+        (lambda f: replace(f, torque_nm=np.full(6, 1e5)), Cause.TORQUE),
+        (lambda f: replace(f, skipped_cycles=1000), Cause.LATE),
+    ],
+)
+@pytest.mark.parametrize(
+    "move",
+    [
+        lambda session: session.run(checked(), "run"),
+        lambda session: session.hold([], lambda arm: arm.hold(lambda: len(session.servos.sent) > 100)),
+    ],
+    ids=["run", "hold"],
+)
+def test_every_motion_is_monitored(opened, distort, cause, move):
+    with opened(events={20: distort}) as (session, servos):
+        with pytest.raises(MotionError) as caught:
+            move(session)
+        assert cause_of(caught.value.__cause__) is cause
+        assert len(servos.sent) == 21
+
+
+def test_added_torque_is_what_joint_and_drive_allow(opened):
+    with opened() as (session, servos):
+        session.hold([Adding()], lambda arm: arm.hold(lambda: len(servos.sent) > 200))
+    greatest = np.max([command.torque_offset_nm for command in servos.sent], axis=0)
+    np.testing.assert_allclose(greatest, 0.8 * ROBOT.limits.added_torque_max_nm)
+
+
+def test_an_arm_in_the_way_of_something_is_not_moved(opened):
+    """The straight way is checked where the arm is found, not where the path begins."""
+    with opened() as (session, servos):
+        servos._position = np.array([0.0, 2.3, 0.0, 0.0, 0.0, 0.0])
+        with pytest.raises(MotionError) as caught:
+            session.run(checked(), "run")
+    assert cause_of(caught.value.__cause__) is Cause.BLOCKED
+    assert all((command.position_rad == [0.0, 2.3, 0.0, 0.0, 0.0, 0.0]).all() for command in servos.sent)
+
+
+def test_nothing_is_opened_after_a_stop_was_requested(ideal_servos):
+    operator = no_operator()
+    operator.control.stop(OperatorStop("Ctrl-C"))
+    opened = []
+    with (
+        pytest.raises(MotionError, match="Nothing was switched on"),
+        run_session(ROBOT, Load.UNLOADED, opened.append, operator),
+    ):
+        pass
+    assert opened == []
+
+
+class Person:
+    """Answers questions, and keeps them."""
+
+    def __init__(self, *answers):
+        self.answers, self.asked = list(answers), []
+
+    def __call__(self, question):
+        self.asked.append(question)
+        return self.answers.pop(0)
+
+
+@pytest.mark.parametrize(("load", "given", "asked"), [(Load.UNLOADED, True, 0), (Load.LOADED, True, 1)])
+def test_holding_a_position_is_always_asked_for_and_motion_with_a_payload_too(opened, load, given, asked):
+    person = Person(*[True] * 10)
+    operator = Operator(NoDisplay(), MotionControl(), Consent(person, given))
+    with opened(load, operator, simulated=False) as (session, _):
+        session.run(checked(), "run")
+        assert len(person.asked) == asked
+        session.run(checked(), "another")
+        assert len(person.asked) == asked
+        session.hold([], lambda arm: None)
+    assert "hold its position" in person.asked[-1]
+    assert len(person.asked) == asked + 1
+
+
+def test_nobody_consents_to_the_motion_of_a_real_arm(opened):
+    with opened(simulated=False) as (session, servos):
+        for attempt in (lambda: session.run(checked(), "run"), lambda: session.hold([], lambda arm: None)):
+            with pytest.raises(CommissioningError, match="not confirmed"):
+                attempt()
+    assert servos.log == ["connect"]
+
+
+def test_added_torque_is_named_in_the_question(opened):
+    person = Person(True, True, True)
+    operator = Operator(NoDisplay(), MotionControl(), Consent(person, given=False))
+    path = checked()
+    with opened(Load.LOADED, operator, simulated=False) as (session, _):
+        session.run(path, "plain")
+        session.run(path, "added", before=lambda arm: None)
+    assert "with torque added" not in person.asked[1]
+    assert "with torque added to the drives' own?" in person.asked[2]
