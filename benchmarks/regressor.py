@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from statistics import median
-from time import perf_counter
+from time import thread_time
 
 import numpy as np
 import pinocchio as pin
@@ -105,10 +105,10 @@ def _times(candidates: dict[str, Callable[[], object]], rounds: int, calls: int)
     seconds: list[list[float]] = [[] for _ in candidates]
     for _ in range(rounds):
         for candidate, durations in zip(candidates.values(), seconds, strict=True):
-            started = perf_counter()
+            started = thread_time()
             for _ in range(calls):
                 candidate()
-            durations.append((perf_counter() - started) / calls)
+            durations.append((thread_time() - started) / calls)
     return [median(durations) for durations in seconds]
 
 

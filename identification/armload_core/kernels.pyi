@@ -107,13 +107,13 @@ def clearance_slope_into(
     """Derivative of the sum of weight (N, K) times clearance by q, into zeroed slope (N, n)."""
 
 def sine_cosine_into(angle: FloatArray, sine: FloatArray, cosine: FloatArray, /) -> None:
-    """Sine and cosine of (N,) angles as the batch kernels compute them."""
+    """Sine and cosine of (N, n) angles as the kernels compute them."""
 
 def variants() -> list[str]:
-    """Names of the batch kernels that this processor can run, the fastest first, which is the one in use."""
+    """Names of the instruction sets that the kernels are there for and this processor has; the first one is in use."""
 
 def use_variant(name: str, /) -> None:
-    """Choose batch kernels by name, for the whole process: for tests and benchmarks."""
+    """Choose kernels by instruction set, for the whole process: for tests and benchmarks."""
 
 class PayloadTorque:
     """Torque of a payload for one state after the other, without any allocation.

@@ -16,8 +16,7 @@ INLINE void group_torque(const double *packed, int n, const double *links, const
         const lanes inertia[6] = {all(b[4]), all(b[5]), all(b[6]), all(b[7]), all(b[8]), all(b[9])};
         const vec3 first = turned_constant(&f->axes, b[1], b[2], b[3]);
         const vec3 w = turned_back(&f->axes, f->w), dw = turned_back(&f->axes, f->dw);
-        const vec3 own_force =
-            sum(times(all(b[0]), f->a), sum(cross(f->dw, first), cross(f->w, cross(f->w, first))));
+        const vec3 own_force = sum(times(all(b[0]), f->a), sum(cross(f->dw, first), cross(f->w, cross(f->w, first))));
         const vec3 own_moment = sum(tensor_times(inertia, dw), cross(w, tensor_times(inertia, w)));
         moment = sum(moment, sum(turned(&f->axes, own_moment), sum(cross(first, f->a), cross(f->origin, own_force))));
         force = sum(force, own_force);
@@ -59,8 +58,8 @@ INLINE group weighted_group(ptrdiff_t *t, ptrdiff_t samples, int n, const double
 
 /* The torque is affine in ddq and quadratic in dq, so that differences with a step of one are exact there; in q the
    central difference errs by about 1e-10. */
-ENTRY void arm_torque_slope(const double *packed, int n, const double *links, const double *weight,
-                            ptrdiff_t samples, const double *q, const double *dq, const double *ddq, double *slope)
+ENTRY void arm_torque_slope(const double *packed, int n, const double *links, const double *weight, ptrdiff_t samples,
+                            const double *q, const double *dq, const double *ddq, double *slope)
 {
     ptrdiff_t t = 0;
     for (;;) {

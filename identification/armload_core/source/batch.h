@@ -12,16 +12,16 @@
    another sphere, in this order. Links are 0 (the base) or the number of the joint they turn with. */
 typedef struct {
     ptrdiff_t spheres;
-    const int64_t *link;   /* (spheres) */
-    const double *sphere;  /* (spheres, 4) centre in the link's turned frame, radius */
-    const double *plane;   /* (., 4) unit normal towards the arm, distance from the origin along it */
+    const int64_t *link;  /* (spheres) */
+    const double *sphere; /* (spheres, 4) centre in the link's turned frame, radius */
+    const double *plane;  /* (., 4) unit normal towards the arm, distance from the origin along it */
     ptrdiff_t on_planes;
     const int64_t *on_plane; /* (on_planes, 2) sphere, plane */
-    const double *box;     /* (., BOX_NUMBERS) axes as columns of a rotation (by rows), centre, half of the edges */
+    const double *box;       /* (., BOX_NUMBERS) axes as columns of a rotation (by rows), centre, half of the edges */
     ptrdiff_t on_boxes;
     const int64_t *on_box; /* (on_boxes, 2) sphere, box */
     ptrdiff_t pairs;
-    const int64_t *pair;   /* (pairs, 2) spheres */
+    const int64_t *pair; /* (pairs, 2) spheres */
 } obstacles;
 
 enum { BOX_NUMBERS = 15 };
@@ -42,16 +42,16 @@ typedef struct {
                        const double *dq, const double *ddq, double *out);
 
     /* Derivative of sum_t weight_t^T tau_t by q, dq, ddq into zeroed slope (3, samples, n). */
-    void (*arm_torque_slope)(const double *packed, int n, const double *links, const double *weight,
-                             ptrdiff_t samples, const double *q, const double *dq, const double *ddq, double *slope);
+    void (*arm_torque_slope)(const double *packed, int n, const double *links, const double *weight, ptrdiff_t samples,
+                             const double *q, const double *dq, const double *ddq, double *slope);
 
     /* M = sum_t Phi_t^T diag(weight) Phi_t of the flange's regressor into out (10, 10). */
     void (*information)(const double *packed, int n, const double *weight, ptrdiff_t samples, const double *q,
                         const double *dq, const double *ddq, double *out);
 
     /* Derivative of tr(gain M) by q, dq, ddq into slope (3, samples, n); gain (10, 10) symmetric and constant. */
-    void (*information_slope)(const double *packed, int n, const double *weight, const double *gain,
-                              ptrdiff_t samples, const double *q, const double *dq, const double *ddq, double *slope);
+    void (*information_slope)(const double *packed, int n, const double *weight, const double *gain, ptrdiff_t samples,
+                              const double *q, const double *dq, const double *ddq, double *slope);
 
     /* All clearances into out (samples, K). Returns -1 where there is no memory for the spheres' centres, else 0. */
     int (*clearances)(const double *packed, int n, const obstacles *around, ptrdiff_t samples, const double *q,
@@ -61,6 +61,10 @@ typedef struct {
        above. */
     int (*clearance_slope)(const double *packed, int n, const obstacles *around, const double *weight,
                            ptrdiff_t samples, const double *q, double *slope);
+
+    /* Torque of a payload for one state; `model` is `packed` with the payload's ten parameters behind. */
+    void (*payload_torque)(const double *model, int n, const double *q, const double *dq, const double *ddq,
+                           double *torque);
 
     /* Sine and cosine as the kernels compute them. */
     void (*sine_cosine)(ptrdiff_t count, const double *angle, double *sine, double *cosine);

@@ -87,16 +87,14 @@ ENTRY int clearances(const double *packed, int n, const obstacles *o, ptrdiff_t 
         for (ptrdiff_t i = 0; i < o->on_boxes; i++, k++) {
             const int64_t s = o->on_box[2 * i];
             vec3 gradient;
-            const lanes distance =
-                box_distance(o->box + BOX_NUMBERS * o->on_box[2 * i + 1], centres.at[s], &gradient)
-                - o->sphere[4 * s + 3];
+            const lanes distance = box_distance(o->box + BOX_NUMBERS * o->on_box[2 * i + 1], centres.at[s], &gradient)
+                                   - o->sphere[4 * s + 3];
             scattered(&g, &distance, 1, out, width, k);
         }
         for (ptrdiff_t i = 0; i < o->pairs; i++, k++) {
             const int64_t a = o->pair[2 * i], b = o->pair[2 * i + 1];
             const vec3 between = difference(centres.at[a], centres.at[b]);
-            const lanes distance =
-                square_root(dot(between, between)) - o->sphere[4 * a + 3] - o->sphere[4 * b + 3];
+            const lanes distance = square_root(dot(between, between)) - o->sphere[4 * a + 3] - o->sphere[4 * b + 3];
             scattered(&g, &distance, 1, out, width, k);
         }
     }

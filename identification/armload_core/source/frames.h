@@ -18,8 +18,7 @@ typedef struct {
 INLINE void place_frames(const double *packed, int n, const lanes *q, frame *frames)
 {
     const double *joint = joint_of(packed, 0);
-    rotation r = {
-        {all(1.0), all(0.0), all(0.0)}, {all(0.0), all(1.0), all(0.0)}, {all(0.0), all(0.0), all(1.0)}};
+    rotation r = {{all(1.0), all(0.0), all(0.0)}, {all(0.0), all(1.0), all(0.0)}, {all(0.0), all(0.0), all(1.0)}};
     vec3 origin = zero();
     for (int i = 0; i < n; i++, joint += 12) {
         lanes s, c;

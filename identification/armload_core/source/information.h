@@ -98,10 +98,8 @@ ENTRY void information_slope(const double *packed, int n, const double *weight, 
             const vec3 z = joint[i].angular, v = joint[i].linear;
             const vec3 inertia_w = tensor_times(inertia, w);
             const lanes ws = dot(w, first), ww = dot(w, w), vw = dot(v, w), vs = dot(v, first);
-            by_joint[i].angular =
-                sum(sum(cross(first, a), tensor_times(inertia, dw)), cross(w, inertia_w));
-            by_joint[i].linear =
-                sum(sum(times(mass, a), cross(dw, first)), difference(times(ws, w), times(ww, first)));
+            by_joint[i].angular = sum(sum(cross(first, a), tensor_times(inertia, dw)), cross(w, inertia_w));
+            by_joint[i].linear = sum(sum(times(mass, a), cross(dw, first)), difference(times(ws, w), times(ww, first)));
             by_a = sum(by_a, sum(times(mass, v), cross(z, first)));
             by_dw = sum(by_dw, sum(cross(first, v), tensor_times(inertia, z)));
             by_w = sum(by_w, sum(sum(times(ws, v), times(vw, first)), times(-2.0 * vs, w)));
@@ -121,11 +119,10 @@ ENTRY void information_slope(const double *packed, int n, const double *weight, 
             by_dq[i] = dot(by_w, z) + dot(by_u, v) + dot(by_dw, cross(z, rest_w))
                        + dot(by_a, sum(cross(z, rest_u), cross(v, rest_w)));
             by_ddq[i] = dot(by_dw, z) + dot(by_a, v);
-            const vec3 angular =
-                sum(sum(by_joint[i].angular, times(m.ddq[i], by_dw)),
-                    times(m.dq[i], sum(by_w, sum(cross(rest_w, by_dw), cross(rest_u, by_a)))));
-            const vec3 linear = sum(sum(by_joint[i].linear, times(m.ddq[i], by_a)),
-                                    times(m.dq[i], sum(by_u, cross(rest_w, by_a))));
+            const vec3 angular = sum(sum(by_joint[i].angular, times(m.ddq[i], by_dw)),
+                                     times(m.dq[i], sum(by_w, sum(cross(rest_w, by_dw), cross(rest_u, by_a)))));
+            const vec3 linear =
+                sum(sum(by_joint[i].linear, times(m.ddq[i], by_a)), times(m.dq[i], sum(by_u, cross(rest_w, by_a))));
             moved.angular = sum(moved.angular, sum(cross(angular, z), cross(linear, v)));
             moved.linear = sum(moved.linear, cross(linear, z));
             behind.angular = sum(behind.angular, times(m.dq[i], z));

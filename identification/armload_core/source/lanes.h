@@ -121,13 +121,15 @@ INLINE void sine_cosine(lanes x, lanes *sine, lanes *cosine)
     const lane_words quadrant = (lane_words)shifted;
     const lanes r = ((x - turns * 0x1.921fb544p+0) - turns * 0x1.0b4611a6p-34) - turns * 0x1.3198a2e037073p-69;
     const lanes z = r * r;
+    /* clang-format off */
     const lanes s =
         r + r * z * (-0x1.5555555555549p-3 + z * (0x1.111111110f861p-7 + z * (-0x1.a01a019c0e4c4p-13
           + z * (0x1.71de3574ba7f9p-19 + z * (-0x1.ae5e63cda0443p-26 + z * 0x1.5d9246d3d72dep-33)))));
     const lanes c =
         1.0 - 0.5 * z + z * z * (0x1.555555555554cp-5 + z * (-0x1.6c16c16c15162p-10 + z * (0x1.a01a019caef38p-16
           + z * (-0x1.27e4f807d633ap-22 + z * (0x1.1ee9ea6cd0c98p-29 + z * -0x1.8fadd078db743p-37)))));
-    const lane_bits odd = (lane_bits)-(quadrant & 1);
+    /* clang-format on */
+    const lane_bits odd = (lane_bits)(0 - (quadrant & 1));
     *sine = (lanes)((lane_words)chosen(odd, c, s) ^ ((quadrant & 2) << 62));
     *cosine = (lanes)((lane_words)chosen(odd, s, c) ^ (((quadrant + 1) & 2) << 62));
     if (any(~(magnitude(x) <= GREATEST_REDUCED_RAD))) {

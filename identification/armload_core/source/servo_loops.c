@@ -30,8 +30,8 @@ int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_
         if (state[SERVO_POWERED * n] != 0.0) {
             const double error = parameter[SERVO_POSITION_GAIN * n] * (servo_setpoint(loops, i, step) - q) - dq;
             const double limit = parameter[SERVO_MAX_TORQUE * n];
-            const double wanted = parameter[SERVO_VELOCITY_GAIN * n] * error + state[SERVO_INTEGRAL * n]
-                                  + state[SERVO_OFFSET * n];
+            const double wanted =
+                parameter[SERVO_VELOCITY_GAIN * n] * error + state[SERVO_INTEGRAL * n] + state[SERVO_OFFSET * n];
             torque = wanted > limit ? limit : wanted < -limit ? -limit : wanted;
             /* the integral stands still while the limit is reached and would be exceeded further */
             if (torque == wanted || (wanted - torque) * error < 0.0) {
@@ -56,9 +56,8 @@ int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_
             sane = 0;
         }
         loops->applied[hinges * i] = at_joint;
-        loops->friction[hinges * i] = parameter[SERVO_COULOMB * n]
-                                      + parameter[SERVO_STRIBECK * n] * exp(-slow * slow) + loss * fabs(load)
-                                      + state[SERVO_BRAKED * n] * parameter[SERVO_BRAKE * n];
+        loops->friction[hinges * i] = parameter[SERVO_COULOMB * n] + parameter[SERVO_STRIBECK * n] * exp(-slow * slow)
+                                      + loss * fabs(load) + state[SERVO_BRAKED * n] * parameter[SERVO_BRAKE * n];
     }
     return sane;
 }

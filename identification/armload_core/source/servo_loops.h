@@ -5,6 +5,7 @@
 #ifndef ARMLOAD_SERVO_LOOPS_H
 #define ARMLOAD_SERVO_LOOPS_H
 
+/* clang-format off */
 /* Rows of `parameter`, constant. */
 #define SERVO_PARAMETER_ROWS(ROW) \
     ROW(POSITION_GAIN)            \
@@ -35,6 +36,7 @@
     ROW(INTEGRAL)             \
     ROW(TORQUE) /* of the axis, as the drive believes */ \
     ROW(TRUE_TORQUE) /* of the axis */
+/* clang-format on */
 
 #define AS_ENUM(name) SERVO_##name,
 enum { SERVO_PARAMETER_ROWS(AS_ENUM) SERVO_PARAMETERS };

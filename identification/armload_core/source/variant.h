@@ -1,4 +1,4 @@
-/* All batch kernels for one instruction set: included once by each `batch_*.c`, which defines
+/* All kernels for one instruction set: included once by each `batch_*.c`, which defines
 
        LANES      samples in one vector
        TARGET     function attributes that name the instruction set, or nothing
@@ -21,6 +21,7 @@
 #include "arm_torque.h"
 #include "information.h"
 #include "clearance.h"
+#include "payload_torque.h"
 
 ENTRY void sines_cosines(ptrdiff_t count, const double *angle, double *sine, double *cosine)
 {
@@ -43,5 +44,6 @@ const batch_kernels VARIANT = {
     .information_slope = information_slope,
     .clearances = clearances,
     .clearance_slope = clearance_slope,
+    .payload_torque = payload_torque,
     .sine_cosine = sines_cosines,
 };

@@ -1,0 +1,16 @@
+/* What the extension's files share. */
+
+#ifndef ARMLOAD_PYTHON_TYPES_H
+#define ARMLOAD_PYTHON_TYPES_H
+
+#include "batch.h"
+#include "python_arrays.h"
+
+#define FASTCALL(function) ((PyCFunction)(void (*)(void))(function))
+
+extern const batch_kernels *batch; /* in use; set when the module is loaded */
+
+extern PyType_Spec PAYLOAD_TORQUE_SPEC;
+extern PyType_Spec SERVO_LOOPS_SPEC;
+
+#endif
