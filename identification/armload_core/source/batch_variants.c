@@ -1,6 +1,22 @@
-/* Which batch kernels this processor can run. */
+/* Which kernels this processor can run. */
 
 #include "batch.h"
+
+#if defined(__x86_64__)
+#include <cpuid.h>
+
+/* Asked of the processor itself: __builtin_cpu_supports says no to everything where zig is the compiler. */
+static int has_avx2_and_fma(void)
+{
+    const unsigned fma = 1u << 12, saved_by_the_system = 1u << 27, avx2 = 1u << 5, vector_registers = 6u;
+    unsigned a, b, c, d, saved, unused;
+    if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & fma) || !(c & saved_by_the_system)) {
+        return 0;
+    }
+    __asm__("xgetbv" : "=a"(saved), "=d"(unused) : "c"(0));
+    return (saved & vector_registers) == vector_registers && __get_cpuid_count(7, 0, &a, &b, &c, &d) && (b & avx2);
+}
+#endif
 
 const batch_kernels *const *batch_variants(void)
 {
@@ -12,8 +28,7 @@ const batch_kernels *const *batch_variants(void)
         NULL,
     };
 #if defined(__x86_64__)
-    __builtin_cpu_init();
-    if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma")) {
+    if (!has_avx2_and_fma()) {
         return every + 1;
     }
 #endif
