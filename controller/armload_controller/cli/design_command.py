@@ -111,10 +111,11 @@ def design(
     excitation = result.excitation(driven, command, version("armload"))
     write_excitation(output, excitation)
     # imported here: drawing is slow to load, and commands that move an arm do not draw
+    from armload_identification.report.figure_file import write_figure
     from armload_identification.report.path_figure import path_figure
 
     picture = output.with_suffix(".png")
-    path_figure(excitation, envelope, arm.joint_names).savefig(picture, dpi=PICTURE_DPI)
+    write_figure(picture, path_figure(excitation, envelope, arm.joint_names), PICTURE_DPI)
     screen.step(
         f"{output}: {criterion} cost {result.cost:.4g}, cond(Phi) {result.condition_number:.3g}, "
         f"{result.rank} of 10 parameters can be told, {driven} periods of {found_s:g} s"

@@ -371,7 +371,7 @@ def _contract(subject: ExportSubject) -> list[str]:
     """What a caller needs to know."""
     joints = ", ".join(f"[{i}] {name}" for i, name in enumerate(subject.joint_names))
     return [
-        "Torque that the payload asks of the joints, gravity included: what the joints have to give for it on top of "
+        "Torque that the payload requires of the joints, gravity included: what the joints must give for it on top of "
         "what the empty arm needs.",
         f"Joints, from the base to the flange: {joints}.",
         "q_rad, dq_rad_s, ddq_rad_s2: joint positions in rad, velocities in rad/s, accelerations in rad/s2, with the "

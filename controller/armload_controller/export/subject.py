@@ -25,7 +25,7 @@ class ExportSubject:
         armload_version: Version of the program.
 
     Raises:
-        ExportError: mass or centre of mass is not determined, the payload is not told in the flange frame, was
+        ExportError: mass or centre of mass is not determined, the payload is not in the flange frame, was
             identified on an arm with another number of joints, or is no body that can exist.
     """
 

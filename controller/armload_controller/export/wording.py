@@ -48,7 +48,7 @@ def load_data(subject: ExportSubject) -> tuple[str, str, str]:
         f"Frame: the flange of {subject.robot}'s configuration, taken to be the flange frame of the robot's own "
         "controller, z out of the flange; check that x and y agree too.",
         "Load: what was mounted between the empty and the loaded run. A tool that was on the flange in both is not in "
-        "it and has to be added.",
+        "it and must be added.",
     )
 
 

@@ -5,7 +5,7 @@
 - moi: [Ixx, Iyy, Izz] in kg m2 about axes through the centre of mass and parallel to the flange's. There is no place
   for products of inertia: they are left out.
 - offset, orient: the tool centre point in mm and degrees; left out, for which the pendant fills in zero.
-- id: by it and the version the pendant knows what it has installed; an older export has to be deleted there first.
+- id: by it and the version the pendant knows what it has installed; an older export must be deleted there first.
 
 What is not determined: moi zero where none of the three moments is (the instructions ask for them only where the tool
 is large against the distance of its centre of mass from the flange); the model's moments, marked, where a part is.
@@ -46,7 +46,7 @@ def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
         inertia.statement,
         "//",
         "The tool centre point is not part of this preset and is filled in as zero: set your own. An earlier "
-        "preset of the same id has to be deleted on the pendant first.",
+        "preset of the same id must be deleted on the pendant first.",
     )
     lines += [
         "{",

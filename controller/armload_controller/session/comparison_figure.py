@@ -7,6 +7,7 @@ from pathlib import Path
 
 from armload_controller.control_errors import CommissioningError
 from armload_controller.session.feedforward_comparison import Comparison
+from armload_identification.report.figure_file import write_figure
 
 COLORS = ("#0072b2", "#009e73", "#d55e00")
 """Told apart by those who do not see red and green."""
@@ -54,6 +55,6 @@ def draw(comparisons: Sequence[Comparison], robot: str, path: Path) -> None:
         axes[-1, column].set_xlabel("phase of the path, s")
     figure.suptitle(f"{robot}: without and with feed-forward", fontsize=10)
     try:
-        figure.savefig(path, dpi=130)
+        write_figure(path, figure, dpi=130)
     except OSError as error:
         raise CommissioningError(f"{path}: {error.strerror}: choose a file that can be written") from error
