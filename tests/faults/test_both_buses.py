@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 import time
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 
@@ -28,6 +29,7 @@ from armload_drivers.driver_errors import (
 )
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits
+from armload_drivers.simulation.lockstep_bus import LockstepBus
 from armload_drivers.simulation.plant_interface import IdealPlant
 
 ZERO = np.zeros(3)
@@ -326,24 +328,35 @@ def test_drives_without_their_master_stop_hold_and_leave_the_cycle(fault_arm):
     assert arm.plant.position_rad == pytest.approx(stood, abs=1e-6)
 
 
-def test_two_sdo_users_at_once(fault_arm):
-    """The other one's answers are not taken for ours: bring-up ends, and says who is to blame."""
-    arm = fault_arm()
+@contextmanager
+def pestered(arm):
+    """Another SDO client asks drive 3 for its position all the time; in lockstep right after every request."""
+    request = can.Message(arbitration_id=0x603, data=bytes.fromhex("4064600000000000"), is_extended_id=False)
+    if not arm.vcan:
+        with LockstepBus(arm.bus.wire) as other:
+            other.listen(lambda message: message.arbitration_id == 0x603 and other.send(request))
+            yield
+        return
     stop = threading.Event()
 
     def pester():
-        while not stop.is_set():
-            arm.send(0x603, bytes.fromhex("4064600000000000"))
-            time.sleep(0.0005)
+        while not stop.wait(0.0005):
+            arm.other.send(request)
 
-    other = threading.Thread(target=pester)
-    other.start()
+    thread = threading.Thread(target=pester)
+    thread.start()
     try:
-        with pytest.raises(ServoError, match="another SDO client") as raised:
-            arm.servos.connect()
+        yield
     finally:
         stop.set()
-        other.join()
+        thread.join()
+
+
+def test_two_sdo_users_at_once(fault_arm):
+    """The other one's answers are not taken for ours: bring-up ends, and says who is to blame."""
+    arm = fault_arm()
+    with pestered(arm), pytest.raises(ServoError, match="another SDO client") as raised:
+        arm.servos.connect()
     assert raised.value.node_id == 3
     arm.has_no_torque()
     # Alone again, it works.
