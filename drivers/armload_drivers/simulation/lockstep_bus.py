@@ -49,18 +49,36 @@ class LockstepWire:
     def carry(self, sender: LockstepBus, message: can.Message) -> None:
         """Deliver a frame to all but its sender, and then what they send."""
         with self._lock:
-            self._under_way.append((sender, _copy(message)))
             if self._delivering:
+                self._under_way.append((sender, _copy(message)))
                 return
             self._delivering = True
             try:
-                while self._under_way:
-                    sender, frame = self._under_way.popleft()
-                    for endpoint in self._endpoints:
-                        if endpoint is not sender:
-                            endpoint.take(frame)
+                self._deliver_rest()
+                copied: can.Message | None = None
+                for endpoint in self._endpoints:
+                    if endpoint is sender:
+                        continue
+                    if endpoint.listener is not None:
+                        endpoint.listener(message)
+                    else:
+                        copied = copied or _copy(message)
+                        endpoint.received.append(copied)
+                self._deliver_rest()
             finally:
                 self._delivering = False
+
+    def _deliver_rest(self) -> None:
+        """Deliver what listeners have sent; also what is left over where one of them raised."""
+        while self._under_way:
+            sender, frame = self._under_way.popleft()
+            for endpoint in self._endpoints:
+                if endpoint is sender:
+                    continue
+                if endpoint.listener is not None:
+                    endpoint.listener(frame)
+                else:
+                    endpoint.received.append(frame)
 
 
 class LockstepBus(can.BusABC):
@@ -68,21 +86,24 @@ class LockstepBus(can.BusABC):
 
     Args:
         wire: What it is connected to.
+
+    Attributes:
+        wire: What it is connected to.
+        listener: Acts on frames as they are sent.
+        received: Frames kept for `recv` where nobody listens.
     """
 
     def __init__(self, wire: LockstepWire) -> None:
         super().__init__(channel="lockstep")
         self.channel_info = "lockstep bus in this process"
         self.wire = wire
-        self.take: Listener
-        """Takes in a frame: its listener, or its queue."""
-        self._received: deque[can.Message] = deque()
-        self.listen(None)
+        self.listener: Listener | None = None
+        self.received: deque[can.Message] = deque()
         wire.join(self)
 
     def listen(self, listener: Listener | None) -> None:
         """Have frames acted on as they are sent; None keeps them for `recv`."""
-        self.take = self._received.append if listener is None else listener
+        self.listener = listener
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame; returns when everybody has acted on it.
@@ -101,8 +122,8 @@ class LockstepBus(can.BusABC):
             CanOperationError: the endpoint is closed.
             SimulationError: the wait would never end.
         """
-        if self._received:
-            return self._received.popleft()
+        if self.received:
+            return self.received.popleft()
         if self._is_shutdown:
             raise can.CanOperationError("Cannot operate on a closed bus")
         if timeout is None:
