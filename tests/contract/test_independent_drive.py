@@ -9,8 +9,8 @@ import canopen
 import numpy as np
 import pytest
 
+from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.sync_sources import TimerSync
 from armload_drivers.cia402.arm_settings import Identity, OperationMode
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoFault, WrongDevice

@@ -8,8 +8,8 @@ import can
 import numpy as np
 import pytest
 
+from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import DriverError
 from armload_drivers.servos import JointCommand

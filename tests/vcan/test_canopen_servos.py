@@ -6,8 +6,8 @@ import can
 import numpy as np
 import pytest
 
+from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.sync_sources import TimerSync
 from armload_drivers.driver_errors import ServoFault
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives

@@ -9,8 +9,8 @@ import can
 import numpy as np
 import pytest
 
+from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.servos import JointCommand
 from tests import independent_drive

@@ -17,9 +17,9 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.cia402.state_machine import State, decode
 from armload_drivers.driver_errors import BusError, ForeignMaster
 from armload_drivers.servos import JointCommand
@@ -39,8 +39,8 @@ import sys, time
 sys.path.insert(0, sys.argv[1])
 import can, numpy as np
 from conftest import small_arm
-from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
+from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
 

@@ -14,9 +14,9 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.driver_errors import BusError
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives

@@ -18,8 +18,8 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.phase import Segment
+from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.servos import JointCommand
 from armload_identification.recording.recording import read_recording
 

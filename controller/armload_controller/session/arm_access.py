@@ -24,9 +24,9 @@ from armload_controller.config.robot import Robot
 from armload_controller.control_errors import UnsafeBus
 from armload_controller.cycle.realtime import tuned_for_cycles
 from armload_controller.session.run_session import Load
+from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
+from armload_drivers.bus.sync_sources import SyncSource, TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
-from armload_drivers.canopen.kernel_sync import BcmSync, BroadcastManager
-from armload_drivers.canopen.sync_sources import SyncSource, TimerSync
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
 from armload_drivers.driver_errors import BusError
 from armload_drivers.servos import JointServos

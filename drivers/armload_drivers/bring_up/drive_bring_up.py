@@ -23,8 +23,8 @@ from armload_drivers.bring_up.drive_objects import (
     write_supervision,
 )
 from armload_drivers.bring_up.pdo_setup import map_pdo, switch_others_off
-from armload_drivers.bring_up.sdo_channel import SdoChannel
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, ArmSettings, DriveSettings, Identity
 from armload_drivers.cia402.drive_scale import ToldScale, resolve

@@ -14,12 +14,12 @@ from enum import Enum
 
 import can
 
-from armload_drivers.bring_up.bus_scan import require_no_strangers
+from armload_drivers.bring_up.description_check import description_gaps
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_setups, arm_with, is_simulation
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.bus_scan import require_no_strangers
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, Identity
-from armload_drivers.cia402.description_check import description_gaps
 from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.state_machine import POWERED, State

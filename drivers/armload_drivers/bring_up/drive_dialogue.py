@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 
 from armload_drivers.bring_up.drive_objects import HEARTBEAT_TOLERANCE
-from armload_drivers.bring_up.sdo_channel import SdoChannel
+from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
 from armload_drivers.cia402.drive_units import milliseconds

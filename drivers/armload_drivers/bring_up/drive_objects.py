@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from armload_drivers.bring_up.sdo_channel import SdoChannel
+from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
 from armload_drivers.cia402.drive_units import ArmUnits, interpolation_time, microseconds, milliseconds

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import can
 
-from armload_drivers.bring_up.bus_scan import NODE_IDS, scan
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_setups
 from armload_drivers.bring_up.drive_objects import SAFETY
-from armload_drivers.bring_up.sdo_channel import SdoChannel
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.bus_scan import NODE_IDS, scan
+from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback, Identity
 from armload_drivers.cia402.process_image import effort_entry

@@ -6,7 +6,7 @@ References:
 
 from __future__ import annotations
 
-from armload_drivers.bring_up.sdo_channel import SdoChannel
+from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import PdoDirection
 from armload_drivers.cia402.process_image import PdoLayout

@@ -12,10 +12,10 @@ from collections.abc import Callable
 import can
 import numpy as np
 
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.canopen.rival_master import ForeignTraffic
-from armload_drivers.canopen.sync_sources import SyncSource
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
 from armload_drivers.cia402.drive_units import ArmUnits

@@ -18,12 +18,12 @@ from enum import Enum, auto
 
 import can
 
-from armload_drivers.bring_up.bus_scan import require_no_strangers
 from armload_drivers.bring_up.drive_bring_up import DriveReport, arm_setups, arm_with, is_simulation, master_node_id
-from armload_drivers.canopen.bus_link import BusErrors, BusLink
+from armload_drivers.bus.bus_link import BusErrors, BusLink
+from armload_drivers.bus.bus_scan import require_no_strangers
+from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.drive_node import DriveNode
-from armload_drivers.canopen.sync_sources import SyncSource
 from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room

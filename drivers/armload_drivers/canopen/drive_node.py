@@ -5,8 +5,8 @@ from __future__ import annotations
 import can
 
 from armload_drivers.bring_up.drive_objects import HEARTBEAT_TOLERANCE
-from armload_drivers.canopen.bus_link import BusLink
-from armload_drivers.canopen.sync_sources import SyncSource
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.cia402 import emergency
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode

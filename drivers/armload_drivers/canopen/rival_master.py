@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import NmtCommand

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.canopen.canopen_cycle import CanopenCycle
 from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_moves

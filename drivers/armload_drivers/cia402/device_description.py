@@ -16,7 +16,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from armload_drivers.cia402.object_dictionary import CONTROLWORD, DEVICE_TYPE, DEVICE_TYPE_SERVO, Entry
 from armload_drivers.driver_errors import DescriptionError
@@ -113,21 +112,6 @@ class DeviceDescription:
         """Value of an integer object on one node."""
         found = self.find(entry)
         return None if found is None or found.value is None else found.value.of(node_id)
-
-
-def read_description(path: Path) -> DeviceDescription:
-    """Read an EDS or DCF file.
-
-    Raises:
-        DescriptionError: it cannot be read, or is no description of a CiA 402 drive.
-    """
-    try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise DescriptionError(path.name, "", "", f"larger than {LARGEST_BYTES} bytes; this is no EDS or DCF file")
-        data = path.read_bytes()
-    except OSError as error:
-        raise DescriptionError(path.name, "", "", f"cannot be read: {error.strerror}") from error
-    return parse_description(data, path.name)
 
 
 def parse_description(data: bytes, source: str) -> DeviceDescription:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from armload_drivers.canopen.bus_link import BusLink
-from armload_drivers.canopen.sync_sources import SentSync, SyncTick
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.sync_sources import SentSync, SyncTick
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
 

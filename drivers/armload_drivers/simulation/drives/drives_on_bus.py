@@ -21,7 +21,7 @@ from typing import Self
 
 import can
 
-from armload_drivers.canopen.sync_sources import Clock
+from armload_drivers.bus.sync_sources import Clock
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.object_dictionary import NmtCommand

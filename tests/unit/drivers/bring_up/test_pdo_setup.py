@@ -4,8 +4,8 @@ import can
 import pytest
 
 from armload_drivers.bring_up.pdo_setup import map_pdo, switch_others_off
-from armload_drivers.bring_up.sdo_channel import SdoChannel
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import PdoDirection
 from armload_drivers.cia402.process_image import PdoLayout

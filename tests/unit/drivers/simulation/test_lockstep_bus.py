@@ -5,7 +5,7 @@ import threading
 import can
 import pytest
 
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 

@@ -20,7 +20,7 @@ from typing import Protocol
 
 import can
 
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
 
 Clock = Callable[[], float]

@@ -6,7 +6,7 @@ import can
 import pytest
 from can import exceptions
 
-from armload_drivers.canopen.bus_link import QUEUE_FULL_TRIES, BusLink
+from armload_drivers.bus.bus_link import QUEUE_FULL_TRIES, BusLink
 from armload_drivers.driver_errors import BusError
 
 

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from armload_drivers.bring_up.description_check import description_gaps
+from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.bring_up.drive_objects import SAFETY
 from armload_drivers.cia402.arm_settings import EffortFeedback, OperationMode, VendorEffort
-from armload_drivers.cia402.description_check import description_gaps
-from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription, read_description
+from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType
 
 MAPPED = {0x6040: 16, 0x607A: 32, 0x60B2: 16, 0x6041: 16, 0x6064: 32, 0x6078: 16}

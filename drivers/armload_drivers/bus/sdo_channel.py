@@ -14,7 +14,7 @@ from canopen import ObjectDictionary
 from canopen.sdo import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.cia402.object_dictionary import SDO_RX_BASE, SDO_TX_BASE, Entry
 from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
 

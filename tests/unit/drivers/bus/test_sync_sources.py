@@ -2,7 +2,7 @@
 
 import pytest
 
-from armload_drivers.canopen.sync_sources import TimerSync
+from armload_drivers.bus.sync_sources import TimerSync
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.virtual_clock import VirtualClock

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from armload_drivers.canopen.kernel_sync import CREDIT, BcmSync
+from armload_drivers.bus.kernel_sync import CREDIT, BcmSync
 from armload_drivers.driver_errors import BusError, ForeignMaster
 from armload_drivers.simulation.virtual_clock import VirtualClock
 

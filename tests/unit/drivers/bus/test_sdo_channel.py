@@ -6,8 +6,8 @@ import can
 import canopen.sdo.exceptions
 import pytest
 
-from armload_drivers.bring_up.sdo_channel import SdoChannel
-from armload_drivers.canopen.bus_link import BusLink
+from armload_drivers.bus.bus_link import BusLink
+from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.driver_errors import BusError, DriverError, SdoRefused, ServoError, ServoTimeout
 from armload_drivers.simulation.drives.sdo_server import Dictionary, SdoServer

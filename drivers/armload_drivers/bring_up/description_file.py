@@ -1,0 +1,23 @@
+"""A device description from its file; what is in it is read by `cia402.device_description`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from armload_drivers.cia402.device_description import LARGEST_BYTES, DeviceDescription, parse_description
+from armload_drivers.driver_errors import DescriptionError
+
+
+def read_description(path: Path) -> DeviceDescription:
+    """Read an EDS or DCF file.
+
+    Raises:
+        DescriptionError: it cannot be read, or is no description of a CiA 402 drive.
+    """
+    try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise DescriptionError(path.name, "", "", f"larger than {LARGEST_BYTES} bytes; this is no EDS or DCF file")
+        data = path.read_bytes()
+    except OSError as error:
+        raise DescriptionError(path.name, "", "", f"cannot be read: {error.strerror}") from error
+    return parse_description(data, path.name)
