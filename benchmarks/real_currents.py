@@ -13,7 +13,8 @@ from armload_identification.calibration.drive_gains import calibrate_gains
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.pipeline.payload_identification import Identification, identify
-from armload_identification.recording.recording import Recording, read_recording
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.validation import judge
 from benchmarks.statistics import Census

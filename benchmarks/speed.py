@@ -16,7 +16,7 @@ from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.phase import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.excitation.excitation_file import format_excitation
-from armload_identification.recording.recording import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
+from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 from benchmarks.recordings import record
 from benchmarks.setups import Motion, Twin, paper_motion, setup_of
 from benchmarks.steady_state import Streaming

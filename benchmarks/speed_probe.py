@@ -16,7 +16,7 @@ from pathlib import Path  # noqa: E402
 
 from armload_controller.config.robot import load_robot  # noqa: E402
 from armload_identification.pipeline.payload_identification import identify  # noqa: E402
-from armload_identification.recording.recording import read_recording  # noqa: E402
+from armload_identification.recording.file_reading import read_recording  # noqa: E402
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_identification.files.payload_file import format_payload
 from armload_identification.pipeline.payload_identification import identify, payload_result
-from armload_identification.recording.recording import read_recording
+from armload_identification.recording.file_reading import read_recording
 
 WEIGHED_KG = 2.805
 

@@ -9,7 +9,7 @@ from armload_controller.config.robot import load_robot
 from armload_identification.calibration.drive_gains import calibrate_gains
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.pipeline.payload_identification import identify
-from armload_identification.recording.recording import read_recording
+from armload_identification.recording.file_reading import read_recording
 
 WEIGHED_KG = 2.805
 PAIRS = {"a": "", "b": "_b"}

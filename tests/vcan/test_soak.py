@@ -21,7 +21,7 @@ from armload_controller.motion.phase import Segment
 from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.servos import JointCommand
-from armload_identification.recording.recording import read_recording
+from armload_identification.recording.file_reading import read_recording
 
 CYCLE_HZ = 50
 SECONDS = float(os.environ.get("ARMLOAD_SOAK_S", "600"))

@@ -30,7 +30,7 @@ from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.workspace import Workspace
 from armload_identification.identification_errors import IdentificationError, ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.recording.recording import CsvColumns
+from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.storage.strict_toml import parse, read_text, validated
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import CommissioningError
-from armload_identification.recording.recording import Recording, read_recording
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.recording import Recording
 
 
 def read_of(robot: Robot, path: Path) -> Recording:

@@ -21,7 +21,7 @@ from armload_controller.control_errors import CommissioningError, RecordingFaile
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.phase import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_identification.recording.recording import MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
+from armload_identification.recording.run_format import MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 
 FLUSH_S = 0.2
 """Recorded time between two flushes; a quarter of a second is promised."""

@@ -24,13 +24,9 @@ from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory, run_session
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.recording.recording import (
-    CONFIGURATION_ATTACHMENT,
-    EXCITATION_ATTACHMENT,
-    RUN_ATTACHMENT,
-    Recording,
-    read_recording,
-)
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.recording import Recording
+from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 
 ROLES = ("identification", "validation")
 """Excitations of a commissioning: the payload is identified from the first, the second judges the result."""

@@ -1,4 +1,4 @@
-"""Foreign CSV logs as one table of numbers, with every row that is left out accounted for.
+"""CSV logs of other programs, with every row that is left out accounted for.
 
 Rows that cannot be read are dropped and counted by reason: too few or too many columns (a cut last row has
 its own reason), or text where a number should be. Nothing is guessed or filled in.
@@ -6,78 +6,139 @@ its own reason), or text where a number should be. Nothing is guessed or filled 
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.row_block import RowBlock
+
+_CHUNK_BYTES: Final = 2**20
+_BLOCK_LINES: Final = 2**14
 
 
-@dataclass(frozen=True)
-class CsvContent:
-    """What a CSV file holds.
-
-    Attributes:
-        values: Per quantity (rows, width), all of one length.
-        rows_read: Data rows in the file, good or bad.
-        reasons: Rows left out, counted by reason.
-    """
-
-    values: dict[str, FloatArray]
-    rows_read: int
-    reasons: Mapping[str, int] = field(default_factory=dict)
-
-
-def read_columns(path: Path, columns: Mapping[str, Sequence[int | str]]) -> CsvContent:
-    """Read the wanted columns of a comma separated file.
+class CsvReader:
+    """Reads a comma separated file, with or without a header line.
 
     Args:
         path: The file.
-        columns: Per quantity its columns: numbers from zero, or names of the header line.
-
-    Returns:
-        The numbers of every readable row, in the order of the file.
-
-    Raises:
-        RecordingError: the file is empty, or a wanted column does not exist.
+        columns: What stands where.
     """
-    text = path.read_text(encoding="utf-8", errors="replace")
-    lines = [line for line in text.splitlines() if line.strip()]
-    if not lines:
-        raise RecordingError(f"{path}: the file is empty. Give a recording with rows of numbers.")
-    header = _header(lines[0])
-    if header is not None:
-        lines = lines[1:]
-    groups = {name: _indices(path, name, wanted, header) for name, wanted in columns.items()}
-    separators = np.array([line.count(",") for line in lines], dtype=np.int64)
-    expected = len(header) if header is not None else int(np.bincount(separators).argmax()) + 1 if lines else 0
-    needed = max(max(indices) for indices in groups.values()) + 1
-    if lines and needed > expected:
-        raise RecordingError(
-            f"{path}: the rows have {expected} columns, but the column map asks for column {needed - 1}. "
-            "Correct the column numbers (they begin at 0) or give the right file."
+
+    kind = "csv"
+    attachments: Mapping[str, str] = {}
+
+    def __init__(self, path: Path, columns: CsvColumns) -> None:
+        self._path, self._columns = path, columns
+
+    def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
+        """See `RecordingReader`.
+
+        Raises:
+            RecordingError: the file is empty, or a wanted column does not exist.
+        """
+        layout: _Layout | None = None
+        for lines, last in self._lines(account):
+            if layout is None:
+                header = _header(lines[0])
+                body = lines if header is None else lines[1:]
+                layout = _Layout(self._path, self._columns, header, body)
+            else:
+                body = lines
+            account.rows_read += len(body)
+            yield self._block(layout, body, account, last)
+        if layout is None:
+            raise RecordingError(f"{self._path}: the file is empty. Give a recording with rows of numbers.")
+
+    def _lines(self, account: ReadingAccount) -> Iterator[tuple[list[str], bool]]:
+        """Lines that are not blank, many at a time, and whether they are the last."""
+        digest = hashlib.sha256()
+        waiting: list[str] = []
+        rest = b""
+        with self._path.open("rb") as file:
+            while chunk := file.read(_CHUNK_BYTES):
+                digest.update(chunk)
+                *whole, rest = (rest + chunk).split(b"\n")
+                waiting += [text for line in whole if (text := _text(line))]
+                # Some lines always wait, so that it is known which is the last.
+                while len(waiting) > _BLOCK_LINES:
+                    yield waiting[:_BLOCK_LINES], False
+                    waiting = waiting[_BLOCK_LINES:]
+        if text := _text(rest):
+            waiting.append(text)
+        account.sha256 = digest.hexdigest()
+        if waiting:
+            yield waiting, True
+
+    def _block(self, layout: _Layout, lines: list[str], account: ReadingAccount, last: bool) -> RowBlock:
+        """The numbers of the readable lines."""
+        separators = np.array([line.count(",") for line in lines], dtype=np.int64)
+        whole = separators == layout.expected - 1
+        cut = bool(last and lines and separators[-1] < layout.expected - 1)
+        account.leave_out(int(cut), "cut last row")
+        account.leave_out(int(np.count_nonzero(~whole)) - int(cut), "wrong number of columns")
+        table, unreadable = _numbers([line for line, good in zip(lines, whole, strict=True) if good], layout.wanted)
+        account.leave_out(unreadable, "not a number")
+        return layout.block(table)
+
+
+class _Layout:
+    """Where the wanted numbers stand in a row, and how many columns a whole row has."""
+
+    def __init__(self, path: Path, columns: CsvColumns, header: list[str] | None, lines: list[str]) -> None:
+        groups = {name: _indices(path, name, wanted, header) for name, wanted in columns.groups().items()}
+        if header is not None:
+            self.expected = len(header)
+        elif lines:
+            self.expected = int(np.bincount([line.count(",") for line in lines]).argmax()) + 1
+        else:
+            self.expected = 0
+        needed = max(max(indices) for indices in groups.values()) + 1
+        if lines and needed > self.expected:
+            raise RecordingError(
+                f"{path}: the rows have {self.expected} columns, but the column map asks for column {needed - 1}. "
+                "Correct the column numbers (they begin at 0) or give the right file."
+            )
+        self.wanted = [index for indices in groups.values() for index in indices]
+        edges = np.cumsum([0, *(len(indices) for indices in groups.values())])
+        self._places = dict(zip(groups, pairwise(edges), strict=True))
+
+    def block(self, table: FloatArray) -> RowBlock:
+        """The wanted numbers by quantity."""
+        parts = {name: table[:, first:end] for name, (first, end) in self._places.items()}
+        return RowBlock(
+            time_s=parts["time_s"][:, 0],
+            position_rad=parts["position_rad"],
+            velocity_rad_s=parts.get("velocity_rad_s"),
+            current_a=parts.get("current_a"),
+            torque_nm=parts.get("torque_nm"),
+            phase_s=None,
         )
-    reasons: Counter[str] = Counter()
-    whole = separators == expected - 1
-    if lines and not whole[-1] and separators[-1] < expected - 1:
-        reasons["cut last row"] += 1
-    wrong = int(np.count_nonzero(~whole)) - reasons["cut last row"]
-    if wrong:
-        reasons["wrong number of columns"] += wrong
-    wanted = [index for indices in groups.values() for index in indices]
-    table, unreadable = _numbers([line for line, good in zip(lines, whole, strict=True) if good], wanted)
-    if unreadable:
-        reasons["not a number"] += unreadable
-    values = {}
-    position = 0
-    for name, indices in groups.items():
-        values[name] = table[:, position : position + len(indices)]
-        position += len(indices)
-    return CsvContent(values=values, rows_read=len(lines), reasons=dict(reasons))
+
+
+def open_csv(path: Path, start: bytes, columns: CsvColumns | None) -> CsvReader | None:
+    """A reader for a table; any file is one where there is a column map.
+
+    Args:
+        path: The file.
+        start: Its first bytes.
+        columns: What stands where.
+    """
+    del start
+    return None if columns is None else CsvReader(path, columns)
+
+
+def _text(line: bytes) -> str:
+    """A line without its ending; empty where it is blank."""
+    text = line.decode("utf-8", errors="replace").rstrip("\r")
+    return text if text.strip() else ""
 
 
 def _header(first_line: str) -> list[str] | None:

@@ -1,8 +1,15 @@
-"""Which rows of a log can be right: garbage is left out and counted, a wrong unit is refused."""
+"""Which rows of a log can be right: garbage is left out and counted, a wrong unit is refused.
+
+Rows are judged in windows, so that a log of any length passes through. A window overlaps its neighbours: a row is
+judged only when enough rows on both sides of it are known. A short log is one window.
+"""
 
 from __future__ import annotations
 
 import bisect
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -12,64 +19,176 @@ from scipy.ndimage import median_filter
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.row_block import RowBlock, joined
 
+FIRST_WINDOW: Final = 2**17
+"""Rows that units and sampling interval are judged on; what is shorter is judged as a whole."""
+_WINDOW: Final = 2**14
+_OVERLAP: Final = 2**10
+"""Rows at the end of a window that wait for the next: a wild time stamp among them costs itself and no other."""
+_SHORTEST_ROWS: Final = 20
 _ABSURD: Final = {"position_rad": 1e3, "velocity_rad_s": 1e3, "current_a": 1e4, "torque_nm": 1e6}
 """Magnitudes that no joint of an arm has, in any unit somebody may have used."""
 _FASTEST_RAD_S: Final = 50.0
 _JUMP_WINDOW: Final = 11
 _LARGEST_ANGLE_RAD: Final = 6.0 * np.pi
 """Joints that turn further are logged modulo their turn; above this it is degrees."""
+_REASONS: Final = ("not finite", "impossible value", "time out of range", "time not increasing", "position jumps")
+_KEPT: Final = len(_REASONS)
 
 
-def plausible_rows(quantities: dict[str, FloatArray], reasons: dict[str, int]) -> NDArray[np.intp]:
-    """Find the rows that can be right.
+class GarbageFilter:
+    """Passes on the rows that can be right, and counts the others by reason.
 
-    Left out are rows that are not finite, hold impossible magnitudes, have a time stamp far from all others
-    or one that does not increase, and rows whose position jumps away from its neighbours and back.
+    Left out are rows that are not finite, hold impossible magnitudes, have a time stamp far from all others or one
+    that does not increase, and rows whose position jumps away from its neighbours and back.
 
     Args:
-        quantities: "time_s" (N, 1) and per quantity (N, n).
-        reasons: The count of rows left out is added here, by reason.
-
-    Returns:
-        Indices of the rows to keep, in order.
+        path: What messages call the recording.
     """
-    time_s = quantities["time_s"][:, 0]
-    kept = np.arange(time_s.size)
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._waiting: list[RowBlock] = []
+        self._before: RowBlock | None = None
+        self._interval_s: float | None = None
+        self._absent: tuple[str, ...] | None = None
+        self.reasons: Counter[str] = Counter()
+
+    def add(self, block: RowBlock) -> Iterator[RowBlock]:
+        """Go on with more rows of the log.
+
+        Args:
+            block: The next rows, good or bad.
+
+        Yields:
+            Usable rows, some time after they were given.
+
+        Raises:
+            RecordingError: neither torque nor current, or a wrong unit.
+        """
+        self._waiting.append(block)
+        wanted = FIRST_WINDOW if self._absent is None else _WINDOW
+        if sum(part.size for part in self._waiting) > wanted + _OVERLAP:
+            yield self._judged(_OVERLAP)
+
+    def finish(self) -> Iterator[RowBlock]:
+        """The rows that still waited for more.
+
+        Yields:
+            Usable rows.
+
+        Raises:
+            RecordingError: as `add`.
+        """
+        if self._waiting:
+            yield self._judged(0)
+
+    def require_enough(self, kept: int, rows_read: int, others: Mapping[str, int]) -> None:
+        """Refuse a log of which too little is left.
+
+        Args:
+            kept: Usable rows.
+            rows_read: Rows of the log, good or bad.
+            others: Rows that were left out before they got here, by reason.
+
+        Raises:
+            RecordingError: naming what was left out and why.
+        """
+        if kept >= _SHORTEST_ROWS:
+            return
+        reasons = {**others, **self.reasons}
+        listed = ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "no row dropped"
+        raise RecordingError(
+            f"{self._path}: {kept} usable rows of {rows_read} ({listed}), expected {_SHORTEST_ROWS} or more. "
+            "Check that the file is complete and that the columns are the right ones."
+        )
+
+    def _judged(self, left: int) -> RowBlock:
+        """The usable ones of all rows that wait, but for some that are left to wait."""
+        rows = joined(self._waiting)
+        first = self._absent is None
+        if first:
+            self._learn(rows)
+        rows = self._without_absent(rows)
+        window = rows if self._before is None else joined([self._before, rows])
+        known = window.size - rows.size
+        verdict, self._interval_s = _verdict(window, self._interval_s)
+        settled = rows.size - left
+        verdict = verdict[known : known + settled]
+        if self._before is not None:
+            late = rows.time_s[:settled] <= self._before.time_s[-1]
+            verdict[late & (verdict == _KEPT)] = _REASONS.index("time not increasing")
+        for code, reason in enumerate(_REASONS):
+            if count := int(np.count_nonzero(verdict == code)):
+                self.reasons[reason] += count
+        kept = rows.rows(np.flatnonzero(verdict == _KEPT))
+        self._waiting = [rows.rows(slice(settled, None))] if left else []
+        recent = kept if self._before is None else joined([self._before, kept])
+        if recent.size:
+            self._before = recent.rows(slice(max(recent.size - _JUMP_WINDOW, 0), None))
+        if first and kept.velocity_rad_s is not None and kept.size > 1:
+            refuse_mixed_units(self._path, kept.time_s, kept.position_rad, kept.velocity_rad_s)
+        return kept
+
+    def _learn(self, rows: RowBlock) -> None:
+        """Which quantities there are, and whether the positions are in radians."""
+        names = ("velocity_rad_s", "current_a", "torque_nm")
+        self._absent = tuple(name for name in names if getattr(rows, name) is None)
+        if {"current_a", "torque_nm"} <= set(self._absent):
+            raise RecordingError(
+                f"{self._path}: the recording has neither motor current nor joint torque. "
+                "Nothing can be identified without one of them; record 6078 or 6077, or correct the column map."
+            )
+        refuse_degrees(self._path, rows.position_rad)
+
+    def _without_absent(self, rows: RowBlock) -> RowBlock:
+        """The rows with the quantities that the log began with."""
+        absent = self._absent or ()
+        return replace(
+            rows,
+            velocity_rad_s=None if "velocity_rad_s" in absent else rows.velocity_rad_s,
+            current_a=None if "current_a" in absent else rows.current_a,
+            torque_nm=None if "torque_nm" in absent else rows.torque_nm,
+        )
+
+
+def _verdict(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp], float]:
+    """(N,) index of the reason to leave each row out, `_KEPT` where there is none, and the sampling interval."""
+    verdict = np.full(rows.size, _KEPT)
+    kept = np.arange(rows.size)
 
     def drop(bad: NDArray[np.bool_], reason: str) -> None:
         nonlocal kept
         if bad.any():
-            reasons[reason] = int(bad.sum())
+            verdict[kept[bad]] = _REASONS.index(reason)
             kept = kept[~bad]
 
-    finite = np.ones(time_s.size, dtype=bool)
-    for values in quantities.values():
+    measured = {name: values for name in _ABSURD if (values := getattr(rows, name)) is not None}
+    finite = np.isfinite(rows.time_s)
+    for values in measured.values():
         finite &= np.isfinite(values).all(axis=1)
     drop(~finite, "not finite")
     absurd = np.zeros(kept.size, dtype=bool)
-    for name, bound in _ABSURD.items():
-        if name in quantities:
-            absurd |= (np.abs(quantities[name][kept]) > bound).any(axis=1)
+    for name, values in measured.items():
+        absurd |= (np.abs(values[kept]) > _ABSURD[name]).any(axis=1)
     drop(absurd, "impossible value")
     if not kept.size:
-        return kept
-    interval_s = float(np.median(np.abs(np.diff(time_s[kept])))) if kept.size > 1 else 0.0
+        return verdict, 0.0 if interval_s is None else interval_s
+    time_s = rows.time_s
+    if interval_s is None:
+        interval_s = float(np.median(np.abs(np.diff(time_s[kept])))) if kept.size > 1 else 0.0
     span_s = 60.0 + 3.0 * interval_s * kept.size
     drop(np.abs(time_s[kept] - np.median(time_s[kept])) > span_s, "time out of range")
-    increasing = _longest_increasing(time_s[kept])
-    dropped = np.setdiff1d(np.arange(kept.size), increasing)
-    repeated = np.zeros(kept.size, dtype=bool)
-    repeated[dropped] = np.isin(time_s[kept][dropped], time_s[kept][increasing])
-    backwards = np.zeros(kept.size, dtype=bool)
-    backwards[dropped] = ~repeated[dropped]
-    drop(repeated | backwards, "time not increasing")
+    backwards = np.ones(kept.size, dtype=bool)
+    backwards[_longest_increasing(time_s[kept])] = False
+    drop(backwards, "time not increasing")
     if kept.size >= _JUMP_WINDOW:
-        position = quantities["position_rad"][kept]
+        position = rows.position_rad[kept]
         usual = median_filter(position, size=(_JUMP_WINDOW, 1), mode="nearest")
         reach_rad = _FASTEST_RAD_S * max(interval_s, 1e-3) * (_JUMP_WINDOW // 2)
         drop((np.abs(position - usual) > reach_rad).any(axis=1), "position jumps")
-    return kept
+    return verdict, interval_s
 
 
 def _longest_increasing(values: FloatArray) -> NDArray[np.intp]:
@@ -128,12 +247,12 @@ def refuse_mixed_units(path: Path, time_s: FloatArray, position: FloatArray, vel
     """
     step_s = np.diff(time_s)
     moved = np.abs(np.diff(position, axis=0)).sum()
-    told = np.abs(0.5 * (velocity[1:] + velocity[:-1]) * step_s[:, None]).sum()
-    ratio = moved / told if told > 0.0 else 1.0
+    reported = np.abs(0.5 * (velocity[1:] + velocity[:-1]) * step_s[:, None]).sum()
+    ratio = moved / reported if reported > 0.0 else 1.0
     degree = np.pi / 180.0
     if 0.8 < ratio * degree < 1.25 or 0.8 < ratio / degree < 1.25:
         wrong = "positions" if ratio > 1.0 else "velocities"
         raise RecordingError(
-            f"{path}: the positions change {ratio:.3g} times as fast as the velocities say. "
+            f"{path}: the positions change {ratio:.3g} times as fast as the velocities. "
             f"The {wrong} look like degrees: convert them to radians."
         )

@@ -1,147 +1,301 @@
-"""The numbers of one MCAP topic.
+"""The recordings that armload makes: one topic of an MCAP file, in blocks.
 
-A file whose writer was killed ends in the middle of a record: everything before that record is whole and is
-read. Messages are turned into arrays a batch at a time, so that half a million of them stay small.
+A file whose writer was killed ends in the middle of a record: everything before that record is whole and is read.
+The library's record classes are used where there are few records; messages, of which there are millions, are cut out
+of their chunk here.
 """
 
 from __future__ import annotations
 
+import hashlib
+import os
 import struct
-from collections.abc import Sequence
-from dataclasses import dataclass
+import zlib
+from collections.abc import Callable, Iterator, Mapping
 from io import BytesIO
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 import orjson
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Footer, Message
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, DataEnd
+from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
+from zstandard import ZstdError
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.row_block import RowBlock
+from armload_identification.recording.run_format import TOPIC
 
 MAGIC: Final = b"\x89MCAP0\r\n"
-_BATCH: Final = 4096
+_BLOCK_ROWS: Final = 2**13
+_COPY_BYTES: Final = 2**20
+_RECORD: Final = struct.Struct("<BQ")
+"""In front of every record: its kind and length."""
+_CHANNEL_ID: Final = struct.Struct("<H")
+_MESSAGE_HEADER: Final = 22
+"""In front of a message's data: channel, sequence number and two times."""
+_CHECKSUM_BYTES: Final = 4
+_SCALARS: Final = ("time_s", "phase_s")
+_OPTIONAL: Final = ("velocity_rad_s", "current_a", "torque_nm")
+_UNUSABLE: Final = (KeyError, TypeError, ValueError)
+"""What a message raises that is not as the schema has it."""
 
 
-@dataclass(frozen=True)
-class McapContent:
-    """What one topic of a file holds.
-
-    Attributes:
-        values: Per key (N,) for scalars or (N, width) for arrays; NaN where a message does not carry it.
-        attachments: Text of each attachment by name; of several with one name the last counts.
-        messages_malformed: Messages that were not the JSON asked for; they have no row.
-        truncated: The file ends in the middle of a record or without its footer.
-    """
-
-    values: dict[str, FloatArray]
-    attachments: dict[str, str]
-    messages_malformed: int
-    truncated: bool
-
-
-def read_topic(path: Path, data: bytes, topic: str, scalars: Sequence[str], arrays: Sequence[str]) -> McapContent:
-    """Read the numbers of one JSON topic.
+class McapReader:
+    """Reads the topic `run_format.TOPIC`.
 
     Args:
-        path: The MCAP file, for messages.
-        data: Its content.
-        topic: Name of the channel.
-        scalars: Keys that hold one number or null.
-        arrays: Keys that hold lists of numbers or booleans, all as long as the first is in the first message.
-
-    Returns:
-        One row per well-formed message, in the order of the file.
+        path: The MCAP file; it may be cut short.
 
     Raises:
-        RecordingError: the file is no MCAP file, is damaged, or has no message on this topic.
+        RecordingError: an attachment is damaged.
     """
-    if not data.startswith(MAGIC):
-        raise RecordingError(
-            f"{path}: not an MCAP file, it does not begin with the format's magic bytes. "
-            "Give a recording made by armload, or a CSV file with a column map."
-        )
-    channels: set[int] = set()
-    attachments: dict[str, str] = {}
-    table = _Table(path, topic, scalars, arrays)
-    complete = False
-    try:
-        for record in StreamReader(BytesIO(data), validate_crcs=True).records:
-            if isinstance(record, Message):
-                if record.channel_id in channels:
-                    table.add(record.data)
-            elif isinstance(record, Channel) and record.topic == topic:
-                channels.add(record.id)
-            elif isinstance(record, Attachment):
-                attachments[record.name] = record.data.decode("utf-8", errors="replace")
-            complete = isinstance(record, Footer)
-    except CRCValidationError as error:
-        raise RecordingError(f"{path}: damaged, {error}. Copy the file again from where it was recorded.") from error
-    except (McapError, EOFError, struct.error):
-        # The library unpacks whatever is left, so a cut inside a number shows as struct's own error.
-        complete = False
-    return McapContent(table.values(), attachments, table.malformed, truncated=not complete)
+
+    kind = "mcap"
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.attachments: Mapping[str, str] = dict(self._attached())
+
+    def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
+        """See `RecordingReader`; a message that is not as `run_format.MESSAGE_SCHEMA` is counted as malformed.
+
+        Raises:
+            RecordingError: the file is damaged, or has no message on the topic.
+        """
+        table = _Table(account)
+        for messages in self._messages(account):
+            table.add(messages)
+            if table.waiting >= _BLOCK_ROWS:
+                yield from table.take()
+        yield from table.take()
+        if not table.width:
+            raise RecordingError(
+                f"{self._path}: no usable message on {TOPIC}, so nothing was recorded. "
+                "Record the run again; the drives have to reach operation first."
+            )
+
+    def _messages(self, account: ReadingAccount) -> Iterator[list[bytes]]:
+        """The topic's messages, a chunk at a time."""
+        channels: set[int] = set()
+        account.truncated = True
+        with self._path.open("rb") as file:
+            start = file.read(len(MAGIC))
+            digest, checksum = hashlib.sha256(start), zlib.crc32(start)
+            for opcode, record in _records(file):
+                if opcode == Opcode.CHUNK:
+                    yield _cut_out(self._unpacked(record), channels)
+                elif opcode in {Opcode.CHANNEL, Opcode.MESSAGE}:
+                    yield _cut_out(record, channels)
+                elif opcode == Opcode.DATA_END:
+                    expected = DataEnd.read(_content(record)).data_section_crc
+                    if expected not in {0, checksum}:
+                        raise self._damaged("the check sum of its data section is wrong")
+                elif opcode == Opcode.FOOTER:
+                    account.truncated = False
+                digest.update(record)
+                checksum = zlib.crc32(record, checksum)
+            # Whatever stands behind the last whole record belongs to the file all the same.
+            while rest := file.read(_COPY_BYTES):
+                digest.update(rest)
+        account.sha256 = digest.hexdigest()
+
+    def _attached(self) -> Iterator[tuple[str, str]]:
+        """Name and text of each attachment; of several with one name the last counts."""
+        with self._path.open("rb") as file:
+            file.read(len(MAGIC))
+            for _, record in _records(file, only=Opcode.ATTACHMENT):
+                try:
+                    attachment = Attachment.read(_content(record))
+                except (McapError, ValueError, struct.error) as error:
+                    raise self._damaged(f"an attachment cannot be read: {error}") from error
+                checksum = int.from_bytes(record[-_CHECKSUM_BYTES:], "little")
+                if checksum not in {0, zlib.crc32(record[_RECORD.size : -_CHECKSUM_BYTES])}:
+                    raise self._damaged(f"the check sum of the attachment {attachment.name} is wrong")
+                yield attachment.name, attachment.data.decode("utf-8", errors="replace")
+
+    def _unpacked(self, record: bytes) -> bytes:
+        """The records of a chunk."""
+        try:
+            stream, length = get_chunk_data_stream(Chunk.read(_content(record)), validate_crc=True)
+            unpacked: bytes = stream.read(length)
+        except CRCValidationError as error:
+            raise self._damaged(str(error)) from error
+        except (McapError, ZstdError, RuntimeError, ValueError, struct.error) as error:
+            raise self._damaged(f"a chunk cannot be unpacked: {error}") from error
+        return unpacked
+
+    def _damaged(self, how: str) -> RecordingError:
+        return RecordingError(f"{self._path}: damaged, {how}. Copy the file again from where it was recorded.")
 
 
 class _Table:
-    """Rows of numbers, collected from messages."""
+    """Numbers of messages, row by row: time, phase, and the arrays that the messages hold side by side.
 
-    def __init__(self, path: Path, topic: str, scalars: Sequence[str], arrays: Sequence[str]) -> None:
-        self._path, self._topic = path, topic
-        self._scalars, self._arrays = scalars, arrays
-        self._width = 0
-        self._rows: list[list[float]] = []
-        self._done: list[FloatArray] = []
-        self.malformed = 0
+    Which arrays these are is seen from the first and the last message of every chunk; where another message of the
+    chunk lacks one, its row holds NaN.
+    """
 
-    def add(self, message: bytes) -> None:
-        """One message; counted as malformed where it is not as asked for."""
-        try:
-            content = orjson.loads(message)
-            if not self._width:
-                self._width = len(content[self._arrays[0]])
-            self._rows.append(self._row(content))
-        except (ValueError, KeyError, TypeError):
-            self.malformed += 1
-        if len(self._rows) == _BATCH:
-            self._flush()
+    def __init__(self, account: ReadingAccount) -> None:
+        self._account = account
+        self._parts: list[tuple[tuple[str, ...], FloatArray]] = []
+        self.width = 0
+        self.waiting = 0
 
-    def values(self) -> dict[str, FloatArray]:
-        """Everything collected, by key.
-
-        Raises:
-            RecordingError: nothing was.
-        """
-        self._flush()
-        if not self._done:
-            raise RecordingError(
-                f"{self._path}: no usable message on {self._topic}, so nothing was recorded. "
-                "Record the run again; the drives have to reach operation first."
-            )
-        table = np.concatenate(self._done)
-        values = {key: table[:, i] for i, key in enumerate(self._scalars)}
-        for i, key in enumerate(self._arrays):
-            first = len(self._scalars) + i * self._width
-            values[key] = table[:, first : first + self._width]
-        return values
-
-    def _row(self, content: dict[str, Any]) -> list[float]:
-        """The wanted numbers of one message side by side."""
-        row: list[float] = [content[key] for key in self._scalars]
-        for key in self._arrays:
-            numbers = content.get(key)
-            if numbers is None:
-                row += [np.nan] * self._width
-            elif len(numbers) == self._width:
-                row += numbers
+    def add(self, messages: list[bytes]) -> None:
+        """The messages of one chunk."""
+        self._account.rows_read += len(messages)
+        names = self._names_of(messages)
+        if not names:
+            self._account.leave_out(len(messages), "malformed message")
+            return
+        get: Callable[[Any], tuple[Any, ...]] = itemgetter("missing", *_SCALARS, *names)
+        length = len(_SCALARS) + self.width * len(names)
+        rows = []
+        for message in messages:
+            try:
+                content = orjson.loads(message)
+                missing, time_s, phase_s, *arrays = get(content)
+                row = [time_s, phase_s]
+                for array in arrays:
+                    row += array
+                if len(row) != length or len(missing) != self.width:
+                    row, missing = self._unusual(content, names)
+            except _UNUSABLE:
+                try:
+                    row, missing = self._unusual(orjson.loads(message), names)
+                except _UNUSABLE:
+                    self._account.leave_out(1, "malformed message")
+                    continue
+            if True in missing:
+                self._account.leave_out(1, "feedback missing")
             else:
-                raise ValueError(key)
-        return row
+                rows.append(row)
+        if rows:
+            self._parts.append((names, self._numbers(rows)))
+            self.waiting += len(rows)
 
-    def _flush(self) -> None:
-        if self._rows:
-            self._done.append(np.array(self._rows, dtype=np.float64))
-            self._rows = []
+    def take(self) -> Iterator[RowBlock]:
+        """Everything collected since the last time, as blocks of one layout each."""
+        parts, self._parts, self.waiting = self._parts, [], 0
+        while parts:
+            names = parts[0][0]
+            same = next((i for i, (other, _) in enumerate(parts) if other != names), len(parts))
+            table = np.concatenate([part for _, part in parts[:same]])
+            parts = parts[same:]
+            first = len(_SCALARS)
+            arrays = {
+                name: table[:, first + i * self.width : first + (i + 1) * self.width] for i, name in enumerate(names)
+            }
+            yield RowBlock(
+                time_s=table[:, 0],
+                position_rad=arrays["position_rad"],
+                velocity_rad_s=arrays.get("velocity_rad_s"),
+                current_a=arrays.get("current_a"),
+                torque_nm=arrays.get("torque_nm"),
+                phase_s=table[:, 1],
+            )
+
+    def _names_of(self, messages: list[bytes]) -> tuple[str, ...]:
+        """The arrays of a chunk's messages; nothing where none of them can be used."""
+        names: set[str] = set()
+        for order in (messages, messages[::-1]):
+            for message in order:
+                try:
+                    content = orjson.loads(message)
+                    self.width = self.width or len(content["position_rad"])
+                    names.update(name for name in _OPTIONAL if content.get(name) is not None)
+                except (*_UNUSABLE, AttributeError):
+                    continue
+                break
+            else:
+                return ()
+        return ("position_rad", *(name for name in _OPTIONAL if name in names))
+
+    def _unusual(self, content: dict[str, Any], names: tuple[str, ...]) -> tuple[list[float], list[bool]]:
+        """Row and missing feedback of a message that lacks an array or has one of another length."""
+        row = [content[key] for key in _SCALARS]
+        for name in names:
+            numbers = content.get(name)
+            if numbers is None:
+                numbers = [np.nan] * self.width
+            elif len(numbers) != self.width:
+                raise ValueError(name)
+            row += numbers
+        missing = content.get("missing") or [False] * self.width
+        if len(missing) != self.width:
+            raise ValueError("missing")
+        return row, missing
+
+    def _numbers(self, rows: list[list[float]]) -> FloatArray:
+        """(N, k) numbers of those rows that hold nothing else; null is NaN."""
+        try:
+            return np.array(rows, dtype=np.float64)
+        except (TypeError, ValueError):
+            pass
+        good = []
+        for row in rows:
+            try:
+                good.append(np.array(row, dtype=np.float64))
+            except (TypeError, ValueError):
+                self._account.leave_out(1, "malformed message")
+        return np.array(good, dtype=np.float64).reshape(-1, len(rows[0]))
+
+
+def open_mcap(path: Path, start: bytes, columns: CsvColumns | None) -> McapReader | None:
+    """A reader for a file that begins with the format's magic bytes.
+
+    Args:
+        path: The file.
+        start: Its first bytes.
+        columns: Not used.
+    """
+    del columns
+    return McapReader(path) if start.startswith(MAGIC) else None
+
+
+def _records(file: BinaryIO, only: int | None = None) -> Iterator[tuple[int, bytes]]:
+    """Kind and bytes of every whole record to the footer; the others are skipped where only one kind is wanted."""
+    size = os.fstat(file.fileno()).st_size
+    while len(header := file.read(_RECORD.size)) == _RECORD.size:
+        opcode, length = _RECORD.unpack(header)
+        if length > size - file.tell():
+            file.seek(-_RECORD.size, os.SEEK_CUR)
+            return
+        if only is None or opcode == only:
+            yield opcode, header + file.read(length)
+        else:
+            file.seek(length, os.SEEK_CUR)
+        if opcode == Opcode.FOOTER:
+            return
+
+
+def _cut_out(records: bytes, channels: set[int]) -> list[bytes]:
+    """The data of the topic's messages; channels of the topic are noted on the way."""
+    messages = []
+    at, end = 0, len(records)
+    unpack, channel_of = _RECORD.unpack_from, _CHANNEL_ID.unpack_from
+    while at + _RECORD.size <= end:
+        opcode, length = unpack(records, at)
+        start = at + _RECORD.size
+        at = start + length
+        if opcode == Opcode.MESSAGE:
+            if channel_of(records, start)[0] in channels:
+                messages.append(records[start + _MESSAGE_HEADER : at])
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(ReadDataStream(BytesIO(records[start:at])))
+            if channel.topic == TOPIC:
+                channels.add(channel.id)
+    return messages
+
+
+def _content(record: bytes) -> ReadDataStream:
+    """A record without its header, as the library's classes read it."""
+    return ReadDataStream(BytesIO(record[_RECORD.size :]))

@@ -8,7 +8,8 @@ from typing import Final
 from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.model.payload import Provenance
 from armload_identification.pipeline.payload_identification import Identification
-from armload_identification.recording.recording import EXCITATION_ATTACHMENT, RecordingSource
+from armload_identification.recording.recording import RecordingSource
+from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 from armload_identification.report.numerals import NO_BREAK, numeral
 from armload_identification.signals.load_signal import LoadSignal
 

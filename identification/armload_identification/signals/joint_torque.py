@@ -99,6 +99,17 @@ class Transmission:
         """
         return np.asarray(current_a @ self._from_current)
 
+    def torque_covariance(self, current_covariance: FloatArray) -> FloatArray:
+        """Covariance of joint torques from that of motor currents.
+
+        Args:
+            current_covariance: (n, n) in A2.
+
+        Returns:
+            (n, n) in N2 m2.
+        """
+        return np.asarray(self._from_current.T @ current_covariance @ self._from_current)
+
     def measured(self, torque_nm: FloatArray | None, current_a: FloatArray | None) -> FloatArray | None:
         """Joint torque that was measured: as the drives report it, else from their currents.
 

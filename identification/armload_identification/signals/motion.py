@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.joint_states import JointStates
-from armload_identification.recording.recording import Recording
+from armload_identification.recording.phases import phases_per_period, whole_periods
+from armload_identification.recording.recording import PeriodAverage, Recording
 from armload_identification.signals.alignment import MeasuredMotion, fit_motion
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque
-from armload_identification.signals.periods import fold, phases_per_period, whole_periods
+from armload_identification.signals.periods import fold
 
 SCATTER: Final = "scatter between periods"
 ABOVE_BAND: Final = "the signal above the motion's band"
@@ -143,10 +144,13 @@ def average_period(run: Recording, transmission: Transmission, phases: int) -> M
     """
     torque = joint_torque(run, transmission)
     folded = fold(run, torque, phases)
+    periods, scatter = folded.periods, folded.scatter_nm
+    if run.average is not None:
+        periods, scatter = run.average.periods, _scatter_of(run, run.average, transmission)
     time_s = np.arange(phases) / phases * folded.period_s
     state = folded.motion.evaluate(time_s)
     smoothed = smooth(folded.torque_nm)
-    noise = white_noise(torque) if folded.scatter_nm is None else folded.scatter_nm
+    noise = white_noise(torque) if scatter is None else scatter
     return Motion(
         time_s=time_s,
         periodic=True,
@@ -155,10 +159,10 @@ def average_period(run: Recording, transmission: Transmission, phases: int) -> M
         torque_nm=smoothed,
         valid=folded.valid,
         noise_nm=noise,
-        averaged_noise_nm=noise / np.sqrt(folded.periods),
-        noise_source=ABOVE_BAND if folded.scatter_nm is None else SCATTER,
+        averaged_noise_nm=noise / np.sqrt(periods),
+        noise_source=ABOVE_BAND if scatter is None else SCATTER,
         smoothing_loss=smoothing_loss(folded.torque_nm, smoothed),
-        periods=folded.periods,
+        periods=periods,
         position_fit_rad=folded.position_fit_rad,
     )
 
@@ -274,6 +278,16 @@ def require_motion(run: Recording) -> None:
             f"{run.source.path}: no joint moves more than {_NO_MOTION_RAD} rad, so nothing can be identified. "
             "Record a run along an excitation, and check the position columns."
         )
+
+
+def _scatter_of(run: Recording, average: PeriodAverage, transmission: Transmission) -> FloatArray | None:
+    """(n,) standard deviation of one raw torque sample of a run that was averaged while it was read."""
+    covariance = average.effort_covariance
+    if covariance is None:
+        return None
+    if run.torque_nm is None:
+        covariance = transmission.torque_covariance(covariance)
+    return np.sqrt(np.diag(covariance))
 
 
 def _moving_part(run: Recording) -> Recording:

@@ -1,12 +1,11 @@
 """A periodic run folded onto one period: average, scatter, and the motion as a Fourier series.
 
-The recording tells the phase of every sample. What was asked for is not taken for granted: the duration of a
-period is measured from the time stamps, cycles may be missing, and only whole periods count.
+Where the rows lie in a period is found in `recording.phases`. A recording that was reduced to its average period while
+it was read goes the same way, as one period that stands for many.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,20 +14,15 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.period_average import ON_GRID
+from armload_identification.recording.phases import periodic_phase, require_even, whole
 from armload_identification.recording.recording import Recording
 
-_ABSENT: Final = 1e-6
-"""A harmonic below this share of the greatest is not there."""
-_ON_GRID: Final = 0.05
-"""Samples that lie this close to a common grid, in grid steps, are averaged as they are."""
 _FITTED: Final = 0.25
 """At most this share of the samples is taken up by a fit of the motion."""
 _FILLINGS: Final = 20
 _NOTHING: Final = 1e-18
 """Square of 1 nrad: no encoder tells less."""
-_UNEVEN: Final = 0.02
-"""The phase may be this share of a period off an even advance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,20 +49,6 @@ class PeriodicRun:
     position_fit_rad: FloatArray
 
 
-def whole_periods(recording: Recording) -> int:
-    """Whole periods of the excitation that a recording holds; 0 where it has no excitation."""
-    if recording.phase_s is None or recording.excitation is None:
-        return 0
-    phase = recording.phase_s[np.isfinite(recording.phase_s)]
-    return _whole(phase, recording.excitation.trajectory.period_s) if phase.size > 1 else 0
-
-
-def phases_per_period(recording: Recording) -> int:
-    """Cycles in one period of the motion of a recording that holds whole periods."""
-    phase, trajectory = _phase(recording)
-    return max(_phases(phase, trajectory), 8)
-
-
 def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRun:
     """Average a periodic run over its periods.
 
@@ -86,12 +66,14 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
     References:
         Chen 2016, eqs. (6), (9).
     """
-    phase, trajectory = _phase(recording)
+    phase, trajectory = periodic_phase(recording)
     rows = np.isfinite(recording.phase_s) if recording.phase_s is not None else np.empty(0, dtype=bool)
     rate = _seconds_per_phase(recording, phase, recording.time_s[rows], trajectory.period_s)
     step = trajectory.period_s / phases
     values = np.hstack([torque_nm[rows], recording.position_rad[rows]])
-    table = _on_grid(phase / step, values, _whole(phase, trajectory.period_s), phases)
+    average = recording.average
+    held = whole(phase, trajectory.period_s) if average is None else 1
+    table = _on_grid(phase / step, values, held, phases)
     count = np.isfinite(table[:, :, 0]).sum(axis=0)
     valid = count > 0
     mean = np.asarray(np.nansum(table, axis=0) / np.maximum(count, 1)[:, None], dtype=np.float64)
@@ -108,53 +90,12 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
     )
 
 
-def _phase(recording: Recording) -> tuple[FloatArray, FourierTrajectory]:
-    """Phases inside the whole periods, and the trajectory they belong to.
-
-    A series that holds every g-th harmonic only repeats itself g times in what was called its period. Its own
-    period is the shortest: whatever errs alike in each repetition is then in every line of the spectrum of the
-    average, and not in every g-th alone, between lines that hold noise.
-    """
-    if recording.phase_s is None or recording.excitation is None or whole_periods(recording) == 0:
-        raise RecordingError(
-            f"{recording.source.path}: no whole period of a known excitation. Record at least one period."
-        )
-    phase, trajectory = recording.phase_s[np.isfinite(recording.phase_s)], recording.excitation.trajectory
-    size = np.hypot(trajectory.sin_rad, trajectory.cos_rad).max(axis=0)
-    present = np.flatnonzero(size > _ABSENT * size.max()) + 1
-    every = math.gcd(_phases(phase, trajectory), *(int(harmonic) for harmonic in present))
-    if every == 1 or size.max() == 0.0:
-        return phase, trajectory
-    shortest = FourierTrajectory(
-        trajectory.base_frequency_hz * every,
-        trajectory.offset_rad,
-        trajectory.sin_rad[:, every - 1 :: every],
-        trajectory.cos_rad[:, every - 1 :: every],
-    )
-    return phase, shortest
-
-
-def _phases(phase: FloatArray, trajectory: FourierTrajectory) -> int:
-    """Cycles in one period."""
-    return round(trajectory.period_s / float(np.median(np.diff(phase))))
-
-
-def _whole(phase: FloatArray, period_s: float) -> int:
-    """Whole periods that phases, at least two, span."""
-    step_s = float(np.median(np.diff(phase)))
-    return int((phase[-1] - phase[0] + step_s) / period_s + 1e-6)
-
-
 def _seconds_per_phase(recording: Recording, phase: FloatArray, time_s: FloatArray, period_s: float) -> float:
     """Measured seconds per second of phase, by least squares over the run."""
     centred = phase - phase.mean()
     rate = float(centred @ (time_s - time_s.mean()) / (centred @ centred))
     uneven_s = float(np.abs(time_s - time_s.mean() - rate * centred).max())
-    if rate <= 0.0 or uneven_s > _UNEVEN * period_s:
-        raise RecordingError(
-            f"{recording.source.path}: the phase is up to {uneven_s:.3g} s off an even advance, allowed is "
-            f"{_UNEVEN * period_s:.3g} s. The run was paused or changed its speed within the periods: record it again."
-        )
+    require_even(recording.source.path, uneven_s, rate, period_s)
     return rate
 
 
@@ -165,7 +106,7 @@ def _on_grid(place: FloatArray, values: FloatArray, periods: int, phases: int) -
     length = periods * phases
     table = np.full((length, values.shape[1]), np.nan)
     offset = place - nearest
-    if np.abs(offset - np.median(offset)).max() < _ON_GRID:
+    if np.abs(offset - np.median(offset)).max() < ON_GRID:
         index = nearest.astype(np.int64) - first
         inside = index < length
         table[index[inside]] = values[inside]

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate, estimate_reweighted
 from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.recording.phases import whole_periods
 from armload_identification.recording.recording import Recording
+from armload_identification.recording.repeated_values import repeated_values
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.signals.periods import whole_periods
 
 _MOVES_RAD: Final = 0.05
 _FEEDS_ENERGY: Final = -0.3
@@ -67,7 +68,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
         RecordingError: naming the joint and the remedy.
     """
     torque = joint_torque(run, transmission)
-    measured = torque if run.current_a is None or run.torque_nm is not None else run.current_a
+    measured = torque if run.effort is None else run.effort
     moves = np.ptp(run.position_rad, axis=0) > _MOVES_RAD
     still = np.flatnonzero(moves & (np.ptp(measured, axis=0) == 0.0))
     if still.size:
@@ -93,24 +94,14 @@ def check_run(run: Recording, transmission: Transmission) -> None:
 
 def _refuse_saturation(run: Recording, measured: FloatArray, moves: NDArray[np.bool_]) -> None:
     """Refuse a run in which a joint that moves stays at its greatest value, and nowhere else so long."""
-    for joint in np.flatnonzero(moves):
-        values = measured[:, joint]
-        bound = float(np.abs(values).max())
-        at_bound = np.abs(values) >= bound * (1.0 - 1e-9)
-        repeated = np.diff(values, prepend=np.nan) == 0.0
-        stays = _longest(at_bound & repeated)
-        if stays >= _STAYS and stays >= _RATHER_THAN_CHANCE * _longest(repeated & ~at_bound):
-            raise RecordingError(
-                f"{run.source.path}: joint {joint + 1} stays at its greatest value of {bound:.4g} for {stays + 1} "
-                "samples on end: the drive or the measurement is saturated, and the torque beyond is lost. "
-                "Record a slower run, or raise the drive's current limit."
-            )
-
-
-def _longest(flags: NDArray[np.bool_]) -> int:
-    """Length of the longest stretch of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
+    repeats = repeated_values(measured) if run.repeats is None else run.repeats
+    stays = (repeats.at_bound >= _STAYS) & (repeats.at_bound >= _RATHER_THAN_CHANCE * repeats.elsewhere)
+    for joint in np.flatnonzero(moves & stays):
+        raise RecordingError(
+            f"{run.source.path}: joint {joint + 1} stays at its greatest value of {repeats.bound[joint]:.4g} for "
+            f"{repeats.at_bound[joint] + 1:.0f} samples on end: the drive or the measurement is saturated, and the "
+            "torque beyond is lost. Record a slower run, or raise the drive's current limit."
+        )
 
 
 def _closed_part(run: Recording) -> NDArray[np.intp]:

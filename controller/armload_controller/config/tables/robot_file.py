@@ -16,7 +16,7 @@ from armload_controller.config.tables.kinematics_table import KinematicsTable, T
 from armload_controller.config.tables.simulation_table import SimulationTable
 from armload_controller.config.tables.table_types import Positive, Vector3
 from armload_controller.config.tables.workspace_table import WorkspaceTable
-from armload_identification.recording.recording import CsvColumns
+from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.storage.strict_toml import BadValue, Table
 
 

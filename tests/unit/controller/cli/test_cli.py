@@ -18,7 +18,7 @@ from armload_identification.excitation.excitation_file import read_excitation, w
 from armload_identification.excitation.fourier import CRITERIA, Excitation, FourierTrajectory
 from armload_identification.files.payload_file import read_payload, write_payload
 from armload_identification.model.payload import InertialParameters
-from armload_identification.recording.recording import read_recording
+from armload_identification.recording.file_reading import read_recording
 from armload_identification.verdict.validation import validate
 from tests.bounded import await_that
 

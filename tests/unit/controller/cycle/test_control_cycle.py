@@ -25,7 +25,8 @@ from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import Chain
-from armload_identification.recording.recording import EXCITATION_ATTACHMENT, read_recording
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 from armload_identification.signals.joint_torque import Transmission
 
 N = 2

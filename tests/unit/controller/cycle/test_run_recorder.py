@@ -16,7 +16,8 @@ from armload_controller.control_errors import CommissioningError, RecordingFaile
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.setpoints import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
-from armload_identification.recording.recording import MESSAGE_SCHEMA, TOPIC, read_recording
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.run_format import MESSAGE_SCHEMA, TOPIC
 
 N = 3
 CYCLE_S = 0.004

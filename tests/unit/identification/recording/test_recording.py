@@ -11,16 +11,15 @@ from mcap.writer import CompressionType, Writer
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.recording import (
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.recording import check_joints
+from armload_identification.recording.run_format import (
     EXCITATION_ATTACHMENT,
     MESSAGE_SCHEMA,
     RUN_ATTACHMENT,
     SCHEMA_NAME,
     TOPIC,
-    CsvColumns,
-    check_joints,
-    read_csv,
-    read_recording,
 )
 
 pytestmark = pytest.mark.pure
@@ -163,9 +162,9 @@ def test_malformed_messages_are_counted(tmp_path):
 
 
 def test_csv_with_and_without_a_header_line(tmp_path):
-    plain = read_csv(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
+    plain = read_recording(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
     names = CsvColumns("t", ["q1", "q2"], current=["i1", "i2"])
-    headed = read_csv(write_csv(tmp_path / "b.csv", ["t,q1,q2,v1,v2,i1,i2", *csv_rows()]), names)
+    headed = read_recording(write_csv(tmp_path / "b.csv", ["t,q1,q2,v1,v2,i1,i2", *csv_rows()]), names)
     np.testing.assert_array_equal(plain.current_a, headed.current_a)
     np.testing.assert_allclose(plain.position_rad[:, 0], np.sin(0.03 * np.arange(60)), atol=1e-5)
     assert headed.velocity_rad_s is None
@@ -187,7 +186,7 @@ def test_garbage_rows_are_dropped_and_counted_by_reason(tmp_path):
     rows[30] = "899.5" + rows[30][8:]
     rows[40] = rows[40].split(",")[0] + ",30.0,30.0,0.1,0.1,0.1,0.1"
     rows.append("901.0,0.1,0.2")
-    recording = read_csv(write_csv(tmp_path / "a.csv", rows), COLUMNS)
+    recording = read_recording(write_csv(tmp_path / "a.csv", rows), COLUMNS)
     assert recording.source.rows_read == 101
     assert dict(recording.source.reasons) == {
         "impossible value": 1,
@@ -207,7 +206,7 @@ def test_garbage_rows_are_dropped_and_counted_by_reason(tmp_path):
 def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
     rows = csv_rows(100)
     rows[3] = "905.0" + rows[3][8:]
-    recording = read_csv(write_csv(tmp_path / "a.csv", rows), COLUMNS)
+    recording = read_recording(write_csv(tmp_path / "a.csv", rows), COLUMNS)
     assert dict(recording.source.reasons) == {"time not increasing": 1}
 
 
@@ -229,10 +228,10 @@ def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
 def test_what_cannot_be_used_is_refused_with_the_reason(tmp_path, rows, columns, said):
     path = write_csv(tmp_path / "log.csv", rows)
     if said is None:
-        assert len(read_csv(path, columns).time_s) == 60
+        assert len(read_recording(path, columns).time_s) == 60
         return
     with pytest.raises(RecordingError, match=said) as caught:
-        read_csv(path, columns)
+        read_recording(path, columns)
     assert str(path) in str(caught.value)
 
 
@@ -243,7 +242,7 @@ def test_small_angles_in_degrees_betray_themselves_by_the_velocity(tmp_path):
     table[:, 3:5] *= 0.1
     path = write_csv(tmp_path / "log.csv", [",".join(f"{x:.6f}" for x in row) for row in table])
     with pytest.raises(RecordingError, match="positions look like degrees"):
-        read_csv(path, COLUMNS)
+        read_recording(path, COLUMNS)
 
 
 def test_a_damaged_attachment_is_named(tmp_path):
@@ -266,7 +265,7 @@ def test_files_that_are_no_recording(tmp_path):
 
 
 def test_another_arms_recording_is_refused(tmp_path):
-    recording = read_csv(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
+    recording = read_recording(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
     check_joints(recording, 2)
     with pytest.raises(RecordingError, match=r"has 2 joints, the robot has 6"):
         check_joints(recording, 6)

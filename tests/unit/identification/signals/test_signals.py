@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from armload_identification.identification_errors import ModelError, RecordingError
+from armload_identification.recording.phases import phases_per_period, whole_periods
 from armload_identification.signals.alignment import fit_motion, time_shift
 from armload_identification.signals.filters import low_pass, low_pass_cutoff, smooth, smoothing_loss, white_noise
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.motion import ABOVE_BAND, SCATTER
-from armload_identification.signals.periods import fold, phases_per_period, whole_periods
+from armload_identification.signals.periods import fold
 
 pytestmark = pytest.mark.pure
 

@@ -12,7 +12,8 @@ import pytest
 
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.pipeline.payload_identification import identify
-from armload_identification.recording.recording import CsvColumns, read_csv
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.file_reading import read_recording
 
 pytestmark = pytest.mark.pure
 
@@ -37,7 +38,7 @@ def outcome(pinocchio_arm, tmp_path):
         for name, table in (("loaded", loaded), ("unloaded", unloaded)):
             path = tmp_path / f"{name}.csv"
             np.savetxt(path, table, delimiter=",", fmt="%.9g")
-            runs.append(read_csv(path, COLUMNS))
+            runs.append(read_recording(path, COLUMNS))
         return identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
 
     return outcome
@@ -172,4 +173,4 @@ def test_a_motion_too_slow_and_small_says_so(pinocchio_arm):
 def test_an_empty_file_is_named(tmp_path):
     (tmp_path / "empty.csv").write_text("\n")
     with pytest.raises(RecordingError, match="the file is empty"):
-        read_csv(tmp_path / "empty.csv", COLUMNS)
+        read_recording(tmp_path / "empty.csv", COLUMNS)

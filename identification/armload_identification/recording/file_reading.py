@@ -1,0 +1,111 @@
+"""From a file to a recording: blocks of rows, cleaned and reduced on the way.
+
+Memory does not grow with the file. A run of up to `SHORT_ROWS` rows is kept as it is; a longer one is reduced
+(`period_average`, `time_average`). Which way a long run can be reduced shows only while it is read; where one does not
+fit, the file is read again for the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from armload_identification.excitation.excitation_file import parse_excitation
+from armload_identification.excitation.fourier import Excitation
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
+from armload_identification.recording.period_average import PeriodAverager
+from armload_identification.recording.reader import ReadingAccount, RecordingReader
+from armload_identification.recording.reader_registry import reader_of
+from armload_identification.recording.recording import Recording, RecordingSource, recording_of
+from armload_identification.recording.reduction import Reduction, WrongReduction
+from armload_identification.recording.row_block import RowBlock, joined
+from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
+from armload_identification.recording.time_average import TimeAverager
+
+SHORT_ROWS: Final = FIRST_WINDOW
+"""Rows up to which a recording is kept as it is."""
+
+
+def read_recording(path: Path, columns: CsvColumns | None = None, *, short_rows: int = SHORT_ROWS) -> Recording:
+    """Read a recording of any known format.
+
+    Args:
+        path: The file.
+        columns: Columns of a CSV file.
+        short_rows: Rows up to which it is kept as it is.
+
+    Returns:
+        The recording; rows that cannot be right are left out and counted.
+
+    Raises:
+        RecordingError: the file is missing, empty, of another kind, damaged, or holds nothing usable.
+    """
+    reader = reader_of(path, columns)
+    text = reader.attachments.get(EXCITATION_ATTACHMENT)
+    excitation = None if text is None else parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}")
+    for reduction in _reductions(path, excitation):
+        try:
+            return _read(path, reader, excitation, reduction, short_rows)
+        except WrongReduction:
+            continue
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check the path.") from error
+    raise RecordingError(f"{path}: the recording cannot be reduced. Record it again.")
+
+
+def _reductions(path: Path, excitation: Excitation | None) -> Iterator[Callable[[], Reduction]]:
+    """The ways to reduce a long run, the best first; the last one fits every run."""
+    if excitation is not None:
+        yield lambda: PeriodAverager(path, excitation, interpolated=False)
+        yield lambda: PeriodAverager(path, excitation, interpolated=True)
+    yield lambda: TimeAverager(excitation)
+
+
+def _read(
+    path: Path,
+    reader: RecordingReader,
+    excitation: Excitation | None,
+    reduction_of: Callable[[], Reduction],
+    short_rows: int,
+) -> Recording:
+    """Read once, reducing in one way where the run turns out to be long."""
+    account, garbage = ReadingAccount(), GarbageFilter(path)
+    kept: list[RowBlock] = []
+    size = 0
+    reduction: Reduction | None = None
+    for rows in _usable(reader, account, garbage, excitation):
+        size += rows.size
+        if reduction is not None:
+            reduction.add(rows)
+            continue
+        kept.append(rows)
+        if size > short_rows:
+            reduction = reduction_of()
+            while kept:
+                reduction.add(kept.pop(0))
+    garbage.require_enough(size, account.rows_read, account.reasons)
+    reasons = {**account.reasons, **garbage.reasons}
+    source = RecordingSource(
+        path=path,
+        sha256=account.sha256,
+        kind=reader.kind,
+        rows_read=account.rows_read,
+        rows_dropped=sum(reasons.values()),
+        reasons=reasons,
+        attachments=dict(reader.attachments),
+        truncated=account.truncated,
+    )
+    return recording_of(joined(kept), excitation, source) if reduction is None else reduction.recording(source)
+
+
+def _usable(
+    reader: RecordingReader, account: ReadingAccount, garbage: GarbageFilter, excitation: Excitation | None
+) -> Iterator[RowBlock]:
+    """The usable rows of a file; without an excitation a phase means nothing."""
+    for block in reader.blocks(account):
+        yield from garbage.add(block if excitation is not None else replace(block, phase_s=None))
+    yield from garbage.finish()

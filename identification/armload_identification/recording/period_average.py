@@ -1,0 +1,231 @@
+"""A periodic run reduced to its average period while it is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.fourier import Excitation
+from armload_identification.recording.phases import phases_of, require_even, shortest_period, whole_between
+from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource
+from armload_identification.recording.reduction import WrongReduction
+from armload_identification.recording.repeated_values import RepeatCounter
+from armload_identification.recording.row_block import RowBlock, joined
+
+ON_GRID: Final = 0.05
+"""Samples that lie this close to a common grid, in grid steps, are averaged as they are."""
+_LEARNT_FROM: Final = 2**14
+"""Rows with a phase that the grid is taken from."""
+
+
+class PeriodAverager:
+    """Mean and scatter of every phase of a period, one period at a time (Welford's update).
+
+    Args:
+        path: What messages call the run.
+        excitation: What it follows.
+        interpolated: Whether samples between the grid's phases are interpolated to them; else they have to lie on it.
+    """
+
+    def __init__(self, path: Path, excitation: Excitation, *, interpolated: bool) -> None:
+        self._path, self._excitation, self._interpolated = path, excitation, interpolated
+        self._learning: list[RowBlock] = []
+        self._grid: _PhaseGrid | None = None
+        self._current: bool | None = None
+        self._repeats: RepeatCounter | None = None
+
+    def add(self, rows: RowBlock) -> None:
+        """Go on with more rows; those outside the periods only count for repeated values."""
+        effort = rows.effort
+        if effort is None or rows.phase_s is None or not rows.size:
+            return
+        if self._repeats is None:
+            self._repeats, self._current = RepeatCounter(rows.n), rows.torque_nm is None
+        self._repeats.add(effort)
+        inside = rows.rows(np.isfinite(rows.phase_s))
+        if not inside.size:
+            return
+        if self._grid is not None:
+            self._grid.add(inside)
+            return
+        self._learning.append(inside)
+        if sum(block.size for block in self._learning) >= _LEARNT_FROM:
+            self._learn()
+
+    def recording(self, source: RecordingSource) -> Recording:
+        """The average period."""
+        if self._grid is None:
+            self._learn()
+        if self._grid is None or self._repeats is None:
+            raise WrongReduction
+        phase_s, mean, periods, covariance = self._grid.result()
+        n = mean.shape[1] // 2
+        return Recording(
+            time_s=self._grid.time_at(phase_s),
+            position_rad=mean[:, n:],
+            velocity_rad_s=None,
+            current_a=mean[:, :n] if self._current else None,
+            torque_nm=None if self._current else mean[:, :n],
+            phase_s=phase_s,
+            excitation=self._excitation,
+            source=source,
+            average=PeriodAverage(periods, covariance),
+            repeats=self._repeats.result(),
+        )
+
+    def _learn(self) -> None:
+        """Take the grid from the first rows, and begin with them."""
+        if sum(block.size for block in self._learning) < 2:
+            raise WrongReduction
+        rows = joined(self._learning)
+        self._learning = []
+        self._grid = _PhaseGrid(self._path, rows, self._excitation, self._interpolated)
+        self._grid.add(rows)
+
+
+class _PhaseGrid:
+    """Sums over K equidistant phases of a period, and how time advances with phase."""
+
+    def __init__(self, path: Path, rows: RowBlock, excitation: Excitation, interpolated: bool) -> None:
+        phase = _phase_of(rows)
+        trajectory = shortest_period(phase, excitation.trajectory)
+        self._path, self._interpolated = path, interpolated
+        self._period_s = trajectory.period_s
+        self._phases = phases_of(phase, trajectory)
+        self._spacing_s = float(np.median(np.diff(phase)))
+        self._step_s = self._period_s / self._phases
+        self._offset = 0.0
+        if not interpolated:
+            self._offset = float(np.angle(np.mean(np.exp(2j * np.pi * phase / self._step_s)))) / (2.0 * np.pi)
+        self._first_s = self._last_s = float(phase[0])
+        place = self._first_s / self._step_s - self._offset
+        self._first = int(np.ceil(place) if interpolated else np.round(place))
+        columns = 2 * rows.n
+        self._period = np.full((self._phases, columns), np.nan)
+        self._number = 0
+        self._count = np.zeros(self._phases, dtype=np.int64)
+        self._mean = np.zeros((self._phases, columns))
+        self._square = np.zeros((rows.n, rows.n))
+        self._before: tuple[FloatArray, FloatArray] | None = None
+        self._advance = _Advance()
+
+    def add(self, rows: RowBlock) -> None:
+        """Sum up more rows, all of them with a phase."""
+        phase, effort = _phase_of(rows), rows.effort
+        if effort is None:
+            raise WrongReduction
+        self._advance.add(phase, rows.time_s)
+        self._last_s = float(phase[-1])
+        place = phase / self._step_s - self._offset
+        values = np.hstack([effort, rows.position_rad])
+        if self._interpolated:
+            index, values = self._between(place, values)
+        else:
+            index = np.round(place).astype(np.int64)
+            if np.abs(place - index).max() >= ON_GRID:
+                raise WrongReduction
+        index = index - self._first
+        number = index // self._phases
+        for period in np.unique(number[index >= 0]):
+            if period < self._number:
+                raise WrongReduction
+            while self._number < period:
+                self._close()
+            chosen = number == period
+            self._period[index[chosen] % self._phases] = values[chosen]
+
+    def result(self) -> tuple[FloatArray, FloatArray, int, FloatArray | None]:
+        """Phases that have samples, their means, whole periods, and the covariance of one sample of the effort."""
+        periods = whole_between(self._first_s, self._last_s, self._spacing_s, self._period_s)
+        if periods < 1:
+            raise WrongReduction
+        if self._number < periods:
+            self._close()
+        require_even(self._path, *self._advance.uneven(), self._period_s)
+        known = np.flatnonzero(self._count)
+        freedom = int(np.maximum(self._count - 1, 0).sum())
+        covariance = self._square / freedom if freedom > 1 else None
+        phase_s = np.asarray((self._first + known) * self._step_s, dtype=np.float64)
+        return phase_s, self._mean[known], periods, covariance
+
+    def time_at(self, phase_s: FloatArray) -> FloatArray:
+        """Time stamps that phases of the average period stand for, on the run's own even advance."""
+        return self._advance.time_at(phase_s)
+
+    def _close(self) -> None:
+        """Take the period that has been filled into the sums, and begin the next."""
+        there = np.flatnonzero(np.isfinite(self._period[:, 0]))
+        sample = self._period[there]
+        self._count[there] += 1
+        before = sample - self._mean[there]
+        self._mean[there] += before / self._count[there, None]
+        n = self._square.shape[0]
+        self._square += before[:, :n].T @ (sample - self._mean[there])[:, :n]
+        self._period[:] = np.nan
+        self._number += 1
+
+    def _between(self, place: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+        """Grid phases that have a sample on both sides, no further apart than a sample and a half, and values there."""
+        if self._before is not None:
+            place = np.concatenate([self._before[0], place])
+            values = np.concatenate([self._before[1], values])
+        self._before = place[-1:], values[-1:]
+        index = np.arange(int(np.floor(place[0])) + 1, int(np.floor(place[-1])) + 1, dtype=np.int64)
+        after = np.clip(np.searchsorted(place, index), 1, place.size - 1)
+        near = place[after] - place[after - 1] < 1.5 * self._spacing_s / self._step_s + 1e-9
+        index = index[near]
+        return index, np.column_stack([np.interp(index, place, column) for column in values.T])
+
+
+class _Advance:
+    """How time advances with phase: a least squares line, and the greatest distance from it."""
+
+    def __init__(self) -> None:
+        self._n = 0
+        self._phase_s = self._time_s = 0.0
+        self._phase_square = self._product = 0.0
+        self._rate: float | None = None
+        self._extremes: list[tuple[float, float]] = []
+
+    def add(self, phase: FloatArray, time_s: FloatArray) -> None:
+        """Go on with more samples."""
+        mean_phase, mean_time = float(phase.mean()), float(time_s.mean())
+        centred = phase - mean_phase
+        square, product = float(centred @ centred), float(centred @ (time_s - mean_time))
+        total = self._n + phase.size
+        share = self._n * phase.size / total
+        apart_phase, apart_time = mean_phase - self._phase_s, mean_time - self._time_s
+        self._phase_square += square + share * apart_phase**2
+        self._product += product + share * apart_phase * apart_time
+        self._phase_s += apart_phase * phase.size / total
+        self._time_s += apart_time * phase.size / total
+        self._n = total
+        if self._rate is None and square > 0.0:
+            self._rate = product / square
+        # Within a block the line's slope moves no extreme: only the two farthest samples of each are kept.
+        off = (time_s - mean_time) - (self._rate or 1.0) * centred
+        for row in (int(np.argmin(off)), int(np.argmax(off))):
+            self._extremes.append((float(phase[row]), float(time_s[row])))
+
+    def uneven(self) -> tuple[float, float]:
+        """Greatest distance of a time stamp from the line, and the line's slope."""
+        rate = self._product / self._phase_square
+        phase, time_s = np.array(self._extremes).T
+        off = (time_s - self._time_s) - rate * (phase - self._phase_s)
+        return float(np.abs(off).max()), rate
+
+    def time_at(self, phase_s: FloatArray) -> FloatArray:
+        """Times on the line."""
+        rate = self._product / self._phase_square
+        return np.asarray(self._time_s + rate * (phase_s - self._phase_s))
+
+
+def _phase_of(rows: RowBlock) -> FloatArray:
+    """The phase of rows that have one."""
+    if rows.phase_s is None:
+        raise WrongReduction
+    return rows.phase_s

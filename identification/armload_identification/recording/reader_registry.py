@@ -1,0 +1,44 @@
+"""The recording formats there are. A new one is a reader in a file of its own, and its line here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.csv_reader import open_csv
+from armload_identification.recording.mcap_reader import open_mcap
+from armload_identification.recording.reader import ReaderFactory, RecordingReader
+
+READERS: Final[tuple[ReaderFactory, ...]] = (open_mcap, open_csv)
+"""In this order: a file belongs to the first that takes it, and a table has no mark to know it by."""
+_START_BYTES: Final = 4096
+
+
+def reader_of(path: Path, columns: CsvColumns | None) -> RecordingReader:
+    """The reader of a file.
+
+    Args:
+        path: The file.
+        columns: Column map of tables, or None.
+
+    Raises:
+        RecordingError: the file cannot be opened, is empty, or is of no known format.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(_START_BYTES)
+            blank = not start.strip() and not any(rest.strip() for rest in iter(lambda: file.read(_START_BYTES), b""))
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check the path.") from error
+    if blank:
+        raise RecordingError(f"{path}: the file is empty. Give a recording with rows of numbers.")
+    for factory in READERS:
+        reader = factory(path, start, columns)
+        if reader is not None:
+            return reader
+    raise RecordingError(
+        f"{path}: not an MCAP file, and the configuration has no column map for CSV files. "
+        "Give a recording made by armload, or add a [log] table to the robot's configuration."
+    )

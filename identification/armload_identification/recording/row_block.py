@@ -1,0 +1,84 @@
+"""Rows of one run, the same quantities in every row: what readers yield and recordings hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+
+QUANTITIES: Final = ("time_s", "position_rad", "velocity_rad_s", "current_a", "torque_nm", "phase_s")
+
+
+@dataclass(frozen=True, eq=False)
+class RowBlock:
+    """N rows of an arm of n joints in SI units.
+
+    Attributes:
+        time_s: (N,) time stamps.
+        position_rad: (N, n) measured joint positions.
+        velocity_rad_s: (N, n) measured joint velocities, or None.
+        current_a: (N, n) measured MOTOR currents, or None.
+        torque_nm: (N, n) measured JOINT torques, or None.
+        phase_s: (N,) phase along the excitation, NaN outside the streamed whole periods; None where the run
+            has no known excitation.
+    """
+
+    time_s: FloatArray
+    position_rad: FloatArray
+    velocity_rad_s: FloatArray | None
+    current_a: FloatArray | None
+    torque_nm: FloatArray | None
+    phase_s: FloatArray | None
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.position_rad.shape[1])
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return int(self.time_s.size)
+
+    @property
+    def effort(self) -> FloatArray | None:
+        """(N, n) what the drives report of their effort: joint torque, else motor current; None without either."""
+        return self.current_a if self.torque_nm is None else self.torque_nm
+
+    def rows(self, chosen: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Self:
+        """Some of the rows.
+
+        Args:
+            chosen: (N,) True where a row is kept, indices in order, or a slice.
+        """
+        kept = {name: values[chosen] for name in QUANTITIES if (values := getattr(self, name)) is not None}
+        return replace(self, **kept)
+
+
+def joined(blocks: Sequence[RowBlock]) -> RowBlock:
+    """Blocks of one run, one after the other.
+
+    Args:
+        blocks: At least one. A quantity that only some of them have is NaN in the others.
+    """
+    if len(blocks) == 1:
+        return blocks[0]
+    together: dict[str, FloatArray | None] = {}
+    for field in fields(RowBlock):
+        parts = [getattr(block, field.name) for block in blocks]
+        if all(part is None for part in parts):
+            together[field.name] = None
+            continue
+        shape = next(part.shape[1:] for part in parts if part is not None)
+        together[field.name] = np.concatenate(
+            [
+                np.full((block.size, *shape), np.nan) if part is None else part
+                for part, block in zip(parts, blocks, strict=True)
+            ]
+        )
+    return RowBlock(**together)  # type: ignore[arg-type]

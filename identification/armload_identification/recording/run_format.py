@@ -1,0 +1,47 @@
+"""The format of the recordings that armload makes.
+
+One MCAP file per run, one channel `TOPIC` with a JSON message per cycle after `MESSAGE_SCHEMA`, log time = `time_s` in
+nanoseconds, and the attachments named here. `armload_controller.cycle.run_recorder` writes it, `mcap_reader` reads it.
+Attachments are written first, so that they survive a crash.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+TOPIC: Final = "/joints"
+SCHEMA_NAME: Final = "armload.Joints"
+SEGMENTS: Final = ("approach", "slow", "ramp_up", "periods", "ramp_down", "return", "hold")
+CONFIGURATION_ATTACHMENT: Final = "configuration.toml"
+EXCITATION_ATTACHMENT: Final = "excitation.toml"
+RUN_ATTACHMENT: Final = "run.json"
+"""JSON object: armload_version, robot, load ("unloaded" or "loaded"), cycle_hz, created."""
+
+_NUMBERS: Final[dict[str, Any]] = {"type": "array", "items": {"type": "number"}}
+MESSAGE_SCHEMA: Final[dict[str, Any]] = {
+    "title": SCHEMA_NAME,
+    "description": "One cycle of all joints, units in the names; current_a is per motor, the rest per joint.",
+    "type": "object",
+    "properties": {
+        "cycle": {"type": "integer", "description": "SYNC number since connecting"},
+        "time_s": {"type": "number", "description": "time stamp of that SYNC"},
+        "phase_s": {
+            "type": ["number", "null"],
+            "description": "phase along the excitation; null outside the streamed whole periods",
+        },
+        "segment": {"type": "string", "enum": list(SEGMENTS)},
+        "command_position_rad": {**_NUMBERS, "description": "target sent with this SYNC"},
+        "position_rad": {**_NUMBERS, "description": "measured at this SYNC"},
+        "velocity_rad_s": {**_NUMBERS, "description": "absent where the drives do not report it"},
+        "current_a": {**_NUMBERS, "description": "motor current; absent on arms that report torque"},
+        "torque_nm": {**_NUMBERS, "description": "joint torque; absent on arms that report current"},
+        "torque_offset_nm": {**_NUMBERS, "description": "joint torque added in the servo loop (60B2)"},
+        "statusword": {"type": "array", "items": {"type": "integer"}},
+        "missing": {
+            "type": "array",
+            "items": {"type": "boolean"},
+            "description": "true where this cycle's feedback did not arrive and the last is repeated",
+        },
+    },
+    "required": ["cycle", "time_s", "phase_s", "segment", "position_rad", "missing"],
+}

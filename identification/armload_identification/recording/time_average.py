@@ -1,0 +1,100 @@
+"""A run without periods reduced to means over 10 ms while it is read.
+
+A mean over T is its own anti-aliasing filter: its response has a zero at every multiple of 1/T, which is what would
+fold onto standstill. At 100 Hz, what would fold onto 0 to 8 Hz is damped by 21 dB or more, and 8 Hz itself by 0.1 dB;
+position and torque go through the same filter. Means do not overlap, so that white noise stays white.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.fourier import Excitation
+from armload_identification.recording.recording import Recording, RecordingSource
+from armload_identification.recording.repeated_values import RepeatCounter
+from armload_identification.recording.row_block import RowBlock, joined
+
+INTERVAL_S: Final = 0.01
+_FULL: Final = 0.5
+"""A mean over less than this share of the samples that it should have is left out: it belongs to another moment."""
+
+
+class TimeAverager:
+    """Means over equal stretches of time.
+
+    Args:
+        excitation: What the run follows, where that is known.
+    """
+
+    def __init__(self, excitation: Excitation | None) -> None:
+        self._excitation = excitation
+        self._samples = 0
+        self._width_s = 0.0
+        self._start_s = 0.0
+        self._open: RowBlock | None = None
+        self._means: list[RowBlock] = []
+        self._repeats: RepeatCounter | None = None
+
+    def add(self, rows: RowBlock) -> None:
+        """Go on with more rows."""
+        effort = rows.effort
+        if not rows.size or effort is None:
+            return
+        if self._repeats is None:
+            self._repeats = RepeatCounter(rows.n)
+            interval_s = float(np.median(np.diff(rows.time_s)))
+            self._samples = max(int(INTERVAL_S / interval_s * (1.0 + 1e-6)), 1)
+            self._width_s = self._samples * interval_s
+            # Half an interval earlier, so that jitter moves no sample across an edge.
+            self._start_s = float(rows.time_s[0]) - 0.5 * interval_s
+        self._repeats.add(effort)
+        if self._samples == 1:
+            self._means.append(rows)
+            return
+        rows = rows if self._open is None else joined([self._open, rows])
+        number = np.floor((rows.time_s - self._start_s) / self._width_s)
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(number) != 0.0) + 1])
+        self._open = rows.rows(slice(int(starts[-1]), None))
+        if starts.size > 1:
+            self._means.append(self._averaged(rows, starts))
+
+    def recording(self, source: RecordingSource) -> Recording:
+        """The means as rows."""
+        if self._open is not None:
+            self._means.append(self._averaged(self._open, np.array([0, self._open.size])))
+            self._open = None
+        rows = joined(self._means)
+        return Recording(
+            time_s=rows.time_s,
+            position_rad=rows.position_rad,
+            velocity_rad_s=None,
+            current_a=rows.current_a,
+            torque_nm=rows.torque_nm,
+            phase_s=rows.phase_s,
+            excitation=self._excitation,
+            source=source,
+            repeats=None if self._repeats is None else self._repeats.result(),
+        )
+
+    def _averaged(self, rows: RowBlock, edges: NDArray[np.intp]) -> RowBlock:
+        """Means between the edges."""
+        first, count = edges[:-1], np.diff(edges)
+        full = count >= _FULL * self._samples
+        end = int(edges[-1])
+
+        def mean(values: FloatArray) -> FloatArray:
+            size = count if values.ndim == 1 else count[:, None]
+            return np.asarray(np.add.reduceat(values[:end], first, axis=0) / size)[full]
+
+        return RowBlock(
+            time_s=mean(rows.time_s),
+            position_rad=mean(rows.position_rad),
+            velocity_rad_s=None,
+            current_a=None if rows.current_a is None else mean(rows.current_a),
+            torque_nm=None if rows.torque_nm is None else mean(rows.torque_nm),
+            phase_s=None if rows.phase_s is None else mean(rows.phase_s),
+        )
