@@ -103,7 +103,7 @@ class _PhaseGrid:
             self._offset = float(np.angle(np.mean(np.exp(2j * np.pi * phase / self._step_s)))) / (2.0 * np.pi)
         self._first_s = self._last_s = float(phase[0])
         place = self._first_s / self._step_s - self._offset
-        self._first = int(np.ceil(place) if interpolated else np.round(place))
+        self._first = int(np.round(place))
         columns = 2 * rows.n
         self._period = np.full((self._phases, columns), np.nan)
         self._number = 0
@@ -170,11 +170,13 @@ class _PhaseGrid:
 
     def _between(self, place: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
         """Grid phases that have a sample on both sides, no further apart than a sample and a half, and values there."""
+        first = self._first
         if self._before is not None:
             place = np.concatenate([self._before[0], place])
             values = np.concatenate([self._before[1], values])
+            first = int(np.floor(place[0])) + 1
         self._before = place[-1:], values[-1:]
-        index = np.arange(int(np.floor(place[0])) + 1, int(np.floor(place[-1])) + 1, dtype=np.int64)
+        index = np.arange(first, int(np.floor(place[-1])) + 1, dtype=np.int64)
         after = np.clip(np.searchsorted(place, index), 1, place.size - 1)
         near = place[after] - place[after - 1] < 1.5 * self._spacing_s / self._step_s + 1e-9
         index = index[near]

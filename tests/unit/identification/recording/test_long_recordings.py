@@ -1,0 +1,336 @@
+"""Long recordings: read in blocks and reduced on the way, to what the whole recording gives."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+
+from armload_identification.excitation.excitation_file import format_excitation
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
+from armload_identification.recording.recording import Recording, recording_of
+from armload_identification.recording.repeated_values import RepeatCounter, repeated_values
+from armload_identification.recording.row_block import RowBlock, joined
+from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
+from armload_identification.signals.load_signal import load_signal
+from armload_identification.signals.motion import ABOVE_BAND, SCATTER, motion_of
+from armload_identification.verdict.sanity import check_run
+
+pytestmark = pytest.mark.pure
+
+COLUMNS = CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13)))
+EVERYTHING, NOTHING = 10**9, 100
+"""Rows up to which a recording is kept as it is."""
+
+
+def write_mcap(path, run, chunk_rows=100):
+    """A run as the recorder writes it, with a second without phase before and after."""
+    excitation = format_excitation(run.excitation)
+    cycle_s = float(np.median(np.diff(run.time_s)))
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.add_attachment(0, 0, EXCITATION_ATTACHMENT, "text/plain", excitation.encode())
+        schema = writer.register_schema(SCHEMA_NAME, "jsonschema", json.dumps(MESSAGE_SCHEMA).encode())
+        channel = writer.register_channel(TOPIC, "json", schema)
+        order = [0] * 100 + list(range(run.size)) + [run.size - 1] * 100
+        for k, row in enumerate(order):
+            inside = 100 <= k < 100 + run.size
+            message = {
+                "time_s": run.time_s[row] if inside else run.time_s[row] + cycle_s * (k - 100 - row),
+                "phase_s": run.phase_s[row] if inside else None,
+                "position_rad": run.position_rad[row].tolist(),
+                "current_a": (run.current_a[row] * (1.0 if inside else 1.0 - 1e-4 * k)).tolist(),
+                "missing": [False] * run.n,
+            }
+            writer.add_message(channel, 0, json.dumps(message).encode(), 0)
+            if k % chunk_rows == 0:
+                writer.flush()
+        writer.finish()
+    return path
+
+
+def write_csv(path, run):
+    np.savetxt(path, np.column_stack([run.time_s, run.position_rad, run.current_a]), delimiter=",", fmt="%.9g")
+    return path
+
+
+@pytest.fixture(scope="module")
+def runs(pinocchio_arm):
+    """A loaded and an unloaded run of six periods and a bit, with holes."""
+    trajectory = pinocchio_arm.trajectory()
+    kept = np.ones(3000, dtype=bool)
+    kept[[3, 700, 701, 1400]] = False
+    kept[[42, 542, 1042, 1542, 2042, 2542]] = False
+    return [pinocchio_arm.run(trajectory, load, seed=41 + load, periods=6).rows(kept) for load in (True, False)]
+
+
+def assert_same(reduced, whole, motion_atol=1e-9):
+    assert (reduced.periodic, reduced.periods, reduced.noise_source) == (whole.periodic, whole.periods, SCATTER)
+    np.testing.assert_array_equal(reduced.valid, whole.valid)
+    np.testing.assert_allclose(reduced.time_s, whole.time_s, atol=1e-9)
+    for name in ("raw_nm", "torque_nm", "noise_nm", "averaged_noise_nm", "smoothing_loss", "position_fit_rad"):
+        np.testing.assert_allclose(getattr(reduced, name), getattr(whole, name), rtol=1e-9, atol=1e-9, err_msg=name)
+    for one, two in zip(reduced.states, whole.states, strict=True):
+        np.testing.assert_allclose(one, two, atol=motion_atol)
+
+
+def test_the_average_period_of_a_long_run_is_that_of_all_its_rows(runs, pinocchio_arm, tmp_path):
+    pairs = []
+    for short_rows in (EVERYTHING, NOTHING):
+        pairs.append(
+            [
+                read_recording(write_mcap(tmp_path / f"{i}.mcap", run), short_rows=short_rows)
+                for i, run in enumerate(runs)
+            ]
+        )
+    (whole, _), (reduced, _) = pairs
+    assert whole.average is None
+    assert reduced.average.periods == 6
+    assert reduced.size == 499
+    assert reduced.source == whole.source
+    motions = [motion_of(run, pinocchio_arm.transmission) for run in (reduced, whole)]
+    assert_same(*motions)
+    signals = [load_signal(*pair, pinocchio_arm.transmission) for pair in pairs[::-1]]
+    np.testing.assert_allclose(signals[0].torque_nm, signals[1].torque_nm, atol=1e-9)
+    np.testing.assert_allclose(signals[0].mismatch_rad, signals[1].mismatch_rad, rtol=1e-6)
+    # A long run beside a short one.
+    mixed = load_signal(reduced, pairs[0][1], pinocchio_arm.transmission)
+    np.testing.assert_allclose(mixed.torque_nm, signals[1].torque_nm, atol=1e-9)
+
+
+def test_phases_off_any_grid_are_interpolated_in_a_long_run_too(pinocchio_arm, tmp_path):
+    trajectory = pinocchio_arm.trajectory()
+    step = 0.01 * 0.7313
+    phase = np.arange(1, int(20.0 / step)) * step
+    position = trajectory.evaluate(phase).position_rad
+    run = pinocchio_arm.run(trajectory, True, seed=6, periods=5, noise=0.0)
+    current = np.column_stack([np.interp(phase, run.phase_s, column) for column in run.current_a.T])
+    odd = replace(run, time_s=phase / 0.7313, position_rad=position, phase_s=phase, current_a=current)
+    path = write_mcap(tmp_path / "odd.mcap", odd)
+    whole, reduced = (
+        motion_of(read_recording(path, short_rows=rows), pinocchio_arm.transmission) for rows in (EVERYTHING, NOTHING)
+    )
+    assert reduced.periods == whole.periods == 3
+    inner = reduced.valid & whole.valid
+    assert np.count_nonzero(~inner) <= 2
+    np.testing.assert_allclose(reduced.raw_nm[inner], whole.raw_nm[inner], atol=1e-6)
+    np.testing.assert_allclose(reduced.states.position_rad, whole.states.position_rad, atol=1e-5)
+
+
+def test_a_pause_is_refused_in_a_long_run_too(runs, tmp_path):
+    run = runs[0]
+    paused = replace(run, time_s=np.where(np.arange(run.size) < 1800, run.time_s, run.time_s + 2.0))
+    path = write_mcap(tmp_path / "paused.mcap", paused)
+    with pytest.raises(RecordingError, match="paused or changed its speed"):
+        read_recording(path, short_rows=NOTHING)
+
+
+@pytest.mark.parametrize("rate", [2, 5])
+def test_means_over_10_ms_give_the_difference_of_two_long_runs(pinocchio_arm, tmp_path, rate):
+    """Without a phase; the noise of a mean is that of a sample over the square root of its samples."""
+    trajectory = pinocchio_arm.trajectory(period_s=10.0)
+    signals = []
+    for short_rows in (EVERYTHING, NOTHING):
+        pair = [
+            read_recording(
+                write_csv(
+                    tmp_path / "run.csv",
+                    pinocchio_arm.run(trajectory, load, seed=50 + load, periods=2, cycle_s=0.01 / rate),
+                ),
+                COLUMNS,
+                short_rows=short_rows,
+            )
+            for load in (True, False)
+        ]
+        signals.append(load_signal(*pair, pinocchio_arm.transmission))
+    whole, reduced = signals
+    assert reduced.noise_source == ABOVE_BAND
+    assert reduced.interval_s == pytest.approx(0.01, rel=1e-6)
+    np.testing.assert_allclose(reduced.noise_nm, whole.noise_nm / np.sqrt(rate), rtol=0.15)
+    times = slice(100, -100)
+    torque = [np.interp(reduced.time_s[times], whole.time_s, column) for column in whole.torque_nm.T]
+    # The means of `rate` samples stand half a mean later than the first of them.
+    apart = reduced.torque_nm[times] - np.column_stack(torque)
+    allowed = 0.02 * np.sqrt(np.mean(whole.torque_nm**2, axis=0)) + 0.5 * reduced.averaged_noise_nm
+    assert (np.sqrt(np.mean(apart**2, axis=0)) < allowed).all()
+
+
+def test_a_saturated_joint_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_path):
+    run = runs[0]
+    current = run.current_a.copy()
+    bound = 0.6 * np.abs(current[:, 1]).max()
+    # In one period only: its average shows nothing of it.
+    late = slice(2000, None)
+    current[late, 1] = np.clip(current[late, 1], -bound, bound)
+    current[:2000, 1] = np.clip(current[:2000, 1], -0.999 * bound, 0.999 * bound) * np.linspace(0.999, 1.0, 2000)
+    path = write_mcap(tmp_path / "clipped.mcap", replace(run, current_a=current))
+    for short_rows in (EVERYTHING, NOTHING):
+        with pytest.raises(RecordingError, match="joint 2 stays at its greatest value"):
+            check_run(read_recording(path, short_rows=short_rows), pinocchio_arm.transmission)
+    check_run(read_recording(write_mcap(tmp_path / "clean.mcap", run), short_rows=NOTHING), pinocchio_arm.transmission)
+
+
+def test_repetitions_are_counted_across_blocks():
+    rng = np.random.default_rng(3)
+    values = np.round(np.clip(rng.normal(size=(5000, 3)), -1.2, 1.2), 1)
+    values[2000:2040, 1] = 1.2
+    values[100:130, 2] = 0.3
+    whole = repeated_values(values)
+    counter = RepeatCounter(3)
+    for block in np.split(values, np.sort(rng.choice(4999, 60, replace=False)) + 1):
+        counter.add(block)
+    for name in ("bound", "at_bound", "elsewhere"):
+        np.testing.assert_array_equal(getattr(counter.result(), name), getattr(whole, name))
+    assert whole.at_bound[1] >= 39
+    assert whole.elsewhere[2] >= 29
+
+
+def garbage_rows(rng, rows):
+    """A plausible log with every kind of garbage, wherever windows meet."""
+    time_s = 10.0 + 0.001 * np.arange(rows)
+    position = np.column_stack([np.sin(time_s), np.cos(time_s)])
+    current = rng.normal(size=(rows, 2))
+    bad = np.sort(rng.choice(np.arange(50, rows - 50), 60, replace=False))
+    edges = FIRST_WINDOW + np.arange(-2, 3)
+    position[bad[:10], 0] = np.nan
+    current[bad[10:20], 1] = 1e9
+    time_s[bad[20:30]] += 5.0
+    time_s[bad[30:40]] += 1e5
+    position[[*bad[40:50], *edges], 1] += 30.0
+    time_s[bad[50:]] = time_s[bad[50:] - 1]
+    return RowBlock(time_s, position, None, current, None, None)
+
+
+def test_garbage_is_found_in_windows_as_in_one_piece(tmp_path):
+    rows = garbage_rows(np.random.default_rng(8), FIRST_WINDOW + 70_000)
+    filtered = GarbageFilter(tmp_path / "log")
+    kept = []
+    for first in range(0, rows.size, 3000):
+        kept += filtered.add(rows.rows(slice(first, first + 3000)))
+    kept = joined([*kept, *filtered.finish()])
+    assert len(filtered.reasons) == 5
+    whole = GarbageFilter(tmp_path / "log")
+    expected = joined([*whole.add(rows), *whole.finish()])
+    assert filtered.reasons == whole.reasons
+    np.testing.assert_array_equal(kept.time_s, expected.time_s)
+    assert (np.diff(kept.time_s) > 0.0).all()
+
+
+def test_a_csv_log_reads_the_same_in_many_blocks(pinocchio_arm, tmp_path):
+    """More lines than a block: the last line is the only one that can be cut."""
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(), True, seed=3, periods=40)
+    path = write_csv(tmp_path / "long.csv", run)
+    lines = path.read_text().splitlines()
+    lines[16_384] = "1,2,3"
+    lines[18_000] = lines[18_000].replace(",", ",x", 1)
+    path.write_text("\r\n".join([*lines, "9999.0,0.1"]))
+    recording = read_recording(path, COLUMNS)
+    assert recording.source.rows_read == 20_001
+    assert dict(recording.source.reasons) == {"cut last row": 1, "wrong number of columns": 1, "not a number": 1}
+    np.testing.assert_allclose(recording.current_a[:1000], run.current_a[:1000], rtol=1e-8)
+
+
+def test_a_damaged_file_is_refused(runs, tmp_path):
+    data = bytearray(write_mcap(tmp_path / "good.mcap", runs[0]).read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path = tmp_path / "bad.mcap"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match="damaged"):
+        read_recording(path)
+
+
+PEAK = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.recording import file_reading
+from armload_identification.recording.row_block import RowBlock
+from armload_identification.excitation.excitation_file import format_excitation
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.motion import motion_of
+
+rows, period = int(sys.argv[1]), 4000
+trajectory = FourierTrajectory(0.25, np.zeros(6), np.full((6, 2), 0.2), np.full((6, 2), 0.1))
+one = trajectory.evaluate(np.arange(1, period + 1) * 1e-3)
+rng = np.random.default_rng(1)
+
+
+class Endless:
+    kind = "made"
+    attachments = {"excitation.toml": format_excitation(Excitation(trajectory, rows // period))}
+
+    def blocks(self, account):
+        for first in range(0, rows, period):
+            phase = (first + np.arange(1, period + 1)) * 1e-3
+            current = one.velocity_rad_s + rng.normal(size=(period, 6))
+            account.rows_read += period
+            yield RowBlock(100.0 + phase, one.position_rad, None, current, None, phase)
+
+
+file_reading.reader_of = lambda path, columns: Endless()
+run = file_reading.read_recording(Path("made"))
+motion = motion_of(run, Transmission(np.ones(6), np.eye(6)))
+assert motion.periods == rows // period, motion.periods
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def test_memory_does_not_grow_with_the_recording():
+    """In processes of their own; the rows come from a generator, reading and reducing them is what is measured."""
+    peaks = []
+    for rows in (200_000, 2_000_000):
+        answer = subprocess.run(
+            [sys.executable, "-c", PEAK, str(rows)], capture_output=True, text=True, timeout=100, check=False
+        )
+        assert answer.returncode == 0, answer.stderr
+        peaks.append(int(answer.stdout))
+    assert peaks[1] < 1.1 * peaks[0], peaks
+    # The figure means something: two million rows as they are would take 250 MB.
+    assert peaks[1] < peaks[0] + 50_000
+
+
+def test_from_arrays_is_cleaned_and_hashed(pair, pinocchio_arm):
+    run = pair[0]
+    time_s, position, current = run.time_s.copy(), run.position_rad, run.current_a.copy()
+    current[7, 2] = np.nan
+    made = Recording.from_arrays(time_s, position, current_a=current, name="my run")
+    assert made.size == run.size - 1
+    assert dict(made.source.reasons) == {"not finite": 1}
+    assert (made.source.kind, made.source.path.name) == ("arrays", "my run")
+    again = Recording.from_arrays(time_s, position, current_a=current)
+    assert again.source.sha256 == made.source.sha256
+    other = Recording.from_arrays(time_s, position, torque_nm=current)
+    assert other.source.sha256 != made.source.sha256
+    periodic = Recording.from_arrays(
+        run.time_s, position, current_a=run.current_a, phase_s=run.phase_s, excitation=run.excitation
+    )
+    whole = motion_of(recording_of(run, run.excitation, run.source), pinocchio_arm.transmission)
+    assert_same(motion_of(periodic, pinocchio_arm.transmission), whole, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"current_a": None}, "neither motor current nor joint torque"),
+        ({"current_a": np.zeros((30, 2))}, r"current_a has the shape \(30, 2\); expected \(30, 3\)"),
+        ({"time_s": np.arange(29.0)}, r"time_s has the shape \(29,\)"),
+        ({"position_rad": np.arange(30.0)}, "a row per sample"),
+        ({"phase_s": np.arange(30.0)}, "belong together"),
+        ({"time_s": np.zeros(30)}, "1 usable rows of 30"),
+    ],
+)
+def test_arrays_that_are_no_recording_are_refused(changes, said):
+    given = {"time_s": 0.01 * np.arange(30.0), "position_rad": np.zeros((30, 3)), "current_a": np.ones((30, 3))}
+    given = given | changes
+    with pytest.raises(RecordingError, match=said):
+        Recording.from_arrays(given.pop("time_s"), given.pop("position_rad"), **given)
