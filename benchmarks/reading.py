@@ -1,0 +1,93 @@
+"""Reading recordings: time per row beside a bare read of the same file, and memory, in processes of their own.
+
+A bare read takes the file apart and parses every message as JSON, one after the other, and keeps nothing: what no
+reader of this format can do without. Beside it the library's own record iterator, which parses no message at all.
+
+    python -m benchmarks.reading [ROWS]        29,000,000 rows are 8 h at 1 kHz, 5 GB of disk
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.motion.phase import Segment
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.excitation.excitation_file import format_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
+
+ROWS: Final = 600_000
+"""Of `make bench`."""
+CYCLE_S: Final = 0.001
+PERIOD_ROWS: Final = 20_000
+JOINTS: Final = 6
+COUNTS_PER_RAD: Final = 1e5
+MILLIAMPERE: Final = 1e-3
+
+
+def run(rows: int = ROWS) -> None:
+    """Write a recording, read it in three ways, and print.
+
+    Args:
+        rows: Rows of the recording.
+    """
+    print(f"Reading: a recording of {rows:,} rows, {JOINTS} joints, 1 kHz")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "long.mcap"
+        _write(path, rows)
+        print(f"  file: {path.stat().st_size / 1e6:.0f} MB, {path.stat().st_size / rows:.0f} bytes a row")
+        figures = {how: _probe(how, path) for how in ("bare", "library", "armload")}
+    bare = figures["bare"]["cpu_s"]
+    for how, what in (
+        ("bare", "bare read: chunks and JSON, nothing kept"),
+        ("library", "mcap's record iterator, no JSON"),
+        ("armload", "read_recording: cleaned, averaged, hashed"),
+    ):
+        seconds, megabytes = figures[how]["cpu_s"], figures[how]["peak_mb"]
+        print(f"  {what:44} {1e6 * seconds / rows:5.2f} us a row  {seconds / bare:5.2f} x bare  {megabytes:5.0f} MB")
+
+
+def _write(path: Path, rows: int) -> None:
+    """A recording of a periodic motion with noise, by the recorder itself."""
+    rng = np.random.default_rng(1)
+    size = 0.2 * rng.normal(size=(2, JOINTS, 5))
+    trajectory = FourierTrajectory(1.0 / (PERIOD_ROWS * CYCLE_S), rng.uniform(-0.4, 0.4, JOINTS), *size)
+    state = trajectory.evaluate(np.arange(1, PERIOD_ROWS + 1) * CYCLE_S)
+    position = np.rint(state.position_rad * COUNTS_PER_RAD) / COUNTS_PER_RAD
+    velocity = np.rint(state.velocity_rad_s * COUNTS_PER_RAD) / COUNTS_PER_RAD
+    current = np.rint((np.sin(state.position_rad) + 0.1 * rng.normal(size=position.shape)) / MILLIAMPERE) * MILLIAMPERE
+    nothing = np.zeros(JOINTS)
+    state_word, missing = np.full(JOINTS, 0x1637, np.uint16), np.zeros(JOINTS, dtype=bool)
+    excitation = Excitation(trajectory, max(rows // PERIOD_ROWS, 1))
+    with Recorder(path, {EXCITATION_ATTACHMENT: format_excitation(excitation)}) as recorder:
+        for row in range(rows):
+            k = row % PERIOD_ROWS
+            # Another noise in every period, without drawing as many numbers.
+            other = (k + 7919 * (row // PERIOD_ROWS)) % PERIOD_ROWS
+            feedback = JointFeedback(
+                row, 100.0 + row * CYCLE_S, position[k], velocity[k], current[other], None, state_word, missing
+            )
+            command = JointCommand(state.position_rad[k], nothing, nothing)
+            recorder.write(feedback, command, Segment.PERIODS, (row + 1) * CYCLE_S)
+
+
+def _probe(how: str, path: Path) -> dict[str, float]:
+    """Read in a fresh process; its own figures."""
+    command = [sys.executable, "-m", "benchmarks.reading_probe", how, str(path)]
+    figures: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return figures
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("rows", nargs="?", type=int, default=ROWS)
+    run(parser.parse_args().rows)

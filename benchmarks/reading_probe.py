@@ -1,0 +1,57 @@
+"""One process of `benchmarks.reading`: reads a file in one way and prints its CPU time and memory as JSON."""
+
+from __future__ import annotations
+
+import json
+import resource
+import struct
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import orjson
+import zstandard
+from mcap.opcode import Opcode
+from mcap.stream_reader import StreamReader
+
+from armload_identification.recording.file_reading import read_recording
+
+_RECORD = struct.Struct("<BQ")
+
+
+def bare(path: Path) -> None:
+    """Unpack every chunk, parse every message, keep nothing."""
+    unpacker = zstandard.ZstdDecompressor()
+    with path.open("rb") as file:
+        file.read(8)
+        while len(header := file.read(_RECORD.size)) == _RECORD.size:
+            opcode, length = _RECORD.unpack(header)
+            content = file.read(length)
+            if opcode != Opcode.CHUNK:
+                continue
+            name = int.from_bytes(content[28:32], "little")
+            records = unpacker.decompress(content[32 + name + 8 :])
+            at = 0
+            while at < len(records):
+                kind, size = _RECORD.unpack_from(records, at)
+                at += _RECORD.size + size
+                if kind == Opcode.MESSAGE:
+                    orjson.loads(records[at - size + 22 : at])
+
+
+def library(path: Path) -> None:
+    """Iterate over the records as the library does."""
+    with path.open("rb") as file:
+        for _ in StreamReader(file).records:
+            pass
+
+
+if __name__ == "__main__":
+    ways: dict[str, Callable[[Path], object]] = {"bare": bare, "library": library, "armload": read_recording}
+    way = ways[sys.argv[1]]
+    begun_s = time.process_time()
+    way(Path(sys.argv[2]))
+    used_s = time.process_time() - begun_s
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    sys.stdout.write(json.dumps({"cpu_s": used_s, "peak_mb": peak_mb}))
