@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.cycle.monitors import CycleSummary
-    from armload_controller.session.run_session import Load
+    from armload_controller.session.run_session import Consent, Load
     from armload_identification.model.payload import InertialParameters
 
 
@@ -58,13 +58,18 @@ def commission(
     ] = None,
     yes: YesOption = False,
 ) -> None:
-    """Run the arm empty and loaded, identify the payload, judge it, report."""
+    """Run the arm empty and loaded, identify the payload, judge it, report.
+
+    Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque; a second signal stops it at once.
+    What a shell has it ignore (SIGINT in a script's background job, SIGHUP under nohup) stays ignored, SIGTERM never.
+    """
     from armload_controller.cli.keyboard import Keyboard
-    from armload_controller.cli.screen import Screen, attended, listening
+    from armload_controller.cli.screen import Screen, attended
     from armload_controller.config.robot import load_robot
     from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules
     from armload_controller.session.commissioning import missing_roles, record_half, require_recordings
     from armload_controller.session.run_session import Consent, Load, Operator
+    from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.servos import JointServos
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
@@ -89,14 +94,15 @@ def commission(
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
 
-    operator = Operator(screen, control, Consent(screen.confirm, given=yes))
-    with listening(control):
+    with StopSignals(control) as signals:
+        consent = Consent(lambda question: signals.ask(question, screen.confirm), given=yes)
+        operator = Operator(screen, control, consent)
         for load in halves[runs]:
             if load not in todo:
                 screen.step(f"{load}: recorded already in {directory}, taken up")
                 continue
             if load is Load.LOADED and runs is Runs.BOTH:
-                _mount(arm, screen, in_this_process, yes)
+                _mount(arm, screen, consent, in_this_process)
             begun_s = time.monotonic()
             summaries = record_half(arm, load, open_servos, directory, operator, now.isoformat(timespec="seconds"))
             screen.step(_account(load, summaries, time.monotonic() - begun_s))
@@ -107,12 +113,12 @@ def commission(
     _evaluate(arm, directory, screen, truth, now)
 
 
-def _mount(arm: Robot, screen: Screen, in_this_process: bool, yes: bool) -> None:
+def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) -> None:
     """Get the payload onto the flange, the drives being off."""
     if in_this_process:
         screen.step(f"payload {arm.simulation.payload_name!r} mounted on the simulated flange")
-    elif not yes and not screen.confirm(
-        "The drives are off, the brakes are on. Is the payload mounted and the cell clear?"
+    elif not consent.given and not consent.ask(
+        "The drives are off, the brakes are on. Is the payload mounted and the workspace clear?"
     ):
         raise CommissioningError("not confirmed: nothing was moved with the payload. Go on later with --runs loaded")
 

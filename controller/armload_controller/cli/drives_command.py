@@ -89,14 +89,15 @@ def show_command(
 ) -> None:
     """State, position and effort of every drive, and the load of the bus, until Ctrl-C. Only reads."""
     from armload_controller.cli.drive_result_tables import bus_line, status_table
-    from armload_controller.cli.screen import Screen, listening
+    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
+    from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.bring_up.inspection import show
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate)
     screen = Screen()
     control = MotionControl()
-    with listening(control), _bus_of(arm) as bus:
+    with StopSignals(control), _bus_of(arm) as bus:
         while control.goal.stop is None:
             status = show(arm.drives.settings, bus)
             screen.table(status_table(status))

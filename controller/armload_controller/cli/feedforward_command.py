@@ -60,9 +60,12 @@ def feedforward(
     simulated_drives: SimulatedDrivesOption = False,
     yes: YesOption = False,
 ) -> None:
-    """Add a payload's torque, and the arm's, to the drives' own (60B2), after trying it at standstill."""
+    """Add a payload's torque, and the arm's, to the drives' own (60B2), after trying it at standstill.
+
+    Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque, as for `commission`.
+    """
     from armload_controller.cli.keyboard import Keyboard
-    from armload_controller.cli.screen import Screen, attended, listening
+    from armload_controller.cli.screen import Screen, attended
     from armload_controller.config.robot import load_robot
     from armload_controller.feedforward.body_torque import held_torque, require_body
     from armload_controller.feedforward.injection import PayloadRefused
@@ -71,6 +74,7 @@ def feedforward(
     from armload_controller.session.comparison_figure import draw, require_picture
     from armload_controller.session.feedforward_comparison import ComparisonRuns
     from armload_controller.session.run_session import Consent, Load, Operator, run_session
+    from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.servos import JointServos
     from armload_identification.files.body_file import read_body
     from armload_identification.files.payload_file import read_payload
@@ -91,12 +95,13 @@ def feedforward(
     if model is not None:
         require_body(model, arm.chain, arm.drives.coupling)
     runs = ComparisonRuns(arm, path, None if model is None else held_torque(model))
-    operator = Operator(screen, control, Consent(screen.confirm, given=yes))
 
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
 
-    with listening(control):
+    with StopSignals(control) as signals:
+        consent = Consent(lambda question: signals.ask(question, screen.confirm), given=yes)
+        operator = Operator(screen, control, consent)
         if not compare:
             with run_session(arm, Load.LOADED, open_servos, operator) as session:
                 screen.step(_account(runs.try_offset(session, result)))

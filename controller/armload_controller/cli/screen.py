@@ -7,11 +7,9 @@ thread of its own would take the cycle's time at random.
 from __future__ import annotations
 
 import os
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from types import FrameType
 
 from rich.console import Console
 from rich.progress import (
@@ -27,7 +25,6 @@ from rich.table import Column, Table
 
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
-from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop
 
 UNBOUNDED_WIDTH = 1000
 """Width of what is no terminal."""
@@ -103,29 +100,3 @@ class Screen:
 def attended() -> bool:
     """Whether somebody sits at a terminal and can be asked."""
     return sys.stdin is not None and sys.stdin.isatty()
-
-
-@contextmanager
-def listening(control: MotionControl) -> Iterator[None]:
-    """Ctrl-C and SIGTERM stop along the path for a while; a second one interrupts at once.
-
-    So do Ctrl-Z, which would halt the program and leave the arm to its drives, and the loss of the terminal.
-    """
-    reasons = {
-        signal.SIGINT: OperatorStop("Ctrl-C"),
-        signal.SIGTSTP: OperatorStop("Ctrl-Z"),
-        signal.SIGTERM: TerminationStop("SIGTERM"),
-        signal.SIGHUP: TerminationStop("SIGHUP, the terminal is gone"),
-    }
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        if control.goal.stop is not None:
-            raise KeyboardInterrupt
-        control.stop(reasons[signal.Signals(number)])
-
-    before = {number: signal.signal(number, on_signal) for number in reasons}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -26,9 +26,10 @@ def simulate(
     ] = None,
 ) -> None:
     """Serve simulated CiA 402 drives with an arm behind them, until Ctrl-C."""
-    from armload_controller.cli.screen import Screen, listening
+    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.arm_access import drives_alone
+    from armload_controller.session.stop_signals import StopSignals
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     name = arm.simulation.payload_name if payload is None else payload
@@ -36,7 +37,7 @@ def simulate(
     screen = Screen()
     control = MotionControl()
     with (
-        listening(control),
+        StopSignals(control),
         drives_alone(arm, mounted, run=int(mounted is not None)) as drives,
     ):
         screen.step(

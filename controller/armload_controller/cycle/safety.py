@@ -136,7 +136,7 @@ class PathDeviation(ControlError):
     """What Ruckig would send is not on the path that was checked."""
 
 
-_CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
+CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (KeyboardInterrupt, Cause.OPERATOR_AGAIN),
     (OperatorStop, Cause.OPERATOR),
     (TerminationStop, Cause.TERMINATION),
@@ -167,4 +167,4 @@ _CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
 
 def cause_of(error: BaseException) -> Cause:
     """The row of the table that an exception belongs to."""
-    return next((cause for kind, cause in _CAUSES if isinstance(error, kind)), Cause.PROGRAM)
+    return next((cause for kind, cause in CAUSES if isinstance(error, kind)), Cause.PROGRAM)

@@ -1,0 +1,43 @@
+"""The table of stops as a page: `python -m armload_controller.cycle.stop_table > controller/STOPS.md`."""
+
+from __future__ import annotations
+
+import sys
+
+from armload_controller.cycle.safety import CAUSES, DECISIONS, Cause, StopCategory
+
+_HEAD = """\
+# What stops an arm, and how
+
+Generated from [safety.py](armload_controller/cycle/safety.py) by `python -m armload_controller.cycle.stop_table`;
+do not edit. `python -m benchmarks.stops` brings every cause about on the simulated arm and measures the stop.
+
+Whatever the cause, the arm is disabled at standstill with its brakes engaged before the error is reported, and nothing
+enables it again by itself. A step that fails does not keep the next one back.
+
+"""
+
+
+def stop_table() -> str:
+    """The page, Markdown."""
+    stops = _rows(
+        ("Stop", "Steps, in this order"),
+        [(category.value, "; ".join(step.value for step in category.sequence)) for category in StopCategory],
+    )
+    errors = {cause: [f"`{kind.__name__}`" for kind, found in CAUSES if found is cause] for cause in DECISIONS}
+    errors[Cause.PROGRAM].append("any other")
+    causes = _rows(
+        ("Cause", "Error", "Stop", "What the operator can do"),
+        [(cause.value, ", ".join(errors[cause]), d.category.value, d.advice) for cause, d in DECISIONS.items()],
+    )
+    return f"{_HEAD}{stops}\n{causes}"
+
+
+def _rows(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """A Markdown table."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(stop_table())

@@ -1,0 +1,142 @@
+"""The program under signals, as shells start it: the arm comes to rest, and only then its torque is removed.
+
+Master and drives of a simulated `prbt` in real time in one process; its plant reports, when the program has ended,
+which axes still have torque and how fast any of them moved when its torque was removed.
+"""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armload_identification.excitation.excitation_file import write_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+
+PROGRAM = """
+import json, sys, time
+from pathlib import Path
+import can, numpy as np
+from armload_controller.config.robot import load_robot
+from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.plant_interface import IdealPlant
+
+robot = load_robot(sys.argv[2])
+arm = robot.drives.settings
+speeds = []
+
+class Plant(IdealPlant):
+    def set_powered(self, axis, on):
+        if self.powered[axis] and not on:
+            speeds.append(float(np.abs(self.velocity_rad_s).max()))
+        super().set_powered(axis, on)
+
+plant = Plant(robot.simulation.start_rad, np.zeros(robot.n))
+begun_s = time.monotonic()
+from armload_controller.cli.entry import main
+with can.Bus(interface="bench", channel="signals") as bus:
+    with SimulatedDrives(arm, plant, bus, lambda: time.monotonic() - begun_s):
+        try:
+            main()
+        finally:
+            found = {"powered": plant.powered, "released": speeds}
+            Path(sys.argv[0]).with_name("found.json").write_text(json.dumps(found))
+"""
+PATIENCE = {"heartbeat_s": "2.0", "max_missing_cycles": "100"}
+"""For a machine that is busy with other things."""
+LONGEST_S = 60.0
+STANDING_RAD_S = 1e-3
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """prbt with patience, and with excitations that take longer than any of these tests."""
+    text = (resources.files("armload_configs") / "prbt.toml").read_text("utf-8")
+    for key, value in PATIENCE.items():
+        text, count = re.subn(rf"^{key} = \S+", f"{key} = {value}", text, flags=re.MULTILINE)
+        assert count == 1
+    swing = np.full((6, 1), 0.1)
+    trajectory = FourierTrajectory(0.5, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), swing, 0.5 * swing)
+    write_excitation(tmp_path / "long.toml", Excitation(trajectory, 100))
+    text = re.sub(r'^(identification|validation) = ".*"$', r'\1 = "long.toml"', text, flags=re.MULTILINE)
+    path = tmp_path / "patient.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def started(robot, tmp_path):
+    """Start a commissioning with some signals ignored; it is in motion when this returns."""
+    program = tmp_path / "program.py"
+    program.write_text(PROGRAM)
+    plugin = tmp_path / "bench-1.dist-info"
+    plugin.mkdir()
+    (plugin / "METADATA").write_text("Metadata-Version: 2.1\nName: bench\nVersion: 1\n")
+    (plugin / "entry_points.txt").write_text("[can.interface]\nbench = can.interfaces.virtual:VirtualBus\n")
+    running = []
+
+    def started(ignored=()):
+        ignoring = f"trap '' {' '.join(ignored)}; " if ignored else ""
+        words = ["commission", robot, "--interface", "bench", "--channel", "signals", "--simulated-drives"]
+        process = subprocess.Popen(
+            ["sh", "-c", f'{ignoring}exec "$@"', "sh", sys.executable, program, *words, "--output", tmp_path / "run"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        running.append(process)
+        wait_for_rows(process, tmp_path / "run", 20_000)
+        return process
+
+    yield started
+    for process in running:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def wait_for_rows(process, folder, size):
+    """Until so much has been recorded; the program is alive meanwhile."""
+    until_s = time.monotonic() + LONGEST_S
+    while sum(path.stat().st_size for path in Path(folder).glob("*.mcap")) < size:
+        assert process.poll() is None, process.communicate()[0]
+        assert time.monotonic() < until_s, "nothing is recorded"
+        time.sleep(0.02)
+
+
+def ended(process, tmp_path):
+    """What it printed; its exit status and the arm are as they should be."""
+    printed, _ = process.communicate(timeout=LONGEST_S)
+    assert process.returncode == 128 + signal.SIGTERM, printed
+    assert "Motion stopped (along the path): the system asked the program to end" in printed
+    assert "While stopping" not in printed
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["powered"] == [False] * 6
+    assert len(found["released"]) == 6
+    assert max(found["released"]) < STANDING_RAD_S
+    return printed
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_brings_the_arm_to_rest_and_removes_its_torque(started, tmp_path, number):
+    process = started()
+    process.send_signal(number)
+    ended(process, tmp_path)
+
+
+def test_a_background_job_goes_on_where_signals_are_ignored_and_is_stopped_by_sigterm(started, tmp_path):
+    """A shell script's background job ignores SIGINT, nohup SIGHUP: that is what was asked for."""
+    process = started(ignored=("INT", "HUP"))
+    for number in (signal.SIGINT, signal.SIGHUP):
+        process.send_signal(number)
+    recorded = sum(path.stat().st_size for path in (tmp_path / "run").glob("*.mcap"))
+    wait_for_rows(process, tmp_path / "run", recorded + 60_000)
+    process.send_signal(signal.SIGTERM)
+    ended(process, tmp_path)

@@ -1,0 +1,62 @@
+"""Signals as stops: which are taken, which stay ignored, and that afterwards everything is as before."""
+
+import os
+import signal
+
+import pytest
+
+from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop
+from armload_controller.session.stop_signals import StopSignals
+
+TAKEN = {
+    signal.SIGINT: OperatorStop,
+    signal.SIGTSTP: OperatorStop,
+    signal.SIGHUP: TerminationStop,
+    signal.SIGTERM: TerminationStop,
+}
+
+
+@pytest.fixture(params=[signal.SIG_DFL, signal.SIG_IGN], ids=["default", "ignored"])
+def inherited(request):
+    """Every signal as a program may find it when it starts."""
+    before = {number: signal.signal(number, request.param) for number in TAKEN}
+    yield request.param
+    now = {number: signal.getsignal(number) for number in TAKEN}
+    for number, handler in before.items():
+        signal.signal(number, handler)
+    assert set(now.values()) == {request.param}
+
+
+@pytest.mark.parametrize("number", TAKEN)
+def test_a_signal_stops_unless_it_was_ignored_before_and_sigterm_does_so_always(inherited, number):
+    control = MotionControl()
+    with StopSignals(control):
+        os.kill(os.getpid(), number)
+        if inherited is signal.SIG_IGN and number != signal.SIGTERM:
+            assert control.goal.stop is None
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert isinstance(control.goal.stop, TerminationStop)
+        else:
+            assert isinstance(control.goal.stop, TAKEN[number])
+
+
+def test_the_second_signal_interrupts_at_once(inherited):
+    control = MotionControl()
+    with StopSignals(control):
+        os.kill(os.getpid(), signal.SIGTERM)
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+def test_a_question_is_ended_by_a_signal_and_by_nothing_afterwards(inherited):
+    control = MotionControl()
+    with StopSignals(control) as signals:
+        assert signals.ask("Go on?", lambda question: question == "Go on?")
+
+        def answer(question):
+            os.kill(os.getpid(), signal.SIGTERM)
+            raise AssertionError("the question went on")
+
+        with pytest.raises(TerminationStop, match="SIGTERM"):
+            signals.ask("Go on?", answer)
+        assert isinstance(control.goal.stop, TerminationStop)
