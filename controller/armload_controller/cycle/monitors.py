@@ -17,7 +17,7 @@ from armload_identification.signals.joint_torque import Transmission
 TORQUE_FILTER_S = 0.02
 """Time constant that noise is taken out of the measured torque with, before it is compared."""
 MODEL_EVERY_S = 0.01
-"""So often the model is asked; motions within the joints' limits change little in between."""
+"""Interval at which the model is evaluated; motions within the joints' limits change little in between."""
 REACH_BACK_S = 0.1
 """Setpoints of so long ago may still be on their way: twice the lag of the simulated servos."""
 

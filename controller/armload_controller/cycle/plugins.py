@@ -86,7 +86,7 @@ class PluginError(ControlError):
 
 
 class PluginFailed(PluginError):
-    """A plug-in raised, or returned what is no torque."""
+    """A plug-in raised, or returned something other than torques."""
 
 
 class PluginTooSlow(PluginError):

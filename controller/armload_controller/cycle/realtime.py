@@ -1,12 +1,12 @@
 """The process tuned for the cycle, as far as it is permitted.
 
     SCHED_FIFO            nothing ordinary runs before the cycle's thread
-    locked memory         no page of the process has to be read from disk
+    locked memory         no page of the process must be read from disk
     CPU affinity          the cycle's thread stays on one CPU
     garbage collection    none while the arm moves
     switch interval       a busy Python thread gives the interpreter back within 0.5 ms, instead of 5
 
-Everything is set back afterwards. What is not permitted is told once, in words, and the cycle runs without it.
+Everything is set back afterwards. What is not permitted is reported once, in words, and the cycle runs without it.
 Not for lockstep simulations, where nothing waits for a clock and a real-time thread would only starve others.
 """
 
@@ -26,11 +26,11 @@ _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
 
 @contextmanager
-def tuned_for_cycles(tell: Callable[[str], None]) -> Iterator[None]:
+def tuned_for_cycles(report: Callable[[str], None]) -> Iterator[None]:
     """Tune this process and the calling thread for a while.
 
     Args:
-        tell: Is told what was not permitted, in one line, if anything.
+        report: Called with what was not permitted, in one line, if anything.
     """
     refused: list[str] = []
     with ExitStack() as stack:
@@ -45,7 +45,7 @@ def tuned_for_cycles(tell: Callable[[str], None]) -> Iterator[None]:
                 refused.append(f"{name} ({error.strerror})")
         stack.callback(_quiet_interpreter())
         if refused:
-            tell(
+            report(
                 f"not permitted: {', '.join(refused)}. The cycle runs without and may be late more often; give the "
                 "process CAP_SYS_NICE and CAP_IPC_LOCK, or raise rtprio and memlock in limits.conf"
             )

@@ -6,7 +6,7 @@ Two amounts of it, to be fed forward beside the payload's J^T w:
     ArmTorque       all that the arm takes: tau_link + rotors + s (f_c + f_s(dq) + mu |tau_link + tau_payload|) + f_v dq
 
 with s a smooth direction of motion. A gear under load rubs more, so that the first belongs to the payload's torque as
-a motor sees it. What torque a drive tells at no load is an error of its sensor, and is not fed forward.
+a motor sees it. The torque that a drive reports at no load is its sensor's offset, and is not fed forward.
 """
 
 from __future__ import annotations

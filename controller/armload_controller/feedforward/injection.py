@@ -34,7 +34,7 @@ LONGEST_LAG_S = 0.2
 FADE_IN_S = 0.5
 """Time in which the torque is faded in once it is allowed."""
 LAG_MEMORY_S = 5.0
-"""The lag is that of about the last so many seconds of motion."""
+"""Time constant of forgetting; the lag is that of about these last seconds of motion."""
 _MOVED_RAD2 = 1e-4
 """Integral of squared speed over cycles, from which on a joint's lag counts."""
 
@@ -70,9 +70,9 @@ class FollowingLag:
             return
         self._error_speed = self._keep * self._error_speed + error_rad * velocity_rad_s * self._cycle_s
         self._speed_speed = self._keep * self._speed_speed + moving
-        told = self._speed_speed > _MOVED_RAD2
-        if told.any():
-            lag_s = float(np.median(self._error_speed[told] / self._speed_speed[told]))
+        moved = self._speed_speed > _MOVED_RAD2
+        if moved.any():
+            lag_s = float(np.median(self._error_speed[moved] / self._speed_speed[moved]))
             self.lag_s = min(max(lag_s, 0.0), LONGEST_LAG_S)
 
 
@@ -150,7 +150,7 @@ class FeedforwardPlugin:
         self._states.appendleft(
             np.array([reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2])
         )
-        # The error is told at SYNC; torque acts from there to the next one, on average half a cycle later.
+        # The error is sampled at SYNC; torque acts from there to the next one, on average half a cycle later.
         delay = max(self._lag.lag_s / self._cycle_s - 0.5, 0.0)
         last = len(self._states) - 1
         before = min(int(delay), last)
@@ -175,7 +175,7 @@ class FeedforwardPlugin:
 
 
 class CheckedFeedforward:
-    """The feed-forward and the check that has to come before it, as one plug-in.
+    """The feed-forward and the check that must precede it, as one plug-in.
 
     Args:
         feedforward: Adds nothing until `use` allows it.

@@ -1,14 +1,14 @@
 """Does a drive's torque offset (60B2) do what it should? Asked at standstill, before any of it reaches motion.
 
 A fifth of the greatest torque that the payload is going to need is faded in and out, over and over. What the drives
-tell (6077, 6078) is the motor's whole torque: the servo's own and the offset. Friction holds a geared joint in
-place while the offset changes by less than it, so the servo has nothing to answer and the whole torque changes by
+report (6077, 6078) is the motor's whole torque: the servo's own and the offset. Friction holds a geared joint in
+place while the offset changes by less than it, so the servo does not respond, and the whole torque changes by
 exactly what the drive made of the offset:
 
     measured = constant + drift + gain offset + delay d(offset)/dt        gain 1: sign and scale are right
 
 fitted to a few fades at a time, since servos creep and slip at standstill; the median of the fits counts. Where the
-servo answers by as much (gain 0: no friction, or no 60B2), sign and scale cannot be told and nothing is injected:
+servo answers by as much (gain 0: no friction, or no 60B2), sign and scale cannot be determined and nothing is injected:
 the servo's own torque falls by the offset then, but it would with the wrong sign as well.
 """
 
@@ -43,7 +43,7 @@ FADES = 4
 """Fades that a gain is fitted to; drift is slower, a slip spoils one of many fits."""
 LEAST_FITS = 8
 MOST_FITS = 20
-"""After so many a joint that is still not certain is left without feed-forward."""
+"""After this number of fits a joint that is still not certain is left without feed-forward."""
 _MEDIAN_EFFICIENCY = 1.2533
 """Standard error of a median in terms of a mean's."""
 
@@ -78,11 +78,11 @@ class OffsetVerdict:
 
     @property
     def wrong(self) -> NDArray[np.bool_]:
-        """(n,) where the answer is wrong without doubt; one that slips now and then is no such proof."""
+        """(n,) where the answer is certainly wrong; a joint that slips now and then is no proof of that."""
         return (self.sigma <= CERTAINTY / 2.0) & (np.abs(self.gain - 1.0) > TOLERANCE)
 
     def require(self) -> NDArray[np.bool_]:
-        """Joints that torque may be added on; on the others the answer cannot be told, and nothing is added.
+        """Joints that torque may be added on; on the others the answer cannot be determined, and nothing is added.
 
         Raises:
             OffsetRefused: a drive makes something else of its offset, or no joint is usable.
@@ -100,7 +100,7 @@ class OffsetVerdict:
         """What is wrong with one joint, and what to look at."""
         gain = self.gain[joint]
         if abs(gain) <= TOLERANCE:
-            what = "the servo balances it, or the drive does not take it: sign and scale cannot be told"
+            what = "the servo balances it, or the drive does not take it: sign and scale cannot be determined"
         elif gain < 0:
             what = "the sign is wrong: check polarity (607E) and the direction of the axis"
         else:
@@ -129,7 +129,7 @@ class OffsetCheck:
         self._joint_names = joint_names
         self._transmission = transmission
         self._tried = tried_nm
-        self._told = tried_nm > SMALLEST_SHARE * tried_nm.max()
+        self._tried_joints = tried_nm > SMALLEST_SHARE * tried_nm.max()
         self._fade = max(8, round(FADE_S / cycle_s))
         self._length = FADES * self._fade
         self._cycle = 0
@@ -156,7 +156,7 @@ class OffsetCheck:
         if fits < LEAST_FITS:
             return False
         verdict = self.verdict()
-        return fits >= MOST_FITS or bool(verdict.usable[self._told].all() or verdict.wrong.any())
+        return fits >= MOST_FITS or bool(verdict.usable[self._tried_joints].all() or verdict.wrong.any())
 
     def verdict(self) -> OffsetVerdict:
         """What was found so far."""
@@ -164,7 +164,9 @@ class OffsetCheck:
         gain = np.median(gains, axis=0)
         spread = np.maximum(deviation_by_median(gains - gain), gains.std(axis=0))
         sigma = _MEDIAN_EFFICIENCY * spread / np.sqrt(len(gains))
-        return OffsetVerdict(self._joint_names, self._tried, gain, np.where(self._told, sigma, np.inf), len(gains))
+        return OffsetVerdict(
+            self._joint_names, self._tried, gain, np.where(self._tried_joints, sigma, np.inf), len(gains)
+        )
 
     def _evaluate(self) -> None:
         """Gain of every joint from a few fades."""
@@ -172,7 +174,7 @@ class OffsetCheck:
         self._offset, self._torque = [], []
         t = np.linspace(-1.0, 1.0, self._length)
         gain = np.zeros(offset.shape[1])
-        for joint in np.flatnonzero(self._told):
+        for joint in np.flatnonzero(self._tried_joints):
             x = offset[:, joint]
             columns = np.column_stack([np.ones_like(t), t, t * t, np.gradient(x), x])
             gain[joint] = np.linalg.lstsq(columns, torque[:, joint], rcond=None)[0][-1]

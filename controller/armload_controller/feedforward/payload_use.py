@@ -26,7 +26,7 @@ def why_not_usable(payload: PayloadResult, chain: Chain, robot: str, use: str) -
         )
     if payload.frame != FLANGE:
         return (
-            f"the payload is told in the frame {payload.frame!r}; expected {FLANGE!r}. "
+            f"the payload is given in the frame {payload.frame!r}; expected {FLANGE!r}. "
             "Identify it with the whole arm's kinematics"
         )
     if len(payload.residual_rms_nm) != chain.n:

@@ -1,1 +1,1 @@
-"""Paths, phase, setpoints, and the limits and obstacles that they are checked against."""
+"""Paths, phase, setpoints, constraints, and the check that a path must pass before an arm moves."""

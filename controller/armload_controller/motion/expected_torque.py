@@ -1,9 +1,9 @@
-"""Between which torques a motion of this arm must lie, as far as its file tells of links, friction and payload.
+"""The range in which the torques of a motion lie, as far as the robot's file specifies links, friction and payload.
 
     tau_arm + f_v dq + x tau_payload  +-  (FRICTION_SHARE f_c + LOSS_SHARE |tau_carried| + SPARE_SHARE tau_max)
 
 with the heaviest payload expected and x from -HALF to 1 + HALF where a payload hangs on the flange, else 0: what hangs
-there may have its centre of mass elsewhere. Where the file tells no [body], the arm's own torque is anything within
+there may have its centre of mass elsewhere. Where the file has no [body], the arm's own torque is anything within
 its `arm_torque_share`.
 
 The shares are what friction near standstill, gears of bad efficiency (0.75), a drive's gain and the ringing of elastic
@@ -38,8 +38,8 @@ class ExpectedTorque:
 
     Attributes:
         chain: The arm.
-        body: Its links, rotors and friction; massless where they are not told.
-        arm_nm: (n,) what the arm itself may take besides, either way; 0 where the body is told.
+        body: Its links, rotors and friction; massless where they are not specified.
+        arm_nm: (n,) further torque of the arm itself, either way; 0 where the body is specified.
         payload: The heaviest one; None where the flange is empty.
         torque_max_nm: (n,) greatest torque of each joint.
     """

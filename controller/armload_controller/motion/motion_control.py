@@ -1,6 +1,6 @@
-"""What operators and programs may ask of a motion while it runs: pause, resume, another speed, stop.
+"""What operators and programs may request of a motion while it runs: pause, resume, another speed, stop.
 
-The cycle looks at the goal once per cycle. A stop is final; whoever wants to move again makes a new control.
+The cycle looks at the goal once per cycle. A stop is final; to move again, make a new control.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ SLOWEST_SHARE = 0.01
 
 
 class StopRequested(ControlError):
-    """Somebody asked for a stop; the base of the reasons."""
+    """A stop was requested; the base of the reasons."""
 
 
 class OperatorStop(StopRequested):
@@ -43,12 +43,12 @@ class SpeedOutOfRange(ControlError):
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """What is asked for.
+    """What is requested.
 
     Attributes:
         share: Speed override, 0.01 to 1.
-        paused: The arm is to stand on its path until it is resumed.
-        stop: Why it is to stop for good; None while it is not.
+        paused: Stand on the path until resumed.
+        stop: Reason of a final stop; None while there is none.
     """
 
     share: float = 1.0
@@ -72,7 +72,7 @@ class MotionControl:
 
     @property
     def goal(self) -> Goal:
-        """What is asked for now."""
+        """What is requested now."""
         return Goal(self._share, self._paused, self._stop)
 
     def pause(self) -> None:
@@ -97,7 +97,7 @@ class MotionControl:
         self._share = share
 
     def require_no_stop(self) -> None:
-        """Go on only if nobody asked for a stop.
+        """Go on only if no stop was requested.
 
         Raises:
             StopRequested: the reason that was given.

@@ -25,7 +25,7 @@ GRID_TRIES = 6
 GRID_PATIENCE_CYCLES = 25
 """A ramp onto the grid may take this much longer than one that need not hit it; else it goes by half the rate."""
 BEGINNING_CYCLES = 64
-"""Rows of a new ramp that are looked at for a rate below zero."""
+"""Rows of a new ramp that are searched for a rate below zero."""
 CLOSE = 1e-9
 """Rates and phases this close are the same."""
 

@@ -1,4 +1,4 @@
-"""Setpoints: the legs of a run, the whole plan for the check before anything moves, and the last instance.
+"""Setpoints: the legs of a run, plans of uninterrupted motions, and the last instance before the drives.
 
     approach    straight in joint space from where the arm stands to where the path begins
     slow round  one period at a quarter of the speed; it begins and ends where the ramp up begins
@@ -39,7 +39,7 @@ STANDING_RAD = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class MotionPlan:
-    """Every setpoint of a motion that nobody interrupts; N cycles, n joints.
+    """Every setpoint of an uninterrupted motion; N cycles, n joints.
 
     Attributes:
         position_rad: (N, n).
@@ -117,7 +117,7 @@ def plan_approach(start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLim
 
 
 def plan_leg(leg: Leg, cycle_s: float) -> MotionPlan:
-    """Every setpoint of a leg that nobody interrupts, from the one at rest where it begins."""
+    """Every setpoint of an uninterrupted leg, from the one at rest where it begins."""
     interpolator = LegInterpolator(leg, cycle_s, MotionControl())
     rows = [(PhaseState(leg.start_s, 0.0, 0.0), interpolator.first_segment), *interpolator.remaining()]
     states = [state for state, _ in rows]

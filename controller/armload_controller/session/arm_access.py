@@ -3,12 +3,12 @@
 On any bus but `virtual` a real arm could be, and is taken to be. The rules, in the order in which they are asked:
 
 1. The configuration says who every drive is (1018), what the arm must not touch, and what its joints can give;
-   somebody sits at a terminal. Else the bus is not even opened.
+   an operator is at the terminal. Otherwise the bus is not even opened.
 2. The drivers compare every node's identity with the configuration's before they write anything to it, and refuse
    drives that lack what safety rests on: see `armload_drivers.bring_up.drive_bring_up`.
 3. Whatever does not carry the simulation's identity is moved with consent only, slowly first: see `commissioning`.
 
-With `--simulated-drives` the identity that is asked for is the simulation's, so that nothing real can be meant.
+With `--simulated-drives` the required identity is the simulation's, so that no real drive can pass.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
     Args:
         robot: The arm.
         simulated_drives: Only drives with the simulation's identity are to be driven.
-        attended: Somebody sits at a terminal.
+        attended: An operator is at the terminal.
 
     Raises:
         ConfigurationError: the file does not say who the drives are, or what a motion must not do.
-        UnsafeBus: nobody is there to be asked.
+        UnsafeBus: there is no operator to ask.
     """
     if robot.bus.interface == VIRTUAL or simulated_drives:
         return
@@ -65,19 +65,19 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
 
 
 def open_arm(
-    robot: Robot, load: Load, tell: Callable[[str], None], *, simulated_drives: bool
+    robot: Robot, load: Load, report: Callable[[str], None], *, simulated_drives: bool
 ) -> AbstractContextManager[JointServos]:
     """The arm where its configuration says it is: in this process or on a bus.
 
     Args:
         robot: The arm, for which `require_rules` had no objection.
         load: What hangs on the flange, for a simulation in this process.
-        tell: Is told what the operator should know.
-        simulated_drives: On a bus, every drive has to carry the simulation's identity.
+        report: Called with what the operator should know.
+        simulated_drives: On a bus, every drive must carry the simulation's identity.
     """
     if robot.bus.interface == VIRTUAL:
         return simulated_arm(robot, load)
-    return arm_on_bus(robot, tell, simulated_drives=simulated_drives)
+    return arm_on_bus(robot, report, simulated_drives=simulated_drives)
 
 
 @contextmanager
@@ -102,13 +102,13 @@ def simulated_arm(robot: Robot, load: Load) -> Iterator[JointServos]:
 
 
 @contextmanager
-def arm_on_bus(robot: Robot, tell: Callable[[str], None], *, simulated_drives: bool) -> Iterator[JointServos]:
+def arm_on_bus(robot: Robot, report: Callable[[str], None], *, simulated_drives: bool) -> Iterator[JointServos]:
     """Drives on a bus; this process is tuned for the cycle meanwhile.
 
     Args:
         robot: The arm, for which `require_rules` had no objection.
-        tell: Is told what of the tuning was not permitted.
-        simulated_drives: Every drive has to carry the simulation's identity, instead of the configured one.
+        report: Called with the tuning that was not permitted.
+        simulated_drives: Every drive must carry the simulation's identity, instead of the configured one.
 
     Raises:
         BusError: the interface cannot be opened.
@@ -117,7 +117,7 @@ def arm_on_bus(robot: Robot, tell: Callable[[str], None], *, simulated_drives: b
     if simulated_drives:
         drives = tuple(replace(drive, identity=SIMULATION_IDENTITY) for drive in arm.drives)
         arm = replace(arm, drives=drives)
-    with _bus(robot) as bus, tuned_for_cycles(tell):
+    with _bus(robot) as bus, tuned_for_cycles(report):
         servos = CanopenServos(arm, bus, sync_for(robot))
         try:
             yield servos
@@ -137,7 +137,7 @@ def drives_alone(robot: Robot, payload: str | None, run: int) -> Iterator[Simula
     """Simulated drives on a bus, on the wall clock, for another process to command.
 
     Raises:
-        UnsafeBus: on the virtual bus nobody else could reach them.
+        UnsafeBus: on the virtual bus no other process could reach them.
         BusError: the interface cannot be opened.
     """
     if robot.bus.interface == VIRTUAL:
@@ -151,7 +151,7 @@ def drives_alone(robot: Robot, payload: str | None, run: int) -> Iterator[Simula
 
 
 def clock_from_now() -> Callable[[], float]:
-    """A monotonic clock that begins at zero: a plant has to live through all that its clock tells."""
+    """A monotonic clock that begins at zero: a plant must be advanced through all the time of its clock."""
     begun_s = time.monotonic()
     return lambda: time.monotonic() - begun_s
 

@@ -29,7 +29,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 
 ROLES = ("identification", "validation")
-"""Excitations of a commissioning: the payload is identified from the first, the second judges the result."""
+"""Excitations of a commissioning: the payload is identified from the first and judged on the second."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """One trajectory without and with feed-forward: what becomes of the following error e = target - measured.
 
 Nearly all of e is the servo's lag, which no torque changes: an arm that is at speed dq is behind by 40 ms of it. Two
-things are looked at in its place:
+quantities are compared instead:
 
     what the payload adds       e_loaded - e_unloaded, at the same phase: for a payload's torque
     what the lag leaves         e - (a_1 dq + a_2 d2q + a_3 d3q + a_4 d4q), fitted to each run and joint: for the arm's
@@ -41,7 +41,7 @@ _STEP_S = 1e-3
 
 
 class Measure(StrEnum):
-    """What is looked at of the following error."""
+    """What is compared of the following error."""
 
     ADDED = "what the payload adds to the following error"
     TORQUES = "following error beyond the servo's lag"
