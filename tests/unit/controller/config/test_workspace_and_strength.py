@@ -1,4 +1,4 @@
-"""`[workspace]`, `[body]` and the torque shares of a robot's file: what ships, and what a wrong one is told."""
+"""`[workspace]`, `[body]` and the torque shares of a robot's file: what ships, and how a wrong one is refused."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ def test_without_a_simulation_the_envelope_is_the_same(edited):
     np.testing.assert_array_equal(alone.torque.available_nm, arm.envelope(0.1, 0.7, 0.8).torque.available_nm)
 
 
-def test_the_following_error_limits_the_speed_where_the_lag_is_told(edited):
+def test_the_following_error_limits_the_speed_where_the_lag_is_known(edited):
     assert load_robot("er50").limits.excitation.velocity_max_rad_s[5] == pytest.approx(0.2 / 0.045)
     slow = load_robot(edited("following_error_rad = 0.2", "following_error_rad = 0.02", "er50", count=1))
     assert slow.limits.excitation.velocity_max_rad_s[0] == pytest.approx(0.02 / 0.045)
-    untold = load_robot(edited("following_lag_s = 0.045", "#", "er50", count=6))
-    np.testing.assert_array_equal(untold.limits.excitation.velocity_max_rad_s, [2.0, 2.0, 2.4, 4.0, 4.0, 5.0])
+    unknown = load_robot(edited("following_lag_s = 0.045", "#", "er50", count=6))
+    np.testing.assert_array_equal(unknown.limits.excitation.velocity_max_rad_s, [2.0, 2.0, 2.4, 4.0, 4.0, 5.0])
 
 
 def test_a_robot_without_a_workspace_has_nothing_in_its_way():
@@ -158,5 +158,5 @@ def test_an_excitation_of_another_cell_or_arm_is_not_driven(edited, robot, old, 
     assert words in str(caught.value)
 
 
-def test_an_arm_whose_strength_is_not_told_is_judged_by_its_cell_alone(edited):
+def test_an_arm_without_stated_strength_is_checked_against_its_obstacles_alone(edited):
     checked_excitations(load_robot(edited("arm_torque_share = 0.35", "#", "er50", count=2)), ["identification"])
