@@ -122,7 +122,8 @@ class GarbageFilter:
         for code, reason in enumerate(_REASONS):
             if count := int(np.count_nonzero(verdict == code)):
                 self.reasons[reason] += count
-        kept = rows.rows(np.flatnonzero(verdict == _KEPT))
+        good = verdict == _KEPT
+        kept = rows.rows(slice(0, settled)) if good.all() else rows.rows(np.flatnonzero(good))
         self._waiting = [rows.rows(slice(settled, None))] if left else []
         recent = kept if self._before is None else joined([self._before, kept])
         if recent.size:
@@ -165,12 +166,14 @@ def _verdict(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp]
             kept = kept[~bad]
 
     measured = {name: values for name in _ABSURD if (values := getattr(rows, name)) is not None}
+    # One number per quantity clears nearly all windows; what is not a number is not below the bound either.
+    suspect = {name: values for name, values in measured.items() if not np.abs(values).max() <= _ABSURD[name]}
     finite = np.isfinite(rows.time_s)
-    for values in measured.values():
+    for values in suspect.values():
         finite &= np.isfinite(values).all(axis=1)
     drop(~finite, "not finite")
     absurd = np.zeros(kept.size, dtype=bool)
-    for name, values in measured.items():
+    for name, values in suspect.items():
         absurd |= (np.abs(values[kept]) > _ABSURD[name]).any(axis=1)
     drop(absurd, "impossible value")
     if not kept.size:
@@ -193,9 +196,10 @@ def _jumps(position: FloatArray, reach_rad: float) -> NDArray[np.bool_]:
     """(N,) rows that are farther than that from the median of their neighbours, on any joint."""
     jumps = np.zeros(len(position), dtype=bool)
     # A row so far from the median has a step of a tenth of that among its neighbours; nearly all logs have none.
-    steps = np.flatnonzero((np.abs(np.diff(position, axis=0)) > reach_rad / (_JUMP_WINDOW - 1)).any(axis=1))
-    if not steps.size:
+    step = np.abs(np.diff(position, axis=0))
+    if step.max() <= reach_rad / (_JUMP_WINDOW - 1):
         return jumps
+    steps = np.flatnonzero((step > reach_rad / (_JUMP_WINDOW - 1)).any(axis=1))
     near = np.unique(np.clip(steps[:, None] + np.arange(-_JUMP_WINDOW, _JUMP_WINDOW + 1), 0, len(position) - 1))
     padded = np.pad(position, ((_JUMP_WINDOW // 2, _JUMP_WINDOW // 2), (0, 0)), mode="edge")
     usual = np.median(sliding_window_view(padded, _JUMP_WINDOW, axis=0)[near], axis=-1)
