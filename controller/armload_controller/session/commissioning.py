@@ -17,6 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from armload_controller.config.robot import Robot
+from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import CommissioningError
 from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
@@ -24,7 +25,6 @@ from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.session.run_session import Load, Operator, RunSession, ServosFactory, run_session
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 
@@ -135,11 +135,7 @@ def read_pair(robot: Robot, directory: Path, role: str) -> Pair:
         CommissioningError: the two do not belong together.
         RecordingError: one is missing or holds nothing usable.
     """
-    pair = Pair(*(read_recording(recording_path(directory, load, role)) for load in Load))
-    for recording in (pair.unloaded, pair.loaded):
-        name = recording.source.run().get("robot")
-        if name != robot.name:
-            raise CommissioningError(f"{recording.source.path} was recorded on {name!r}, not on {robot.name!r}")
+    pair = Pair(*(read_of(robot, recording_path(directory, load, role)) for load in Load))
     texts = {r.source.attachments.get(EXCITATION_ATTACHMENT) for r in (pair.unloaded, pair.loaded)}
     if len(texts) != 1:
         raise CommissioningError(

@@ -22,10 +22,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.excitation.derivative_bounds import rate_bounds
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.model.derivative_bounds import rate_bounds
 
 SURPLUS_M = 0.003
 """Room that is kept at least; half of it is what the bound between samples may take off."""

@@ -25,10 +25,10 @@ from math import ceil
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.excitation.derivative_bounds import rate_bounds, torque_curvature
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.model.derivative_bounds import rate_bounds, torque_curvature
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.model.payload import InertialParameters
 

@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from armload_core import kernels
 from armload_core.arrays import FloatArray
+from armload_identification.excitation.derivative_bounds import point_speed, rate_bounds
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
-from armload_identification.model.derivative_bounds import point_speed, rate_bounds
 
 IntArray = NDArray[np.int64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from armload_identification.excitation.derivative_bounds import point_speed, rate_bounds, torque_curvature
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.model.derivative_bounds import point_speed, rate_bounds, torque_curvature
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 
 pytestmark = pytest.mark.pure
