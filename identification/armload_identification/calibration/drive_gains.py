@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
+from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import reversal_speed
@@ -107,6 +108,15 @@ def calibrate_gains(
         EstimationError: torque was recorded, the mass is not known, or no axis can be told.
         RecordingError: the recordings do not fit the arm or each other, or cannot be right.
     """
+    # Threads would wait for each other, on a busy machine for minutes: see `pipeline.payload_identification.identify`.
+    with threadpool_limits(1):
+        return _calibrated(loaded, unloaded, chain, transmission, known)
+
+
+def _calibrated(
+    loaded: Recording, unloaded: Recording, chain: Chain, transmission: Transmission, known: KnownPayload
+) -> GainCalibration:
+    """What `calibrate_gains` does."""
     if loaded.torque_nm is not None or unloaded.torque_nm is not None:
         raise EstimationError(
             "the recordings hold the drives' own torque, to which no gain of this program is applied. "
