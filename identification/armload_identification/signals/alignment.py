@@ -80,7 +80,7 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
 
 
 def _knots(elapsed: FloatArray, spacing_s: float) -> FloatArray:
-    """Knots of a spline; in a hole of the data there are none, so that every coefficient is told by samples."""
+    """Knots of a spline; in a hole of the data there are none, so that samples determine every coefficient."""
     pieces = max(1, round(elapsed[-1] / spacing_s))
     edges = np.linspace(0.0, elapsed[-1], pieces + 1)
     counts = np.histogram(elapsed, edges)[0]

@@ -22,7 +22,7 @@ _FITTED: Final = 0.25
 """At most this share of the samples is taken up by a fit of the motion."""
 _FILLINGS: Final = 20
 _NOTHING: Final = 1e-18
-"""Square of 1 nrad: no encoder tells less."""
+"""Square of 1 nrad: no encoder resolves less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +148,13 @@ def _fit_motion(
 
     The arm does not follow the excitation exactly: friction shakes it at every reversal, by 17 to 72 urad on er50,
     whose acceleration times the arm's inertia is 2 N m. How many harmonics beyond the excitation's own the positions
-    tell of is decided by generalised cross-validation.
+    support is decided by generalised cross-validation.
     """
     phases = valid.size
     filled = _filled(position, valid)
     for _ in range(1 if valid.all() else _FILLINGS):
         spectrum = np.fft.rfft(filled, axis=0) / phases
-        harmonics = _told_harmonics(spectrum, excitation.harmonics, phases)
+        harmonics = _supported_harmonics(spectrum, excitation.harmonics, phases)
         spectrum[harmonics + 1 :] = 0.0
         fitted = np.fft.irfft(spectrum * phases, phases, axis=0)
         # What lies in a hole is taken from the series, which the next one is then free to have.
@@ -168,7 +168,7 @@ def _fit_motion(
     return motion, np.asarray(np.sqrt(np.mean((position - fitted)[valid] ** 2, axis=0)))
 
 
-def _told_harmonics(spectrum: NDArray[np.complex128], least: int, phases: int) -> int:
+def _supported_harmonics(spectrum: NDArray[np.complex128], least: int, phases: int) -> int:
     """Number of harmonics for which generalised cross-validation is best, from `least` on."""
     twice = np.full(len(spectrum), 2.0)
     twice[0] = 1.0

@@ -1,6 +1,6 @@
 """A payload against CAD, in the paper's terms: Chen 2016, Table 2 and eq. (13).
 
-The paper tells mass, centre of mass and the inertia about the ORIGIN of the payload's frame, with products of
+The paper gives mass, centre of mass and the inertia about the ORIGIN of the payload's frame, with products of
 inertia +int xy dm; this is the one place where the project does. Its error is |estimate - truth| / |truth|.
 """
 

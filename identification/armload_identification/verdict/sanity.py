@@ -1,4 +1,4 @@
-"""What is wrong with a pair of recordings, told before it becomes a wrong payload."""
+"""What is wrong with a pair of recordings, found before it becomes a wrong payload."""
 
 from __future__ import annotations
 
