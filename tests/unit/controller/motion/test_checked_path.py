@@ -180,13 +180,15 @@ def test_a_path_that_a_joint_is_too_weak_for_is_refused():
         checked(with_torque(0.95))
 
 
-def test_the_torque_of_ramps_and_stops_counts_too():
-    """At a steady speed the joint is strong enough, while its phase accelerates it is not."""
+@pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forwards", "backwards"])
+def test_the_torque_of_ramps_and_stops_counts_too(direction):
+    """At a steady speed the joint is strong enough, while its phase accelerates or brakes it is not."""
+    path = replace(SWING, sin_rad=direction * SWING.sin_rad)
     enough = with_torque(1.0005)
-    assert torque_objection(SWING, PhaseLimits(0.0, 0.0), enough) is None
+    assert torque_objection(path, PhaseLimits(0.0, 0.0), enough) is None
     with pytest.raises(ConfigurationError, match="N m of"):
-        checked(enough)
-    checked(with_torque(2.0))
+        checked(enough, path)
+    checked(with_torque(2.0), path)
 
 
 def test_arm_and_heaviest_payload_and_both_directions_of_a_ramp_count():
