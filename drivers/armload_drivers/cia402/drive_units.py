@@ -57,7 +57,10 @@ def milliseconds(time_s: float) -> int:
 def saturate(value: float, kind: DataType) -> int:
     """Nearest integer that an object can hold, which is how a drive reports what is out of range."""
     lower, upper = kind.bounds
-    return min(max(round(value), lower), upper)
+    nearest = round(value)
+    if lower <= nearest <= upper:
+        return nearest
+    return lower if nearest < lower else upper
 
 
 @dataclass(frozen=True, slots=True)

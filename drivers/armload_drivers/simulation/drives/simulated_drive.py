@@ -23,6 +23,7 @@ from armload_drivers.cia402 import emergency
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState, PdoDirection
+from armload_drivers.cia402.state_machine import State
 from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits, build_dictionary
 from armload_drivers.simulation.drives.drive_pdos import Pdo
 from armload_drivers.simulation.drives.power_stage import PowerStage
@@ -110,6 +111,7 @@ class SimulatedDrive:
         self._heartbeat_due_s: float | None = None
         self._master_overdue_s: float | None = None
         self._now_s = 0.0
+        self._told: State | None = None
         dictionary.reactions[od.CONTROLWORD.key] = self._obey_and_tell
         dictionary.reactions[od.HEARTBEAT_PRODUCER_MS.key] = self._restart_heartbeat
         dictionary.reactions[od.HEARTBEAT_CONSUMER.key] = self._restart_consumer
@@ -186,6 +188,7 @@ class SimulatedDrive:
     def _tell_state(self) -> None:
         """Bring the statusword up to date."""
         remote = _REMOTE if self.state is NmtState.OPERATIONAL else 0
+        self._told = self.power.machine.state
         self._values[od.STATUSWORD.key] = self.power.statusword | remote
 
     # Frames --------------------------------------------------------------------------------------------------
@@ -279,7 +282,8 @@ class SimulatedDrive:
                 if pdo.deadline_s is not None and now_s > pdo.deadline_s:
                     pdo.deadline_s = None
                     self._lose_connection(RPDO_OVERDUE)
-            self._tell_state()
+            if self.power.machine.state is not self._told:
+                self._tell_state()
             self._send_events()
 
     def _transmit(self, number: int) -> None:
@@ -296,7 +300,7 @@ class SimulatedDrive:
     def _send_events(self) -> None:
         """Send event-driven TPDOs: on a new statusword, and when their timer is over."""
         for number, pdo in enumerate(self.tpdos):
-            if pdo.cob_id is None or pdo.synchronous or self.state is not NmtState.OPERATIONAL:
+            if pdo.cob_id is None or pdo.type < od.PDO_EVENT_DRIVEN or self.state is not NmtState.OPERATIONAL:
                 continue
             event = self._values[od.STATUSWORD.key] if pdo.carries(od.STATUSWORD) else 0
             due = pdo.deadline_s is not None and self._now_s >= pdo.deadline_s
