@@ -1,11 +1,13 @@
 """Regressor and feed-forward beside Pinocchio's, on the same arm and the same states.
 
-The rounds of all candidates are interleaved, so that a busy machine is busy for all of them; medians.
+The kernels are timed with each instruction set that this processor has. The rounds of all candidates are interleaved,
+so that a busy machine is busy for all of them; medians of this thread's CPU time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from statistics import median
 from time import thread_time
 
@@ -14,13 +16,14 @@ import pinocchio as pin
 
 from armload_controller.config.robot import load_robot
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+from armload_core import kernels
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 
 SAMPLES = 2000
-BATCH_CALLS = 4
-BATCH_ROUNDS = 12
+BATCH_CALLS = 12
+BATCH_ROUNDS = 9
 SINGLE_CALLS = 2000
 SINGLE_ROUNDS = 40
 ORDER = [0, 1, 2, 3, 4, 6, 9, 5, 7, 8]  # Pinocchio's dynamic parameters in this project's order
@@ -36,6 +39,8 @@ def run() -> None:
     rounds = f"{BATCH_ROUNDS} x {BATCH_CALLS} calls"
     print(f"Regressor of the payload, {SAMPLES} samples of {chain.n} joints, er50; median of {rounds}")
     _batch(chain, model, q, dq, ddq)
+    print(f"\nInformation matrix of the payload, {SAMPLES} samples of {chain.n} joints, er50; median of {rounds}")
+    _information(chain, q, dq, ddq)
     print(f"\nFeed-forward, one sample of {chain.n} joints; median of {SINGLE_ROUNDS} x {SINGLE_CALLS} calls")
     _single(chain, payload, model, q[0], dq[0], ddq[0])
 
@@ -44,7 +49,8 @@ def _batch(chain: Chain, model: pin.Model, q: np.ndarray, dq: np.ndarray, ddq: n
     data = model.createData()
     last = slice(10 * (chain.n - 1), 10 * chain.n)
 
-    def ours() -> np.ndarray:
+    def ours(variant: str) -> np.ndarray:
+        kernels.use_variant(variant)
         return payload_regressor(chain, q, dq, ddq)
 
     def torque_regressor() -> np.ndarray:
@@ -62,13 +68,39 @@ def _batch(chain: Chain, model: pin.Model, q: np.ndarray, dq: np.ndarray, ddq: n
         return out
 
     candidates: dict[str, Callable[[], object]] = {
-        "armload payload_regressor": ours,
+        **{f"armload payload_regressor, {variant}": partial(ours, variant) for variant in kernels.variants()},
         "Pinocchio loop, computeJointTorqueRegressor": torque_regressor,
         "Pinocchio loop, bodyRegressor and Jacobian": body_regressor,
     }
-    _print(candidates, _times(candidates, BATCH_ROUNDS, BATCH_CALLS), 1e3, "ms")
-    worst = max(float(np.abs(ours() - peer()[:, :, ORDER]).max()) for peer in (torque_regressor, body_regressor))
+    times_s = _times(candidates, BATCH_ROUNDS, BATCH_CALLS)
+    _print(candidates, times_s, min(times_s[-2:]), 1e3, "ms")
+    worst = max(
+        float(np.abs(ours(variant) - peer()[:, :, ORDER]).max())
+        for variant in reversed(kernels.variants())
+        for peer in (torque_regressor, body_regressor)
+    )
     print(f"  greatest difference between them: {worst:.1e}")
+
+
+def _information(chain: Chain, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
+    weight, information = np.ones(chain.n), np.empty((10, 10))
+
+    def ours(variant: str) -> None:
+        kernels.use_variant(variant)
+        kernels.information_into(chain.packed, weight, q, dq, ddq, information)
+
+    def product() -> np.ndarray:
+        phi = payload_regressor(chain, q, dq, ddq).reshape(-1, 10)
+        return phi.T @ phi
+
+    candidates: dict[str, Callable[[], object]] = {
+        **{f"armload information_into, {variant}": partial(ours, variant) for variant in reversed(kernels.variants())},
+        "armload payload_regressor and a product": product,
+    }
+    times_s = _times(candidates, BATCH_ROUNDS, BATCH_CALLS)
+    _print(candidates, times_s, times_s[-1], 1e3, "ms")
+    worst = np.abs(information - product()).max() / np.abs(information).max()
+    print(f"  greatest difference between them, as a share of the greatest: {worst:.1e}")
 
 
 def _single(
@@ -96,7 +128,8 @@ def _single(
         "two pin.rnea, without the subtraction": two_rnea_alone,
         "two pin.rnea and their difference": two_rnea,
     }
-    _print(candidates, _times(candidates, SINGLE_ROUNDS, SINGLE_CALLS), 1e6, "us")
+    times_s = _times(candidates, SINGLE_ROUNDS, SINGLE_CALLS)
+    _print(candidates, times_s, times_s[1], 1e6, "us")
     print(f"  greatest difference between them: {np.abs(feedforward.torque_nm(q, dq, ddq) - two_rnea()).max():.1e} N m")
 
 
@@ -112,9 +145,12 @@ def _times(candidates: dict[str, Callable[[], object]], rounds: int, calls: int)
     return [median(durations) for durations in seconds]
 
 
-def _print(candidates: dict[str, Callable[[], object]], times_s: list[float], scale: float, unit: str) -> None:
+def _print(
+    candidates: dict[str, Callable[[], object]], times_s: list[float], peer_s: float, scale: float, unit: str
+) -> None:
+    """Time of each, and how many times as fast as the peer it is."""
     for name, time_s in zip(candidates, times_s, strict=True):
-        print(f"  {name:45s} {time_s * scale:8.3f} {unit}   {time_s / times_s[0]:5.1f} x")
+        print(f"  {name:45s} {time_s * scale:8.3f} {unit}   {peer_s / time_s:5.1f} x")
 
 
 def pinocchio_model(chain: Chain) -> pin.Model:

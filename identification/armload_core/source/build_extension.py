@@ -23,6 +23,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 SOURCE = Path(__file__).resolve().parent
 EXTENSION = "kernels.abi3.so"
+INCLUDE = Path(sysconfig.get_path("include"))
 # samples side by side need -O3, fused multiply-add needs its own flag in ISO C; nothing here changes IEEE arithmetic
 FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=fast", "-fno-math-errno")
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
@@ -41,18 +42,18 @@ class CustomBuildHook(BuildHookInterface[Any]):
         build_data["tag"] = f"cp311-abi3-{platform}"
 
 
-def compile_extension(folder: Path, flags: tuple[str, ...] = ()) -> None:
+def compile_extension(folder: Path, flags: tuple[str, ...] = (), include: Path = INCLUDE) -> None:
     """Compile into a folder; a process that has the old file loaded keeps it.
 
     Args:
         folder: Where the extension goes.
         flags: More flags for the compiler.
+        include: Where Python's headers are.
 
     Raises:
         SystemExit: no compiler, no Python.h, or the compiler has failed.
     """
-    include = sysconfig.get_path("include")
-    if not Path(include, "Python.h").is_file():
+    if not (include / "Python.h").is_file():
         raise SystemExit(
             f"armload's kernels are compiled for this Python, and its headers are missing: no Python.h in {include}. "
             "Install them (Debian, Ubuntu: apt install python3-dev)."

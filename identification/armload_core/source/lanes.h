@@ -1,6 +1,6 @@
 /* Samples side by side: LANES of them in one vector, and sine and cosine of a vector.
 
-   Included by a variant (`batch_*.c`), which has defined LANES (2, 4 or 8) and INLINE, the attributes of a helper. */
+   Included by a variant (`batch_*.c`), which has defined LANES (2 or 4) and INLINE, the attributes of a helper. */
 
 #include <math.h>
 #include <stddef.h>
@@ -8,6 +8,7 @@
 #include <string.h>
 
 typedef double lanes __attribute__((vector_size(8 * LANES)));
+typedef double loose_lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias)); /* anywhere in an array */
 typedef int64_t lane_bits __attribute__((vector_size(8 * LANES))); /* a comparison's result: 0 or -1 per lane */
 typedef uint64_t lane_words __attribute__((vector_size(8 * LANES)));
 
@@ -15,10 +16,8 @@ INLINE lanes all(double value)
 {
 #if LANES == 2
     return (lanes){value, value};
-#elif LANES == 4
-    return (lanes){value, value, value, value};
 #else
-    return (lanes){value, value, value, value, value, value, value, value};
+    return (lanes){value, value, value, value};
 #endif
 }
 
@@ -95,13 +94,45 @@ INLINE lanes gathered(const group *g, const double *array, ptrdiff_t width, ptrd
     return v;
 }
 
+#if defined(__clang__) || __GNUC__ >= 12
+#define SHUFFLED(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define SHUFFLED(a, b, ...) __builtin_shuffle(a, b, (lane_bits){__VA_ARGS__})
+#endif
+
+/* LANES consecutive values of every sample: values[k][l] to rows[l][k]. */
+INLINE void store_transposed(const lanes *values, double *const *rows)
+{
+#if LANES == 2
+    *(loose_lanes *)rows[0] = SHUFFLED(values[0], values[1], 0, 2);
+    *(loose_lanes *)rows[1] = SHUFFLED(values[0], values[1], 1, 3);
+#else
+    const lanes even01 = SHUFFLED(values[0], values[1], 0, 4, 2, 6), odd01 = SHUFFLED(values[0], values[1], 1, 5, 3, 7);
+    const lanes even23 = SHUFFLED(values[2], values[3], 0, 4, 2, 6), odd23 = SHUFFLED(values[2], values[3], 1, 5, 3, 7);
+    *(loose_lanes *)rows[0] = SHUFFLED(even01, even23, 0, 1, 4, 5);
+    *(loose_lanes *)rows[1] = SHUFFLED(odd01, odd23, 0, 1, 4, 5);
+    *(loose_lanes *)rows[2] = SHUFFLED(even01, even23, 2, 3, 6, 7);
+    *(loose_lanes *)rows[3] = SHUFFLED(odd01, odd23, 2, 3, 6, 7);
+#endif
+}
+
 /* `count` values of every sample, side by side, into the group's rows of an array (samples, width). */
 INLINE void scattered(const group *g, const lanes *values, int count, double *array, ptrdiff_t width, ptrdiff_t column)
 {
-    for (int l = 0; l < g->used; l++) {
-        double *row = array + g->sample[l] * width + column;
-        for (int k = 0; k < count; k++) {
-            row[k] = values[k][l];
+    double *rows[LANES];
+    int k = 0;
+    for (int l = 0; l < LANES; l++) {
+        rows[l] = array + g->sample[l] * width + column;
+    }
+    for (; g->used == LANES && k + LANES <= count; k += LANES) {
+        store_transposed(values + k, rows);
+        for (int l = 0; l < LANES; l++) {
+            rows[l] += LANES;
+        }
+    }
+    for (; k < count; k++) {
+        for (int l = 0; l < g->used; l++) {
+            *rows[l]++ = values[k][l];
         }
     }
 }

@@ -1,22 +1,61 @@
 """What is pinned and shipped."""
 
+import importlib.util
+import subprocess
+import sys
 from importlib import resources
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
+SOURCE = ROOT / "identification" / "armload_core" / "source"
 
 
 def test_the_pins_carry_hashes_and_no_addresses():
-    lock = ROOT / "requirements.lock"
-    if not lock.is_file():
+    locks = [ROOT / "requirements.lock", SOURCE / "compiler.lock"]
+    if not locks[0].is_file():
         pytest.skip("not a checkout: the pins are not installed")
-    pins = [line for line in lock.read_text().splitlines() if line and not line.lstrip().startswith("#")]
+    text = "\n".join(lock.read_text() for lock in locks)
+    pins = [line for line in text.splitlines() if line and not line.lstrip().startswith("#")]
     assert sum(line[0].isalpha() for line in pins) > 30
     for line in pins:
         assert line[0].isalpha() or line.startswith("    --hash=sha256:"), line
         assert "/" not in line, line
+
+
+def build_program():
+    """The program that compiles the kernels, as a module."""
+    if not SOURCE.is_dir():
+        pytest.skip("not a checkout: the kernels' sources are not installed")
+    spec = importlib.util.spec_from_file_location("build_extension", SOURCE / "build_extension.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_missing_headers_of_python_are_named_with_their_package(tmp_path):
+    with pytest.raises(SystemExit, match=r"no Python\.h in .*apt install python3-dev"):
+        build_program().compile_extension(tmp_path, include=tmp_path)
+
+
+def test_without_a_compiler_two_are_offered(tmp_path):
+    if importlib.util.find_spec("ziglang"):
+        pytest.skip("PyPI's compiler is installed")
+    build_program()
+    command = [sys.executable, str(SOURCE / "build_extension.py"), str(tmp_path)]
+    done = subprocess.run(command, env={"PATH": str(tmp_path)}, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "apt install gcc" in done.stderr
+    assert "pip install ziglang" in done.stderr
+
+
+def test_what_does_not_compile_leaves_no_file(tmp_path):
+    with pytest.raises(SystemExit, match="were not compiled"):
+        build_program().compile_extension(tmp_path, ("-include", "not_there.h"))
+    assert not [file for file in tmp_path.iterdir() if file.suffix == ".so"]
 
 
 @pytest.mark.pure
