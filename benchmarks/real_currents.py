@@ -12,11 +12,11 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.drive_gains import calibrate_gains
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
+from armload_identification.model.regressor import payload_torque
 from armload_identification.pipeline.payload_identification import Identification, identify
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.verdict.validation import judge
 from benchmarks.statistics import Census
 from benchmarks.verdict import Tally
 
@@ -132,7 +132,7 @@ def _agreement(
         min(one.margin, two.margin) >= SMALLEST_MARGIN,
     )
     signal = identify(pairs["b"].loaded, pairs["b"].unloaded, robot.chain, transmission).signal
-    predicted = judge(signal, robot.chain, _turned(one, turn)).predicted_nm
+    predicted = payload_torque(robot.chain, _turned(one, turn).theta, *signal.states)
     used = signal.valid
     left, raw = (
         np.sqrt(np.mean((measured - predicted)[used] ** 2, axis=0) / np.mean(measured[used] ** 2, axis=0))

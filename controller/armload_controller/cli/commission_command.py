@@ -23,6 +23,7 @@ from armload_controller.cli.options import (
     YesOption,
 )
 from armload_controller.cli.output_files import make_folder
+from armload_controller.cli.verdict_output import EXIT_WRONG, TOLERANCE, ToleranceOption, show_verdict, tolerance_of
 from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from armload_controller.cycle.monitors import CycleSummary
     from armload_controller.session.run_session import Consent, Load
     from armload_identification.model.payload import InertialParameters
+    from armload_identification.verdict.agreement import Tolerance
 
 
 class Runs(StrEnum):
@@ -57,8 +59,9 @@ def commission(
         typer.Option("--output", "-o", help="Folder for the results; runs/ROBOT-TIME if not given."),
     ] = None,
     yes: YesOption = False,
+    tolerance: ToleranceOption = TOLERANCE,
 ) -> None:
-    """Run the arm empty and loaded, identify the payload, judge it, report.
+    """Run the arm empty and loaded, identify the payload, judge it, report. Exit status 3: the payload is wrong.
 
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque; a second signal stops it at once.
     What a shell has it ignore (SIGINT in a script's background job, SIGHUP under nohup) stays ignored, SIGTERM never.
@@ -72,6 +75,7 @@ def commission(
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.servos import JointServos
 
+    allowed = tolerance_of(tolerance)
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     now = datetime.now(UTC)
@@ -110,7 +114,7 @@ def commission(
         screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
         return
     truth = arm.simulation.payload(arm.simulation.payload_name) if in_this_process else None
-    _evaluate(arm, directory, screen, truth, now)
+    _evaluate(arm, directory, screen, truth, now, allowed)
 
 
 def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) -> None:
@@ -134,21 +138,34 @@ def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
     )
 
 
-def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParameters | None, now: datetime) -> None:
-    """Identify on the first pair, judge on the second, write payload and report, show both."""
-    from armload_controller.cli.result_tables import payload_table, possibility, validation_table, verdict
+def _evaluate(
+    arm: Robot,
+    directory: Path,
+    screen: Screen,
+    truth: InertialParameters | None,
+    now: datetime,
+    tolerance: Tolerance,
+) -> None:
+    """Identify on the first pair, judge on the second, write payload and report, show both.
+
+    Raises:
+        typer.Exit: with status 3, the payload is wrong.
+    """
+    from armload_controller.cli.result_tables import payload_table, possibility, validation_table
     from armload_controller.session.commissioning import ROLES, read_pair
     from armload_identification.files.payload_file import write_payload
     from armload_identification.pipeline.payload_identification import identify, payload_result
+    from armload_identification.pipeline.payload_validation import validate as validate_payload
     from armload_identification.report.report import ReportSubject, write_report
-    from armload_identification.verdict.validation import validate as validate_payload
+    from armload_identification.verdict.agreement import Outcome
+    from armload_identification.verdict.verdict_text import sentences
 
     pairs = {role: read_pair(arm, directory, role) for role in ROLES}
     chain, transmission = arm.chain, arm.drives.transmission
     first, second = (pairs[role] for role in ROLES)
     identification = identify(first.loaded, first.unloaded, chain, transmission)
-    validation = validate_payload(second.loaded, second.unloaded, chain, transmission, identification.parameters)
     payload = payload_result(identification, version("armload"), arm.sha256)
+    validation = validate_payload(second.loaded, second.unloaded, chain, transmission, payload, tolerance)
     hashes = {recording.source.path.name: recording.source.sha256 for recording in (second.loaded, second.unloaded)}
     provenance = payload.provenance
     provenance = replace(provenance, recordings_sha256=provenance.recordings_sha256 | hashes)
@@ -169,8 +186,10 @@ def _evaluate(arm: Robot, directory: Path, screen: Screen, truth: InertialParame
     screen.table(payload_table(payload, truth))
     screen.step(possibility(identification))
     screen.table(validation_table(validation, arm.joint_names))
-    screen.step(verdict(validation, arm.joint_names))
+    show_verdict(screen, validation.outcome, sentences(validation.verdict, arm.joint_names))
     for note in identification.notes:
         screen.step(f"note: {note}")
     screen.step(f"payload: {payload_path}")
     screen.step(f"report:  {report_path}")
+    if validation.outcome is Outcome.WRONG:
+        raise typer.Exit(EXIT_WRONG)

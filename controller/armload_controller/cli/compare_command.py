@@ -1,4 +1,4 @@
-"""`armload compare`: a payload's errors against CAD, as the paper counts them."""
+"""`armload compare`: a payload against CAD: the verdict, and the errors as the paper counts them."""
 
 from __future__ import annotations
 
@@ -7,18 +7,28 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, show_verdict, tolerance_of
+
 
 def compare(
     payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file that was identified (TOML).")],
     cad: Annotated[Path, typer.Argument(metavar="CAD", help="Payload file with the true values (TOML).")],
+    tolerance: ToleranceOption = TOLERANCE,
 ) -> None:
-    """Print the relative errors of a payload against CAD in the paper's convention."""
+    """Compare a payload with CAD: the verdict, and relative errors in the paper's convention."""
     from armload_controller.cli.cad_table import comparison_table
     from armload_controller.cli.screen import Screen
     from armload_identification.files.payload_file import read_payload
+    from armload_identification.verdict.agreement import compare_known
     from armload_identification.verdict.cad_comparison import compare as compare_payloads
+    from armload_identification.verdict.payload_verdict import known_payload
+    from armload_identification.verdict.verdict_text import agreement_sentences
 
-    result = compare_payloads(read_payload(payload), read_payload(cad))
+    allowed = tolerance_of(tolerance)
+    estimate, truth = read_payload(payload), read_payload(cad)
+    result = compare_payloads(estimate, truth)
     screen = Screen()
     screen.table(comparison_table(result))
     screen.step("inertia about the frame's origin, products as the paper has them: ixy = +int xy dm")
+    agreement = compare_known(known_payload(estimate), known_payload(truth), allowed)
+    show_verdict(screen, agreement.outcome, agreement_sentences(agreement, "CAD gives"))

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
 from armload_identification.pipeline.payload_identification import Identification
-from armload_identification.verdict.validation import Validation
+from armload_identification.pipeline.payload_validation import Validation
 
 UNITS = ("kg", "m", "m", "m", "kg m2", "kg m2", "kg m2", "kg m2", "kg m2", "kg m2")
 NOT_DETERMINED = "not determined"
@@ -45,28 +45,22 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
 
 
 def validation_table(validation: Validation, joint_names: Sequence[str]) -> Table:
-    """Residual beside the noise, per joint."""
-    table = Table(title="What the payload leaves of the torque, per raw sample", title_justify="left")
+    """What the payload leaves in the motion's band, and measured over predicted torque, per joint."""
+    table = Table(title="The payload's torque in the motion's band, friction predicted", title_justify="left")
     table.add_column("joint")
-    for column in ("payload N m", "residual N m", "noise N m", "ratio"):
+    for column in ("measured N m", "residual N m", "share", "measured / predicted"):
         table.add_column(column, justify="right")
+    scales = validation.verdict.of_payload
     for i, name in enumerate(joint_names):
+        measured, left = validation.torque_in_band_nm[i], validation.left_in_band_nm[i]
         table.add_row(
             name,
-            f"{validation.torque_rms_nm[i]:.3f}",
-            f"{validation.residual_rms_nm[i]:.3f}",
-            f"{validation.noise_rms_nm[i]:.3f}",
-            f"{validation.ratio[i]:.2f}",
+            f"{measured:.3f}",
+            f"{left:.3f}",
+            f"{left / measured:.1%}" if measured > 0.0 else "",
+            f"{scales.scale[i]:.3f} +- {scales.half_width_95[i]:.3f}" if scales.told[i] else "",
         )
     return table
-
-
-def verdict(validation: Validation, joint_names: Sequence[str]) -> str:
-    """The validation in one line."""
-    if validation.passed:
-        return f"validation passed: every joint's residual is at most {validation.limit:g} times its noise"
-    failed = ", ".join(joint_names[joint - 1] for joint in validation.failed_joints)
-    return f"validation FAILED on {failed}: the residual is more than {validation.limit:g} times the noise"
 
 
 def possibility(identification: Identification) -> str:

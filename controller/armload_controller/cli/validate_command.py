@@ -1,4 +1,4 @@
-"""`armload validate`: does a payload file predict recordings it has not seen?"""
+"""`armload validate`: do recordings that it has not seen agree with a payload file?"""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from armload_controller.cli.options import GainsOption, LoadedOption, RobotArgument, UnloadedOption, transmission_of
-
-EXIT_FAILED = 3
+from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, exit_status, show_verdict, tolerance_of
 
 
 def validate(
@@ -18,19 +17,22 @@ def validate(
     loaded: LoadedOption,
     unloaded: UnloadedOption,
     gains: GainsOption = None,
+    tolerance: ToleranceOption = TOLERANCE,
 ) -> None:
-    """Judge a payload file: residual beside the noise per joint. Exit status 3 where it fails."""
-    from armload_controller.cli.result_tables import validation_table, verdict
+    """Judge a payload file by identifying it again. Exit status 3: wrong; 4: these runs cannot tell."""
+    from armload_controller.cli.result_tables import validation_table
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.config.robot_recordings import read_of
     from armload_identification.files.payload_file import read_payload
     from armload_identification.identification_errors import PayloadFileError
     from armload_identification.pipeline.payload_identification import FLANGE
-    from armload_identification.verdict.validation import validate as validate_payload
+    from armload_identification.pipeline.payload_validation import validate as validate_payload
+    from armload_identification.verdict.verdict_text import sentences
 
     arm = load_robot(robot)
     screen = Screen()
+    allowed = tolerance_of(tolerance)
     judged = read_payload(payload)
     if judged.frame != FLANGE:
         raise PayloadFileError(
@@ -40,9 +42,8 @@ def validate(
             f"expected {FLANGE!r}, the frame that the robot's kinematics end in",
         )
     result = validate_payload(
-        read_of(arm, loaded), read_of(arm, unloaded), arm.chain, transmission_of(arm, gains), judged.model
+        read_of(arm, loaded), read_of(arm, unloaded), arm.chain, transmission_of(arm, gains), judged, allowed
     )
     screen.table(validation_table(result, arm.joint_names))
-    screen.step(verdict(result, arm.joint_names))
-    if not result.passed:
-        raise typer.Exit(EXIT_FAILED)
+    show_verdict(screen, result.outcome, sentences(result.verdict, arm.joint_names))
+    raise typer.Exit(exit_status(result.outcome))

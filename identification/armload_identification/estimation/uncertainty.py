@@ -45,6 +45,8 @@ seeds each: 94.4 to 95.3 % over all ten quantities, none below 91.7 %.
 """
 _BAND_SHARE: Final = 0.9999
 _FREEST: Final = 1e6
+_FLAT: Final = 1e-12
+"""Least eigenvalue of a correlation matrix that is inverted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +93,9 @@ def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray |
     values, slope = derived(parameters)
     gradient = np.zeros((10, fit.theta.size))
     gradient[:, :10] = slope
-    _, diagonal, right = np.linalg.svd(fit.root * fit.scale)
-    half = fit.scale[:, None] * right[: fit.rank].T / diagonal[: fit.rank]
-    # Rows of the orthonormal basis of what the parameters can explain, per sample and joint.
-    basis = fit.whitened @ half
-    residual = fit.residual_nm * fit.weight_1_nm * fit.sample_weight
+    half = determined_basis(fit)
     contrast = gradient @ half
-    spectrum = _ResidualSpectrum(basis, residual)
+    spectrum = ResidualSpectrum.of(fit, half)
     # What was known before has an error of unit deviation of its own.
     known = fit.prior_rows @ half
     variance = spectrum.variance(contrast) + np.sum((contrast @ known.T) ** 2, axis=1)
@@ -123,6 +121,16 @@ def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray |
     )
 
 
+def determined_basis(fit: Estimate) -> FloatArray:
+    """(p, rank) B with B B^T the covariance for white residuals, directions without information left out.
+
+    Args:
+        fit: The fit; the columns of `fit.whitened @ B` are orthonormal where nothing was known beforehand.
+    """
+    _, diagonal, right = np.linalg.svd(fit.root * fit.scale)
+    return np.asarray(fit.scale[:, None] * right[: fit.rank].T / diagonal[: fit.rank])
+
+
 def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
     """By how much theta moves when torque is added.
 
@@ -133,8 +141,7 @@ def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
     Returns:
         (k, p); along directions that the data do not determine it does not move.
     """
-    _, diagonal, right = np.linalg.svd(fit.root * fit.scale)
-    half = fit.scale[:, None] * right[: fit.rank].T / diagonal[: fit.rank]
+    half = determined_basis(fit)
     seen = np.einsum("tjp,ktj->kp", fit.whitened, torque_nm * (fit.weight_1_nm * fit.sample_weight))
     return np.asarray(seen @ half @ half.T)
 
@@ -152,7 +159,7 @@ def nuisance_deviation(fit: Estimate) -> tuple[FloatArray, FloatArray]:
     if fit.rank < fit.theta.size:
         return np.full(extra, np.inf), np.ones(extra)
     half: FloatArray = np.asarray(np.linalg.inv(fit.root), dtype=np.float64)
-    spectrum = _ResidualSpectrum(fit.whitened @ half, fit.residual_nm * fit.weight_1_nm * fit.sample_weight)
+    spectrum = ResidualSpectrum.of(fit, half)
     contrast = half[10:]
     known = np.sum((contrast @ (fit.prior_rows @ half).T) ** 2, axis=1)
     return np.sqrt(spectrum.variance(contrast) + known), spectrum.freedom(contrast)
@@ -170,7 +177,7 @@ def coefficient_deviation(rows: FloatArray, residual: FloatArray, triangle: Floa
         (p,) standard deviations; the prior's own error is not in them.
     """
     half = np.asarray(np.linalg.inv(triangle), dtype=np.float64)
-    return np.sqrt(_ResidualSpectrum(rows @ half, residual).variance(half))
+    return np.sqrt(ResidualSpectrum(rows @ half, residual).variance(half))
 
 
 def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
@@ -206,7 +213,7 @@ def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([[mass], parameters.center_of_mass_m, about]), slope
 
 
-class _ResidualSpectrum:
+class ResidualSpectrum:
     """Local spectra of a whitened residual, and what they mean for combinations of parameters.
 
     Args:
@@ -232,6 +239,16 @@ class _ResidualSpectrum:
         self._level = (self._window @ power) / self._free
         self._expected = self._level * (1.0 - np.minimum(leverage, 1.0))
 
+    @classmethod
+    def of(cls, fit: Estimate, basis: FloatArray) -> ResidualSpectrum:
+        """Spectra of a fit's residual.
+
+        Args:
+            fit: A fit on equidistant samples.
+            basis: (p, r) as `determined_basis`.
+        """
+        return cls(fit.whitened @ basis, fit.residual_nm * fit.weight_1_nm * fit.sample_weight)
+
     def covariance(self) -> FloatArray:
         """(r, r) covariance of the coefficients of the basis."""
         root = np.sqrt(self._level * self._twice[:, None])
@@ -253,6 +270,30 @@ class _ResidualSpectrum:
         total = np.sum(spread, axis=(0, 1))
         freedom = np.divide(2.0 * total**2, square, out=np.full(total.shape, _FREEST), where=square > 0.0)
         return np.asarray(np.clip(freedom, 1.0, _FREEST))
+
+    def joint_freedom(self, contrast: FloatArray, total: FloatArray) -> float:
+        """Degrees of freedom of a covariance matrix that this spectrum is part of.
+
+        Args:
+            contrast: (k, r) combinations of the coefficients.
+            total: (k, k) covariance of these combinations, whatever else is added to them.
+
+        Returns:
+            Of the Wishart matrix with that mean whose elements scatter as much.
+        """
+        k = len(contrast)
+        size = np.sqrt(np.maximum(np.diag(total), 1e-300))
+        power, axes = np.linalg.eigh(total / np.outer(size, size))
+        to_unit = (axes / np.sqrt(np.maximum(power, _FLAT))).T / size
+        turned = self._basis @ (to_unit @ contrast).T
+        rows, columns = np.triu_indices(k)
+        product = (turned[:, :, rows] * turned[:, :, columns].conj()).real
+        gain = product * (self._twice[:, None] / self._free)[:, :, None]
+        share = (self._window.T @ gain.reshape(len(gain), -1)).reshape(gain.shape)
+        spread = (share * self._expected[:, :, None]) ** 2 * (2.0 / self._twice)[:, None, None]
+        # Off the diagonal every element stands twice.
+        scatter = np.sum(spread * np.where(rows == columns, 1.0, 2.0))
+        return float(np.clip(k * (k + 1) / max(float(scatter), 1e-300), 1.0, _FREEST))
 
 
 @lru_cache(maxsize=32)

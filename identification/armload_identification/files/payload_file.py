@@ -1,7 +1,8 @@
 """The payload file: what is written can be read, and what is read is a body that can exist.
 
 `[payload]`, `[determined]` and `[interval_95]` share their keys; an entry of the first and the last is there
-only where it is determined. `[model]` is complete and for the feed-forward.
+only where it is determined. `[model]` is complete and for the feed-forward. `[covariance]` is there where a payload was
+identified by a version that writes it; where it is not, a comparison goes by the intervals.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from armload_identification.files.covariance_table import CovarianceTable, covariance_lines
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import (
@@ -127,6 +129,7 @@ class _PayloadFile(Table):
     payload: _PayloadTable
     interval_95: _Entries[NumberList]
     residual: _ResidualTable
+    covariance: CovarianceTable | None = None
     provenance: ProvenanceTable
 
     @model_validator(mode="after")
@@ -227,6 +230,7 @@ def format_payload(result: PayloadResult) -> str:
         f"rms_nm = {toml_text.array(result.residual_rms_nm)}",
         f"noise_nm = {toml_text.array(result.noise_nm)}",
         "",
+        *covariance_lines(result.mass_center),
         *provenance_lines(provenance.armload_version, provenance.configuration_sha256, provenance.recordings_sha256),
     ]
     return "\n".join(lines) + "\n"
@@ -282,6 +286,7 @@ def parse_payload(content: str, source: str = "payload") -> PayloadResult:
         residual_rms_nm=tables.residual.rms_nm,
         noise_nm=tables.residual.noise_nm,
         provenance=tables.provenance.provenance(),
+        mass_center=None if tables.covariance is None else tables.covariance.covariance(),
     )
 
 

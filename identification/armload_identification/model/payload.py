@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
+from armload_identification.model.mass_center import MassCenterCovariance
 
 PARAMETER_NAMES = ("mass", "cx", "cy", "cz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """The ten in the order used everywhere: mass, centre of mass, tensor elements."""
@@ -194,6 +195,8 @@ class PayloadResult:
         residual_rms_nm: (n,) measured minus predicted torque, per joint.
         noise_nm: (n,) standard deviation of the measured torque's noise, per joint, on the same signal.
         provenance: What the result was made from.
+        mass_center: Covariance of mass and centre of mass, for comparison with another identification; None where
+            only the intervals are known, as for a payload from a drawing.
     """
 
     frame: str
@@ -203,6 +206,7 @@ class PayloadResult:
     residual_rms_nm: FloatArray
     noise_nm: FloatArray
     provenance: Provenance
+    mass_center: MassCenterCovariance | None = None
 
     @property
     def values(self) -> FloatArray:

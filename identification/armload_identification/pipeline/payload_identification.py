@@ -17,12 +17,14 @@ from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.estimators import fit_payload
 from armload_identification.estimation.friction_columns import FrictionDifference, unloaded_body
 from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.mass_center_covariance import mass_center_covariance
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.uncertainty import Uncertainty, quantify, shifts_by
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
+from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.recording.recording import Recording, RecordingSource, check_joints, hashes_by_name
@@ -30,8 +32,8 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal, without_body
 from armload_identification.signals.motion import motion_of
 from armload_identification.verdict.operator_notes import notes_on
+from armload_identification.verdict.raw_residual import raw_residual_rms
 from armload_identification.verdict.sanity import check_pair, check_run, check_signs, explain_negative_mass
-from armload_identification.verdict.validation import raw_residual_rms
 
 FLANGE: Final = "flange"
 
@@ -48,6 +50,7 @@ class Identification:
         physical: The physically possible estimate; this is what is reported and written.
         friction: Friction that was fitted with it; None where the estimator has none.
         uncertainty: Values, robust 95 % intervals and what is determined, about the physical estimate.
+        mass_center: Covariance of mass and centre of mass, for comparison with another identification.
         signal: Measured torque difference over time, raw and smoothed, with the motion it belongs to, the noise
             per joint, the smoothing loss and how the two runs were laid over each other.
         predicted_nm: (K, n) torque that the physical estimate predicts at the samples of `signal`, friction
@@ -62,6 +65,7 @@ class Identification:
     friction: FrictionDifference | None
     physical: PhysicalEstimate
     uncertainty: Uncertainty
+    mass_center: MassCenterCovariance
     signal: LoadSignal
     predicted_nm: FloatArray
     residual_rms_nm: FloatArray
@@ -145,7 +149,9 @@ def _identified(
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
         raise explain_negative_mass(plain.mass_kg, float(width))
     physical = make_physical(fit)
-    doubts = _doubts(loaded, transmission, signal, friction)
+    own_doubts = np.zeros((0, *signal.torque_nm.shape)) if friction is None else friction.doubts_nm
+    gains = transmission if loaded.torque_nm is None else None
+    doubts = np.concatenate([_gain_doubts(gains, signal), own_doubts])
     uncertainty = quantify(fit, physical.parameters, shifts_by(fit, doubts))
     predicted = regressor @ physical.parameters.theta
     if friction is not None:
@@ -155,6 +161,7 @@ def _identified(
         friction=friction,
         physical=physical,
         uncertainty=uncertainty,
+        mass_center=mass_center_covariance(fit, physical.parameters, own_doubts, signal.torque_nm, gains),
         signal=signal,
         predicted_nm=predicted,
         residual_rms_nm=raw_residual_rms(signal, predicted),
@@ -184,16 +191,11 @@ def _signal(
     return without_body(motion, empty)
 
 
-def _doubts(
-    loaded: Recording, transmission: Transmission, signal: LoadSignal, friction: FrictionDifference | None
-) -> FloatArray:
-    """(k, K, n) torque of one standard deviation of each systematic error: gains, what the unloaded run told."""
-    doubts = [np.zeros((0, *signal.torque_nm.shape))]
-    if loaded.torque_nm is None and transmission.deviation.any():
-        doubts.append(transmission.gain_shares(signal.torque_nm) * transmission.deviation[:, None, None])
-    if friction is not None:
-        doubts.append(friction.doubts_nm)
-    return np.concatenate(doubts)
+def _gain_doubts(gains: Transmission | None, signal: LoadSignal) -> FloatArray:
+    """(k, K, n) torque of one standard deviation of each gain; none where the torque is not from currents."""
+    if gains is None or not gains.deviation.any():
+        return np.zeros((0, *signal.torque_nm.shape))
+    return gains.gain_shares(signal.torque_nm) * gains.deviation[:, None, None]
 
 
 def payload_result(
@@ -218,6 +220,7 @@ def payload_result(
         interval_95=np.where(known[:, None], result.uncertainty.interval_95, np.nan),
         residual_rms_nm=result.residual_rms_nm,
         noise_nm=result.signal.noise_nm,
+        mass_center=result.mass_center,
         provenance=Provenance(
             armload_version=armload_version,
             configuration_sha256=configuration_sha256,

@@ -1,4 +1,4 @@
-"""What each joint measured and what the prediction leaves of it: the verdict and the tables per run."""
+"""What each joint measured and what the prediction leaves of it: the tables per run."""
 
 from __future__ import annotations
 
@@ -9,28 +9,13 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.numerals import Numeral, align, common_decimals, listed, numeral
+from armload_identification.report.numerals import Numeral, align, common_decimals, numeral
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.verdict.validation import Validation
+from armload_identification.verdict.joint_scales import JointScales
 
 _MRAD: Final = 1e3
 _PERCENT: Final = 100.0
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What the validation says.
-
-    Attributes:
-        kind: "passed", "failed" or "missing".
-        title: In three words.
-        text: In a sentence or two.
-    """
-
-    kind: str
-    title: str
-    text: str
 
 
 @dataclass(frozen=True)
@@ -48,7 +33,7 @@ class JointRow:
         lossy: That is more than the method allows.
         mismatch: How far the two motions are apart, in mrad RMS.
         position_fit: How far the measured position is off the fitted one, in mrad RMS.
-        passed: The ratio is within the limit; None where it was not asked.
+        scale: Measured over predicted torque with its 95 % interval; empty where it is not asked or not known.
     """
 
     number: int
@@ -61,47 +46,14 @@ class JointRow:
     lossy: bool
     mismatch: Numeral
     position_fit: Numeral
-    passed: bool | None
-
-
-def verdict(validation: Validation | None, names: Sequence[str]) -> Verdict:
-    """The verdict in words.
-
-    Args:
-        validation: None where there was none.
-        names: Of the joints.
-    """
-    if validation is None:
-        return Verdict(
-            "missing",
-            "Not validated",
-            "No second pair of runs was given, so nothing says how well this payload predicts another motion.",
-        )
-    limit = f"{validation.limit:g}"
-    if validation.passed:
-        worst = int(np.argmax(validation.ratio))
-        return Verdict(
-            "passed",
-            "Validation passed",
-            "On a second trajectory, which was not used for the estimate, the residual is at most "
-            f"{numeral(validation.ratio[worst], 2)} times the noise (joint {worst + 1}, {names[worst]}); "
-            f"{limit} is allowed.",
-        )
-    failed = [joint - 1 for joint in validation.failed_joints]
-    found = listed([f"{numeral(validation.ratio[joint], 2)} ({names[joint]})" for joint in failed])
-    return Verdict(
-        "failed",
-        f"Validation failed on joint{'s' if len(failed) > 1 else ''} {listed([str(joint + 1) for joint in failed])}",
-        f"On a second trajectory, which was not used for the estimate, the residual over the noise is {found}; "
-        f"{limit} is allowed. Look at what is left there before this payload is used.",
-    )
+    scale: str
 
 
 def joint_rows(
     signal: LoadSignal,
     residual_rms_nm: FloatArray,
     names: Sequence[str],
-    ratio_limit: float | None,
+    scales: JointScales | None,
 ) -> tuple[JointRow, ...]:
     """The table of a run.
 
@@ -109,7 +61,7 @@ def joint_rows(
         signal: The measured difference.
         residual_rms_nm: (n,) RMS of single raw differences minus prediction.
         names: Of the joints.
-        ratio_limit: Greatest ratio that passes; None where it is not asked.
+        scales: Measured over predicted torque; None where it is not asked.
     """
     ratio = _over(residual_rms_nm, signal.noise_nm)
     decimals = common_decimals(signal.noise_nm, 3)
@@ -136,10 +88,15 @@ def joint_rows(
             lossy=bool(signal.smoothing_loss[joint] > SMOOTHING_LOSS_LIMIT),
             mismatch=mismatch[joint],
             position_fit=fit[joint],
-            passed=None if ratio_limit is None else bool(ratio[joint] <= ratio_limit),
+            scale="" if scales is None or not scales.told[joint] else _scale(scales, joint),
         )
         for joint, name in enumerate(names)
     )
+
+
+def _scale(scales: JointScales, joint: int) -> str:
+    """'1.002 ± 0.010'."""
+    return f"{numeral(scales.scale[joint], 3)} ± {numeral(scales.half_width_95[joint], 3)}"
 
 
 def _column(values: FloatArray, decimals: int) -> tuple[Numeral, ...]:

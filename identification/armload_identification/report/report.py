@@ -19,15 +19,16 @@ from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFE
 from armload_identification.identification_errors import ReportError
 from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, InertialParameters, PayloadResult
 from armload_identification.pipeline.payload_identification import Identification
+from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.report import figures
-from armload_identification.report.joints import JointRow, joint_rows, verdict
+from armload_identification.report.joints import JointRow, joint_rows
 from armload_identification.report.numerals import NO_BREAK, numeral, scientific
 from armload_identification.report.parameters import compared_rows, headline, parameter_rows, truth_sentence
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
+from armload_identification.report.verdict_box import verdict_box
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.storage.replace_file import replace_file
-from armload_identification.verdict.validation import LIMIT, Validation
 
 _TEMPLATE: Final = "template.html.j2"
 
@@ -133,7 +134,7 @@ def render_report(subject: ReportSubject, identification: Identification, valida
         subject=subject,
         headline=headline(payload),
         truth_sentence="" if subject.truth is None else truth_sentence(payload, subject.truth),
-        verdict=verdict(validation, names),
+        verdict=verdict_box(validation, names),
         notes=tuple(_notes(payload, identification)),
         parameters=parameter_rows(payload, identification.uncertainty.half_width_95, subject.truth),
         physical=identification.physical,
@@ -148,7 +149,6 @@ def render_report(subject: ReportSubject, identification: Identification, valida
         colors=figures.COLORS,
         determined_percent=f"{100.0 * DETERMINED_SHARE:g}",
         reference_length=f"{REFERENCE_LENGTH_M:g}{NO_BREAK}m",
-        ratio_limit=f"{LIMIT:g}",
         loss_percent=f"{100.0 * SMOOTHING_LOSS_LIMIT:g}",
         smallest_margin=scientific(SMALLEST_MARGIN),
     )
@@ -191,7 +191,7 @@ def _runs(identification: Identification, validation: Validation | None, names: 
             "Torque: the runs it was validated on",
             validation.signal,
             validation.predicted_nm,
-            joint_rows(validation.signal, validation.residual_rms_nm, names, validation.limit),
+            joint_rows(validation.signal, validation.residual_rms_nm, names, validation.verdict.of_payload),
             judged=True,
         )
 

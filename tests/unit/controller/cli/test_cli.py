@@ -18,8 +18,8 @@ from armload_identification.excitation.excitation_file import read_excitation, w
 from armload_identification.excitation.fourier import CRITERIA, Excitation, FourierTrajectory
 from armload_identification.files.payload_file import read_payload, write_payload
 from armload_identification.model.payload import InertialParameters
+from armload_identification.pipeline.payload_validation import validate
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.verdict.validation import validate
 from tests.bounded import await_that
 
 PROGRAM = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
@@ -87,8 +87,8 @@ def test_identify_and_validate_take_the_recordings_again(commissioned, armload, 
     assert read_payload(file).model.mass_kg == read_payload(output / "payload.toml").model.mass_kg
     fresh = ["--loaded", output / "loaded_validation.mcap", "--unloaded", output / "unloaded_validation.mcap"]
     result = armload("validate", short_robot, file, *fresh)
-    assert result.exit_code in (0, 3)
-    assert ("passed" in result.output) == (result.exit_code == 0)
+    titles = {0: "Right within the tolerance", 4: "CANNOT TELL"}
+    assert f"verdict: {titles[result.exit_code]}" in result.output
 
 
 def test_validate_fails_on_another_payload(commissioned, armload, short_robot, tmp_path):
@@ -100,7 +100,9 @@ def test_validate_fails_on_another_payload(commissioned, armload, short_robot, t
     fresh = ["--loaded", output / "loaded_validation.mcap", "--unloaded", output / "unloaded_validation.mcap"]
     result = armload("validate", short_robot, wrong, *fresh)
     assert result.exit_code == 3
-    assert "FAILED on" in result.output
+    assert "verdict: WRONG" in result.output
+    assert "too high" in result.output
+    assert "limit" in result.output
 
 
 def test_the_second_half_takes_up_the_first(armload, short_robot, tmp_path):
@@ -160,11 +162,38 @@ def test_the_verdict_is_about_the_validation_runs(commissioned, short_robot):
     output, printed = commissioned
     robot = load_robot(str(short_robot))
     loaded, unloaded = (read_recording(output / f"{load}_validation.mcap") for load in ("loaded", "unloaded"))
-    model = read_payload(output / "payload.toml").model
-    judged = validate(loaded, unloaded, robot.chain, robot.drives.transmission, model)
-    for name, residual in zip(robot.joint_names, judged.residual_rms_nm, strict=True):
+    payload = read_payload(output / "payload.toml")
+    judged = validate(loaded, unloaded, robot.chain, robot.drives.transmission, payload)
+    for name, residual in zip(robot.joint_names, judged.left_in_band_nm, strict=True):
         row = next(line for line in printed.splitlines() if name in line)
         assert f"{residual:.3f}" in row
+
+
+def test_the_tolerance_decides_between_right_and_cannot_tell(commissioned, armload, short_robot):
+    """The same runs, and a tolerance that they can confirm, one that they cannot, and one that makes no sense."""
+    output, _ = commissioned
+    pair = ["--loaded", output / "loaded_validation.mcap", "--unloaded", output / "unloaded_validation.mcap"]
+    words = ["validate", short_robot, output / "payload.toml", *pair, "--tolerance"]
+    assert armload(*words, "0.3", "0.2").exit_code == 0
+    result = armload(*words, "0.0001", "0.0001")
+    assert result.exit_code == 4
+    assert "verdict: CANNOT TELL" in result.output
+    assert "the smallest error that would show" in result.output
+    assert "expected a number above 0" in str(armload(*words, "0.02", "-0.01").exception)
+
+
+def test_compare_gives_the_verdict_beside_the_errors(commissioned, armload, tmp_path):
+    output, _ = commissioned
+    payload = read_payload(output / "payload.toml")
+    cad = tmp_path / "cad.toml"
+    write_payload(cad, replace(payload, mass_center=None))
+    same = armload("compare", output / "payload.toml", cad, "--tolerance", "0.3", "0.2")
+    assert same.exit_code == 0, same.output
+    assert "verdict: Right within the tolerance" in same.output
+    write_payload(cad, replace(payload, model=InertialParameters(2 * payload.model.theta)))
+    other = armload("compare", output / "payload.toml", cad)
+    assert "verdict: WRONG" in other.output
+    assert "CAD gives a mass" in other.output
 
 
 def test_an_output_that_is_a_file_is_refused(armload, short_robot, tmp_path):

@@ -13,13 +13,15 @@ import pytest
 from armload_identification.identification_errors import IdentificationError, ReportError
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
+from armload_identification.pipeline.payload_validation import judge, validate
 from armload_identification.report.figures import thin_out, torque_figure
-from armload_identification.report.joints import verdict
 from armload_identification.report.numerals import align, decimals_for, numeral, scientific
 from armload_identification.report.parameters import headline, parameter_rows
 from armload_identification.report.provenance import file_rows
 from armload_identification.report.report import ReportSubject, render_report, write_report
-from armload_identification.verdict.validation import validate
+from armload_identification.report.verdict_box import verdict_box
+from armload_identification.verdict.agreement import Tolerance
+from armload_identification.verdict.payload_verdict import known_payload
 
 pytestmark = pytest.mark.pure
 
@@ -99,7 +101,7 @@ def noisy(pinocchio_arm):
 
 @pytest.fixture(scope="module")
 def validation(pair, clear, pinocchio_arm):
-    return validate(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, clear.parameters)
+    return validate(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, subject(clear).payload)
 
 
 @pytest.fixture(scope="module")
@@ -236,31 +238,43 @@ def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy):
 def test_the_joint_table_has_noise_and_residual_of_both_runs(full, clear, validation):
     for section, noise, residual, cells_per_row in (
         ("identification", clear.signal.noise_nm, clear.residual_rms_nm, 9),
-        ("validation", validation.noise_rms_nm, validation.residual_rms_nm, 10),
+        ("validation", validation.signal.noise_nm, validation.residual_rms_nm, 10),
     ):
         rows = full.table(section)[1:]
         assert [len(cells) for cells in rows] == [cells_per_row] * 6
         np.testing.assert_allclose([number(cells[3]) for cells in rows], noise, atol=0.00501)
         np.testing.assert_allclose([number(cells[4]) for cells in rows], residual, atol=0.00501)
         np.testing.assert_allclose([number(cells[5]) for cells in rows], residual / noise, atol=0.00501)
-    assert [cells[6] for cells in full.table("validation")[1:]] == ["yes"] * 6
+    scales = validation.verdict.of_payload
+    for cells, told, scale in zip(full.table("validation")[1:], scales.told, scales.scale, strict=True):
+        value, _, width = cells[6].partition(" ± ")
+        assert bool(width) == told
+        if told:
+            assert number(value) == pytest.approx(scale, abs=5.01e-4)
 
 
-def test_the_verdict_names_the_joints_that_fail(pair, validation, pinocchio_arm):
-    passed = verdict(validation, NAMES)
-    assert passed.kind == "passed"
-    wrong = InertialParameters(1.5 * pinocchio_arm.payload.theta)
-    failed = validate(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, wrong)
-    told = verdict(failed, NAMES)
-    assert told.kind == "failed"
-    assert re.findall(r"\d", told.title) == [str(joint) for joint in failed.failed_joints]
-    for joint, name in enumerate(NAMES):
-        assert (f"{failed.ratio[joint]:.2f} ({name})" in told.text) == (joint + 1 in failed.failed_joints)
+def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, pinocchio_arm):
+    right = verdict_box(validation, NAMES)
+    assert (right.kind, right.title) == ("passed", "Right within the tolerance")
+    payload = subject(clear).payload
+    wrong = replace(payload, model=InertialParameters(1.5 * payload.model.theta))
+    failed = judge(validation.measured, pinocchio_arm.chain, known_payload(wrong), Tolerance())
+    box = verdict_box(failed, NAMES)
+    assert (box.kind, box.title) == ("failed", "Wrong")
+    assert box.text.startswith("The payload's mass is 2.098 kg (33.3%) too high.")
+    assert "too high" in box.text
+    for name, disagrees in zip(NAMES, failed.verdict.of_payload.disagree, strict=True):
+        assert (f"{name} 0.6" in box.text) == disagrees
+    vague = replace(payload, mass_center=None, interval_95=payload.interval_95 + np.array([-1.0, 1.0]))
+    unclear = verdict_box(judge(validation.measured, pinocchio_arm.chain, known_payload(vague), Tolerance()), NAMES)
+    assert (unclear.kind, unclear.title) == ("missing", "Cannot tell")
+    page = Page(render_report(subject(clear), clear, failed))
+    assert 0 < page.text.index("Wrong.") < page.text.index("too high") < page.text.index("Physical consistency")
 
 
 def test_without_validation_and_truth_the_page_says_so_and_leaves_them_out(bare, full):
     assert "Not validated." in bare.text
-    assert "Validation passed." in full.text
+    assert "Right within the tolerance." in full.text
     sections = [value for key, value in full.attributes if key == "id"]
     assert "validation" in sections
     assert "validation" not in [value for key, value in bare.attributes if key == "id"]

@@ -1,0 +1,61 @@
+"""The verdict on the command line: the option it takes, the words it prints, the status it ends with."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from armload_controller.cli.screen import Screen
+    from armload_identification.verdict.agreement import Outcome, Tolerance
+
+EXIT_WRONG: Final = 3
+EXIT_CANNOT_TELL: Final = 4
+
+TOLERANCE: Final = (0.02, 0.010)
+ToleranceOption = Annotated[
+    tuple[float, float],
+    typer.Option(
+        "--tolerance",
+        metavar="SHARE M",
+        help="By how much the payload may be off: share of its mass, and distance of its centre of mass in m.",
+    ),
+]
+
+
+def tolerance_of(values: tuple[float, float]) -> Tolerance:
+    """The tolerance of the option's two numbers.
+
+    Raises:
+        ModelError: a number that is not positive.
+    """
+    from armload_identification.verdict.agreement import Tolerance
+
+    return Tolerance(*values)
+
+
+def show_verdict(screen: Screen, outcome: Outcome, text: Sequence[str]) -> None:
+    """Print a verdict, a sentence a line.
+
+    Args:
+        screen: Where.
+        outcome: The verdict.
+        text: What it says.
+    """
+    from armload_identification.verdict.agreement import Outcome
+    from armload_identification.verdict.verdict_text import TITLES
+
+    title = TITLES[outcome]
+    screen.step(f"verdict: {title if outcome is Outcome.RIGHT else title.upper()}")
+    for sentence in text:
+        screen.step(f"  {sentence}")
+
+
+def exit_status(outcome: Outcome) -> int:
+    """0, 3 where the payload is wrong, 4 where the runs cannot tell."""
+    from armload_identification.verdict.agreement import Outcome
+
+    return {Outcome.RIGHT: 0, Outcome.WRONG: EXIT_WRONG, Outcome.CANNOT_TELL: EXIT_CANNOT_TELL}[outcome]

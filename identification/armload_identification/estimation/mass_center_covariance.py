@@ -1,0 +1,71 @@
+"""How exactly a fit knows mass and centre of mass, for comparison with another identification.
+
+The covariance is that of the intervals, by the residual's local spectrum, with what is known of the errors of rotors
+and delay. The gains' share is kept apart as slopes. One number of degrees of freedom stands for the whole matrix: that
+of the Wishart matrix whose elements scatter as much,
+
+    nu = p (p + 1) / sum_kl var(C_kl),       in the coordinates in which C is the identity, p = 4.
+
+References:
+    Nel, van der Merwe, Communications in Statistics, Theory and Methods 15(12), 1986.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.uncertainty import ResidualSpectrum, derived, determined_basis, shifts_by
+from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
+from armload_identification.model.payload import InertialParameters
+from armload_identification.signals.joint_torque import Transmission
+
+
+def mass_center_covariance(
+    fit: Estimate,
+    parameters: InertialParameters,
+    doubts_nm: FloatArray,
+    torque_nm: FloatArray,
+    transmission: Transmission | None,
+) -> MassCenterCovariance:
+    """Covariance of mass and centre of mass of a fit.
+
+    Args:
+        fit: The plain estimate, on equidistant samples.
+        parameters: What is reported; derivatives are taken there.
+        doubts_nm: (k, N, n) torque of one standard deviation of each systematic error but the gains'.
+        torque_nm: (N, n) torque that was fitted.
+        transmission: The gains; None where the torque is not from currents.
+
+    Returns:
+        The covariance; directions that the data say nothing about are as good as infinitely wide.
+    """
+    slope = derived(parameters)[1][:4]
+    gradient = np.zeros((4, fit.theta.size))
+    gradient[:, :10] = slope
+    half = determined_basis(fit)
+    spectrum = ResidualSpectrum.of(fit, half)
+    contrast = gradient @ half
+    known = contrast @ (fit.prior_rows @ half).T
+    random = contrast @ spectrum.covariance() @ contrast.T
+    shifts = shifts_by(fit, doubts_nm)[:, :10] @ slope.T
+    measured = random + known @ known.T + shifts.T @ shifts
+    measured = measured + _blind(fit, gradient, parameters.mass_kg)
+    freedom = spectrum.joint_freedom(contrast, measured)
+    if transmission is None:
+        return MassCenterCovariance.of_measured(measured, freedom)
+    gains = shifts_by(fit, transmission.gain_shares(torque_nm))[:, :10] @ slope.T
+    return MassCenterCovariance(measured, freedom, transmission.gain_nm_a, gains.T, transmission.deviation)
+
+
+def _blind(fit: Estimate, gradient: FloatArray, mass_kg: float) -> FloatArray:
+    """(4, 4) covariance along the directions that the data say nothing about."""
+    unit = unknown_deviation(mass_kg)
+    if fit.rank == fit.theta.size:
+        return np.zeros((4, 4))
+    directions = ((gradient * fit.scale) @ fit.undetermined) / unit[:, None]
+    left, size, _ = np.linalg.svd(directions)
+    seen = np.linalg.norm((gradient * fit.scale) / unit[:, None])
+    blind = left[:, : size.size][:, size > 1e-6 * seen] * unit[:, None]
+    return np.asarray(blind @ blind.T)

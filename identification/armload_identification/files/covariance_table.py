@@ -1,0 +1,88 @@
+"""`[covariance]` of a payload file: how exactly mass and centre of mass are known."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from armload_identification.model.mass_center import MassCenterCovariance
+from armload_identification.storage import toml_text
+from armload_identification.storage.strict_toml import BadValue, NumberList, NumberRows, Table, require_shape
+
+_ROUNDING: Final = 1e-9
+"""By how much a correlation may be asymmetric, or its least eigenvalue below 0: digits lost by other programs."""
+
+
+class _GainsTable(Table):
+    """What the drive gains have to do with it, n gains."""
+
+    gain_nm_a: NumberList
+    slope: NumberRows
+    deviation: NumberList
+
+
+class CovarianceTable(Table):
+    """Covariance of [mass, cx, cy, cz] and, where currents were used, its dependence on the gains."""
+
+    mass_center: NumberRows
+    degrees_of_freedom: Annotated[float, Field(gt=0)]
+    gains: _GainsTable | None = None
+
+    @model_validator(mode="after")
+    def _a_covariance(self) -> CovarianceTable:
+        require_shape("mass_center", self.mass_center, (4, 4))
+        size = np.sqrt(np.abs(np.diag(self.mass_center)))
+        scaled = self.mass_center / np.maximum(np.outer(size, size), np.finfo(np.float64).tiny)
+        if not np.allclose(scaled, scaled.T, atol=_ROUNDING) or np.linalg.eigvalsh(scaled)[0] < -_ROUNDING:
+            raise BadValue(
+                "mass_center", self.mass_center.tolist(), "expected a covariance: symmetric, no eigenvalue below 0"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_gain_per_axis(self) -> CovarianceTable:
+        if self.gains is not None:
+            n = self.gains.gain_nm_a.size
+            require_shape("gains.slope", self.gains.slope, (4, n))
+            require_shape("gains.deviation", self.gains.deviation, (n,))
+            if (self.gains.deviation < 0.0).any():
+                raise BadValue("gains.deviation", self.gains.deviation.tolist(), "expected numbers from 0 on")
+        return self
+
+    def covariance(self) -> MassCenterCovariance:
+        """As results carry it."""
+        if self.gains is None:
+            return MassCenterCovariance.of_measured(self.mass_center, self.degrees_of_freedom)
+        gains = self.gains
+        return MassCenterCovariance(
+            self.mass_center, self.degrees_of_freedom, gains.gain_nm_a, gains.slope, gains.deviation
+        )
+
+
+def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
+    """The lines of `[covariance]`; none where there is no covariance.
+
+    Args:
+        known: Of an identified payload.
+    """
+    if known is None:
+        return []
+    lines = [
+        "# Of [mass, cx, cy, cz] in kg and m, without the share of the drive gains, which results obtained with the",
+        "# same gains have in common. slope: change of the four per change of the logarithm of each gain.",
+        "[covariance]",
+        f"mass_center = {toml_text.array(known.measured)}",
+        f"degrees_of_freedom = {toml_text.number(known.freedom)}",
+        "",
+    ]
+    if known.gain_nm_a.size:
+        lines += [
+            "[covariance.gains]",
+            f"gain_nm_a = {toml_text.array(known.gain_nm_a)}",
+            f"slope = {toml_text.array(known.gain_slope)}",
+            f"deviation = {toml_text.array(known.gain_deviation)}",
+            "",
+        ]
+    return lines

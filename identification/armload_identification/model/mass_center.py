@@ -1,0 +1,80 @@
+"""Mass and centre of mass of a payload, and how exactly they are known: what two identifications are compared by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+
+_NORMAL_95: Final = 1.959964
+"""Half width of a 95 % interval in standard deviations."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MassCenterCovariance:
+    """Covariance of [mass, cx, cy, cz] in kg and m, the drive gains' share of it apart.
+
+    Two results obtained with the same gains share the gains' error; only what it does differently to the two counts
+    when they are compared. Hence the slopes.
+
+    Attributes:
+        measured: (4, 4) covariance without the gains' share.
+        freedom: Degrees of freedom of `measured`; inf where it is known.
+        gain_nm_a: (n,) gains that the currents were multiplied by; of no length where no current was used.
+        gain_slope: (4, n) change of the four per change of the logarithm of each gain.
+        gain_deviation: (n,) relative standard deviation of each gain.
+    """
+
+    measured: FloatArray
+    freedom: float
+    gain_nm_a: FloatArray
+    gain_slope: FloatArray
+    gain_deviation: FloatArray
+
+    @classmethod
+    def of_measured(cls, measured: FloatArray, freedom: float) -> MassCenterCovariance:
+        """Without gains.
+
+        Args:
+            measured: (4, 4) covariance.
+            freedom: Its degrees of freedom.
+        """
+        return cls(measured, freedom, np.zeros(0), np.zeros((4, 0)), np.zeros(0))
+
+    @classmethod
+    def from_intervals(cls, interval_95: FloatArray, mass_kg: float) -> MassCenterCovariance:
+        """From 95 % intervals, as far as they tell: without correlations, and gains not apart.
+
+        Args:
+            interval_95: (4, 2) low and high; nan where a value is not determined.
+            mass_kg: The mass.
+        """
+        deviation = 0.5 * np.diff(interval_95, axis=1)[:, 0] / _NORMAL_95
+        known = np.isfinite(deviation)
+        return cls.of_measured(np.diag(np.where(known, deviation, unknown_deviation(mass_kg)) ** 2), np.inf)
+
+    @property
+    def from_gains(self) -> FloatArray:
+        """(4, 4) the gains' share."""
+        scaled = self.gain_slope * self.gain_deviation
+        return np.asarray(scaled @ scaled.T)
+
+    def same_gains_as(self, other: MassCenterCovariance) -> bool:
+        """True where both were obtained with the same gains.
+
+        Args:
+            other: Of another identification.
+        """
+        return self.gain_nm_a.size > 0 and np.array_equal(self.gain_nm_a, other.gain_nm_a)
+
+
+def unknown_deviation(mass_kg: float) -> FloatArray:
+    """(4,) standard deviations of what is not determined, all of the mass and a metre: so wide that it decides nothing.
+
+    Args:
+        mass_kg: The mass.
+    """
+    return np.asarray(np.concatenate([[abs(mass_kg)], np.ones(3)]))

@@ -1,0 +1,123 @@
+"""Validate a payload: identify it again from runs it was not identified from, and judge the difference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import PayloadResult
+from armload_identification.model.regressor import payload_regressor
+from armload_identification.pipeline.payload_identification import Identification, identify
+from armload_identification.recording.recording import Recording
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.verdict.agreement import Known, Outcome, Tolerance, compare_known, length_needed
+from armload_identification.verdict.joint_scales import joint_scales
+from armload_identification.verdict.payload_verdict import PayloadVerdict, known_payload, remedy_for
+from armload_identification.verdict.raw_residual import raw_residual_rms
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """A payload judged by a second pair of runs.
+
+    Attributes:
+        verdict: Right, wrong or cannot tell, and why.
+        measured: What the second pair says of the payload by itself.
+        predicted_nm: (K, n) torque that the payload in question predicts at the samples of `signal`, with the friction
+            that the second pair showed.
+        residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus that prediction, comparable to
+            `signal.noise_nm`.
+        torque_in_band_nm: (n,) RMS of the smoothed torque difference: the motion's band.
+        left_in_band_nm: (n,) RMS of what the prediction leaves of it.
+    """
+
+    verdict: PayloadVerdict
+    measured: Identification
+    predicted_nm: FloatArray
+    residual_rms_nm: FloatArray
+    torque_in_band_nm: FloatArray
+    left_in_band_nm: FloatArray
+
+    @property
+    def outcome(self) -> Outcome:
+        """Right, wrong, cannot tell."""
+        return self.verdict.outcome
+
+    @property
+    def signal(self) -> LoadSignal:
+        """The measured torque difference of the second pair."""
+        return self.measured.signal
+
+
+def validate(
+    loaded: Recording,
+    unloaded: Recording,
+    chain: Chain,
+    transmission: Transmission,
+    payload: PayloadResult,
+    tolerance: Tolerance | None = None,
+) -> Validation:
+    """Judge a payload by a pair of runs that it was not identified from.
+
+    Args:
+        loaded: Run with the payload.
+        unloaded: Run of the same motion without it.
+        chain: The arm; the payload is in its flange frame.
+        transmission: Gains and coupling.
+        payload: What is to be judged.
+        tolerance: By how much it may be off; 2 % of its mass and 10 mm if not given.
+
+    Returns:
+        The verdict, and the series behind it.
+
+    Raises:
+        RecordingError: recordings that do not fit the arm or each other, or cannot be right.
+        EstimationError: no payload explains the runs.
+    """
+    measured = identify(loaded, unloaded, chain, transmission)
+    return judge(measured, chain, known_payload(payload), tolerance or Tolerance())
+
+
+def judge(measured: Identification, chain: Chain, judged: Known, tolerance: Tolerance) -> Validation:
+    """Judge a payload by an identification from other runs.
+
+    Args:
+        measured: The identification.
+        chain: The arm.
+        judged: The payload in question.
+        tolerance: By how much it may be off.
+
+    Returns:
+        The verdict, and the series behind it.
+    """
+    signal = measured.signal
+    again = Known(measured.parameters, measured.mass_center)
+    agreement = compare_known(judged, again, tolerance)
+    regressor = payload_regressor(chain, *signal.states)
+    load = regressor @ judged.parameters.theta
+    friction = np.zeros_like(load) if measured.friction is None else measured.friction.torque_nm
+    predicted = load + friction
+    return Validation(
+        verdict=PayloadVerdict(
+            agreement=agreement,
+            of_payload=joint_scales(signal, load, friction),
+            of_measured=joint_scales(signal, regressor @ measured.parameters.theta, friction),
+            remedy=remedy_for(
+                agreement,
+                length_needed(judged, again, tolerance),
+                measured.plain,
+                measured.parameters,
+                chain,
+                signal.states.position_rad,
+            ),
+        ),
+        measured=measured,
+        predicted_nm=predicted,
+        residual_rms_nm=raw_residual_rms(signal, predicted),
+        torque_in_band_nm=np.sqrt(np.mean(signal.torque_nm[signal.valid] ** 2, axis=0)),
+        left_in_band_nm=np.sqrt(np.mean((signal.torque_nm - predicted)[signal.valid] ** 2, axis=0)),
+    )

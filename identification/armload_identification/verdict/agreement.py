@@ -1,0 +1,259 @@
+"""Do two results for mass and centre of mass agree? The statistic behind every verdict on a payload.
+
+    d = [m, c]_measured - [m, c]_judged,        C = C_measured + C_judged + C_gains + diag(5 g, 1 mm, 1 mm, 1 mm)^2
+
+Where both were obtained with the same gains, C_gains holds only what a gain's error does to one and not to the
+other. With nu degrees of freedom the payload differs where
+
+    (d^T C^-1 d / 4) (nu - 3) / nu > F_0.99(4, nu - 3)
+
+(Hotelling). A difference that is significant need not matter, and one that is not may still be too large. So there are
+three outcomes, for a tolerance of mass and centre of mass:
+
+- right: the 95 % interval of the difference lies within the tolerance; or the two do not differ, and an error of the
+  tolerance would have been noticed with a probability of 95 %.
+- wrong: they differ, and not demonstrably within the tolerance.
+- cannot tell: they do not differ, but an error beyond the tolerance could have gone unnoticed.
+
+References:
+    Hotelling, Annals of Mathematical Statistics 2(3), 1931.
+    Krishnamoorthy, Yu, Statistics and Probability Letters 66(2), 2004, eq. (8): nu of a sum of covariances.
+    Schuirmann, Journal of Pharmacokinetics and Biopharmaceutics 15(6), 1987: equivalence by intervals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import fdtri, ncfdtrinc, stdtrit
+
+from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import ModelError
+from armload_identification.model.mass_center import MassCenterCovariance
+from armload_identification.model.payload import InertialParameters
+
+FLOOR: Final = np.array([0.005, 0.001, 0.001, 0.001])
+"""Standard deviation in kg and m of what no covariance holds: the servo's sag under the load, remounting."""
+FALSE_ALARM: Final = 0.01
+POWER: Final = 0.95
+CONFIDENCE: Final = 0.95
+_SIZE: Final = 4
+_LEAST_FREEDOM: Final = 5.0
+"""With fewer, limit and noticeable error have next to no bound, and nothing could be told."""
+_LONGEST: Final = 1000.0
+
+
+class Outcome(StrEnum):
+    """What a verdict says of a payload."""
+
+    RIGHT = "right"
+    WRONG = "wrong"
+    CANNOT_TELL = "cannot tell"
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """By how much a payload may be off.
+
+    Attributes:
+        mass_share: Share of its mass.
+        center_m: Distance of its centre of mass.
+
+    Raises:
+        ModelError: a tolerance that is not positive.
+    """
+
+    mass_share: float = 0.02
+    center_m: float = 0.010
+
+    def __post_init__(self) -> None:
+        for name, value in (("share of the mass", self.mass_share), ("distance of the centre of mass", self.center_m)):
+            if not (np.isfinite(value) and value > 0.0):
+                raise ModelError(f"the tolerance's {name} is {value}; expected a number above 0, such as 0.02 or 0.01")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Known:
+    """Mass and centre of mass, and how exactly they are known.
+
+    Attributes:
+        parameters: The payload.
+        covariance: Of its mass and centre of mass.
+    """
+
+    parameters: InertialParameters
+    covariance: MassCenterCovariance
+
+    @property
+    def values(self) -> FloatArray:
+        """(4,) mass in kg, centre of mass in m."""
+        return self.parameters.values[:4]
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """How a payload compares with what was measured of it.
+
+    Attributes:
+        outcome: Right, wrong, cannot tell.
+        difference: (4,) measured minus judged mass in kg and centre of mass in m.
+        covariance: (4, 4) of it.
+        freedom: nu, its degrees of freedom.
+        statistic: The F statistic.
+        critical: The value that it exceeds by chance in one of a hundred comparisons.
+        half_width_95: (4,) half widths of the 95 % intervals of the difference.
+        judged_kg: Mass of the payload in question.
+        tolerance_kg: Tolerance of the mass.
+        tolerance_m: Tolerance of the centre of mass.
+        noticeable_kg: Error of the mass alone that would be noticed with a probability of 95 %.
+        noticeable_m: The same for the centre of mass, in the direction in which it is seen worst.
+        weakest: (3,) that direction, a unit vector.
+    """
+
+    outcome: Outcome
+    difference: FloatArray
+    covariance: FloatArray
+    freedom: float
+    statistic: float
+    critical: float
+    half_width_95: FloatArray
+    judged_kg: float
+    tolerance_kg: float
+    tolerance_m: float
+    noticeable_kg: float
+    noticeable_m: float
+    weakest: FloatArray
+
+    @property
+    def differs(self) -> bool:
+        """True where the two differ by more than chance, 1 % of false alarms."""
+        return self.statistic > self.critical
+
+    @property
+    def distance_m(self) -> float:
+        """By how much the centres of mass are apart."""
+        return float(np.linalg.norm(self.difference[1:]))
+
+
+@dataclass(frozen=True, slots=True)
+class LengthNeeded:
+    """How much longer runs would have to be for an error of the tolerance to be noticed.
+
+    Attributes:
+        factor: At least 1; inf where no length would do.
+        gains_limit: No length would do because of the gains; else because the tolerance is too close to the floor.
+    """
+
+    factor: float
+    gains_limit: bool
+
+
+def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agreement:
+    """Judge a payload by an independent measurement of it.
+
+    Args:
+        judged: The payload in question.
+        measured: What was measured.
+        tolerance: By how much the payload may be off.
+
+    Returns:
+        Verdict and figures.
+    """
+    difference = measured.values - judged.values
+    gains = _from_gains(judged.covariance, measured.covariance)
+    covariance, freedom = _combined(judged.covariance, measured.covariance, gains)
+    statistic = _statistic(difference, covariance, freedom)
+    critical = float(fdtri(_SIZE, freedom - _SIZE + 1.0, 1.0 - FALSE_ALARM))
+    noticeable_kg, noticeable_m, weakest = _noticeable(covariance, freedom)
+    tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
+    quantile = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
+    width = quantile * np.sqrt(np.diag(covariance))
+    reach_m = np.linalg.norm(difference[1:]) + quantile * np.sqrt(np.linalg.eigvalsh(covariance[1:, 1:])[-1])
+    within = abs(difference[0]) + width[0] <= tolerance_kg and reach_m <= tolerance.center_m
+    sharp = noticeable_kg <= tolerance_kg and noticeable_m <= tolerance.center_m
+    if within or (sharp and statistic <= critical):
+        outcome = Outcome.RIGHT
+    else:
+        outcome = Outcome.WRONG if statistic > critical else Outcome.CANNOT_TELL
+    return Agreement(
+        outcome=outcome,
+        difference=difference,
+        covariance=covariance,
+        freedom=freedom,
+        statistic=statistic,
+        critical=critical,
+        half_width_95=width,
+        judged_kg=judged.parameters.mass_kg,
+        tolerance_kg=tolerance_kg,
+        tolerance_m=tolerance.center_m,
+        noticeable_kg=noticeable_kg,
+        noticeable_m=noticeable_m,
+        weakest=weakest,
+    )
+
+
+def length_needed(judged: Known, measured: Known, tolerance: Tolerance) -> LengthNeeded:
+    """How much longer runs would have to be for an error of the tolerance to be noticed.
+
+    Args:
+        judged: The payload in question.
+        measured: What was measured.
+        tolerance: What is to be noticed.
+    """
+    tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
+    gains = _from_gains(judged.covariance, measured.covariance)
+
+    def excess(log_factor: float, of_gains: FloatArray) -> float:
+        """By how much the worse of the two noticeable errors exceeds its tolerance, as a share of it."""
+        longer = float(np.exp(log_factor))
+        kg, m, _ = _noticeable(*_combined(judged.covariance, measured.covariance, of_gains, longer))
+        return float(max(kg / tolerance_kg, m / tolerance.center_m) - 1.0)
+
+    longest = float(np.log(_LONGEST))
+    if excess(0.0, gains) <= 0.0:
+        return LengthNeeded(1.0, gains_limit=False)
+    if excess(longest, gains) > 0.0:
+        return LengthNeeded(float("inf"), gains_limit=excess(longest, np.zeros_like(gains)) <= 0.0)
+    return LengthNeeded(float(np.exp(brentq(excess, 0.0, longest, args=(gains,), xtol=1e-3))), gains_limit=False)
+
+
+def _from_gains(one: MassCenterCovariance, other: MassCenterCovariance) -> FloatArray:
+    """(4, 4) the gains' share of the covariance of the difference."""
+    if not one.same_gains_as(other):
+        return one.from_gains + other.from_gains
+    unshared = (one.gain_slope - other.gain_slope) * np.maximum(one.gain_deviation, other.gain_deviation)
+    return np.asarray(unshared @ unshared.T)
+
+
+def _combined(
+    one: MassCenterCovariance, other: MassCenterCovariance, of_gains: FloatArray, longer: float = 1.0
+) -> tuple[FloatArray, float]:
+    """Covariance of the difference and its degrees of freedom, had both runs been so many times as long."""
+    parts = [(known.measured / longer, known.freedom * longer) for known in (one, other)]
+    total = parts[0][0] + parts[1][0] + of_gains + np.diag(FLOOR**2)
+    scatter = 0.0
+    for part, freedom in parts:
+        share = np.linalg.solve(total, part)
+        scatter += float(np.trace(share @ share) + np.trace(share) ** 2) / freedom
+    freedom = (_SIZE + _SIZE**2) / max(scatter, 1e-9)
+    return total, max(freedom, _LEAST_FREEDOM)
+
+
+def _statistic(difference: FloatArray, covariance: FloatArray, freedom: float) -> float:
+    """F of a difference."""
+    square = float(difference @ np.linalg.solve(covariance, difference))
+    return square / _SIZE * (freedom - _SIZE + 1.0) / freedom
+
+
+def _noticeable(covariance: FloatArray, freedom: float) -> tuple[float, float, FloatArray]:
+    """Smallest errors noticed with the probability `POWER`: of the mass, of the centre, and its weakest direction."""
+    free = freedom - _SIZE + 1.0
+    critical = fdtri(_SIZE, free, 1.0 - FALSE_ALARM)
+    size = float(np.sqrt(ncfdtrinc(_SIZE, free, 1.0 - POWER, critical)))
+    precision = np.linalg.inv(covariance)
+    power, axes = np.linalg.eigh(precision[1:, 1:])
+    return size / np.sqrt(precision[0, 0]), size / np.sqrt(power[0]), np.asarray(axes[:, 0])

@@ -1,0 +1,98 @@
+"""Which joint disagrees with a payload: the measured torque of each joint as a multiple of the predicted one.
+
+    tau_j = a_j tau_payload,j + F_j s + v_j dq + f_j,        s the direction of motion,
+
+joint by joint, so that no joint's error leaks into another and changes of friction are not read as a scale. Intervals
+come from the residual's local spectrum. A payload of the wrong mass has the same a on every joint, a wrong drive gain
+an a of its own on one joint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.body_fit import reversal_speed
+from armload_identification.estimation.estimators import steadiness
+from armload_identification.estimation.uncertainty import CONFIDENCE, ResidualSpectrum
+from armload_identification.model.body_model import smooth_sign
+from armload_identification.signals.load_signal import LoadSignal
+
+_TOLD_WITHIN: Final = 0.05
+"""A joint's scale says something where its 95 % half width is at most this."""
+_MATTERS: Final = 0.01
+"""The UR10e's joints 2 to 6 agree within this with calibrated gains."""
+_RANK: Final = 1e-9
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class JointScales:
+    """Measured over predicted payload torque of n joints.
+
+    Attributes:
+        scale: (n,) a; 1 where the joint agrees, nan where the payload does not load it.
+        half_width_95: (n,) half width of its 95 % interval; inf where the payload does not load the joint.
+    """
+
+    scale: FloatArray
+    half_width_95: FloatArray
+
+    @property
+    def told(self) -> NDArray[np.bool_]:
+        """(n,) joints whose scale is known within 5 %."""
+        return np.asarray(self.half_width_95 <= _TOLD_WITHIN)
+
+    @property
+    def disagree(self) -> NDArray[np.bool_]:
+        """(n,) joints that are off by more than 1 % and by more than their interval."""
+        return np.asarray(self.told & (np.abs(self.scale - 1.0) > np.maximum(self.half_width_95, _MATTERS)))
+
+
+def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: FloatArray) -> JointScales:
+    """The scale of every joint.
+
+    Args:
+        signal: The measured torque difference.
+        predicted_nm: (K, n) torque of the payload in question.
+        friction_nm: (K, n) friction that the load adds.
+
+    Returns:
+        Scales with intervals.
+    """
+    n = predicted_nm.shape[1]
+    weight = steadiness(signal) * signal.valid[:, None]
+    direction = smooth_sign(signal.states.velocity_rad_s, reversal_speed(signal.states.velocity_rad_s))
+    target = signal.torque_nm - friction_nm
+    scale, half_width = np.full(n, np.nan), np.full(n, np.inf)
+    for joint in range(n):
+        columns = [
+            predicted_nm[:, joint],
+            direction[:, joint],
+            signal.states.velocity_rad_s[:, joint],
+            np.ones(len(target)),
+        ]
+        rows = np.column_stack(columns) * weight[:, joint, None]
+        wanted = target[:, joint] * weight[:, joint]
+        length = np.linalg.norm(rows, axis=0)
+        moved = length > _RANK * max(length.max(), 1.0)
+        if not moved[0]:
+            continue
+        rows = rows[:, moved] / length[moved]
+        left, size, right = np.linalg.svd(rows, full_matrices=False)
+        # The payload's own torque and an offset are one column on a joint that stands still.
+        if size[-1] < _RANK * size[0]:
+            continue
+        half = right.T / size
+        coefficient = half @ (left.T @ wanted)
+        residual = wanted - rows @ coefficient
+        spectrum = ResidualSpectrum((rows @ half)[:, None, :], residual[:, None])
+        contrast = half[:1] / length[0]
+        scale[joint] = coefficient[0] / length[0]
+        quantile = student.ppf(0.5 + 0.5 * CONFIDENCE, spectrum.freedom(contrast)[0])
+        half_width[joint] = quantile * np.sqrt(spectrum.variance(contrast)[0])
+    return JointScales(scale, half_width)

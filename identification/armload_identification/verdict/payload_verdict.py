@@ -1,0 +1,111 @@
+"""A payload judged by a second identification of it, and what would show an error that went unnoticed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.uncertainty import derived
+from armload_identification.model.chain import Chain
+from armload_identification.model.mass_center import MassCenterCovariance
+from armload_identification.model.payload import InertialParameters, PayloadResult
+from armload_identification.verdict.agreement import Agreement, Known, LengthNeeded, Outcome
+from armload_identification.verdict.joint_scales import JointScales
+
+_POSES: Final = 200
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Remedy:
+    """What would make an error of the tolerance noticeable.
+
+    Attributes:
+        length: How much longer all runs would have to be.
+        mass_limits: The mass is what is known too poorly.
+        center_limits: The centre of mass is.
+        mass_joint: Joint, from 0, that tells the mass best.
+        center_joint: Joint, from 0, that tells the weakest direction of the centre of mass best.
+        level_share: Mean square sine of the angle between that direction and gravity: 1 always level, 0 always upright.
+    """
+
+    length: LengthNeeded
+    mass_limits: bool
+    center_limits: bool
+    mass_joint: int
+    center_joint: int
+    level_share: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PayloadVerdict:
+    """The verdict on a payload.
+
+    Attributes:
+        agreement: Statistic and outcome.
+        of_payload: Every joint's measured torque as a multiple of what the payload in question predicts.
+        of_measured: The same for the payload that was measured; what is off here contradicts the other joints.
+        remedy: What would show an error of the tolerance.
+    """
+
+    agreement: Agreement
+    of_payload: JointScales
+    of_measured: JointScales
+    remedy: Remedy
+
+    @property
+    def outcome(self) -> Outcome:
+        """Right, wrong, cannot tell."""
+        return self.agreement.outcome
+
+
+def known_payload(result: PayloadResult) -> Known:
+    """A payload file's mass and centre of mass; a file without covariance is taken by its intervals.
+
+    Args:
+        result: Content of the file.
+    """
+    covariance = result.mass_center
+    if covariance is None:
+        covariance = MassCenterCovariance.from_intervals(result.interval_95[:4], result.model.mass_kg)
+    return Known(result.model, covariance)
+
+
+def remedy_for(
+    agreement: Agreement,
+    length: LengthNeeded,
+    fit: Estimate,
+    parameters: InertialParameters,
+    chain: Chain,
+    position_rad: FloatArray,
+) -> Remedy:
+    """What would make an error of the tolerance noticeable.
+
+    Args:
+        agreement: The comparison.
+        length: How much longer all runs would have to be.
+        fit: The fit to the runs that it was judged by.
+        parameters: What came out of it.
+        chain: The arm.
+        position_rad: (K, n) the motion.
+    """
+    slope = derived(parameters)[1]
+    mass, center = np.zeros(10), np.zeros(10)
+    mass[0], center[1:4] = 1.0, agreement.weakest
+    # What an error of mass or centre alone does to theta, the rest of the ten values staying as they are.
+    errors = np.linalg.solve(slope, np.column_stack([mass, center]))
+    seen = np.sum((fit.whitened[:, :, :10] @ errors) ** 2, axis=0)
+    down = chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2)
+    poses = position_rad[:: max(1, len(position_rad) // _POSES)]
+    along = [down @ chain.forward(q)[-1][:3, :3] @ agreement.weakest for q in poses]
+    return Remedy(
+        length=length,
+        mass_limits=agreement.noticeable_kg > agreement.tolerance_kg,
+        center_limits=agreement.noticeable_m > agreement.tolerance_m,
+        mass_joint=int(np.argmax(seen[:, 0])),
+        center_joint=int(np.argmax(seen[:, 1])),
+        level_share=float(1.0 - np.mean(np.square(along))),
+    )

@@ -1,0 +1,27 @@
+"""What a prediction leaves of single raw samples, like with like beside their noise.
+
+Both figures belong to the difference of two RAW torque samples, one of a loaded and one of an unloaded run at the same
+place, neither averaged nor smoothed. The noise is its standard deviation, from the scatter of single samples between
+periods or, with one period, from third differences, that is from the signal above the motion's band.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.signals.load_signal import LoadSignal
+
+
+def raw_residual_rms(signal: LoadSignal, predicted_nm: FloatArray) -> FloatArray:
+    """RMS of single-sample differences minus prediction, from the averages and what averaging took out of them.
+
+    Args:
+        signal: The measured difference.
+        predicted_nm: (K, n) predicted difference.
+
+    Returns:
+        (n,) in N m.
+    """
+    averaged = np.mean((signal.raw_nm - predicted_nm)[signal.valid] ** 2, axis=0)
+    return np.asarray(np.sqrt(averaged + signal.noise_nm**2 - signal.averaged_noise_nm**2))

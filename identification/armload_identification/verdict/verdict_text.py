@@ -1,0 +1,174 @@
+"""A verdict in words, for console and report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_identification.verdict.agreement import FLOOR, Agreement, Outcome
+from armload_identification.verdict.joint_scales import JointScales
+from armload_identification.verdict.payload_verdict import PayloadVerdict, Remedy
+
+TITLES: Final = {
+    Outcome.RIGHT: "Right within the tolerance",
+    Outcome.WRONG: "Wrong",
+    Outcome.CANNOT_TELL: "Cannot tell",
+}
+_AXES: Final = ("x", "y", "z")
+_ALONG: Final = 0.9
+"""Cosine from which a direction is called by the axis' name."""
+_LEVEL: Final = 0.5
+"""Mean square sine to gravity below which poses are asked for that turn a direction level."""
+
+
+def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
+    """What a validation says, the result first.
+
+    Args:
+        verdict: The verdict.
+        joint_names: Names of the joints, from the base.
+    """
+    text = agreement_sentences(verdict.agreement, "The second pair of runs gives")
+    match verdict.outcome:
+        case Outcome.RIGHT:
+            return text
+        case Outcome.WRONG:
+            return [*text, *_joints(verdict, joint_names)]
+        case Outcome.CANNOT_TELL:
+            return [*text, *_remedy(verdict.remedy, verdict.agreement, joint_names)]
+
+
+def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
+    """What a comparison says, the result first.
+
+    Args:
+        agreement: The comparison.
+        source: What the payload is compared with, and a verb: "CAD gives".
+    """
+    found = f"{source} {_off(agreement)}; {_allowed(agreement)}."
+    match agreement.outcome:
+        case Outcome.RIGHT:
+            if agreement.differs:
+                return [found, "The difference is more than chance, but it stays within the tolerance."]
+            return [found]
+        case Outcome.WRONG:
+            return [
+                _what_is_off(agreement),
+                found,
+                "Chance makes such a difference in fewer than 1 of 100 comparisons "
+                f"(F {agreement.statistic:.1f}, limit {agreement.critical:.1f}).",
+            ]
+        case Outcome.CANNOT_TELL:
+            share = agreement.noticeable_kg / agreement.judged_kg
+            return [
+                found,
+                "That does not contradict the payload, but it is too uncertain to confirm it: the smallest error that "
+                f"would show is {agreement.noticeable_kg:.2g} kg ({share:.1%}) of mass or "
+                f"{1e3 * agreement.noticeable_m:.2g} mm of the centre of mass, {_direction(agreement)}.",
+            ]
+
+
+def _what_is_off(agreement: Agreement) -> str:
+    """What differs by more than its own interval, as an error of the payload in question."""
+    difference, beyond = agreement.difference, np.abs(agreement.difference) > agreement.half_width_95
+    off = []
+    if beyond[0]:
+        way = "low" if difference[0] > 0.0 else "high"
+        share = abs(difference[0]) / agreement.judged_kg
+        off.append(f"the payload's mass is {abs(difference[0]):.3f} kg ({share:.1%}) too {way}")
+    if beyond[1:].any():
+        moved = ", ".join(f"{-1e3 * difference[1 + i]:+.1f} mm in {_AXES[i]}" for i in np.flatnonzero(beyond[1:]))
+        whose = "its" if off else "the payload's"
+        off.append(f"{whose} centre of mass is off by {moved}")
+    text = " and ".join(off) or "mass and centre of mass together do not fit, though either alone might"
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _off(agreement: Agreement) -> str:
+    """Differences with their intervals."""
+    mass, *center = agreement.difference
+    width = agreement.half_width_95
+    share = mass / agreement.judged_kg
+    moved = ", ".join(
+        f"{axis} {1e3 * value:+.1f} +- {1e3 * half:.1f}"
+        for axis, value, half in zip(_AXES, center, width[1:], strict=True)
+    )
+    higher = "higher" if mass >= 0.0 else "lower"
+    return (
+        f"a mass {abs(mass):.3f} kg {higher} ({share:+.1%}) +- {width[0]:.3f} kg and a centre of mass "
+        f"{1e3 * agreement.distance_m:.1f} mm away ({moved} mm)"
+    )
+
+
+def _allowed(agreement: Agreement) -> str:
+    share = agreement.tolerance_kg / agreement.judged_kg
+    return (
+        f"the tolerance is {100.0 * share:.3g} % of the mass ({agreement.tolerance_kg:.3f} kg) and "
+        f"{1e3 * agreement.tolerance_m:.3g} mm"
+    )
+
+
+def _direction(agreement: Agreement) -> str:
+    """The direction in which the centre of mass is seen worst."""
+    axis = int(np.argmax(np.abs(agreement.weakest)))
+    if abs(agreement.weakest[axis]) >= _ALONG:
+        return f"along the flange's {_AXES[axis]} axis"
+    vector = agreement.weakest * np.sign(agreement.weakest[axis])
+    return "along [" + ", ".join(f"{value:.2f}" for value in vector) + "] in the flange frame"
+
+
+def _joints(verdict: PayloadVerdict, names: Sequence[str]) -> list[str]:
+    """Which joints disagree with the payload, and which with each other."""
+    text = []
+    wrong = verdict.of_payload.disagree
+    if wrong.any():
+        text.append(f"Measured over predicted torque: {_listed(verdict.of_payload, wrong, names)}.")
+    odd = verdict.of_measured.disagree
+    if odd.any():
+        text.append(
+            "The joints also contradict each other, whatever the payload. Measured torque over what fits all joints "
+            f"best: {_listed(verdict.of_measured, odd, names)}. Check the drive gain there."
+        )
+    return text
+
+
+def _listed(scales: JointScales, which: NDArray[np.bool_], names: Sequence[str]) -> str:
+    return ", ".join(
+        f"{name} {scales.scale[joint]:.3f} +- {scales.half_width_95[joint]:.3f}"
+        for joint, name in enumerate(names)
+        if which[joint]
+    )
+
+
+def _remedy(remedy: Remedy, agreement: Agreement, names: Sequence[str]) -> list[str]:
+    text = []
+    if np.isfinite(remedy.length.factor):
+        text.append(
+            f"Identification and validation runs of {max(remedy.length.factor, 1.1):.1f} times the length would show "
+            "an error of the tolerance."
+        )
+    elif remedy.length.gains_limit:
+        return ["Longer runs would not show it, the drive gains are too uncertain: calibrate them."]
+    else:
+        return [
+            f"No run would show it: what two mountings and the servos' sag do, {1e3 * FLOOR[0]:.0f} g and "
+            f"{1e3 * FLOOR[1]:.0f} mm (one standard deviation), is too much for this tolerance."
+        ]
+    if remedy.mass_limits:
+        text.append(
+            f"The mass shows best on {names[remedy.mass_joint]}: a motion that holds the payload far from that axis, "
+            "at right angles to gravity, shows it sooner."
+        )
+    if remedy.center_limits:
+        direction = _direction(agreement).removeprefix("along ")
+        if remedy.level_share < _LEVEL:
+            text.append(f"The motion hardly ever turns {direction} level, where gravity would show it: add such poses.")
+        else:
+            text.append(
+                f"That direction shows best on {names[remedy.center_joint]}: more motion of the wrist that turns it "
+                "level and back shows it sooner."
+            )
+    return text
