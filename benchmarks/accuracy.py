@@ -1,10 +1,10 @@
-"""`make accuracy`: real currents, other payloads, both plants, coverage of the intervals, and speed."""
+"""`make accuracy`: real currents, other payloads, both plants, coverage of the intervals, the verdict, and speed."""
 
 from __future__ import annotations
 
 import sys
 
-from benchmarks import coverage, other_payloads, real_currents, speed
+from benchmarks import coverage, operating_curve, other_payloads, real_currents, speed
 from benchmarks.setups import Twin
 from benchmarks.statistics import Census
 from benchmarks.trials import workers
@@ -20,6 +20,7 @@ def main() -> int:
         other_payloads.run(tally, pool, Twin.NORMATIVE, census)
         other_payloads.run(tally, pool, Twin.HARSH, census)
         coverage.run(tally, pool, census)
+        operating_curve.run(tally, pool, census)
     tally.heading("6. Physically possible, and honest")
     census.judge(tally)
     return tally.finish()

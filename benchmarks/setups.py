@@ -103,15 +103,18 @@ def paper_motion(robot: Robot, criterion: str) -> Motion:
     return Motion(trajectory, Streaming(arm, robot.limits.motion, PAPER_KEPT), n, PAPER_PERIODS)
 
 
-def shipped_motion(robot: Robot, keep_every: int = 1, periods: int | None = None) -> Motion:
+def shipped_motion(
+    robot: Robot, keep_every: int = 1, periods: int | None = None, role: str = "identification"
+) -> Motion:
     """The robot's own excitation with all its joints, at its own cycle.
 
     Args:
         robot: The arm.
         keep_every: Every how manieth cycle is kept.
         periods: M; None takes the file's.
+        role: Which of its excitations.
     """
-    excitation = robot.excitations["identification"]
+    excitation = robot.excitations[role]
     streaming = Streaming(robot.drives.settings, robot.limits.motion, keep_every)
     return Motion(excitation.trajectory, streaming, robot.n, periods or excitation.periods)
 

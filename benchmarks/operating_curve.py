@@ -1,0 +1,235 @@
+"""How often the verdict calls a payload wrong, right or neither, by how far off it is: the verdict's operating curve.
+
+Every commissioning is made as the program makes it, an identification and a validation pair of the shipped excitations
+on the normative plant, both with noise of their own; the validation of one seed also judges the payload of the next, so
+that a right payload is judged twice as often as there are seeds. A wrong payload is the identified one with its mass
+changed, inertia with it, or its centre of mass moved along one of the flange's axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armload_controller.config.robot import Robot, load_robot
+from armload_drivers.simulation.plant_spec import RigidBody
+from armload_identification.model.payload import InertialParameters
+from armload_identification.pipeline.payload_identification import identify
+from armload_identification.verdict.agreement import Agreement, Known, Outcome, Tolerance, compare_known
+from benchmarks.bodies import ER50_PAYLOADS
+from benchmarks.recordings import record
+from benchmarks.setups import Twin, setup_of, shipped_motion
+from benchmarks.statistics import Census
+from benchmarks.trials import Setup
+from benchmarks.verdict import Tally, progress_line
+
+ER50_SEEDS = 200
+PRBT_SEEDS = 40
+SHIPPED_SEEDS = 10
+SEEDS_PER_TASK = 5
+NOMINAL_SPREAD = 0.02
+FALSE_ALARMS_PER_400 = 3
+NOTICED_SHARE = 0.9
+MASS_ERROR = 0.02
+CENTER_ERROR_M = 0.010
+MASS_CURVE = (0.0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)
+CENTER_CURVE_M = (0.002, 0.005, 0.010, 0.015, 0.020)
+FAR_OFF = (0.5, 0.9, 1.1)
+SIMULATED_PAYLOADS = {"er50": ("paper",), "prbt": ("gripper", "block")}
+ROLES = ("identification", "validation")
+
+
+@dataclass(frozen=True, eq=False)
+class Commissioning:
+    """One seed.
+
+    Attributes:
+        judged: What the identification pair says.
+        measured: What the validation pair says.
+    """
+
+    judged: Known
+    measured: Known
+
+
+def run(tally: Tally, pool: Executor, census: Census) -> None:
+    """Curves and criteria of the simulated arms."""
+    tally.heading("7. The verdict: how often it is wrong / right / cannot tell, tolerance 2 % and 10 mm")
+    er50 = load_robot("er50")
+    spindle = next(payload for payload in ER50_PAYLOADS if payload.what == "spindle")
+    body = spindle.rigid_body()
+    made = commissionings(pool, census, er50, "er50, 10 kg", body, ER50_SEEDS)
+    _judged(tally, "er50, 10 kg", made)
+    made = commissionings(pool, census, er50, "er50, paper", _shipped(er50)[1], ER50_SEEDS // 2)
+    _curve("er50, the paper's 9.8 kg", made)
+    made = commissionings(pool, census, er50, "er50, gains nominal", body, ER50_SEEDS // 4, gain_spread=NOMINAL_SPREAD)
+    _curve("er50, 10 kg, gains nominal", made)
+    prbt = load_robot("prbt")
+    for name in ("gripper", "block"):
+        payload = prbt.simulation.plant_spec(name).payload
+        if payload is not None:
+            made = commissionings(pool, census, prbt, f"prbt, {name}", payload, PRBT_SEEDS)
+            _curve(f"prbt, {name}", made)
+    _far_off(tally, pool, census)
+
+
+def commissionings(
+    pool: Executor,
+    census: Census,
+    robot: Robot,
+    name: str,
+    payload: RigidBody,
+    seeds: int,
+    *,
+    gain_spread: float = 0.0,
+) -> list[Commissioning]:
+    """Identification and validation of one payload, many times over."""
+    setups = tuple(
+        setup_of(f"verdict, {name}, {role}", robot, Twin.NORMATIVE, shipped_motion(robot, role=role), payload)
+        for role in ROLES
+    )
+    if gain_spread:
+        setups = tuple(setup.with_gains(gain_spread) for setup in setups)
+    starts = range(0, seeds, SEEDS_PER_TASK)
+    tasks = [pool.submit(_some, setups, range(start, min(start + SEEDS_PER_TASK, seeds))) for start in starts]
+    made: list[Commissioning] = []
+    with progress_line(f"verdict, {name}", seeds) as progress:
+        for task in tasks:
+            made.extend(task.result())
+            progress(len(made))
+    census.results += 2 * len(made)
+    return made
+
+
+def _some(setups: Sequence[Setup], seeds: Sequence[int]) -> list[Commissioning]:
+    return [Commissioning(*(_known(setup, seed, setups[0].name) for setup in setups)) for seed in seeds]
+
+
+def _known(setup: Setup, seed: int, arm: str) -> Known:
+    """One pair; the drives are the same in both pairs of a seed."""
+    gain_error = setup.gain_spread * replace(setup, name=arm).rng(seed).uniform(-1.0, 1.0, setup.scales.n)
+    rng = setup.rng(seed)
+    rng.uniform(size=setup.scales.n)
+    loaded, unloaded = (
+        record(period, setup.scales, setup.periods, rng, gain_error) for period in (setup.loaded, setup.unloaded)
+    )
+    result = identify(loaded, unloaded, setup.chain, setup.transmission, estimator=setup.estimator)
+    return Known(result.parameters, result.mass_center)
+
+
+def _judged(tally: Tally, name: str, made: Sequence[Commissioning]) -> None:
+    """The curve with its criteria."""
+    _curve(name, made)
+    right = _right(made)
+    failed = sum(result.outcome is Outcome.WRONG for result in right)
+    allowed = FALSE_ALARMS_PER_400 * len(right) // 400
+    tally.judge(
+        f"{name}: the right payload fails at most {FALSE_ALARMS_PER_400} times of 400",
+        f"{failed} of {len(right)}",
+        failed <= allowed,
+    )
+    errors = {
+        f"{MASS_ERROR:.0%} of the mass": _mass_errors(made, MASS_ERROR),
+        f"{CENTER_ERROR_M * 1e3:.0f} mm": _center_errors(made, CENTER_ERROR_M),
+    }
+    for what, results in errors.items():
+        noticed = sum(result.outcome is Outcome.WRONG for result in results)
+        tally.judge(
+            f"{name}: an error of {what} fails in {NOTICED_SHARE:.0%}",
+            f"{noticed} of {len(results)}",
+            noticed >= NOTICED_SHARE * len(results),
+        )
+
+
+def _curve(name: str, made: Sequence[Commissioning]) -> None:
+    """Wrong / right / cannot tell, in per cent, over the error."""
+    right = _right(made)
+    kg = np.median([result.noticeable_kg for result in right])
+    mm = 1e3 * np.median([result.noticeable_m for result in right])
+    print(
+        f"  {name}: {len(made)} commissionings; the smallest noticeable error is {kg:.3f} kg and {mm:.1f} mm (median)"
+    )
+    mass = [(f"{100.0 * error:g} %", right if error == 0.0 else _mass_errors(made, error)) for error in MASS_CURVE]
+    center = [(f"{1e3 * error:g} mm", _center_errors(made, error)) for error in CENTER_CURVE_M]
+    for row in (mass, center):
+        print("    " + "  ".join(f"{label}: {_shares(results)}" for label, results in row))
+
+
+def _far_off(tally: Tally, pool: Executor, census: Census) -> None:
+    """Half, 0.9 and 1.1 of every payload that a configuration ships with."""
+    passed = tried = 0
+    for arm in ("er50", "prbt"):
+        robot = load_robot(arm)
+        for number, payload in enumerate(_shipped(robot), start=1):
+            name = f"{arm}, shipped payload {number}"
+            made = commissionings(pool, census, robot, name, payload, SHIPPED_SEEDS)
+            counts = []
+            for factor in FAR_OFF:
+                results = [judge(each.judged, each.measured, factor) for each in made]
+                counts.append(f"{factor:g}: {_shares(results)}")
+                passed += sum(result.outcome is Outcome.RIGHT for result in results)
+                tried += len(results)
+            print(f"  {name}, {payload.mass_kg:g} kg: " + "  ".join(counts))
+    tally.judge("half, 0.9 and 1.1 of every shipped payload never pass", f"{passed} of {tried} passed", passed == 0)
+
+
+def _shipped(robot: Robot) -> list[RigidBody]:
+    """The payloads that a configuration ships with: those to design for, and those of its simulation."""
+    bodies = [
+        RigidBody(payload.mass_kg, payload.center_of_mass_m, payload.inertia_about_com)
+        for payload in robot.payloads.design_set
+    ]
+    for name in SIMULATED_PAYLOADS[robot.name]:
+        payload = robot.simulation.plant_spec(name).payload
+        if payload is not None and all(payload.mass_kg != body.mass_kg for body in bodies):
+            bodies.append(payload)
+    return bodies
+
+
+def judge(judged: Known, measured: Known, factor: float = 1.0, shift_m: ArrayLike = (0.0, 0.0, 0.0)) -> Agreement:
+    """The verdict on a payload whose mass is a factor of the identified one, and its centre moved.
+
+    Args:
+        judged: As identified.
+        measured: As the validation has it.
+        factor: On mass and inertia.
+        shift_m: By how much the centre of mass is moved.
+    """
+    body = judged.parameters
+    wrong = InertialParameters.from_center_of_mass(
+        factor * body.mass_kg, body.center_of_mass_m + np.array(shift_m), factor * body.inertia_about_com
+    )
+    return compare_known(replace(judged, parameters=wrong), measured, Tolerance())
+
+
+def _right(made: Sequence[Commissioning]) -> list[Agreement]:
+    """Every validation on its own payload and on the next seed's."""
+    following = [*made[1:], made[0]]
+    return [
+        judge(each.judged, other.measured)
+        for pairs in (zip(made, made, strict=True), zip(following, made, strict=True))
+        for each, other in pairs
+    ]
+
+
+def _mass_errors(made: Sequence[Commissioning], share: float) -> list[Agreement]:
+    """Payloads too heavy and too light by turns."""
+    return [judge(each.judged, each.measured, 1.0 + share * (1 if seed % 2 else -1)) for seed, each in enumerate(made)]
+
+
+def _center_errors(made: Sequence[Commissioning], distance_m: float) -> list[Agreement]:
+    """Centres of mass moved along x, y and z, to and fro, by turns."""
+    moves = [sense * distance_m * axis for axis in np.eye(3) for sense in (1.0, -1.0)]
+    return [judge(each.judged, each.measured, shift_m=moves[seed % 6]) for seed, each in enumerate(made)]
+
+
+def _shares(results: Sequence[Agreement]) -> str:
+    """Wrong / right / cannot tell in per cent."""
+    return "/".join(
+        f"{100.0 * sum(result.outcome is outcome for result in results) / len(results):.0f}"
+        for outcome in (Outcome.WRONG, Outcome.RIGHT, Outcome.CANNOT_TELL)
+    )
