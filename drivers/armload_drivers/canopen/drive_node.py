@@ -21,6 +21,8 @@ STANDSTILL_RAD_S = 0.005
 _ENABLE_INTERPOLATION = 0x0010
 _INTERPOLATION_ACTIVE = 0x1000
 _FAULTY = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
+_OPERATIONAL = NmtState.OPERATIONAL.value
+_IN_ORDER = (None, _OPERATIONAL)
 _STATE_NAMES = {state.value: state.name.replace("_", "-") for state in NmtState}
 
 
@@ -111,7 +113,7 @@ class DriveNode:
         if len(data) == self._length:
             self._frame = bytes(data)
             self.arrived += 1
-            self._nmt_state = NmtState.OPERATIONAL.value
+            self._nmt_state = _OPERATIONAL
         else:
             self.wrong_frames += 1
 
@@ -264,7 +266,7 @@ class DriveNode:
                 f"no heartbeat for {now_s - self._heard_s:.3f} s",
                 "Is the drive supplied and its cable sound?",
             )
-        if self._nmt_state not in {None, NmtState.OPERATIONAL.value}:
+        if self._nmt_state not in _IN_ORDER:
             self.lost = True
             name = _STATE_NAMES.get(self._nmt_state, f"NMT state {self._nmt_state}")
             return self._error(

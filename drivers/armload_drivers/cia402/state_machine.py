@@ -53,6 +53,10 @@ class State(Enum):
         self.bits = bits
         self.title = self.name.replace("_", " ")
 
+    # By identity, as states are compared; the enumeration's own is written in Python, and the cycle looks states up
+    # a hundred times.
+    __hash__ = object.__hash__
+
 
 POWERED = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE})
 """States in which the motor carries torque."""

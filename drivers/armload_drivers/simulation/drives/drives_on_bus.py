@@ -15,7 +15,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from types import TracebackType
 from typing import Self
 
@@ -247,13 +247,9 @@ class SimulatedDrives:
         self._wall_s = wall_s
 
     def _carry_out_calls(self) -> None:
-        """Do what other threads asked for."""
-        while True:
-            try:
-                call = self._calls.get_nowait()
-            except Empty:
-                return
-            call()
+        """Do what other threads asked for; nobody else takes from the queue."""
+        while not self._calls.empty():
+            self._calls.get_nowait()()
 
     def _receive(self, message: can.Message) -> None:
         """Hand a frame to those whom it concerns."""
