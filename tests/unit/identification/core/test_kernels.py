@@ -423,6 +423,65 @@ class TestPayloadTorque:
         assert [sys.getrefcount(a) for a in (q, dq, ddq)] == before
 
 
+class TestServoLoops:
+    @staticmethod
+    def arrays(joints: int = 2, hinges: int = 1) -> dict[str, np.ndarray]:
+        wide = joints * hinges
+        return {
+            "parameter": np.ones((kernels.SERVO_PARAMETERS, joints)),
+            "state": np.zeros((kernels.SERVO_STATES, joints)),
+            "to_axis": np.eye(joints),
+            **{name: np.zeros(wide) for name in ("position", "velocity", "link_torque", "applied", "friction")},
+        }
+
+    def test_it_fills_the_arrays_that_it_shares(self):
+        given = self.arrays(hinges=2)
+        given["state"][kernels.SERVO_POWERED] = 1.0
+        given["state"][kernels.SERVO_OFFSET] = [0.25, -0.5]
+        loops = kernels.ServoLoops(*given.values(), 100.0)
+        assert loops.step(0) is True
+        np.testing.assert_array_equal(given["applied"], [0.5, 0.0, -1.0, 0.0])  # a gain error of one doubles the torque
+        np.testing.assert_array_equal(given["friction"], [2.0, 0.0, 2.0, 0.0])  # Coulomb and Stribeck friction at rest
+
+    @pytest.mark.parametrize("speed", [100.0, -100.0, np.nan, np.inf])
+    def test_an_absurd_speed_is_a_divergence(self, speed):
+        given = self.arrays()
+        loops = kernels.ServoLoops(*given.values(), 100.0)
+        given["velocity"][1] = speed
+        assert loops.step(0) is False
+
+    @pytest.mark.parametrize(
+        ("change", "error", "message"),
+        [
+            ({"parameter": np.ones((3, 2))}, ValueError, "parameter: axis 0 has the length 3"),
+            ({"state": np.zeros((kernels.SERVO_STATES, 3))}, ValueError, "state: axis 1 has the length 3, expected 2"),
+            ({"to_axis": np.eye(3)}, ValueError, "to_axis: axis 0 has the length 3, expected 2"),
+            ({"friction": np.zeros(4)}, ValueError, "friction: axis 0 has the length 4, expected 2"),
+            ({"applied": np.broadcast_to(0.0, 2)}, TypeError, "applied: expected a C-contiguous writable array"),
+            ({"velocity": np.zeros(2, dtype=np.float32)}, TypeError, "velocity: expected"),
+        ],
+    )
+    def test_arrays_that_do_not_fit(self, change, error, message):
+        with pytest.raises(error, match=message):
+            kernels.ServoLoops(*(self.arrays() | change).values(), 100.0)
+
+    def test_hinges_that_do_not_come_out_even(self):
+        given = self.arrays() | {name: np.zeros(3) for name in self.arrays() if self.arrays()[name].ndim == 1}
+        with pytest.raises(ValueError, match="3 hinges for 2 joints"):
+            kernels.ServoLoops(*given.values(), 100.0)
+
+    def test_an_axis_that_is_not_there(self):
+        loops = kernels.ServoLoops(*self.arrays().values(), 100.0)
+        for axis in (-1, 2):
+            with pytest.raises(IndexError, match=f"axis {axis} of 2"):
+                loops.setpoint(axis, 0.0)
+
+    def test_it_is_made_once(self):
+        loops = kernels.ServoLoops(*self.arrays().values(), 100.0)
+        with pytest.raises(TypeError, match="made once"):
+            loops.__init__(*self.arrays().values(), 100.0)
+
+
 def test_the_kernels_load_nothing_but_themselves():
     code = "import sys; before = set(sys.modules)\nfrom armload_core import kernels\nprint(*set(sys.modules) - before)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
