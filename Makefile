@@ -13,7 +13,7 @@ commission: env
 	$(BIN)/armload commission $(ROBOT)
 
 test: env
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(if $(WORKERS),-n $(WORKERS))
 
 env: $(KERNELS)
 

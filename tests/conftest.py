@@ -2,6 +2,7 @@
 
 import math
 import threading
+import time
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +31,33 @@ from tests.bounded import overheard
 from tests.independent_drive import PRODUCT_CODE, VENDOR_ID
 
 OPERATION_ENABLED = 0x0637
+BEGUN = pytest.StashKey[float]()
+
+
+DURATION = "armload/duration_s"
+"""Where pytest's cache keeps how long a whole run took."""
+
+
+def pytest_report_header(config):
+    """How long it is going to take."""
+    if config.args_source is not config.ArgsSource.TESTPATHS:
+        return None
+    seconds = config.cache.get(DURATION, None) if hasattr(config, "cache") else None
+    if seconds is None:
+        return "a whole run takes three to five minutes on one idle core"
+    return f"the last whole run here took {seconds:.0f} s"
+
+
+def pytest_sessionstart(session):
+    session.config.stash[BEGUN] = time.monotonic()
+
+
+def pytest_sessionfinish(session, exitstatus):
+    """Keep how long a whole run took; a worker's part of one, or some tests, say nothing about it."""
+    config = session.config
+    whole = config.args_source is config.ArgsSource.TESTPATHS and not config.option.keyword and not config.option.collectonly
+    if whole and exitstatus in (0, 1) and hasattr(config, "cache") and not hasattr(config, "workerinput"):
+        config.cache.set(DURATION, time.monotonic() - config.stash[BEGUN])
 
 
 @pytest.fixture(autouse=True)
