@@ -55,7 +55,11 @@ def pytest_sessionstart(session):
 def pytest_sessionfinish(session, exitstatus):
     """Keep how long a whole run took; a worker's part of one, or some tests, say nothing about it."""
     config = session.config
-    whole = config.args_source is config.ArgsSource.TESTPATHS and not config.option.keyword and not config.option.collectonly
+    whole = (
+        config.args_source is config.ArgsSource.TESTPATHS
+        and not config.option.keyword
+        and not config.option.collectonly
+    )
     if whole and exitstatus in (0, 1) and hasattr(config, "cache") and not hasattr(config, "workerinput"):
         config.cache.set(DURATION, time.monotonic() - config.stash[BEGUN])
 
