@@ -8,6 +8,8 @@ IdentificationError
  +-- FileError          a file of ours that cannot be used: file, key, the value found and what was expected
  |    +-- BodyFileError        a body.toml that is incomplete or inconsistent
  |    +-- GainsFileError       a gains.toml that is incomplete or inconsistent
+ |    +-- CalibrationFileError an arm.calibration.toml that is incomplete or inconsistent
+ |    +-- RunTableError        a table of an arm's runs that makes no sense
  |    +-- PayloadFileError     a payload.toml that is incomplete, inconsistent or physically impossible
  |    +-- ExcitationFileError  an excitation that is incomplete or inconsistent
  +-- ReportError        a report that cannot be written
@@ -62,6 +64,14 @@ class BodyFileError(FileError):
 
 class GainsFileError(FileError):
     """A gains file that is incomplete or inconsistent."""
+
+
+class CalibrationFileError(FileError):
+    """A calibration file that is incomplete or inconsistent."""
+
+
+class RunTableError(FileError):
+    """A table of an arm's runs that makes no sense."""
 
 
 class PayloadFileError(FileError):

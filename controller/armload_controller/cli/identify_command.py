@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.options import GainsOption, LoadedOption, RobotArgument, transmission_of
+from armload_controller.cli.options import CalibrationOption, GainsOption, LoadedOption, RobotArgument, arm_in_use
 from armload_controller.cli.output_files import require_folder
 from armload_identification.estimation.estimator_names import Estimator
 
@@ -30,6 +30,7 @@ def identify(
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Payload file (TOML) to write.")] = None,
     gains: GainsOption = None,
+    calibration: CalibrationOption = None,
     mass_kg: Annotated[float | None, typer.Option(help="The payload was weighed.")] = None,
     center_of_mass_m: Annotated[
         tuple[float, float, float] | None, typer.Option(help="The centre of mass is known, in the flange frame.")
@@ -43,7 +44,7 @@ def identify(
         Estimator, typer.Option(help="How to fit; 'friction' is the best on every benchmark.")
     ] = Estimator.FRICTION,
 ) -> None:
-    """Identify a payload from a recording with it and one without it, or from the arm's body."""
+    """Identify a payload from a recording with it and one without it, or from the calibrated arm or its body."""
     from armload_controller.cli.result_tables import payload_table, possibility
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
@@ -58,15 +59,16 @@ def identify(
         require_folder(output)
     run = read_of(arm, loaded)
     empty = None if unloaded is None else read_of(arm, unloaded)
-    transmission = transmission_of(arm, gains)
+    used = arm_in_use(arm, gains, calibration)
     result = identify_payload(
         run,
         empty,
-        arm.chain,
-        transmission,
+        used.chain,
+        used.transmission,
         estimator=estimator,
         known=_known(mass_kg, center_of_mass_m, cad, cad_share),
-        body=_body(body, run, transmission),
+        body=_body(body, run, used.transmission),
+        arm=used.known,
     )
     payload = payload_result(result, version("armload"), arm.sha256)
     screen.table(payload_table(payload, truth=None))

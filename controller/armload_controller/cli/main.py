@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.calibrate_command import calibrate
 from armload_controller.cli.calibrate_gains_command import calibrate_gains
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.commission_command import commission
@@ -38,6 +39,7 @@ for command in (
     identify,
     validate,
     compare,
+    calibrate,
     identify_body,
     calibrate_gains,
     simulate,

@@ -7,7 +7,14 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.options import GainsOption, LoadedOption, RobotArgument, UnloadedOption, transmission_of
+from armload_controller.cli.options import (
+    CalibrationOption,
+    GainsOption,
+    LoadedOption,
+    RobotArgument,
+    UnloadedOption,
+    arm_in_use,
+)
 from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, exit_status, show_verdict, tolerance_of
 
 
@@ -17,6 +24,7 @@ def validate(
     loaded: LoadedOption,
     unloaded: UnloadedOption,
     gains: GainsOption = None,
+    calibration: CalibrationOption = None,
     tolerance: ToleranceOption = TOLERANCE,
 ) -> None:
     """Judge a payload file by identifying it again. Exit status 3: wrong; 4: these runs cannot tell."""
@@ -41,8 +49,15 @@ def validate(
             judged.frame,
             f"expected {FLANGE!r}, the frame that the robot's kinematics end in",
         )
+    used = arm_in_use(arm, gains, calibration)
     result = validate_payload(
-        read_of(arm, loaded), read_of(arm, unloaded), arm.chain, transmission_of(arm, gains), judged, allowed
+        read_of(arm, loaded),
+        read_of(arm, unloaded),
+        used.chain,
+        used.transmission,
+        judged,
+        allowed,
+        arm=used.known,
     )
     screen.table(validation_table(result, arm.joint_names))
     show_verdict(screen, result.outcome, sentences(result.verdict, arm.joint_names))

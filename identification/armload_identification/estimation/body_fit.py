@@ -230,6 +230,7 @@ class _System:
             rotor_inertia_kg_m2=x[of["rotors"]],
             coulomb_nm=x[of["coulomb"]],
             viscous_nm_s_rad=x[of["viscous"]],
+            root_nm=np.zeros(n),
             offset_nm=x[of["offset"]],
             stribeck_nm=x[of["stribeck"]],
             stribeck_velocity_rad_s=np.full(n, fit.stribeck_velocity or _STRIBECK_VELOCITIES_RAD_S[0]),

@@ -28,6 +28,7 @@ _PER_JOINT = (
     "rotor_inertia_kg_m2",
     "coulomb_nm",
     "viscous_nm_s_rad",
+    "root_nm",
     "offset_nm",
     "stribeck_nm",
     "stribeck_velocity_rad_s",
@@ -44,6 +45,7 @@ class _BodyTable(Table):
     rotor_inertia_kg_m2: NumberList
     coulomb_nm: NumberList
     viscous_nm_s_rad: NumberList
+    root_nm: NumberList
     offset_nm: NumberList
     stribeck_nm: NumberList
     stribeck_velocity_rad_s: NumberList

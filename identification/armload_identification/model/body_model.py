@@ -1,6 +1,7 @@
 """The empty arm: links, rotors and friction as one model of joint torque.
 
-    tau = Y(q, dq, ddq) beta + C^-T diag(I_r) C^-1 ddq + s (f_c + f_s exp(-(dq / v_s)^2) + mu |Y beta|) + f_v dq + f_0
+    tau = Y(q, dq, ddq) beta + C^-T diag(I_r) C^-1 ddq
+        + s (f_c + f_r sqrt|dq| + f_s exp(-(dq / v_s)^2) + mu |Y beta|) + f_v dq + f_0
 
 with s the direction of motion. Only as many of the links' parameters are kept as the arm's kinematics can tell
 apart: the base parameters. The others are zero and their effect is in the ones that stayed, so that the sum is
@@ -39,6 +40,7 @@ class BodyModel:
             a joint whose rotor turns with a link as one and whose friction does not grow with its load.
         coulomb_nm: (n,) friction of any speed.
         viscous_nm_s_rad: (n,) friction per speed.
+        root_nm: (n,) friction per square root of speed, N m / sqrt(rad/s): lubricated gears of high ratio have it.
         offset_nm: (n,) torque told at no load.
         stribeck_nm: (n,) what friction near standstill exceeds Coulomb friction by.
         stribeck_velocity_rad_s: (n,) speed at which that has died away to 37 %.
@@ -56,6 +58,7 @@ class BodyModel:
     rotor_inertia_kg_m2: FloatArray
     coulomb_nm: FloatArray
     viscous_nm_s_rad: FloatArray
+    root_nm: FloatArray
     offset_nm: FloatArray
     stribeck_nm: FloatArray
     stribeck_velocity_rad_s: FloatArray
@@ -118,6 +121,7 @@ class BodyModel:
         direction = smooth_sign(dq, self.reversal_speed_rad_s)
         slow = np.exp(-((dq / self.stribeck_velocity_rad_s) ** 2))
         friction = self.coulomb_nm + self.stribeck_nm * slow + self.load_friction * np.abs(carried)
+        friction = friction + self.root_nm * np.sqrt(np.abs(dq))
         rotors = np.einsum("tij,i->tj", rotor_columns(ddq, self.coupling), self.rotor_inertia_kg_m2)
         return np.asarray(carried + rotors + direction * friction + self.viscous_nm_s_rad * dq + self.offset_nm)
 

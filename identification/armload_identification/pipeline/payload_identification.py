@@ -5,17 +5,20 @@ recordings -> torque difference -> weighted least squares -> intervals -> physic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.blows import struck_samples
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.estimators import fit_payload
 from armload_identification.estimation.friction_columns import FrictionDifference, unloaded_body
+from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.mass_center_covariance import mass_center_covariance
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
@@ -31,6 +34,7 @@ from armload_identification.recording.recording import Recording, RecordingSourc
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal, without_body
 from armload_identification.signals.motion import motion_of
+from armload_identification.signals.robust_scale import deviation_by_median
 from armload_identification.verdict.operator_notes import notes_on
 from armload_identification.verdict.raw_residual import raw_residual_rms
 from armload_identification.verdict.sanity import check_pair, check_run, check_signs, explain_negative_mass
@@ -92,6 +96,7 @@ def identify(
     estimator: Estimator = Estimator.FRICTION,
     known: KnownPayload | None = None,
     body: BodyModel | None = None,
+    arm: KnownArm | None = None,
 ) -> Identification:
     """Identify the payload that one run carried and the other did not.
 
@@ -103,6 +108,8 @@ def identify(
         estimator: How the payload is fitted.
         known: What is known of it beforehand.
         body: The empty arm, in place of the unloaded run.
+        arm: The empty arm by a calibration, whose gains `transmission` has and whose level `chain` has: in place of the
+            unloaded run, or beside it for what that run says of the arm less well.
 
     Returns:
         Estimate, physically possible estimate, intervals, and the series behind them.
@@ -118,7 +125,7 @@ def identify(
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
     # Matrices of a few dozen columns: threads would wait for each other, on a busy machine for minutes.
     with threadpool_limits(1):
-        return _identified(loaded, unloaded, chain, transmission, estimator, known, body)
+        return _identified(loaded, unloaded, chain, transmission, estimator, known, body, arm)
 
 
 def _identified(
@@ -129,20 +136,27 @@ def _identified(
     estimator: Estimator,
     known: KnownPayload | None,
     body: BodyModel | None,
+    known_arm: KnownArm | None,
 ) -> Identification:
     """What `identify` does."""
     runs = (loaded,) if unloaded is None else (loaded, unloaded)
     for run in runs:
         check_joints(run, chain.n)
+    if unloaded is None and known_arm is not None:
+        body = known_arm.fit.model
     signal = _signal(loaded, unloaded, chain, transmission, body)
     prior = None if known is None else known.prior()
     arm: BodyFit | None = None
     if body is None:
-        arm = unloaded_body(signal, chain, transmission.coupling)
+        arm = unloaded_body(signal, chain, transmission.coupling) if known_arm is None else known_arm.fit
         body = arm.model
         signal = signal.with_delay(body.torque_delay_s)
     regressor = payload_regressor(chain, *signal.states)
     fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior, arm)
+    struck = _struck(signal, fit)
+    if struck.any():
+        signal = replace(signal, loaded=replace(signal.loaded, valid=signal.loaded.valid & ~struck))
+        fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior, arm)
     check_signs(signal, regressor, fit)
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
@@ -150,7 +164,11 @@ def _identified(
         raise explain_negative_mass(plain.mass_kg, float(width))
     physical = make_physical(fit)
     own_doubts = np.zeros((0, *signal.torque_nm.shape)) if friction is None else friction.doubts_nm
-    gains = transmission if loaded.torque_nm is None else None
+    gains = transmission if loaded.torque_nm is None or transmission.torque_calibrated else None
+    if known_arm is not None and unloaded is None:
+        # Gains and body err together: what is left of one run has the errors of both.
+        arm_doubts = known_arm.doubts(signal.states, signal.interval_s, signal.loaded.torque_nm)
+        own_doubts, gains = np.concatenate([own_doubts, arm_doubts]), None
     doubts = np.concatenate([_gain_doubts(gains, signal), own_doubts])
     uncertainty = quantify(fit, physical.parameters, shifts_by(fit, doubts))
     predicted = regressor @ physical.parameters.theta
@@ -166,7 +184,10 @@ def _identified(
         predicted_nm=predicted,
         residual_rms_nm=raw_residual_rms(signal, predicted),
         sources=tuple(run.source for run in runs),
-        notes=tuple(notes_on(runs, transmission, signal, arm, fit, friction, physical, uncertainty)),
+        notes=(
+            *notes_on(runs, transmission, signal, arm, fit, friction, physical, uncertainty),
+            *_on_blows(signal, struck),
+        ),
     )
 
 
@@ -192,10 +213,27 @@ def _signal(
 
 
 def _gain_doubts(gains: Transmission | None, signal: LoadSignal) -> FloatArray:
-    """(k, K, n) torque of one standard deviation of each gain; none where the torque is not from currents."""
-    if gains is None or not gains.deviation.any():
-        return np.zeros((0, *signal.torque_nm.shape))
-    return gains.gain_shares(signal.torque_nm) * gains.deviation[:, None, None]
+    """(k, K, n) torque of one standard deviation of each independent error of the gains; none without any."""
+    return np.zeros((0, *signal.torque_nm.shape)) if gains is None else gains.gain_doubts(signal.torque_nm)
+
+
+def _struck(signal: LoadSignal, fit: Estimate) -> NDArray[np.bool_]:
+    """(K,) samples about a blow to the arm."""
+    weighted = fit.residual_nm * fit.sample_weight
+    spread = deviation_by_median(weighted[signal.valid])
+    size = np.divide(weighted, spread, out=np.zeros_like(weighted), where=spread > 0.0)
+    return struck_samples(size, signal.time_s)
+
+
+def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
+    """What was left out of the motion."""
+    if not struck.any():
+        return []
+    when = ", ".join(f"{moment:.1f}" for moment in signal.time_s[struck & ~np.roll(struck, 1)])
+    return [
+        f"{np.count_nonzero(struck) * signal.interval_s:.1f} s of the motion were left out, from {when} s on: "
+        "several joints are far off there at once, as after a blow to the arm."
+    ]
 
 
 def payload_result(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult
 from armload_identification.model.regressor import payload_regressor
@@ -60,6 +61,8 @@ def validate(
     transmission: Transmission,
     payload: PayloadResult,
     tolerance: Tolerance | None = None,
+    *,
+    arm: KnownArm | None = None,
 ) -> Validation:
     """Judge a payload by a pair of runs that it was not identified from.
 
@@ -70,6 +73,7 @@ def validate(
         transmission: Gains and coupling.
         payload: What is to be judged.
         tolerance: By how much it may be off; 2 % of its mass and 10 mm if not given.
+        arm: The empty arm by a calibration, whose gains `transmission` has and whose level `chain` has.
 
     Returns:
         The verdict, and the series behind it.
@@ -78,7 +82,7 @@ def validate(
         RecordingError: recordings that do not fit the arm or each other, or cannot be right.
         EstimationError: no payload explains the runs.
     """
-    measured = identify(loaded, unloaded, chain, transmission)
+    measured = identify(loaded, unloaded, chain, transmission, arm=arm)
     return judge(measured, chain, known_payload(payload), tolerance or Tolerance())
 
 

@@ -29,8 +29,11 @@ class Transmission:
         gain_nm_a: (n,) axis torque per ampere of motor current: torque constant times gear ratio.
         coupling: (n, n) C with q_joint = C q_axis; the identity where no motors are coupled.
         calibrated: (n,) True where a gain was calibrated with a known load and is not nominal; nowhere if not given.
-        deviation: (n,) relative standard deviation of each gain; if not given, 0 where it was calibrated and
-            `NOMINAL_DEVIATION` where it is nominal.
+        deviation: (n,) relative standard deviation of each gain; if not given, that of the covariance, else 0 where
+            it was calibrated and `NOMINAL_DEVIATION` where it is nominal.
+        covariance: (n, n) of the logarithms of the gains; diagonal if not given.
+        torque_gain: (n,) axis torque per N m that a drive reports, where drives report torque; 1 if not given.
+        torque_calibrated: Whether deviation and covariance are those of `torque_gain`.
 
     Raises:
         ModelError: shapes that do not fit, a gain that is not positive, or a coupling that cannot be inverted.
@@ -40,6 +43,9 @@ class Transmission:
     coupling: FloatArray
     calibrated: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
     deviation: FloatArray = field(default_factory=lambda: np.zeros(0))
+    covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    torque_gain: FloatArray = field(default_factory=lambda: np.zeros(0))
+    torque_calibrated: bool = False
     _from_current: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -57,7 +63,10 @@ class Transmission:
         if calibrated.size == 0:
             calibrated = np.zeros(gain.size, dtype=bool)
         deviation = np.array(self.deviation, dtype=np.float64)
-        if deviation.size == 0:
+        covariance = np.array(self.covariance, dtype=np.float64)
+        if covariance.size:
+            deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        elif deviation.size == 0:
             deviation = np.where(calibrated, 0.0, NOMINAL_DEVIATION)
         if calibrated.shape != gain.shape or deviation.shape != gain.shape:
             raise ModelError(
@@ -66,6 +75,21 @@ class Transmission:
             )
         if not (np.isfinite(deviation).all() and (deviation >= 0.0).all()):
             raise ModelError(f"the gains' relative deviations are {deviation.tolist()}; expected numbers from 0 on")
+        if covariance.size == 0:
+            covariance = np.diag(deviation**2)
+        torque_gain = np.array(self.torque_gain, dtype=np.float64)
+        if torque_gain.size == 0:
+            torque_gain = np.ones(gain.size)
+        if covariance.shape != coupling.shape or torque_gain.shape != gain.shape:
+            raise ModelError(
+                f"the gains' covariance has the shape {covariance.shape}, and there are {torque_gain.size} gains of "
+                f"reported torque for {gain.size} axes; expected (n, n) and one per axis"
+            )
+        if not (np.isfinite(torque_gain).all() and (torque_gain > 0.0).all()):
+            raise ModelError(f"gains of reported torque are {torque_gain.tolist()}; expected numbers above 0")
+        for name, array in (("covariance", covariance), ("torque_gain", torque_gain)):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
         calibrated.flags.writeable = False
         deviation.flags.writeable = False
         gain.flags.writeable = False
@@ -87,6 +111,30 @@ class Transmission:
         """
         to_axis = np.linalg.inv(self.coupling)
         return np.asarray((torque_nm @ self.coupling).T[:, :, None] * to_axis[:, None, :])
+
+    def gain_doubts(self, torque_nm: FloatArray) -> FloatArray:
+        """Torque of one standard deviation of each independent error of the gains.
+
+        Args:
+            torque_nm: (N, n) joint torques.
+
+        Returns:
+            (k, N, n) in N m; none where the gains are exact.
+        """
+        values, vectors = np.linalg.eigh(self.covariance)
+        size = np.sqrt(np.maximum(values, 0.0))
+        kept = size > 0.0
+        return np.asarray(np.einsum("ak,atj->ktj", vectors[:, kept] * size[kept], self.gain_shares(torque_nm)))
+
+    def reported_torque(self, torque_nm: FloatArray) -> FloatArray:
+        """Joint torque of torques that drives report, tau = C^-T diag(gain) C^T tau_reported.
+
+        Args:
+            torque_nm: (n,) or (N, n) joint torques as reported.
+        """
+        if (self.torque_gain == 1.0).all():
+            return torque_nm
+        return np.asarray((torque_nm @ self.coupling * self.torque_gain) @ np.linalg.inv(self.coupling))
 
     def joint_torque(self, current_a: FloatArray) -> FloatArray:
         """Joint torque of measured motor currents, tau = C^-T diag(gain) i.
@@ -121,7 +169,7 @@ class Transmission:
             Joint torques in N m; None where neither was measured.
         """
         if torque_nm is not None:
-            return torque_nm
+            return self.reported_torque(torque_nm)
         return None if current_a is None else self.joint_torque(current_a)
 
 
@@ -130,7 +178,7 @@ def joint_torque(recording: Recording, transmission: Transmission) -> FloatArray
 
     Args:
         recording: The run.
-        transmission: Gains and coupling; used for currents only.
+        transmission: Gains and coupling.
 
     Returns:
         (N, n) joint torques in N m.

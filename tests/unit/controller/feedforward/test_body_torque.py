@@ -38,6 +38,7 @@ def true_body():
         rotor_inertia_kg_m2=each("rotor_inertia_kg_m2"),
         coulomb_nm=each("coulomb_nm"),
         viscous_nm_s_rad=each("viscous_nm_s_rad"),
+        root_nm=np.linspace(0.0, 5.0, 6),
         offset_nm=np.full(6, 7.0),
         stribeck_nm=np.zeros(6),
         stribeck_velocity_rad_s=np.full(6, 0.02),

@@ -1,0 +1,62 @@
+"""`armload calibrate`: one arm from all its runs."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armload_controller.cli.options import RobotArgument
+from armload_controller.cli.output_files import require_folder
+
+
+def calibrate(
+    robot: RobotArgument,
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUNS...",
+            help="A table of runs (CSV: recording, mounting, mass_kg, payload), or recordings that say what they carry",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Calibration file (TOML) to write.")],
+) -> None:
+    """Calibrate an arm from all its runs: gains, body and friction, with intervals.
+
+    Runs of any motions and days, unloaded and loaded. A weighed payload (mass_kg in the table) sets the scale of the
+    gains; leave the mass of the others empty. Runs with one and the same payload, mounted once, share the name in the
+    column mounting. Runs that cannot be used or contradict the others are left out and named.
+    """
+    from armload_controller.cli.calibration_tables import gains_table, runs_table
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import load_robot
+    from armload_controller.config.robot_runs import read_runs
+    from armload_identification.calibration.calibrate_arm import calibrate_arm
+    from armload_identification.files.calibration_file import write_calibration
+
+    arm = load_robot(robot)
+    screen = Screen()
+    require_folder(output)
+    with screen.track("reading and calibrating", total=200) as done:
+        read = read_runs(arm, runs, lambda count, total: done(100 * count // total))
+        result = calibrate_arm(
+            read.runs,
+            read.weighed,
+            arm.chain,
+            arm.drives.transmission,
+            robot=arm.name,
+            armload_version=version("armload"),
+            configuration_sha256=arm.sha256,
+            left_out=read.left_out,
+            progress=lambda count, total: done(100 + 100 * count // total),
+        )
+    screen.table(gains_table(result, arm.joint_names))
+    screen.table(runs_table(result))
+    for name, reason in result.left_out:
+        screen.step(f"left out: {name}: {reason}")
+    for warning in result.warnings:
+        screen.step(f"warning: {warning}")
+    write_calibration(output, result)
+    screen.step(f"written: {output}")

@@ -1,0 +1,69 @@
+"""What a calibration says, as tables: gains and friction per joint, and how each run fits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich.table import Table
+from scipy.stats import norm
+
+from armload_identification.calibration.arm_calibration import ArmCalibration, Effort
+from armload_identification.estimation.uncertainty import CONFIDENCE
+
+
+def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
+    """Gain and load-dependent friction of every joint, with 95 % intervals."""
+    current = result.effort is Effort.CURRENT
+    title = "Torque per ampere of motor current" if current else "Torque per N m that the drive reports"
+    unit = "N m/A" if current else ""
+    table = Table(title=f"{title}, behind the gear, and friction per torque carried (mu)", title_justify="left")
+    table.add_column("joint")
+    for column in (f"nominal {unit}".strip(), "calibrated", "95 % +-", "change", "mu", "95 % +-", "unexplained"):
+        table.add_column(column, justify="right")
+    width = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
+    load = width * result.deviation("load")
+    left = result.noise_nm / np.maximum(result.level_nm, np.finfo(float).tiny)
+    for j, name in enumerate(joint_names):
+        gain = f"{result.gain_nm_a[j]:.4g}" if result.determined[j] else f"({result.gain_nm_a[j]:.4g})"
+        table.add_row(
+            name,
+            f"{result.nominal[j]:.4g}",
+            gain,
+            f"{result.gain_half_width_95[j] / result.gain_nm_a[j]:.2%}",
+            f"{result.gain_nm_a[j] / result.nominal[j] - 1.0:+.2%}",
+            f"{result.body.load_friction[j]:.3f}",
+            f"{load[j]:.3f}",
+            f"{left[j]:.1%}",
+        )
+    if not result.determined.all():
+        table.caption = "in brackets: not determined, as assumed or hardly better"
+        table.caption_justify = "left"
+    return table
+
+
+def runs_table(result: ArmCalibration) -> Table:
+    """How every run fits."""
+    table = Table(title="Runs used; off 1 is like the others", title_justify="left")
+    for column in ("run", "carried"):
+        table.add_column(column)
+    for column in ("off", "worst joint", "greatest influence", "blows left out"):
+        table.add_column(column, justify="right")
+    found = {payload.mounting: payload for payload in result.payloads}
+    for run in result.runs:
+        ratio = run.residual_rms_nm / np.maximum(result.noise_nm, np.finfo(float).tiny)
+        joint = int(np.argmax(run.influence))
+        carried = "nothing"
+        if run.mounting:
+            payload = found[run.mounting]
+            weighed = ", weighed" if np.isfinite(payload.weighed_kg) else f" +- {1.96 * payload.deviation[0]:.3f}"
+            carried = f"{run.mounting}: {payload.theta[0]:.3f} kg{weighed}"
+        table.add_row(
+            run.name,
+            carried,
+            f"{run.off:.2f}",
+            f"{int(np.argmax(ratio)) + 1}: {ratio.max():.1f}",
+            f"{run.influence[joint]:.1f} sd of gain {joint + 1}",
+            str(run.struck) if run.struck else "",
+        )
+    return table

@@ -1,0 +1,106 @@
+"""The runs of an arm that a calibration is made from: by a table, or as the recordings themselves say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from armload_controller.config.robot import Robot
+from armload_controller.config.robot_recordings import read_of
+from armload_controller.control_errors import CommissioningError
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
+from armload_identification.files.payload_file import read_payload
+from armload_identification.files.run_table import TableRow, read_run_table
+from armload_identification.identification_errors import IdentificationError, RunTableError
+from armload_identification.recording.recording import Recording
+
+_HEADER = b"recording"
+_LOADED, _UNLOADED = "loaded", "unloaded"
+
+
+@dataclass(frozen=True, eq=False)
+class ArmRuns:
+    """What was read.
+
+    Attributes:
+        runs: Recordings that could be read, and what they carried.
+        weighed: What is known of the payloads, by mounting.
+        left_out: File name and reason of those that could not be read.
+    """
+
+    runs: tuple[MountedRun, ...]
+    weighed: dict[str, WeighedPayload]
+    left_out: tuple[tuple[str, str], ...]
+
+
+def is_run_table(path: Path) -> bool:
+    """Whether a file is a table of runs: its first line names the column `recording`."""
+    try:
+        with path.open("rb") as file:
+            return _HEADER in [cell.strip() for cell in file.readline().removeprefix(b"\xef\xbb\xbf").split(b",")]
+    except OSError:
+        return False
+
+
+def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int], None] | None = None) -> ArmRuns:
+    """Read all runs of an arm.
+
+    Args:
+        robot: The arm.
+        paths: One table of runs, or recordings that say what they carried.
+        progress: Takes how many were read, and of how many.
+
+    Returns:
+        The runs; a recording that cannot be read is named in `left_out`.
+
+    Raises:
+        RunTableError: a table that makes no sense, or a table among recordings.
+        FileError: a payload file that cannot be used.
+    """
+    tables = [path for path in paths if is_run_table(path)]
+    if tables and len(paths) > 1:
+        raise RunTableError(str(tables[0]), "", None, "a table of runs is given alone; add the recordings to it")
+    rows = read_run_table(tables[0]) if tables else tuple(TableRow(path, "", None, None) for path in paths)
+    runs, left_out = [], []
+    for done, row in enumerate(rows, 1):
+        try:
+            recording = read_of(robot, row.recording)
+            runs.append(MountedRun(recording, row.mounting if tables else _mounting_of(recording)))
+        except (IdentificationError, CommissioningError) as problem:
+            left_out.append((row.recording.name, str(problem).removeprefix(f"{row.recording}: ")))
+        if progress is not None:
+            progress(done, len(rows))
+    return ArmRuns(tuple(runs), _weighed(rows), tuple(left_out))
+
+
+def _mounting_of(recording: Recording) -> str:
+    """What a recording says it carried: the payload of its folder, or nothing.
+
+    Raises:
+        RunTableError: it says nothing.
+    """
+    load = recording.source.run().get("load")
+    if load == _UNLOADED:
+        return ""
+    if load == _LOADED:
+        return recording.source.path.resolve().parent.name or _LOADED
+    raise RunTableError(
+        str(recording.source.path),
+        "",
+        None,
+        "the recording does not say what the arm carried; give a table of runs with the columns recording, mounting, "
+        "mass_kg",
+    )
+
+
+def _weighed(rows: Sequence[TableRow]) -> dict[str, WeighedPayload]:
+    """What scales and payload files say, by mounting."""
+    weighed: dict[str, WeighedPayload] = {}
+    for row in rows:
+        if row.payload is not None:
+            whole = read_payload(row.payload).model
+            weighed[row.mounting] = WeighedPayload(row.mass_kg or whole.mass_kg, whole)
+        elif row.mass_kg is not None:
+            weighed.setdefault(row.mounting, WeighedPayload(row.mass_kg))
+    return weighed

@@ -1,0 +1,295 @@
+"""What many runs say of one arm: gains, body, friction, how level it stands, and how well all of that is known."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_rows import tilt_axes
+from armload_identification.estimation.body_fit import BodyFit
+from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.uncertainty import CONFIDENCE
+from armload_identification.identification_errors import ModelError
+from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
+from armload_identification.model.chain import Chain
+from armload_identification.model.joint_states import JointStates
+from armload_identification.model.payload import Provenance
+from armload_identification.model.regressor import body_regressor
+from armload_identification.signals.joint_torque import Transmission
+
+DETERMINED_WITHIN: Final = 0.05
+"""A gain is determined where the half width of its 95 % interval is at most this share of it."""
+_DIGITS: Final = 9
+
+
+class Effort(StrEnum):
+    """What the drives reported."""
+
+    CURRENT = "current"
+    TORQUE = "torque"
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedRun:
+    """How one run fits the others.
+
+    Attributes:
+        name: File name.
+        mounting: What it carried; empty for nothing.
+        recorded: Day and time that the recording names; empty where it names none.
+        residual_rms_nm: (n,) RMS of effort minus prediction, axis torque by nominal gains.
+        off: RMS of that over all joints in terms of the noise of all runs: 1 is like the others.
+        friction_changes: (3, n) Coulomb N m, viscous N m s/rad and offset N m by which it differs.
+        influence: (n,) by how many standard deviations each gain moves when the run is left out.
+        rows: Rows used.
+        struck: Rows left out as blows to the arm.
+    """
+
+    name: str
+    mounting: str
+    recorded: str
+    residual_rms_nm: FloatArray
+    off: float
+    friction_changes: FloatArray
+    influence: FloatArray
+    rows: int
+    struck: int
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedPayload:
+    """The payload of one mounting, as it was found beside the arm.
+
+    Attributes:
+        mounting: Its name.
+        weighed_kg: What a scale said; NaN where it was not weighed.
+        theta: (10,) parameters in the flange frame.
+        deviation: (10,) their standard deviations.
+    """
+
+    mounting: str
+    weighed_kg: float
+    theta: FloatArray
+    deviation: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCalibration:
+    """An arm of n joints as its runs show it.
+
+    The covariance is that of the logarithms of the gains (n), the base parameters of the links (b, in the order of
+    `body.base`), rotors (n), load-dependent friction (n), Coulomb (n), viscous (n) and root friction (n), the delay
+    in s and two angles of tilt in rad.
+
+    Attributes:
+        robot: Name of the robot.
+        effort: What the gains belong to.
+        gain_nm_a: (n,) axis torque per ampere of motor current; per N m of reported axis torque where the drives
+            report torque.
+        nominal: (n,) the gains that were assumed before; 1 where the drives report torque.
+        body: Links, rotors, friction and delay.
+        tilt_rad: (2,) by how much gravity leans along `tilt_axes`.
+        covariance: (k, k) as above.
+        drift: (3, n) standard deviation of a run's Coulomb, viscous and offset changes.
+        noise_nm: (n,) RMS residual, axis torque by nominal gains.
+        level_nm: (n,) RMS effort, for scale.
+        payloads: One per mounting.
+        runs: One per run that was used.
+        left_out: File name and reason of every run that was not.
+        warnings: What contradicts the rest, one sentence each.
+        kinematics_sha256: Of the chain.
+        provenance: What it was made from.
+    """
+
+    robot: str
+    effort: Effort
+    gain_nm_a: FloatArray
+    nominal: FloatArray
+    body: BodyModel
+    tilt_rad: FloatArray
+    covariance: FloatArray
+    drift: FloatArray
+    noise_nm: FloatArray
+    level_nm: FloatArray
+    payloads: tuple[CalibratedPayload, ...]
+    runs: tuple[CalibratedRun, ...]
+    left_out: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+    kinematics_sha256: str
+    provenance: Provenance
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return int(self.gain_nm_a.size)
+
+    @property
+    def gain_deviation(self) -> FloatArray:
+        """(n,) relative standard deviations of the gains."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)[: self.n]))
+
+    @property
+    def gain_half_width_95(self) -> FloatArray:
+        """(n,) half widths of the gains' 95 % intervals."""
+        return float(norm.ppf(0.5 + CONFIDENCE / 2.0)) * self.gain_deviation * self.gain_nm_a
+
+    @property
+    def determined(self) -> NDArray[np.bool_]:
+        """(n,) True where the runs determine the gain; elsewhere it is what was assumed, or hardly better."""
+        return np.asarray(self.gain_half_width_95 <= DETERMINED_WITHIN * self.gain_nm_a)
+
+    @property
+    def scale_weighed(self) -> bool:
+        """Whether a weighed payload sets the scale of all gains; else the nominal gains' average does."""
+        return any(np.isfinite(payload.weighed_kg) for payload in self.payloads)
+
+    def deviation(self, name: str) -> FloatArray:
+        """Standard deviations of a part of the unknowns.
+
+        Args:
+            name: One of "links", "rotors", "load", "coulomb", "viscous", "root", "delay", "tilt".
+        """
+        n, links = self.n, int(np.count_nonzero(self.body.base))
+        sizes = {"gain": n, "links": links, "rotors": n, "load": n, "coulomb": n, "viscous": n, "root": n}
+        start = 0
+        for part, size in (sizes | {"delay": 1, "tilt": 2}).items():
+            if part == name:
+                return np.asarray(np.sqrt(np.diag(self.covariance)[start : start + size]))
+            start += size
+        raise KeyError(name)
+
+    def transmission(self, nominal: Transmission) -> Transmission:
+        """The arm's transmission with these gains in place of the nominal ones.
+
+        Args:
+            nominal: As configured.
+        """
+        covariance = self.covariance[: self.n, : self.n]
+        if self.effort is Effort.TORQUE:
+            return replace(
+                nominal,
+                torque_gain=self.gain_nm_a,
+                torque_calibrated=True,
+                calibrated=self.determined,
+                covariance=covariance,
+            )
+        return replace(nominal, gain_nm_a=self.gain_nm_a, calibrated=self.determined, covariance=covariance)
+
+    def level(self, chain: Chain) -> Chain:
+        """The chain under gravity as it pulls on a base that is not level.
+
+        Args:
+            chain: As configured.
+        """
+        size = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
+        gravity = chain.gravity_m_s2 + size * self.tilt_rad @ tilt_axes(chain.gravity_m_s2)
+        return Chain(chain.placement, chain.axis, chain.flange, size * gravity / np.sqrt(np.sum(gravity**2)))
+
+    def known_arm(self, chain: Chain) -> KnownArm:
+        """The empty arm for an identification.
+
+        Args:
+            chain: As configured.
+        """
+        level = self.level(chain)
+        return KnownArm(self._body_fit(), lambda *motion: self._torque_doubts(level, *motion))
+
+    def _body_fit(self) -> BodyFit:
+        """Body and how well it is known."""
+        links = int(np.count_nonzero(self.body.base))
+        return BodyFit(
+            model=self.body,
+            residual_rms_nm=self.noise_nm,
+            torque_rms_nm=self.level_nm,
+            base_parameters=links,
+            determined=links,
+            rotor_deviation_kg_m2=self.deviation("rotors"),
+            load_deviation=self.deviation("load"),
+            delay_deviation_s=float(self.deviation("delay")[0]),
+        )
+
+    def _torque_doubts(
+        self, chain: Chain, states: JointStates, interval_s: float, measured_nm: FloatArray
+    ) -> FloatArray:
+        """(k, K, n) torque left of a run for one standard deviation of each independent error of the arm.
+
+        Gains and body err together: both were found from the same currents.
+        """
+        body, (q, dq, ddq) = self.body, states
+        n, base = self.n, self.body.base.ravel()
+        regressor = body_regressor(chain, q, dq, ddq)
+        carried = regressor @ body.links.ravel()
+        direction = smooth_sign(dq, body.reversal_speed_rad_s)
+        through = 1.0 + body.load_friction * direction * np.sign(carried)
+        links = (regressor[:, :, base] * through[:, :, None]).transpose(2, 0, 1)
+        rate = np.gradient(body.torque(chain, q, dq, ddq), interval_s, axis=0)
+        still = np.zeros_like(q)
+        size = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
+        tilt = [
+            body_regressor(Chain(chain.placement, chain.axis, chain.flange, size * axis), q, still, still)
+            @ body.links.ravel()
+            for axis in tilt_axes(chain.gravity_m_s2)
+        ]
+
+        def per_joint(values: FloatArray) -> FloatArray:
+            return np.asarray(values[None] * np.eye(n)[:, None, :])
+
+        to_axis = np.linalg.inv(body.coupling)
+        shares = (measured_nm @ body.coupling).T[:, :, None] * to_axis[:, None, :]
+        coulomb, viscous, offset = (per_joint(values) for values in (direction, dq, np.ones_like(dq)))
+        changes = [
+            shares,
+            -links,
+            -rotor_columns(ddq, body.coupling).transpose(1, 0, 2),
+            -per_joint(direction * np.abs(carried)),
+            -coulomb,
+            -viscous,
+            -per_joint(direction * np.sqrt(np.abs(dq))),
+            rate[None],
+            -np.stack(tilt),
+        ]
+        values, vectors = np.linalg.eigh(self.covariance)
+        kept = values > 0.0
+        whole = np.concatenate(changes)
+        shared = np.tensordot((vectors[:, kept] * np.sqrt(values[kept])).T, whole, axes=1)
+        drift = np.concatenate([coulomb, viscous, offset]) * self.drift.ravel()[:, None, None]
+        return np.concatenate([shared, drift])
+
+    def require_arm(self, chain: Chain, coupling: FloatArray) -> None:
+        """Refuse another arm.
+
+        Args:
+            chain: The arm that is to be identified with this calibration.
+            coupling: (n, n) C of its motors.
+
+        Raises:
+            ModelError: other kinematics, mounting or coupling.
+        """
+        if chain.n != self.n or kinematics_sha256(chain) != self.kinematics_sha256:
+            raise ModelError(
+                "the calibration belongs to an arm of other kinematics, or of the same one mounted differently "
+                "(gravity_m_s2). Give the calibration of this arm, or calibrate it with `armload calibrate`."
+            )
+        if not np.allclose(coupling, self.body.coupling, atol=1e-9):
+            raise ModelError(
+                "the calibration belongs to motors that are coupled differently. "
+                "Calibrate again with this configuration."
+            )
+
+
+def kinematics_sha256(chain: Chain) -> str:
+    """Hash of an arm's kinematics and mounting, alike on every machine.
+
+    Args:
+        chain: The arm.
+    """
+    numbers = np.concatenate([part.ravel() for part in (chain.placement, chain.axis, chain.flange, chain.gravity_m_s2)])
+    text = " ".join(f"{value:.{_DIGITS}f}" for value in np.round(numbers, _DIGITS) + 0.0)
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,391 @@
+"""Calibrate an arm from all its runs: read what is usable, fit, leave out what contradicts the rest, and say so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from armload_identification.calibration.arm_calibration import (
+    ArmCalibration,
+    CalibratedPayload,
+    CalibratedRun,
+    Effort,
+    kinematics_sha256,
+)
+from armload_identification.calibration.arm_fit import HALVES, ArmFit, fit_arm
+from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
+from armload_identification.calibration.arm_prior import arm_prior
+from armload_identification.calibration.arm_rows import ArmRows, RunSignals, arm_rows, base_links, run_signals
+from armload_identification.calibration.run_contradictions import CONTRADICTS, ArmKnowledge, directions, explain
+from armload_identification.estimation.least_squares import Prior
+from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.identification_errors import EstimationError, IdentificationError
+from armload_identification.model.base_parameters import base_columns
+from armload_identification.model.body_model import BodyModel
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters, Provenance
+from armload_identification.model.regressor import PARAMETERS
+from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.verdict.sanity import check_run
+
+WEIGHED_WITHIN: Final = 1e-3
+"""Relative standard deviation of a weighed mass, and of a payload that is known whole."""
+_TURN_OVER: Final = 0.01
+_UNMOVED_RAD_S: Final = 1e-3
+_DISAGREES: Final = 4.0
+"""Standard deviations by which a weighed mass contradicts everything else."""
+_SUSPECT: Final = 2.0
+"""Residual of a joint, in the noise of all runs, from which it is tried how well the others agree without the run."""
+_QUIETER: Final = 2.0
+"""A run that makes all runs of a joint this many times worse contradicts them, even where the fit has found a
+compromise."""
+_FAR: Final = 5.0
+"""Standard deviations of a change of friction that is worth a warning."""
+_TRIED_RUNS: Final = 4
+_TRIED_SPACING: Final = 3
+_BETTER: Final = 0.3
+"""By how much the logarithm of the joints' noise must be lower for another mounting to be believed."""
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class MountedRun:
+    """A run and what it carried.
+
+    Attributes:
+        recording: The run.
+        mounting: Name of the payload as it was mounted; empty for nothing.
+    """
+
+    recording: Recording
+    mounting: str
+
+
+@dataclass(frozen=True, eq=False)
+class WeighedPayload:
+    """What is known of a mounting beforehand.
+
+    Attributes:
+        mass_kg: From a scale.
+        whole: All ten parameters, in the flange frame; None where the mass alone is known.
+    """
+
+    mass_kg: float
+    whole: InertialParameters | None = None
+
+    def prior(self) -> Prior:
+        """As equations."""
+        if self.whole is not None:
+            return KnownPayload(cad=self.whole, confidence=WEIGHED_WITHIN).prior()
+        row = np.zeros((1, PARAMETERS))
+        row[0, 0] = 1.0 / (WEIGHED_WITHIN * self.mass_kg)
+        return Prior(row, np.array([1.0 / WEIGHED_WITHIN]))
+
+
+def calibrate_arm(
+    runs: Sequence[MountedRun],
+    weighed: Mapping[str, WeighedPayload],
+    chain: Chain,
+    transmission: Transmission,
+    *,
+    robot: str,
+    armload_version: str,
+    configuration_sha256: str,
+    left_out: Sequence[tuple[str, str]] = (),
+    progress: Progress | None = None,
+) -> ArmCalibration:
+    """Calibrate an arm.
+
+    Args:
+        runs: All of them, of any motions, days and payloads.
+        weighed: What is known of the payloads, by mounting.
+        chain: The arm.
+        transmission: Nominal gains, and coupling.
+        robot: Its name.
+        armload_version: Of the program.
+        configuration_sha256: Of the robot's configuration.
+        left_out: File name and reason of recordings that could not be read.
+        progress: Takes how much is done, and of how much.
+
+    Returns:
+        The calibration; runs that are unusable or contradict the others are left out and named in it.
+
+    Raises:
+        EstimationError: no usable run, an arm that is mounted otherwise than entered, or no agreement.
+
+    References:
+        Chen 2016, eqs. (1) to (3), with load-dependent friction, for all runs at once.
+    """
+    with threadpool_limits(1):
+        return _Calibration(runs, weighed, chain, transmission, list(left_out), progress).result(
+            robot, armload_version, configuration_sha256
+        )
+
+
+class _Calibration:
+    """The runs, and which of them are still used."""
+
+    def __init__(
+        self,
+        runs: Sequence[MountedRun],
+        weighed: Mapping[str, WeighedPayload],
+        chain: Chain,
+        transmission: Transmission,
+        left_out: list[tuple[str, str]],
+        progress: Progress | None,
+    ) -> None:
+        self._chain, self._transmission, self._weighed = chain, transmission, weighed
+        self._left_out, self._progress = left_out, progress or (lambda done, total: None)
+        self._total = 2 * len(runs) + 2 * len(directions(chain.gravity_m_s2))
+        self._base = base_links(base_columns(chain, transmission.coupling), chain.n)
+        self._done = 0
+        self._used: list[MountedRun] = []
+        self._signals: list[RunSignals] = []
+        for run in runs:
+            self._read(run)
+            self._advance()
+        self._refuse_other_effort()
+        if not self._used:
+            reasons = "; ".join(f"{name}: {reason}" for name, reason in self._left_out) or "no recording was given"
+            raise EstimationError(f"no recording can be used ({reasons}). Record the arm along an excitation.")
+        self._peak = np.max([run.peak_rad_s for run in self._signals], axis=0)
+        self._rows: list[ArmRows] = []
+        for run, signals in zip(self._used, self._signals, strict=True):
+            self._rows.append(self._rows_of(signals, run.mounting, chain))
+            self._advance()
+
+    def result(self, robot: str, armload_version: str, configuration_sha256: str) -> ArmCalibration:
+        """Fit, until no run contradicts the others."""
+        self._refuse_other_mounting()
+        fit = self._fit()
+        while len(self._used) > 1:
+            off = [float((run.residual_rms_nm / fit.noise_nm).max()) for run in fit.runs]
+            worst = int(np.argmax(off))
+            if off[worst] < _SUSPECT:
+                break
+            without = self._fit(worst)
+            if off[worst] < CONTRADICTS and (fit.noise_nm / without.noise_nm).max() < _QUIETER:
+                break
+            self._leave_out(worst, without)
+            fit = without
+        warnings = [*self._mass_warnings(fit), *self._friction_warnings(fit)]
+        return self._named(fit, warnings, robot, Provenance(armload_version, configuration_sha256, self._hashes()))
+
+    def _hashes(self) -> dict[str, str]:
+        return hashes_by_name([run.recording.source for run in self._used])
+
+    def _advance(self, count: int = 1) -> None:
+        self._done += count
+        self._progress(min(self._done, self._total), self._total)
+
+    def _read(self, run: MountedRun) -> None:
+        """Take a run, or name why it cannot be taken."""
+        name = run.recording.source.path.name
+        try:
+            check_joints(run.recording, self._chain.n)
+            check_run(run.recording, self._transmission)
+            self._signals.append(run_signals(run.recording, self._transmission))
+        except IdentificationError as problem:
+            self._left_out.append((name, str(problem).removeprefix(f"{run.recording.source.path}: ")))
+            return
+        self._used.append(run)
+
+    def _refuse_other_effort(self) -> None:
+        """Current and torque cannot be mixed: the rarer of the two is left out."""
+        torque = [signals.from_torque for signals in self._signals]
+        keep = 2 * sum(torque) > len(torque)
+        for index in reversed(range(len(torque))):
+            if torque[index] is not keep:
+                kept, other = ("torque", "current") if keep else ("current", "torque")
+                reason = f"it holds {other}, most runs hold {kept}; calibrate the two apart"
+                self._left_out.append((self._used[index].recording.source.path.name, reason))
+                del self._used[index], self._signals[index]
+
+    def _rows_of(self, signals: RunSignals, mounting: str, chain: Chain, spacing: int = 1) -> ArmRows:
+        return arm_rows(
+            signals,
+            chain,
+            self._transmission.coupling,
+            self._base,
+            self._peak,
+            loaded=bool(mounting),
+            spacing=spacing,
+        )
+
+    def _fit(self, without: int | None = None) -> ArmFit:
+        """Fit all runs but one."""
+        both = zip(self._rows, self._used, strict=True)
+        rows = [(rows, run.mounting) for index, (rows, run) in enumerate(both) if index != without]
+        return self._fitted(rows, self._chain)
+
+    def _fitted(self, rows: Sequence[tuple[ArmRows, str]], chain: Chain) -> ArmFit:
+        """Fit given rows."""
+        mountings = tuple(sorted({mounting for _, mounting in rows if mounting}))
+        of = Unknowns(chain.n, int(np.count_nonzero(self._base)), mountings)
+        known = {name: payload.prior() for name, payload in self._weighed.items() if name in mountings}
+        prior = arm_prior(of, [run for run, _ in rows], chain, self._base, known)
+        return fit_arm(ArmModel(of, self._transmission.coupling), rows, prior, self._peak)
+
+    def _refuse_other_mounting(self) -> None:
+        """Raise where the runs say that the arm hangs otherwise than was entered."""
+        # Loaded runs first: what they carry has weight that nobody can turn round.
+        order = sorted(range(len(self._used)), key=lambda index: not self._used[index].mounting)[:_TRIED_RUNS]
+
+        def noise(chain: Chain) -> float:
+            rows = [
+                (
+                    self._rows_of(self._signals[index], self._used[index].mounting, chain, _TRIED_SPACING),
+                    self._used[index].mounting,
+                )
+                for index in order
+            ]
+            try:
+                fit = self._fitted(rows, chain)
+            except EstimationError:
+                return np.inf
+            return float(np.mean(np.log(np.maximum(fit.noise_nm, 1e-9))))
+
+        entered = noise(self._chain)
+        found = {}
+        for how, gravity in directions(self._chain.gravity_m_s2).items():
+            found[how] = noise(Chain(self._chain.placement, self._chain.axis, self._chain.flange, gravity))
+            self._advance(2)
+        best = min(found, key=lambda how: found[how])
+        if found[best] < entered - _BETTER:
+            raise EstimationError(
+                f"the arm is not mounted as its configuration says: the runs leave {np.exp(entered - found[best]):.1f} "
+                f"times less unexplained if it is mounted {best}. Correct gravity_m_s2 in the robot's configuration."
+            )
+
+    def _leave_out(self, worst: int, fit: ArmFit) -> None:
+        """Leave a run out, and say what is wrong with it in the light of the others' fit."""
+        run, signals = self._used.pop(worst), self._signals.pop(worst)
+        del self._rows[worst]
+        arm = ArmKnowledge(fit, self._chain, self._transmission.coupling, self._base, self._peak)
+        said = self._weighed.get(run.mounting)
+        reason = explain(arm, signals, run.mounting, None if said is None else said.mass_kg)
+        self._left_out.append((run.recording.source.path.name, f"it contradicts the other runs: {reason}"))
+
+    def _mass_warnings(self, fit: ArmFit) -> list[str]:
+        """Weighed masses that everything else contradicts."""
+        warnings = []
+        for name, payload in self._weighed.items():
+            if name not in fit.unknowns.mountings or payload.whole is not None:
+                continue
+            place = fit.unknowns.payload(name).start
+            found, spread = fit.x[place], fit.bread[place, place]
+            scale = (WEIGHED_WITHIN * payload.mass_kg) ** 2
+            information = 1.0 / spread - 1.0 / scale
+            if information <= 0.0:
+                continue
+            others_kg = (found / spread - payload.mass_kg / scale) / information
+            deviation = HALVES / np.sqrt(information)
+            if abs(payload.mass_kg - others_kg) > _DISAGREES * float(np.hypot(deviation, np.sqrt(scale))):
+                warnings.append(
+                    f"mounting '{name}': {payload.mass_kg:.3f} kg was entered, everything else says "
+                    f"{others_kg:.3f} +- {2.0 * deviation:.3f} kg ({payload.mass_kg / others_kg - 1.0:+.1%}). Weigh it "
+                    "again, or look which weighed mass is the wrong one."
+                )
+        return warnings
+
+    def _friction_warnings(self, fit: ArmFit) -> list[str]:
+        """Runs whose friction lies far from that of the others."""
+        warnings = []
+        for run, used in zip(fit.runs, self._used, strict=True):
+            far = np.abs(run.changes / run.change_deviation).reshape(PER_RUN, -1)[:2].max(axis=0)
+            joint = int(np.argmax(far))
+            if far[joint] > _FAR:
+                warnings.append(
+                    f"{used.recording.source.path.name}: the friction of joint {joint + 1} lies {far[joint]:.0f} "
+                    "standard deviations from that of the other runs: a cold gear, or another gain on that day."
+                )
+        return warnings
+
+    def _named(self, fit: ArmFit, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
+        """The result by name."""
+        of, x, n = fit.unknowns, fit.x, self._chain.n
+        links = np.zeros(PARAMETERS * n)
+        links[self._base] = x[of.links]
+        zero = np.zeros(n)
+        body = BodyModel(
+            links=links.reshape(n, PARAMETERS),
+            base=self._base.reshape(n, PARAMETERS),
+            rotor_inertia_kg_m2=x[of.rotors],
+            coulomb_nm=x[of.coulomb],
+            viscous_nm_s_rad=x[of.viscous],
+            root_nm=x[of.root],
+            offset_nm=zero,
+            stribeck_nm=zero,
+            stribeck_velocity_rad_s=np.ones(n),
+            load_friction=x[of.load],
+            torque_delay_s=float(x[of.delay][0]),
+            reversal_speed_rad_s=_TURN_OVER * np.where(self._peak > _UNMOVED_RAD_S, self._peak, 1.0),
+            coupling=self._transmission.coupling,
+        )
+        effort = Effort.TORQUE if self._signals[0].from_torque else Effort.CURRENT
+        nominal = np.ones(n) if effort is Effort.TORQUE else self._transmission.gain_nm_a
+        # The gain is the nominal one over h, so that its logarithm errs the other way.
+        turn = np.ones(of.arm)
+        turn[of.log_h] = -1.0
+        deviation = np.sqrt(np.diag(fit.covariance))
+        sources = [run.recording.source for run in self._used]
+        return ArmCalibration(
+            robot=robot,
+            effort=effort,
+            gain_nm_a=nominal * np.exp(-x[of.log_h]),
+            nominal=nominal,
+            body=body,
+            tilt_rad=x[of.tilt],
+            covariance=fit.covariance[: of.arm, : of.arm] * turn[:, None] * turn,
+            drift=fit.runs[0].change_deviation.reshape(PER_RUN, n),
+            noise_nm=fit.noise_nm,
+            level_nm=fit.level_nm,
+            payloads=tuple(
+                CalibratedPayload(
+                    name,
+                    self._weighed[name].mass_kg if name in self._weighed else float("nan"),
+                    x[of.payload(name)],
+                    deviation[of.payload(name)],
+                )
+                for name in of.mountings
+            ),
+            runs=tuple(
+                CalibratedRun(
+                    name=name,
+                    mounting=run.mounting,
+                    recorded=str(source.run().get("created", "")),
+                    residual_rms_nm=run.residual_rms_nm,
+                    off=run.off,
+                    friction_changes=run.changes.reshape(PER_RUN, n),
+                    influence=run.influence,
+                    rows=run.rows,
+                    struck=run.struck,
+                )
+                for name, source, run in zip(self._hashes(), sources, fit.runs, strict=True)
+            ),
+            left_out=tuple(self._left_out),
+            warnings=(*warnings, *self._undetermined(fit)),
+            kinematics_sha256=kinematics_sha256(self._chain),
+            provenance=provenance,
+        )
+
+    def _undetermined(self, fit: ArmFit) -> list[str]:
+        """What no run says anything about."""
+        warnings = []
+        still: NDArray[np.intp] = np.flatnonzero(self._peak <= _UNMOVED_RAD_S)
+        if still.size:
+            joints = ", ".join(str(joint + 1) for joint in still)
+            warnings.append(f"joint {joints} never moves: gain and friction are as they were assumed.")
+        if not any(name in fit.unknowns.mountings for name in self._weighed):
+            warnings.append(
+                "no payload was weighed: the gains are known relative to each other, their common scale is the "
+                "nominal gains'. Add a run with a weighed payload and its mass_kg."
+            )
+        return warnings

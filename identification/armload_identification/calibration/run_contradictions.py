@@ -1,0 +1,232 @@
+"""Why a run does not fit an arm that the other runs agree on: what was entered wrongly, and by how much.
+
+A handful of mistakes explain most of such runs. Each is tried on the run alone, with the arm as the others have it:
+another payload, a motor that reports a multiple or the negative of its effort, two joints exchanged, a joint counted
+the other way, an arm mounted on a wall or a ceiling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_fit import ArmFit
+from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
+from armload_identification.calibration.arm_rows import ArmRows, RunSignals, arm_rows
+from armload_identification.model.chain import Chain
+from armload_identification.model.regressor import PARAMETERS
+
+CONTRADICTS: Final = 4.0
+"""Residual of a joint, in the noise of all runs, from which a run contradicts the others."""
+_EXPLAINED: Final = 0.4
+"""A mistake explains a run where it leaves at most this share of the residual."""
+_STEPS: Final = 6
+_SAME_SCALE: Final = 0.03
+_AS_IT_IS: Final = 0.3
+_LEAST_SCALE: Final = 0.01
+_SCALINGS: Final = 3
+_STIFF: Final = 0.01
+_ZERO: Final = 1e-12
+_LIGHT_KG: Final = 0.05
+_LIGHT_SHARE: Final = 0.02
+_WIDE: Final = 100.0
+_ANY: Final = "payload"
+
+
+@dataclass(frozen=True, eq=False)
+class ArmKnowledge:
+    """The arm as the other runs have it, and what is needed to try a run on it.
+
+    Attributes:
+        fit: Of the other runs.
+        chain: As configured.
+        coupling: (n, n) C.
+        base: (10 n,) base parameters of the links.
+        peak_rad_s: (n,) greatest speeds.
+    """
+
+    fit: ArmFit
+    chain: Chain
+    coupling: FloatArray
+    base: NDArray[np.bool_]
+    peak_rad_s: FloatArray
+
+
+def directions(gravity_m_s2: FloatArray) -> dict[str, FloatArray]:
+    """The other ways to mount an arm, as gravity in its base frame.
+
+    Args:
+        gravity_m_s2: (3,) as it was entered.
+    """
+    size = float(np.sqrt(np.sum(gravity_m_s2**2)))
+    entered = gravity_m_s2 / size
+    found = {}
+    for axis, sign in ((2, -1.0), (2, 1.0), (0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)):
+        way = sign * np.eye(3)[axis]
+        if way @ entered < 0.9:
+            how = "on the floor" if (axis, sign) == (2, -1.0) else "on the ceiling" if axis == 2 else "on a wall"
+            found[f"{how}, gravity_m_s2 = {((size * way).round(3) + 0.0).tolist()}"] = size * way
+    return found
+
+
+def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> str:
+    """What is wrong with a run.
+
+    Args:
+        arm: As the other runs have it.
+        run: The run that contradicts them.
+        mounting: What it is said to carry; empty for nothing.
+        mass_kg: The mass that is said of it; None where nothing is said.
+
+    Returns:
+        One sentence.
+    """
+    said = _trial(arm, run, arm.chain, mounting) if mass_kg is None else _as_said(arm, run, mass_kg)
+    off = said.off
+    worst = int(np.argmax(off))
+    start = f"joint {worst + 1} is off by {off[worst]:.0f} times the noise of the other runs"
+    # A run whose payload no other run carries fits with another payload, if that is what is wrong.
+    trials = [(float(trial.off.max()), text) for trial, text in _mistakes(arm, run, mounting, mass_kg)]
+    best, text = min(trials, key=lambda pair: pair[0])
+    if best < max(_EXPLAINED * float(off[worst]), CONTRADICTS):
+        return f"{start}; it fits if {text}"
+    return f"{start}, and no simple mistake explains it: another arm, or damaged signals"
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A run tried on an arm."""
+
+    rows: ArmRows
+    theta: FloatArray
+    predicted_nm: FloatArray
+    off: FloatArray
+
+
+def _trial(
+    arm: ArmKnowledge, run: RunSignals, chain: Chain, mounting: str, *, free: bool = False, drift: float = 1.0
+) -> _Trial:
+    """The run's own friction, and its payload where the others do not know it, fitted to the arm.
+
+    Its friction may differ by `drift` times what it usually does.
+    """
+    fit = arm.fit
+    known = mounting in fit.unknowns.mountings and not free
+    loaded = bool(mounting) or free
+    of = Unknowns(fit.unknowns.n, fit.unknowns.base, (_ANY,) if loaded else ())
+    model = ArmModel(of, arm.coupling)
+    rows = arm_rows(run, chain, arm.coupling, arm.base, arm.peak_rad_s, loaded=loaded)
+    x = np.zeros(of.size)
+    x[: of.arm] = fit.x[: of.arm]
+    if known and loaded:
+        x[of.arm :] = fit.x[fit.unknowns.payload(mounting)]
+    own = PER_RUN * of.n
+    count = own if known or not loaded else own + PARAMETERS
+    name = _ANY if loaded else ""
+    changes = np.zeros(own)
+    spread = drift * fit.runs[0].change_deviation
+    first = of.arm if count > own else of.size
+    prior = np.concatenate([np.full(count - own, _WIDE**-2.0), spread**-2.0])
+    weight = rows.weight / (fit.noise_nm * np.sqrt(fit.correlation))
+    for _ in range(_STEPS if loaded else 2):
+        derivatives = model.differentiate(rows, name, x, changes)
+        left = (rows.effort_nm - derivatives.predicted_nm) * weight
+        information, gradient = np.diag(prior), np.zeros(count)
+        gradient[count - own :] = -changes / spread**2
+        gradient[: count - own] = -x[first : of.size] / _WIDE**2
+        for axis, (columns, place) in enumerate(zip(derivatives.columns, derivatives.place, strict=True)):
+            inside = place >= first
+            rows_of = columns[:, inside] * weight[:, axis, None]
+            index = place[inside] - first
+            information[np.ix_(index, index)] += rows_of.T @ rows_of
+            gradient[index] += rows_of.T @ left[:, axis]
+        step = np.linalg.solve(information, gradient)
+        x[first : of.size] += step[: count - own]
+        changes = changes + step[count - own :]
+    predicted = model.predict(rows, name, x, changes)
+    off = _off(rows, predicted, fit.noise_nm)
+    return _Trial(rows, x[of.arm :], predicted, off)
+
+
+def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
+    """The run with the payload that fits best but has the mass that is said of it."""
+    trial = _trial(arm, run, arm.chain, "", free=True)
+    theta = trial.theta * mass_kg / max(float(trial.theta[0]), _LIGHT_KG)
+    torque = trial.rows.payload @ (theta - trial.theta) @ arm.coupling
+    predicted = trial.predicted_nm + np.exp(arm.fit.x[arm.fit.unknowns.log_h]) * torque
+    return replace(trial, predicted_nm=predicted, off=_off(trial.rows, predicted, arm.fit.noise_nm))
+
+
+def _off(rows: ArmRows, predicted: FloatArray, noise_nm: FloatArray) -> FloatArray:
+    """(n,) weighted RMS of the residual in terms of the noise."""
+    return np.asarray(np.sqrt(np.mean(((rows.effort_nm - predicted) * rows.weight / noise_nm) ** 2, axis=0)))
+
+
+def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> Iterator[tuple[_Trial, str]]:
+    """Everything that may have been entered wrongly, and the run tried with it put right."""
+    trial = _trial(arm, run, arm.chain, mounting, free=True)
+    yield trial, _payload_text(trial.theta[0], mounting, mass_kg)
+    yield _scaled(arm, run, mounting)
+    n = arm.chain.n
+    for one, other in combinations(range(n), 2):
+        order = np.arange(n)
+        order[[one, other]] = order[[other, one]]
+        swapped = replace(
+            run,
+            position_rad=run.position_rad[:, order],
+            velocity_rad_s=run.velocity_rad_s[:, order],
+            acceleration_rad_s2=run.acceleration_rad_s2[:, order],
+            effort_nm=run.effort_nm[:, order],
+        )
+        yield _trial(arm, swapped, arm.chain, mounting), f"joints {one + 1} and {other + 1} are exchanged"
+    for joint in range(n):
+        sign = np.where(np.arange(n) == joint, -1.0, 1.0)
+        turned = replace(
+            run,
+            position_rad=sign * run.position_rad,
+            velocity_rad_s=sign * run.velocity_rad_s,
+            acceleration_rad_s2=sign * run.acceleration_rad_s2,
+        )
+        yield _trial(arm, turned, arm.chain, mounting), f"the position of joint {joint + 1} counts the other way"
+        both = replace(turned, effort_nm=sign * run.effort_nm)
+        text = f"position and effort of joint {joint + 1} count the other way"
+        yield _trial(arm, both, arm.chain, mounting), text
+    for how, gravity in directions(arm.chain.gravity_m_s2).items():
+        mounted = Chain(arm.chain.placement, arm.chain.axis, arm.chain.flange, gravity)
+        yield _trial(arm, run, mounted, mounting), f"the arm hung {how} in this run"
+
+
+def _payload_text(found_kg: float, mounting: str, mass_kg: float | None) -> str:
+    """What the run carries, beside what is said of it."""
+    if found_kg < _LIGHT_KG + _LIGHT_SHARE * (mass_kg or 0.0):
+        return "it carries nothing"
+    said = f"{mass_kg:.3f} kg" if mass_kg is not None else f"what '{mounting}' is elsewhere" if mounting else "nothing"
+    return f"it carries {found_kg:.3f} kg, not {said}"
+
+
+def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> tuple[_Trial, str]:
+    """Axes that report a multiple of what they should."""
+    share = np.ones(arm.chain.n)
+    # Friction that may differ at will would take up part of a wrong scale.
+    trial = _trial(arm, run, arm.chain, mounting, drift=_STIFF)
+    for _ in range(_SCALINGS):
+        square = trial.rows.weight**2
+        now = np.sum(square * trial.rows.effort_nm * trial.predicted_nm, axis=0)
+        now = now / np.maximum(np.sum(square * trial.predicted_nm**2, axis=0), _ZERO)
+        share = share * np.where((trial.off >= CONTRADICTS) | (share != 1.0), now, 1.0)
+        share = np.where(np.abs(share) > _LEAST_SCALE, share, _LEAST_SCALE)
+        trial = _trial(arm, replace(run, effort_nm=run.effort_nm / share), arm.chain, mounting, drift=_STIFF)
+    trial = _trial(arm, replace(run, effort_nm=run.effort_nm / share), arm.chain, mounting)
+    parts = [
+        f"the sign of joint {j + 1}'s effort is flipped"
+        if abs(share[j] + 1.0) < _AS_IT_IS
+        else f"joint {j + 1} reports {share[j]:.2f} times its effort (another gear ratio or torque constant)"
+        for j in np.flatnonzero(np.abs(share - 1.0) > _SAME_SCALE)
+    ]
+    return trial, " and ".join(parts) or "nothing is changed"

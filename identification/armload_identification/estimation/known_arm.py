@@ -1,0 +1,27 @@
+"""An arm that is known beforehand, from a calibration: its torque, and by how much that torque may be off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.body_fit import BodyFit
+from armload_identification.model.joint_states import JointStates
+
+TorqueDoubts = Callable[[JointStates, float, FloatArray], FloatArray]
+"""From K states, the time between them and the (K, n) measured torque to (k, K, n): the torque of one standard
+deviation of each independent error of what is left when the empty arm's torque is taken away, gains included."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownArm:
+    """What a calibration knows of the empty arm.
+
+    Attributes:
+        fit: Its body, and how well load-dependent friction, rotors and delay are known.
+        doubts: By how much a payload's torque is off where this body is taken away from one run.
+    """
+
+    fit: BodyFit
+    doubts: TorqueDoubts

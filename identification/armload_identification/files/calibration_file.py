@@ -1,0 +1,359 @@
+"""The calibration file: an arm as its runs show it, with what is uncertain about it, as TOML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import (
+    ArmCalibration,
+    CalibratedPayload,
+    CalibratedRun,
+    Effort,
+)
+from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
+from armload_identification.identification_errors import CalibrationFileError, ModelError
+from armload_identification.model.body_model import BodyModel
+from armload_identification.model.regressor import PARAMETERS
+from armload_identification.storage import toml_text
+from armload_identification.storage.replace_file import replace_file
+from armload_identification.storage.strict_toml import (
+    BadValue,
+    NumberList,
+    NumberRows,
+    Table,
+    Text,
+    parse,
+    read_text,
+    require_shape,
+)
+
+_PARTS: Final = 7
+"""Unknowns per joint in the covariance: gain, rotor, load, Coulomb, viscous, root friction; one more for the links."""
+_SINGLE: Final = 3
+_SAME: Final = 1e-6
+_ROUNDING: Final = 1e-9
+
+
+class _ArmTable(Table):
+    """Which arm."""
+
+    robot: Text
+    kinematics_sha256: Text
+    effort: Text
+    warnings: list[str]
+
+
+class _GainsTable(Table):
+    """Axis torque per ampere, or per N m reported."""
+
+    gain: NumberList
+    half_width_95: NumberList
+    nominal: NumberList
+
+
+class _FrictionTable(Table):
+    """Friction of the joints, and by how much it differs from run to run."""
+
+    coulomb_nm: NumberList
+    viscous_nm_s_rad: NumberList
+    root_nm: NumberList
+    load_friction: NumberList
+    reversal_speed_rad_s: NumberList
+    coulomb_drift_nm: NumberList
+    viscous_drift_nm_s_rad: NumberList
+    offset_drift_nm: NumberList
+
+
+class _BodyTable(Table):
+    """Links, rotors, delay, and how the base stands."""
+
+    links: NumberRows
+    base: NumberRows
+    rotor_inertia_kg_m2: NumberList
+    torque_delay_s: float
+    tilt_rad: NumberList
+    coupling: NumberRows
+
+
+class _FitTable(Table):
+    """What is left, and of how much, per axis by nominal gains."""
+
+    residual_nm: NumberList
+    effort_nm: NumberList
+
+
+class _PayloadTable(Table):
+    """A mounting."""
+
+    mounting: Text
+    weighed_kg: float | None = None
+    theta: NumberList
+    deviation: NumberList
+
+
+class _RunTable(Table):
+    """A run that was used."""
+
+    name: Text
+    mounting: str
+    recorded: str
+    residual_rms_nm: NumberList
+    off: float
+    friction_changes: NumberRows
+    influence: NumberList
+    rows: int
+    struck: int
+
+
+class _LeftOutTable(Table):
+    """A run that was not used."""
+
+    name: Text
+    reason: Text
+
+
+class _UncertaintyTable(Table):
+    """How well all of it is known."""
+
+    covariance: NumberRows
+
+
+class _CalibrationFile(Table):
+    """The whole file."""
+
+    arm: _ArmTable
+    gains: _GainsTable
+    friction: _FrictionTable
+    body: _BodyTable
+    fit: _FitTable
+    payloads: list[_PayloadTable] = Field(default_factory=list)
+    runs: list[_RunTable]
+    left_out: list[_LeftOutTable] = Field(default_factory=list)
+    uncertainty: _UncertaintyTable
+    provenance: ProvenanceTable
+
+    @model_validator(mode="after")
+    def _one_entry_per_joint(self) -> _CalibrationFile:
+        n = len(self.gains.gain)
+        for name in ("gains", "friction", "fit"):
+            table: Table = getattr(self, name)
+            for key in type(table).model_fields:
+                require_shape(f"{name}.{key}", getattr(table, key), (n,))
+        for key in ("links", "base"):
+            require_shape(f"body.{key}", getattr(self.body, key), (n, PARAMETERS))
+        require_shape("body.rotor_inertia_kg_m2", self.body.rotor_inertia_kg_m2, (n,))
+        require_shape("body.coupling", self.body.coupling, (n, n))
+        require_shape("body.tilt_rad", self.body.tilt_rad, (2,))
+        size = (_PARTS - 1) * n + int(np.count_nonzero(self.body.base)) + _SINGLE
+        require_shape("uncertainty.covariance", self.uncertainty.covariance, (size, size))
+        for index, payload in enumerate(self.payloads, 1):
+            for key in ("theta", "deviation"):
+                require_shape(f"payloads[{index}].{key}", getattr(payload, key), (PARAMETERS,))
+        for index, run in enumerate(self.runs, 1):
+            for key, shape in (("residual_rms_nm", (n,)), ("influence", (n,)), ("friction_changes", (3, n))):
+                require_shape(f"runs[{index}].{key}", getattr(run, key), shape)
+        return self
+
+    @model_validator(mode="after")
+    def _makes_sense(self) -> _CalibrationFile:
+        if self.arm.effort not in tuple(Effort):
+            raise BadValue("arm.effort", self.arm.effort, f"expected {' or '.join(Effort)}")
+        for key in ("gain", "nominal"):
+            if (getattr(self.gains, key) <= 0.0).any():
+                raise BadValue(f"gains.{key}", getattr(self.gains, key).tolist(), "expected numbers above 0")
+        if (self.body.links[self.body.base <= 0.5] != 0.0).any():
+            raise BadValue("body.base", self.body.base.tolist(), "expected 1 for every parameter that is not zero")
+        covariance = self.uncertainty.covariance
+        symmetric = np.allclose(covariance, covariance.T, rtol=_ROUNDING, atol=0.0)
+        size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        scaled = covariance / np.maximum(size[:, None] * size, np.finfo(float).tiny)
+        if not symmetric or np.linalg.eigvalsh(scaled).min() < -_SAME:
+            raise BadValue("uncertainty.covariance", None, "expected a symmetric matrix without negative eigenvalues")
+        return self
+
+
+def format_calibration(result: ArmCalibration) -> str:
+    """The text of a calibration file; `parse_calibration` gives back the same numbers.
+
+    Args:
+        result: What to write.
+    """
+    array, text, body = toml_text.array, toml_text.text, result.body
+    unit = "N m per A of motor current" if result.effort is Effort.CURRENT else "N m per N m that a drive reports"
+    lines = [
+        f"# Axis torque behind the gear: {unit}. Residual and effort are in N m by the nominal gains.",
+        "[arm]",
+        f"robot = {text(result.robot)}",
+        f"kinematics_sha256 = {text(result.kinematics_sha256)}",
+        f"effort = {text(result.effort)}",
+        f"warnings = [{', '.join(text(warning) for warning in result.warnings)}]",
+        "",
+        "[gains]",
+        f"gain = {array(result.gain_nm_a)}",
+        f"half_width_95 = {array(result.gain_half_width_95)}",
+        f"nominal = {array(result.nominal)}",
+        "",
+        "# The drift is one standard deviation of what a run's friction differs by from that of the others.",
+        "[friction]",
+        f"coulomb_nm = {array(body.coulomb_nm)}",
+        f"viscous_nm_s_rad = {array(body.viscous_nm_s_rad)}",
+        f"root_nm = {array(body.root_nm)}",
+        f"load_friction = {array(body.load_friction)}",
+        f"reversal_speed_rad_s = {array(body.reversal_speed_rad_s)}",
+        f"coulomb_drift_nm = {array(result.drift[0])}",
+        f"viscous_drift_nm_s_rad = {array(result.drift[1])}",
+        f"offset_drift_nm = {array(result.drift[2])}",
+        "",
+        "# Base parameters: their sum is the arm's torque, the single numbers are no link's mass or inertia.",
+        "# Per link in its joint frame: m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.",
+        "[body]",
+        f"links = {array(body.links)}",
+        f"base = {array(body.base.astype(float))}",
+        f"rotor_inertia_kg_m2 = {array(body.rotor_inertia_kg_m2)}",
+        f"torque_delay_s = {toml_text.number(body.torque_delay_s)}",
+        f"tilt_rad = {array(result.tilt_rad)}",
+        f"coupling = {array(body.coupling)}",
+        "",
+        "[fit]",
+        f"residual_nm = {array(result.noise_nm)}",
+        f"effort_nm = {array(result.level_nm)}",
+        "",
+    ]
+    for payload in result.payloads:
+        lines += ["[[payloads]]", f"mounting = {text(payload.mounting)}"]
+        if np.isfinite(payload.weighed_kg):
+            lines.append(f"weighed_kg = {toml_text.number(payload.weighed_kg)}")
+        lines += [f"theta = {array(payload.theta)}", f"deviation = {array(payload.deviation)}", ""]
+    for run in result.runs:
+        lines += [
+            "[[runs]]",
+            f"name = {text(run.name)}",
+            f"mounting = {text(run.mounting)}",
+            f"recorded = {text(run.recorded)}",
+            f"residual_rms_nm = {array(run.residual_rms_nm)}",
+            f"off = {toml_text.number(run.off)}",
+            f"friction_changes = {array(run.friction_changes)}",
+            f"influence = {array(run.influence)}",
+            f"rows = {run.rows}",
+            f"struck = {run.struck}",
+            "",
+        ]
+    for name, reason in result.left_out:
+        lines += ["[[left_out]]", f"name = {text(name)}", f"reason = {text(reason)}", ""]
+    lines += [
+        "# Of ln gain, base parameters, rotors, load, Coulomb, viscous and root friction, delay (s), tilt (rad).",
+        "[uncertainty]",
+        f"covariance = {array(result.covariance)}",
+        "",
+        *provenance_lines(
+            result.provenance.armload_version,
+            result.provenance.configuration_sha256,
+            result.provenance.recordings_sha256,
+        ),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def write_calibration(path: Path, result: ArmCalibration) -> None:
+    """Write a calibration file.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        result: What to write.
+
+    Raises:
+        CalibrationFileError: the file cannot be written.
+    """
+    try:
+        replace_file(path, format_calibration(result))
+    except OSError as problem:
+        raise CalibrationFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
+
+
+def read_calibration(path: Path) -> ArmCalibration:
+    """Read a calibration file.
+
+    Args:
+        path: TOML as `format_calibration` writes it.
+
+    Raises:
+        CalibrationFileError: not readable, incomplete or contradictory, naming file, key and value.
+    """
+    return parse_calibration(read_text(path, CalibrationFileError), str(path))
+
+
+def parse_calibration(content: str, source: str = "calibration") -> ArmCalibration:
+    """A calibration from the text of its file.
+
+    Args:
+        content: TOML.
+        source: What messages call it.
+
+    Raises:
+        CalibrationFileError: naming source, key, value and what was expected.
+    """
+    tables = parse(content, source, _CalibrationFile, CalibrationFileError)
+    body, friction = tables.body, tables.friction
+    zero = np.zeros(len(tables.gains.gain))
+    try:
+        model = BodyModel(
+            links=body.links,
+            base=np.asarray(body.base > 0.5),
+            rotor_inertia_kg_m2=body.rotor_inertia_kg_m2,
+            coulomb_nm=friction.coulomb_nm,
+            viscous_nm_s_rad=friction.viscous_nm_s_rad,
+            root_nm=friction.root_nm,
+            offset_nm=zero,
+            stribeck_nm=zero,
+            stribeck_velocity_rad_s=zero + 1.0,
+            load_friction=friction.load_friction,
+            torque_delay_s=body.torque_delay_s,
+            reversal_speed_rad_s=friction.reversal_speed_rad_s,
+            coupling=body.coupling,
+        )
+    except ModelError as problem:
+        raise CalibrationFileError(source, "body", {}, str(problem)) from problem
+    result = ArmCalibration(
+        robot=tables.arm.robot,
+        effort=Effort(tables.arm.effort),
+        gain_nm_a=tables.gains.gain,
+        nominal=tables.gains.nominal,
+        body=model,
+        tilt_rad=body.tilt_rad,
+        covariance=tables.uncertainty.covariance,
+        drift=np.stack([friction.coulomb_drift_nm, friction.viscous_drift_nm_s_rad, friction.offset_drift_nm]),
+        noise_nm=tables.fit.residual_nm,
+        level_nm=tables.fit.effort_nm,
+        payloads=tuple(
+            CalibratedPayload(
+                entry.mounting,
+                float("nan") if entry.weighed_kg is None else entry.weighed_kg,
+                entry.theta,
+                entry.deviation,
+            )
+            for entry in tables.payloads
+        ),
+        runs=tuple(CalibratedRun(**{key: getattr(run, key) for key in _RunTable.model_fields}) for run in tables.runs),
+        left_out=tuple((entry.name, entry.reason) for entry in tables.left_out),
+        warnings=tuple(tables.arm.warnings),
+        kinematics_sha256=tables.arm.kinematics_sha256,
+        provenance=tables.provenance.provenance(),
+    )
+    _require_width(source, tables.gains.half_width_95, result.gain_half_width_95)
+    return result
+
+
+def _require_width(source: str, written: FloatArray, wanted: FloatArray) -> None:
+    """Refuse an interval that does not belong to the covariance."""
+    if not np.allclose(written, wanted, rtol=_SAME, atol=0.0):
+        raise CalibrationFileError(
+            source,
+            "gains.half_width_95",
+            written.tolist(),
+            f"expected what [uncertainty] gives, {wanted.round(6).tolist()}; calibrate again instead of editing",
+        )

@@ -1,0 +1,60 @@
+"""`armload calibrate`: what it is given, and what it says where that makes no sense."""
+
+from __future__ import annotations
+
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.config.robot_runs import is_run_table, read_runs
+from armload_identification.identification_errors import CalibrationFileError, ModelError, RunTableError
+
+
+@pytest.fixture
+def ur10e():
+    return load_robot("ur10e")
+
+
+def test_a_table_is_told_from_a_recording(tmp_path):
+    table, log = tmp_path / "runs.csv", tmp_path / "log.csv"
+    table.write_bytes(b"\xef\xbb\xbfmounting, recording ,mass_kg\r\n")
+    log.write_text("0.0,1.0,2.0\n")
+    assert is_run_table(table)
+    assert not is_run_table(log)
+    assert not is_run_table(tmp_path / "none.csv")
+
+
+def test_a_recording_that_does_not_say_what_it_carried_is_named(ur10e, tmp_path):
+    log = tmp_path / "log.csv"
+    row = ",".join(["0.01"] * 31)
+    log.write_text("\n".join(f"{0.01 * i},{row}" for i in range(100)))
+    found = read_runs(ur10e, [log])
+    assert found.runs == ()
+    ((name, reason),) = found.left_out
+    assert name == "log.csv"
+    assert "give a table of runs" in reason
+
+
+def test_a_table_among_recordings_is_refused(ur10e, tmp_path):
+    table = tmp_path / "runs.csv"
+    table.write_text("recording,mounting,mass_kg\na.csv,,\n")
+    with pytest.raises(RunTableError, match="a table of runs is given alone"):
+        read_runs(ur10e, [table, tmp_path / "log.csv"])
+
+
+def test_nothing_usable_is_an_error_that_names_everything(armload, tmp_path):
+    table = tmp_path / "runs.csv"
+    table.write_text("recording,mounting,mass_kg\na.csv,,\nb.csv,disc,2.0\n")
+    result = armload("calibrate", "ur10e", table, "-o", tmp_path / "arm.toml")
+    assert result.exit_code == 1
+    assert "no recording can be used" in str(result.exception)
+    assert "a.csv" in str(result.exception)
+    assert "b.csv" in str(result.exception)
+    assert not (tmp_path / "arm.toml").exists()
+
+
+def test_a_calibration_that_is_none_is_refused(armload, tmp_path):
+    wrong = tmp_path / "arm.toml"
+    wrong.write_text("[arm]\n")
+    result = armload("identify", "ur10e", "--loaded", wrong, "--calibration", wrong)
+    assert result.exit_code == 1
+    assert isinstance(result.exception, (CalibrationFileError, ModelError, Exception))

@@ -1,0 +1,341 @@
+"""One arm from many runs: Pinocchio's torque through wrong gains, on a base that is not level, found again."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.calibration.arm_calibration import Effort
+from armload_identification.calibration.arm_rows import tilt_axes
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.identification_errors import EstimationError, ModelError
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters
+from armload_identification.pipeline.payload_identification import identify
+from armload_identification.signals.joint_torque import Transmission
+
+pytestmark = pytest.mark.pure
+
+WRONG = np.array([1.03, 0.96, 1.05, 0.97, 1.02, 0.98])
+LOAD_FRICTION = 0.06
+
+
+def leaning(chain, tilt_rad):
+    """The chain under gravity that leans by two angles."""
+    size = np.linalg.norm(chain.gravity_m_s2)
+    gravity = chain.gravity_m_s2 + size * np.asarray(tilt_rad) @ tilt_axes(chain.gravity_m_s2)
+    return size * gravity / np.linalg.norm(gravity)
+
+
+@pytest.fixture(scope="module")
+def nominal(pinocchio_arm):
+    """Gains as somebody believes them; the arm's own are these times WRONG."""
+    return Transmission(pinocchio_arm.transmission.gain_nm_a / WRONG, pinocchio_arm.transmission.coupling)
+
+
+@pytest.fixture(scope="module")
+def other(pinocchio_arm):
+    """The same arm with another payload."""
+    arm = type(pinocchio_arm)()
+    arm.payload = InertialParameters.from_center_of_mass(2.5, [-0.06, 0.09, 0.12], 0.02 * np.eye(3))
+    return arm
+
+
+@pytest.fixture(scope="module")
+def runs(pinocchio_arm, other):
+    """Six runs on two trajectories: empty, with a weighed payload, and with one that is not."""
+    made = []
+    for seed in (3, 4):
+        trajectory = pinocchio_arm.trajectory(seed, period_s=10.0)
+        for name, arm in (("", pinocchio_arm), ("weighed", pinocchio_arm), ("other", other)):
+            run = arm.run(
+                trajectory, bool(name), seed=10 * seed + len(name), load_friction=LOAD_FRICTION, with_phase=False
+            )
+            made.append(MountedRun(named(run, f"{name or 'empty'}{seed}"), name))
+    return made
+
+
+@pytest.fixture(scope="module")
+def weighed(pinocchio_arm):
+    return {"weighed": WeighedPayload(pinocchio_arm.payload.mass_kg)}
+
+
+def named(run, name):
+    return replace(run, source=replace(run.source, path=run.source.path.with_name(f"{name}.mcap"), sha256=name))
+
+
+def calibrated(runs, weighed, arm, nominal, chain=None, **more):
+    return calibrate_arm(
+        runs,
+        weighed,
+        chain or arm.chain,
+        nominal,
+        robot="test",
+        armload_version="0",
+        configuration_sha256="c" * 64,
+        **more,
+    )
+
+
+@pytest.fixture(scope="module")
+def result(runs, weighed, pinocchio_arm, nominal):
+    return calibrated(runs, weighed, pinocchio_arm, nominal)
+
+
+def changed(runs, index, **recording):
+    """The same runs, one of them with other signals."""
+    out = list(runs)
+    out[index] = replace(out[index], recording=replace(out[index].recording, **recording))
+    return out
+
+
+def test_gains_friction_and_payloads_are_found_within_their_intervals(result, pinocchio_arm, other):
+    assert result.effort is Effort.CURRENT
+    assert result.left_out == ()
+    assert result.warnings == ()
+    assert result.scale_weighed
+    truth = pinocchio_arm.transmission.gain_nm_a
+    np.testing.assert_allclose(result.gain_nm_a, truth, rtol=0.015)
+    z = np.log(result.gain_nm_a / truth) / result.gain_deviation
+    assert (np.abs(z) < 3.0).all(), z
+    assert result.determined.all()
+    np.testing.assert_allclose(result.body.load_friction[1:4], LOAD_FRICTION, atol=0.01)
+    payloads = {payload.mounting: payload for payload in result.payloads}
+    for name, arm in (("weighed", pinocchio_arm), ("other", other)):
+        found = payloads[name]
+        error = (found.theta - arm.payload.theta)[:4]
+        assert (np.abs(error) < 3.0 * found.deviation[:4] + 1e-6).all(), (name, error, found.deviation[:4])
+    assert payloads["other"].theta[0] == pytest.approx(other.payload.mass_kg, rel=0.01)
+    assert np.isnan(payloads["other"].weighed_kg)
+
+
+def test_an_unused_run_of_the_empty_arm_is_predicted(result, pinocchio_arm):
+    state = pinocchio_arm.trajectory(8, period_s=10.0).evaluate(np.linspace(0.0, 10.0, 500))
+    q, dq, ddq = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
+    truth = pinocchio_arm.torque(q, dq, ddq, load_friction=LOAD_FRICTION)
+    moving = np.abs(dq) > 0.1
+    error = np.where(moving, result.body.torque(result.level(pinocchio_arm.chain), q, dq, ddq) - truth, 0.0)
+    assert (np.sqrt(np.mean(error**2, axis=0)) < 0.02 * np.sqrt(np.mean(truth**2, axis=0)) + 0.1).all()
+
+
+def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nominal):
+    arm = type(pinocchio_arm)()
+    arm.payload = InertialParameters.from_center_of_mass(3.3, [0.08, 0.02, 0.10], 0.03 * np.eye(3))
+    trajectory = arm.trajectory(6, period_s=10.0)
+    loaded, unloaded = (
+        arm.run(trajectory, load, seed=70 + load, load_friction=LOAD_FRICTION, with_phase=False)
+        for load in (True, False)
+    )
+    before = identify(loaded, unloaded, arm.chain, nominal)
+    level, transmission = result.level(arm.chain), result.transmission(nominal)
+    known = result.known_arm(arm.chain)
+    pair = identify(loaded, unloaded, level, transmission, arm=known)
+    alone = identify(loaded, None, level, transmission, arm=known)
+    assert abs(before.parameters.mass_kg / 3.3 - 1.0) > 0.01
+    assert pair.uncertainty.half_width_95[0] < 0.2 * before.uncertainty.half_width_95[0]
+    for found in (pair, alone):
+        assert found.parameters.mass_kg == pytest.approx(3.3, rel=0.01)
+        error = np.abs(found.uncertainty.values - arm.payload.values)[:4]
+        assert (error < 1.5 * found.uncertainty.half_width_95[:4]).all()
+        assert not any("nominal" in note for note in found.notes)
+    assert alone.uncertainty.half_width_95[0] > pair.uncertainty.half_width_95[0]
+
+
+def test_whole_periods_and_reported_torque_are_calibrated_too(pinocchio_arm, nominal):
+    """Drives that report torque believe in wrong gains as well; periods are averaged."""
+    made = []
+    for seed in (3, 4):
+        trajectory = pinocchio_arm.trajectory(seed, period_s=10.0)
+        for load in (False, True):
+            run = pinocchio_arm.run(trajectory, load, seed=10 * seed + load, load_friction=LOAD_FRICTION)
+            axis = run.current_a * nominal.gain_nm_a
+            torque = axis @ np.linalg.inv(nominal.coupling)
+            run = named(replace(run, current_a=None, torque_nm=torque), f"{seed}{load}")
+            made.append(MountedRun(run, "weighed" if load else ""))
+    found = calibrated(made, {"weighed": WeighedPayload(pinocchio_arm.payload.mass_kg)}, pinocchio_arm, nominal)
+    assert found.effort is Effort.TORQUE
+    np.testing.assert_array_equal(found.nominal, 1.0)
+    assert (np.abs(np.log(found.gain_nm_a / WRONG)) < 3.0 * found.gain_deviation).all()
+    np.testing.assert_allclose(found.gain_nm_a[1:], WRONG[1:], rtol=0.02)
+    transmission = found.transmission(nominal)
+    loaded, unloaded = made[1].recording, made[0].recording
+    known = found.known_arm(pinocchio_arm.chain)
+    payload = identify(loaded, unloaded, found.level(pinocchio_arm.chain), transmission, arm=known)
+    assert payload.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
+
+
+def test_a_base_that_is_not_level_is_found(pinocchio_arm, nominal, weighed):
+    """Tilting gravity turns the whole arm: the runs are made by an arm whose gravity leans."""
+    tilt = np.radians([0.6, -0.4])
+    arm = LeaningArm(leaning(pinocchio_arm.chain, tilt))
+    made = []
+    for seed in (3, 4, 5):
+        trajectory = arm.trajectory(seed, period_s=10.0)
+        for load in (False, True):
+            run = arm.run(trajectory, load, seed=10 * seed + load, with_phase=False, noise=0.2)
+            made.append(MountedRun(named(run, f"{seed}{load}"), "weighed" if load else ""))
+    found = calibrated(made, weighed, pinocchio_arm, nominal)
+    np.testing.assert_allclose(found.tilt_rad, tilt, atol=np.radians(0.15))
+    assert (np.abs(found.tilt_rad - tilt) < 4.0 * found.deviation("tilt")).all()
+    np.testing.assert_allclose(found.level(pinocchio_arm.chain).gravity_m_s2, arm.gravity, atol=0.03)
+
+
+@pytest.mark.parametrize(("gravity", "how"), [((0.0, 0.0, 9.81), "on the floor"), ((0.0, 9.81, 0.0), "on the floor")])
+def test_a_mounting_that_was_entered_wrongly_is_named(runs, weighed, pinocchio_arm, nominal, gravity, how):
+    chain = pinocchio_arm.chain
+    wrong = Chain(chain.placement, chain.axis, chain.flange, np.array(gravity))
+    with pytest.raises(EstimationError, match=f"mounted {how}, gravity_m_s2 = .0.0, 0.0, -9.81."):
+        calibrated(runs, weighed, pinocchio_arm, nominal, wrong)
+
+
+def scaled(run, joint, factor):
+    return {"current_a": run.recording.current_a * np.where(np.arange(6) == joint, factor, 1.0)}
+
+
+def exchanged(run, one, other):
+    order = np.arange(6)
+    order[[one, other]] = order[[other, one]]
+    return {
+        "position_rad": run.recording.position_rad[:, order],
+        "current_a": run.recording.current_a[:, order],
+    }
+
+
+def turned(run, joint):
+    sign = np.where(np.arange(6) == joint, -1.0, 1.0)
+    return {"position_rad": run.recording.position_rad * sign, "current_a": run.recording.current_a * sign}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda run: scaled(run, 1, 1.2), "joint 2 reports 1.2[01] times its effort"),
+        (lambda run: exchanged(run, 1, 2), "joints 2 and 3 are exchanged"),
+        (lambda run: turned(run, 2), "position and effort of joint 3 count the other way"),
+    ],
+)
+def test_a_run_that_contradicts_the_others_is_named_with_its_mistake(
+    runs, weighed, pinocchio_arm, nominal, result, change, said
+):
+    found = calibrated(changed(runs, 3, **change(runs[3])), weighed, pinocchio_arm, nominal)
+    ((name, reason),) = found.left_out
+    assert name == "empty4.mcap"
+    assert re.search(said, reason), reason
+    assert (np.abs(np.log(found.gain_nm_a / result.gain_nm_a)) < 3.0 * result.gain_deviation).all()
+
+
+def test_a_run_with_another_payload_than_said_is_named(runs, weighed, pinocchio_arm, nominal):
+    lied = [replace(run, mounting="") if run.recording.source.path.name == "weighed3.mcap" else run for run in runs]
+    found = calibrated(lied, weighed, pinocchio_arm, nominal)
+    ((name, reason),) = found.left_out
+    assert name == "weighed3.mcap"
+    assert re.search(r"it carries 4\.(19|2)", reason), reason
+    assert "not nothing" in reason
+
+
+def test_a_sign_that_is_flipped_is_named(runs, weighed, pinocchio_arm, nominal):
+    found = calibrated(changed(runs, 0, **scaled(runs[0], 1, -1.0)), weighed, pinocchio_arm, nominal)
+    ((name, reason),) = found.left_out
+    assert name == "empty3.mcap"
+    assert "joint 2" in reason
+    assert "flipped" in reason
+
+
+def test_a_wrong_mass_is_named_with_how_far_it_is_off(runs, pinocchio_arm, other, nominal):
+    masses = {"weighed": pinocchio_arm.payload.mass_kg, "other": 1.3 * other.payload.mass_kg}
+    found = calibrated(runs, {k: WeighedPayload(v) for k, v in masses.items()}, pinocchio_arm, nominal)
+    assert any("mounting 'other': 3.250 kg was entered, everything else says" in text for text in found.warnings)
+
+
+def test_a_payload_that_is_known_whole_narrows_the_wrist(runs, weighed, pinocchio_arm, nominal, result):
+    whole = {"weighed": WeighedPayload(pinocchio_arm.payload.mass_kg, pinocchio_arm.payload)}
+    found = calibrated(runs, whole, pinocchio_arm, nominal)
+    assert (found.gain_deviation[3:] < result.gain_deviation[3:]).all()
+    assert (np.abs(np.log(found.gain_nm_a / pinocchio_arm.transmission.gain_nm_a)) < 3.0 * found.gain_deviation).all()
+
+
+def test_without_a_weighed_mass_the_scale_is_the_priors(runs, pinocchio_arm, nominal, result):
+    found = calibrated(runs, {}, pinocchio_arm, nominal)
+    assert not found.scale_weighed
+    assert any("no payload was weighed" in text for text in found.warnings)
+    assert found.gain_deviation[1] > 3.0 * result.gain_deviation[1]
+    ratio = found.gain_nm_a[2] / found.gain_nm_a[1]
+    truth = pinocchio_arm.transmission.gain_nm_a
+    assert ratio == pytest.approx(truth[2] / truth[1], rel=0.01)
+
+
+def test_a_joint_that_never_moves_keeps_its_gain_and_is_named(pinocchio_arm, nominal, weighed):
+    made = []
+    for seed in (3, 4):
+        trajectory = pinocchio_arm.trajectory(seed, period_s=10.0)
+        still = np.where(np.arange(6)[:, None] == 5, 0.0, 1.0)
+        trajectory = replace(trajectory, sin_rad=still * trajectory.sin_rad, cos_rad=still * trajectory.cos_rad)
+        for load in (False, True):
+            run = pinocchio_arm.run(trajectory, load, seed=10 * seed + load, with_phase=False)
+            position = run.position_rad.copy()
+            position[:, 5] = position[0, 5]
+            made.append(
+                MountedRun(named(replace(run, position_rad=position), f"{seed}{load}"), "weighed" if load else "")
+            )
+    found = calibrated(made, weighed, pinocchio_arm, nominal)
+    assert any("joint 6 never moves" in text for text in found.warnings)
+    assert found.determined.tolist() == [True] * 5 + [False]
+    assert found.gain_nm_a[5] == pytest.approx(nominal.gain_nm_a[5], rel=1e-6)
+    assert found.gain_deviation[5] > 0.04
+
+
+def test_runs_that_cannot_be_used_are_named_and_left_out(runs, weighed, pinocchio_arm, nominal, result):
+    short = MountedRun(named(runs[0].recording.rows(np.arange(len(runs[0].recording.time_s)) < 150), "short"), "")
+    five = runs[0].recording
+    five = MountedRun(
+        named(replace(five, position_rad=five.position_rad[:, :5], current_a=five.current_a[:, :5]), "five"), ""
+    )
+    torque = runs[0].recording
+    torque = MountedRun(named(replace(torque, torque_nm=torque.current_a, current_a=None), "torque"), "")
+    found = calibrated(
+        [*runs, short, five, torque], weighed, pinocchio_arm, nominal, left_out=[("lost.csv", "no such file")]
+    )
+    reasons = dict(found.left_out)
+    assert set(reasons) == {"lost.csv", "short.mcap", "five.mcap", "torque.mcap"}
+    assert "expected 3 s or more" in reasons["short.mcap"]
+    assert "5 joints" in reasons["five.mcap"]
+    assert "it holds torque, most runs hold current" in reasons["torque.mcap"]
+    np.testing.assert_allclose(found.gain_nm_a, result.gain_nm_a, rtol=1e-9)
+    with pytest.raises(EstimationError, match="no recording can be used"):
+        calibrated([short, five], weighed, pinocchio_arm, nominal)
+
+
+def test_progress_ends_where_it_said(runs, weighed, pinocchio_arm, nominal):
+    steps = []
+    calibrated(runs, weighed, pinocchio_arm, nominal, progress=lambda done, total: steps.append((done, total)))
+    done = [step[0] for step in steps]
+    assert done == sorted(done)
+    assert steps[-1][0] == steps[-1][1]
+
+
+def test_another_arm_is_refused(result, pinocchio_arm):
+    chain = pinocchio_arm.chain
+    result.require_arm(chain, pinocchio_arm.transmission.coupling)
+    hung = Chain(chain.placement, chain.axis, chain.flange, -chain.gravity_m_s2)
+    with pytest.raises(ModelError, match="mounted differently"):
+        result.require_arm(hung, pinocchio_arm.transmission.coupling)
+    with pytest.raises(ModelError, match="coupled differently"):
+        result.require_arm(chain, np.eye(6))
+
+
+def LeaningArm(gravity):  # noqa: N802 - stands for a class
+    """The Pinocchio arm of `conftest`, whose gravity leans."""
+    from tests.unit.conftest import PinocchioArm
+
+    class Leaning(PinocchioArm):
+        def _model(self, payload):
+            model = super()._model(payload)
+            model.gravity.linear = self.gravity
+            return model
+
+    arm = Leaning()
+    arm.gravity = gravity
+    return arm

@@ -1,0 +1,124 @@
+"""The calibration file and the table of runs: what is written reads back, what is wrong is named."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.files.calibration_file import (
+    format_calibration,
+    parse_calibration,
+    read_calibration,
+    write_calibration,
+)
+from armload_identification.files.run_table import parse_run_table, read_run_table
+from armload_identification.identification_errors import CalibrationFileError, RunTableError
+
+pytestmark = pytest.mark.pure
+
+
+@pytest.fixture(scope="module")
+def result(pinocchio_arm):
+    trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
+    runs = [
+        MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
+        for load in (False, True)
+    ]
+    return calibrate_arm(
+        runs,
+        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
+        pinocchio_arm.chain,
+        pinocchio_arm.transmission,
+        robot="six",
+        armload_version="1.2.3",
+        configuration_sha256="c" * 64,
+        left_out=[("lost.csv", 'it is "gone"')],
+    )
+
+
+@pytest.fixture(scope="module")
+def text(result):
+    return format_calibration(result)
+
+
+def test_the_file_gives_back_the_same_calibration(result, text, tmp_path):
+    path = tmp_path / "arm.calibration.toml"
+    write_calibration(path, result)
+    back = read_calibration(path)
+    assert path.read_text() == text == format_calibration(back)
+    for field in fields(result):
+        one, other = getattr(result, field.name), getattr(back, field.name)
+        if isinstance(one, np.ndarray):
+            np.testing.assert_array_equal(other, one)
+    assert back.left_out == (("lost.csv", 'it is "gone"'),)
+    assert back.provenance == result.provenance
+    assert back.payloads[0].weighed_kg == result.payloads[0].weighed_kg
+    np.testing.assert_array_equal(back.body.links, result.body.links)
+    np.testing.assert_array_equal(back.body.root_nm, result.body.root_nm)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[gains]", "[gain]", "gains is missing"),
+        ("gain = [", "gain = [-", "gains.gain .* expected numbers above 0"),
+        ("nominal = [12.0, ", "nominal = [", "gains.nominal"),
+        ("half_width_95 = [", "half_width_95 = [1", "gains.half_width_95 .* calibrate again instead of editing"),
+        ('effort = "current"', 'effort = "force"', "arm.effort .* expected current or torque"),
+        ("torque_delay_s = ", "torque_delay_ms = ", "torque_delay_s is missing"),
+        ("tilt_rad = [", "tilt_rad = [0.0, ", "body.tilt_rad"),
+        ("reversal_speed_rad_s = [", "reversal_speed_rad_s = [-", "above 0"),
+        ("covariance = [\n    [", "covariance = [\n    [-", "uncertainty.covariance"),
+        ("struck = 0", "struck = 0\ncolour = 3", "colour"),
+    ],
+)
+def test_a_wrong_file_is_refused_by_key(text, old, new, said):
+    assert old in text
+    with pytest.raises(CalibrationFileError, match=said):
+        parse_calibration(text.replace(old, new, 1))
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(CalibrationFileError, match=r"none\.toml: cannot be read"):
+        read_calibration(tmp_path / "none.toml")
+
+
+def test_a_table_of_runs():
+    rows = parse_run_table(
+        "recording, mounting, mass_kg, payload\na.mcap,,,\n\n# by hand\nsub/b.csv, disc, 2.805\nc.csv,tool,,t.toml\n",
+        "runs.csv",
+        Path("/data"),
+    )
+    assert [row.recording for row in rows] == [Path("/data/a.mcap"), Path("/data/sub/b.csv"), Path("/data/c.csv")]
+    assert [row.mounting for row in rows] == ["", "disc", "tool"]
+    assert [row.mass_kg for row in rows] == [None, 2.805, None]
+    assert rows[2].payload == Path("/data/t.toml")
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("", "the header has to name recording, mounting, mass_kg"),
+        ("recording,mounting,mass\n", "'mass'"),
+        ("recording,mounting,mass_kg\n", "the table has no rows"),
+        ("recording,mounting,mass_kg\n,disc,2\n", "line 2, recording"),
+        ("recording,mounting,mass_kg\na,disc,heavy\n", "line 2, mass_kg is 'heavy': expected a number above 0"),
+        ("recording,mounting,mass_kg\na,disc,nan\n", "line 2, mass_kg"),
+        ("recording,mounting,mass_kg\na,,2.8\n", "line 2, mounting .* has to name its mounting"),
+        ("recording,mounting,mass_kg\na,,\na,,\n", "each recording once"),
+        ("recording,mounting,mass_kg\na,disc,2.8\nb,disc,2.9\n", "expected 2.8 as in another row"),
+        ("recording,mounting,mass_kg\na,disc,2.8,x,y\n", "line 2 .* expected 3 columns"),
+    ],
+)
+def test_a_table_that_makes_no_sense_is_refused_by_line(table, said):
+    with pytest.raises(RunTableError, match=said):
+        parse_run_table(table, "runs.csv", Path())
+
+
+def test_a_table_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(RunTableError, match="cannot be read"):
+        read_run_table(tmp_path / "none.csv")
