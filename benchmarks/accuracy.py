@@ -15,6 +15,7 @@ def main() -> int:
     """Run everything; the exit status is 1 where a criterion is not met."""
     tally, census = Tally(), Census()
     real_currents.run(tally, census)
+    operating_curve.run_measured(tally)
     with workers() as pool:
         speed.run(tally, pool)
         other_payloads.run(tally, pool, Twin.NORMATIVE, census)

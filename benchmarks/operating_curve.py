@@ -4,6 +4,9 @@ Every commissioning is made as the program makes it, an identification and a val
 on the normative plant, both with noise of their own; the validation of one seed also judges the payload of the next, so
 that a right payload is judged twice as often as there are seeds. A wrong payload is the identified one with its mass
 changed, inertia with it, or its centre of mass moved along one of the flange's axes.
+
+On the measured arm the first half of a pair of runs stands for the identification and the second for the validation,
+and the other way round; every half meets every error.
 """
 
 from __future__ import annotations
@@ -17,10 +20,15 @@ from numpy.typing import ArrayLike
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_drivers.simulation.plant_spec import RigidBody
+from armload_identification.calibration.drive_gains import calibrate_gains
+from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
+from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.agreement import Agreement, Known, Outcome, Tolerance, compare_known
 from benchmarks.bodies import ER50_PAYLOADS
+from benchmarks.real_currents import FOLDER, MASS_KG, Pair, measured_pairs
 from benchmarks.recordings import record
 from benchmarks.setups import Twin, setup_of, shipped_motion
 from benchmarks.statistics import Census
@@ -39,7 +47,9 @@ CENTER_ERROR_M = 0.010
 MASS_CURVE = (0.0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)
 CENTER_CURVE_M = (0.002, 0.005, 0.010, 0.015, 0.020)
 FAR_OFF = (0.5, 0.9, 1.1)
+FAR_ERROR = 0.05
 SIMULATED_PAYLOADS = {"er50": ("paper",), "prbt": ("gripper", "block")}
+DIRECTIONS = np.vstack([np.eye(3), -np.eye(3)])
 ROLES = ("identification", "validation")
 
 
@@ -58,23 +68,69 @@ class Commissioning:
 
 def run(tally: Tally, pool: Executor, census: Census) -> None:
     """Curves and criteria of the simulated arms."""
-    tally.heading("7. The verdict: how often it is wrong / right / cannot tell, tolerance 2 % and 10 mm")
+    tally.heading("7. The verdict on simulated arms: wrong / right / cannot tell in per cent, tolerance 2 % and 10 mm")
     er50 = load_robot("er50")
     spindle = next(payload for payload in ER50_PAYLOADS if payload.what == "spindle")
     body = spindle.rigid_body()
     made = commissionings(pool, census, er50, "er50, 10 kg", body, ER50_SEEDS)
     _judged(tally, "er50, 10 kg", made)
     made = commissionings(pool, census, er50, "er50, paper", _shipped(er50)[1], ER50_SEEDS // 2)
-    _curve("er50, the paper's 9.8 kg", made)
+    _curve("er50, the paper's 9.8 kg", made, _right(made))
     made = commissionings(pool, census, er50, "er50, gains nominal", body, ER50_SEEDS // 4, gain_spread=NOMINAL_SPREAD)
-    _curve("er50, 10 kg, gains nominal", made)
+    _curve("er50, 10 kg, gains nominal", made, _right(made))
     prbt = load_robot("prbt")
     for name in ("gripper", "block"):
         payload = prbt.simulation.plant_spec(name).payload
         if payload is not None:
             made = commissionings(pool, census, prbt, f"prbt, {name}", payload, PRBT_SEEDS)
-            _curve(f"prbt, {name}", made)
+            _curve(f"prbt, {name}", made, _right(made))
     _far_off(tally, pool, census)
+
+
+def run_measured(tally: Tally) -> None:
+    """Halves of the UR10e's pairs; skipped with the reason where the measured data are not beside the checkout."""
+    tally.heading("7. The verdict on the UR10e: halves of two pairs, 25 s each, wrong / right / cannot tell")
+    if not FOLDER.is_dir():
+        tally.postpone("the verdict on the UR10e", f"the measured recordings are not at {FOLDER}")
+        return
+    robot = load_robot("ur10e")
+    pairs = measured_pairs(robot)
+    weighed = KnownPayload(mass_kg=MASS_KG)
+    gains = {"nominal": robot.drives.transmission}
+    for name, pair in pairs.items():
+        calibration = calibrate_gains(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission, weighed)
+        gains[f"pair {name}'s"] = calibration.transmission
+    made: list[Commissioning] = []
+    for label, transmission in gains.items():
+        for name, pair in pairs.items():
+            first, second = (_half(pair, half, robot.chain, transmission) for half in (0, 1))
+            both = [Commissioning(first, second), Commissioning(second, first)]
+            every = [each for each in both for _ in DIRECTIONS]
+            _curve(f"pair {name}, gains: {label}", every, [judge(each.judged, each.measured) for each in both])
+            made += both
+    failed = sum(judge(each.judged, each.measured).outcome is Outcome.WRONG for each in made)
+    tally.judge("UR10e, halves: the right payload never fails", f"{failed} of {len(made)}", failed == 0)
+    noticed = [
+        judge(each.judged, each.measured, 1.0 + sense * FAR_ERROR).outcome is Outcome.WRONG
+        for each in made
+        for sense in (1, -1)
+    ]
+    tally.judge(
+        f"UR10e, halves: an error of {FAR_ERROR:.0%} of the mass always fails",
+        f"{sum(noticed)} of {len(noticed)}",
+        all(noticed),
+    )
+
+
+def _half(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> Known:
+    """What the first or the second half of a pair says."""
+    loaded, unloaded = (
+        run.rows((run.time_s >= middle_s) == bool(half))
+        for run in (pair.loaded, pair.unloaded)
+        for middle_s in (0.5 * (run.time_s[0] + run.time_s[-1]),)
+    )
+    result = identify(loaded, unloaded, chain, transmission)
+    return Known(result.parameters, result.mass_center)
 
 
 def commissionings(
@@ -123,8 +179,8 @@ def _known(setup: Setup, seed: int, arm: str) -> Known:
 
 def _judged(tally: Tally, name: str, made: Sequence[Commissioning]) -> None:
     """The curve with its criteria."""
-    _curve(name, made)
     right = _right(made)
+    _curve(name, made, right)
     failed = sum(result.outcome is Outcome.WRONG for result in right)
     allowed = FALSE_ALARMS_PER_400 * len(right) // 400
     tally.judge(
@@ -145,14 +201,11 @@ def _judged(tally: Tally, name: str, made: Sequence[Commissioning]) -> None:
         )
 
 
-def _curve(name: str, made: Sequence[Commissioning]) -> None:
+def _curve(name: str, made: Sequence[Commissioning], right: Sequence[Agreement]) -> None:
     """Wrong / right / cannot tell, in per cent, over the error."""
-    right = _right(made)
     kg = np.median([result.noticeable_kg for result in right])
     mm = 1e3 * np.median([result.noticeable_m for result in right])
-    print(
-        f"  {name}: {len(made)} commissionings; the smallest noticeable error is {kg:.3f} kg and {mm:.1f} mm (median)"
-    )
+    print(f"  {name}: smallest noticeable error {kg:.3f} kg and {mm:.1f} mm (median)")
     mass = [(f"{100.0 * error:g} %", right if error == 0.0 else _mass_errors(made, error)) for error in MASS_CURVE]
     center = [(f"{1e3 * error:g} mm", _center_errors(made, error)) for error in CENTER_CURVE_M]
     for row in (mass, center):
@@ -223,8 +276,10 @@ def _mass_errors(made: Sequence[Commissioning], share: float) -> list[Agreement]
 
 def _center_errors(made: Sequence[Commissioning], distance_m: float) -> list[Agreement]:
     """Centres of mass moved along x, y and z, to and fro, by turns."""
-    moves = [sense * distance_m * axis for axis in np.eye(3) for sense in (1.0, -1.0)]
-    return [judge(each.judged, each.measured, shift_m=moves[seed % 6]) for seed, each in enumerate(made)]
+    return [
+        judge(each.judged, each.measured, shift_m=distance_m * DIRECTIONS[seed % len(DIRECTIONS)])
+        for seed, each in enumerate(made)
+    ]
 
 
 def _shares(results: Sequence[Agreement]) -> str:
