@@ -21,7 +21,7 @@ import pinocchio as pin
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
-from armload_controller.cli.design_command import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
+from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
 from armload_controller.config.robot import Robot, load_robot
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.design import DesignResult, design

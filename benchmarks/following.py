@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armload_controller.cli.design_command import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
+from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, held_torque
 from armload_controller.motion.checked_path import check_path

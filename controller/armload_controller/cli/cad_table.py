@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from armload_controller.cli.result_tables import NOT_DETERMINED
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.drive_gains import GainCalibration
+from armload_identification.results.payload_text import NOT_DETERMINED
 from armload_identification.verdict.cad_comparison import Comparison
 
 PAPERS_NAMES = ("m", "c_x", "c_y", "c_z", "I_xx", "I_yy", "I_zz", "I_xy", "I_xz", "I_yz")

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import RobotArgument
 from armload_controller.cli.output_files import require_folder
 
@@ -22,6 +23,7 @@ def calibrate(
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Calibration file (TOML) to write.")],
+    as_json: JsonOption = False,
 ) -> None:
     """Calibrate an arm from all its runs: gains, body and friction, with intervals.
 
@@ -30,6 +32,7 @@ def calibrate(
     column mounting. Runs that cannot be used or contradict the others are left out and named.
     """
     from armload_controller.cli.calibration_tables import gains_table, runs_table
+    from armload_controller.cli.result_documents import calibration_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.config.robot_runs import read_runs
@@ -37,7 +40,7 @@ def calibrate(
     from armload_identification.files.calibration_file import write_calibration
 
     arm = load_robot(robot)
-    screen = Screen()
+    screen = Screen(as_json=as_json)
     require_folder(output)
     with screen.track("reading and calibrating", total=200) as done:
         read = read_runs(arm, runs, lambda count, total: done(100 * count // total))
@@ -60,3 +63,5 @@ def calibrate(
         screen.step(f"warning: {warning}")
     write_calibration(output, result)
     screen.step(f"written: {output}")
+    if as_json:
+        print_document(calibration_document(arm.name, arm.joint_names, result, output))

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import LoadedOption, RobotArgument, UnloadedOption
 from armload_controller.cli.output_files import require_folder
 from armload_controller.control_errors import ConfigurationError
@@ -20,9 +21,11 @@ def calibrate_gains(
     output: Annotated[Path, typer.Option("--output", "-o", help="Gains file (TOML) to write.")],
     payload: Annotated[Path | None, typer.Option(help="Payload file: all ten parameters are known.")] = None,
     mass_kg: Annotated[float | None, typer.Option(help="The payload was weighed; nothing else is known.")] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Calibrate the drive gains with a known payload."""
     from armload_controller.cli.cad_table import gains_table
+    from armload_controller.cli.result_documents import gains_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.config.robot_recordings import read_of
@@ -32,7 +35,7 @@ def calibrate_gains(
     from armload_identification.files.payload_file import read_payload
 
     arm = load_robot(robot)
-    screen = Screen()
+    screen = Screen(as_json=as_json)
     if (payload is None) == (mass_kg is None):
         raise ConfigurationError("command line", "--payload / --mass-kg", None, "exactly one of the two")
     known = KnownPayload(mass_kg=mass_kg) if payload is None else KnownPayload.weighed(read_payload(payload).model)
@@ -44,3 +47,5 @@ def calibrate_gains(
         screen.step(f"not told, kept nominal: {', '.join(untold)}; the payload pulls too little on them")
     write_gains(output, result, version("armload"), arm.sha256)
     screen.step(f"written: {output}")
+    if as_json:
+        print_document(gains_document(arm.name, arm.joint_names, result, output))

@@ -7,12 +7,13 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from datetime import UTC, datetime
 from enum import StrEnum
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armload_controller.cli.findings_output import require_not_wrong
+from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -23,7 +24,7 @@ from armload_controller.cli.options import (
     YesOption,
 )
 from armload_controller.cli.output_files import make_folder
-from armload_controller.cli.verdict_output import EXIT_WRONG, TOLERANCE, ToleranceOption, show_verdict, tolerance_of
+from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
 
@@ -33,7 +34,11 @@ if TYPE_CHECKING:
     from armload_controller.cycle.monitors import CycleSummary
     from armload_controller.session.run_session import Consent, Load
     from armload_identification.model.payload import InertialParameters
+    from armload_identification.results.findings import Findings
     from armload_identification.verdict.agreement import Tolerance
+
+
+PAYLOAD_NAME, REPORT_NAME = "payload.toml", "report.html"
 
 
 class Runs(StrEnum):
@@ -60,6 +65,7 @@ def commission(
     ] = None,
     yes: YesOption = False,
     tolerance: ToleranceOption = TOLERANCE,
+    as_json: JsonOption = False,
 ) -> None:
     """Run the arm empty and loaded, identify the payload, judge it, report. Exit status 3: the payload is wrong.
 
@@ -86,7 +92,7 @@ def commission(
         require_recordings(directory, Load.UNLOADED)
     make_folder(directory)
     control = MotionControl()
-    screen = Screen(Keyboard.of_this_process(control))
+    screen = Screen(Keyboard.of_this_process(control), as_json=as_json)
     halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
     todo = [load for load in halves[runs] if missing_roles(directory, load)]
     if not todo:
@@ -112,9 +118,15 @@ def commission(
             screen.step(_account(load, summaries, time.monotonic() - begun_s))
     if runs is Runs.UNLOADED:
         screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
+        if as_json:
+            print_document({"schema": "armload/commission-half/1", "files": {"directory": str(directory)}})
         return
     truth = arm.simulation.payload(arm.simulation.payload_name) if in_this_process else None
-    _evaluate(arm, directory, screen, truth, now, allowed)
+    findings = _evaluate(arm, directory, screen, truth, now, allowed)
+    if as_json:
+        files = {"directory": directory, "payload": directory / PAYLOAD_NAME, "report": directory / REPORT_NAME}
+        print_document(findings.to_dict() | {"files": {key: str(path) for key, path in files.items()}})
+    require_not_wrong(findings)
 
 
 def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) -> None:
@@ -145,51 +157,19 @@ def _evaluate(
     truth: InertialParameters | None,
     now: datetime,
     tolerance: Tolerance,
-) -> None:
-    """Identify on the first pair, judge on the second, write payload and report, show both.
-
-    Raises:
-        typer.Exit: with status 3, the payload is wrong.
-    """
-    from armload_controller.cli.result_tables import payload_table, possibility, validation_table
+) -> Findings:
+    """Identify on the first pair, judge on the second, write payload and report, show both."""
+    from armload_controller.analysis.robot_payload import identify
+    from armload_controller.cli.findings_output import show_findings
     from armload_controller.session.commissioning import ROLES, read_pair
-    from armload_identification.files.payload_file import write_payload
-    from armload_identification.pipeline.payload_identification import identify, payload_result
-    from armload_identification.pipeline.payload_validation import validate as validate_payload
-    from armload_identification.report.report import ReportSubject, write_report
-    from armload_identification.verdict.agreement import Outcome
-    from armload_identification.verdict.verdict_text import sentences
 
-    pairs = {role: read_pair(arm, directory, role) for role in ROLES}
-    chain, transmission = arm.chain, arm.drives.transmission
-    first, second = (pairs[role] for role in ROLES)
-    identification = identify(first.loaded, first.unloaded, chain, transmission)
-    payload = payload_result(identification, version("armload"), arm.sha256)
-    validation = validate_payload(second.loaded, second.unloaded, chain, transmission, payload, tolerance)
-    hashes = {recording.source.path.name: recording.source.sha256 for recording in (second.loaded, second.unloaded)}
-    provenance = payload.provenance
-    provenance = replace(provenance, recordings_sha256=provenance.recordings_sha256 | hashes)
-    payload = replace(payload, provenance=provenance)
-    payload_path, report_path = directory / "payload.toml", directory / "report.html"
-    write_payload(payload_path, payload)
-    subject = ReportSubject(
-        robot=arm.name,
-        description=arm.description,
-        joint_names=arm.joint_names,
-        created=f"{now:%Y-%m-%d %H:%M} UTC",
-        armload_version=version("armload"),
-        simulated=all(r.source.run().get("simulated", False) for p in pairs.values() for r in (p.loaded, p.unloaded)),
-        truth=truth,
-        payload=payload,
-    )
-    write_report(report_path, subject, identification, validation)
-    screen.table(payload_table(payload, truth))
-    screen.step(possibility(identification))
-    screen.table(validation_table(validation, arm.joint_names))
-    show_verdict(screen, validation.outcome, sentences(validation.verdict, arm.joint_names))
-    for note in identification.notes:
-        screen.step(f"note: {note}")
-    screen.step(f"payload: {payload_path}")
-    screen.step(f"report:  {report_path}")
-    if validation.outcome is Outcome.WRONG:
-        raise typer.Exit(EXIT_WRONG)
+    first, second = (read_pair(arm, directory, role) for role in ROLES)
+    pair = (second.loaded, second.unloaded)
+    findings = identify(arm, first.loaded, first.unloaded, validation=pair, tolerance=tolerance)
+    findings = replace(findings, truth=truth).with_validation_in_provenance()
+    findings.save(directory / PAYLOAD_NAME)
+    findings.report(directory / REPORT_NAME, now)
+    show_findings(screen, findings)
+    screen.step(f"payload: {directory / PAYLOAD_NAME}")
+    screen.step(f"report:  {directory / REPORT_NAME}")
+    return findings

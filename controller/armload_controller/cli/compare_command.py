@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, show_verdict, tolerance_of
 
 
@@ -14,9 +15,11 @@ def compare(
     payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file that was identified (TOML).")],
     cad: Annotated[Path, typer.Argument(metavar="CAD", help="Payload file with the true values (TOML).")],
     tolerance: ToleranceOption = TOLERANCE,
+    as_json: JsonOption = False,
 ) -> None:
     """Compare a payload with CAD: the verdict, and relative errors in the paper's convention."""
     from armload_controller.cli.cad_table import comparison_table
+    from armload_controller.cli.result_documents import comparison_document
     from armload_controller.cli.screen import Screen
     from armload_identification.files.payload_file import read_payload
     from armload_identification.verdict.agreement import compare_known
@@ -27,8 +30,10 @@ def compare(
     allowed = tolerance_of(tolerance)
     estimate, truth = read_payload(payload), read_payload(cad)
     result = compare_payloads(estimate, truth)
-    screen = Screen()
+    screen = Screen(as_json=as_json)
     screen.table(comparison_table(result))
-    screen.step("inertia about the frame's origin, products as the paper has them: ixy = +int xy dm")
+    screen.result("inertia about the frame's origin, products as the paper has them: ixy = +int xy dm")
     agreement = compare_known(known_payload(estimate), known_payload(truth), allowed)
     show_verdict(screen, agreement.outcome, agreement_sentences(agreement, "CAD gives"))
+    if as_json:
+        print_document(comparison_document(result, agreement))

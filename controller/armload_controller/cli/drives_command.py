@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.command_group import CommandGroup
+from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
 from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
 from armload_controller.motion.motion_control import MotionControl
@@ -35,18 +36,22 @@ def scan_command(
     interface: Annotated[str, typer.Option("--interface", help="python-can interface, such as socketcan.")],
     channel: Annotated[str, typer.Option("--channel", help="Channel of the interface, such as can0.")],
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")] = 1_000_000,
+    as_json: JsonOption = False,
 ) -> None:
     """Who is on the bus: identity, modes, and what safety would miss. Only reads."""
     from armload_controller.cli.drive_result_tables import found_table
+    from armload_controller.cli.result_documents import nodes_document
     from armload_controller.cli.screen import Screen
     from armload_controller.session.arm_access import VIRTUAL, open_bus
     from armload_drivers.bring_up.inspection import find_nodes
 
     if interface == VIRTUAL:
         raise UnsafeBus("nobody is on a virtual bus but this process: give the interface of a real one")
-    screen = Screen()
+    screen = Screen(as_json=as_json)
     with open_bus(interface, channel, bitrate) as bus:
         found = find_nodes(bus)
+    if as_json:
+        print_document(nodes_document(interface, channel, found))
     if not found:
         screen.step(f"nobody answers on {interface}:{channel} at {bitrate} bit/s")
         sys.exit(EXIT_WRONG)
@@ -60,21 +65,25 @@ def check_command(
     channel: ChannelOption = None,
     bitrate: BitrateOption = None,
     cycle_hz: CycleOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Everything of bring-up short of enabling, as a table per joint. Resets and configures the nodes it knows."""
     from armload_controller.cli.drive_result_tables import check_table
+    from armload_controller.cli.result_documents import checks_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_drivers.bring_up.drive_check import Verdict, check
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
-    screen = Screen()
+    screen = Screen(as_json=as_json)
     with _bus_of(arm) as bus:
         rows = check(arm.drives.settings, bus)
     screen.table(check_table(rows))
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
-    screen.step(f"{len(rows) - wrong - missing} ok, {missing} missing, {wrong} wrong or not done")
+    if as_json:
+        print_document(checks_document(arm.name, rows))
+    screen.result(f"{len(rows) - wrong - missing} ok, {missing} missing, {wrong} wrong or not done")
     if wrong:
         sys.exit(EXIT_WRONG)
 
@@ -86,22 +95,26 @@ def show_command(
     channel: ChannelOption = None,
     bitrate: BitrateOption = None,
     once: Annotated[bool, typer.Option("--once", help="One table instead of a new one every second.")] = False,
+    as_json: JsonOption = False,
 ) -> None:
     """State, position and effort of every drive, and the load of the bus, until Ctrl-C. Only reads."""
     from armload_controller.cli.drive_result_tables import bus_line, status_table
+    from armload_controller.cli.result_documents import status_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.bring_up.inspection import show
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate)
-    screen = Screen()
+    screen = Screen(as_json=as_json)
     control = MotionControl()
     with StopSignals(control), _bus_of(arm) as bus:
         while control.goal.stop is None:
             status = show(arm.drives.settings, bus)
             screen.table(status_table(status))
-            screen.step(bus_line(status))
+            screen.result(bus_line(status))
+            if as_json:
+                print_document(status_document(arm.name, status))
             if once:
                 return
 

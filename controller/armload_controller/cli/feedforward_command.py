@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -59,12 +60,14 @@ def feedforward(
     cycle_hz: CycleOption = None,
     simulated_drives: SimulatedDrivesOption = False,
     yes: YesOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Add a payload's torque, and the arm's, to the drives' own (60B2), after trying it at standstill.
 
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque, as for `commission`.
     """
     from armload_controller.cli.keyboard import Keyboard
+    from armload_controller.cli.result_documents import feedforward_document
     from armload_controller.cli.screen import Screen, attended
     from armload_controller.config.robot import load_robot
     from armload_controller.feedforward.body_torque import held_torque, require_body
@@ -85,7 +88,7 @@ def feedforward(
         arm = arm.with_simulated_payload(mounted)
     require_picture(picture)
     control = MotionControl()
-    screen = Screen(Keyboard.of_this_process(control))
+    screen = Screen(Keyboard.of_this_process(control), as_json=as_json)
     result = read_payload(payload)
     problem = why_not_usable(result, arm.chain, arm.name, "fed forward")
     if problem is not None:
@@ -104,13 +107,18 @@ def feedforward(
         operator = Operator(screen, control, consent)
         if not compare:
             with run_session(arm, Load.LOADED, open_servos, operator) as session:
-                screen.step(_account(runs.try_offset(session, result)))
+                verdict = runs.try_offset(session, result)
+            screen.result(_account(verdict))
+            if as_json:
+                print_document(feedforward_document(arm.name, verdict, [], None))
             return
-        comparisons = _compare(arm, runs, result, model, open_servos, operator)
+        comparisons, verdict = _compare(arm, runs, result, model, open_servos, operator)
     for comparison in comparisons:
         screen.table(comparison_table(comparison))
     draw(comparisons, arm.name, picture)
     screen.step(f"picture: {picture}")
+    if as_json:
+        print_document(feedforward_document(arm.name, verdict, comparisons, picture))
 
 
 def _checked_path(arm: Robot, excitation: Path | None) -> CheckedPath:
@@ -135,7 +143,7 @@ def _compare(
     body: BodyModel | None,
     open_servos: ServosFactory,
     operator: Operator,
-) -> list[Comparison]:
+) -> tuple[list[Comparison], OffsetVerdict]:
     """All runs; in simulation the empty arm's and the true payload's too. The mildest addition comes first."""
     from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
     from armload_controller.session.arm_access import VIRTUAL
@@ -167,7 +175,7 @@ def _compare(
     comparisons = [] if empty is None else [runs.compare(without, chosen(ARM), empty, payload)]
     if empty is None or body is not None:
         comparisons.append(runs.compare(without, chosen(IDEAL), None, payload))
-    return comparisons
+    return comparisons, verdict
 
 
 def _as_result(payload: PayloadResult, truth: InertialParameters) -> PayloadResult:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.options import CalibrationOption, GainsOption, LoadedOption, RobotArgument, arm_in_use
+from armload_controller.cli.findings_output import ReportOption, ValidationOption, finish, require_not_wrong
+from armload_controller.cli.json_output import JsonOption
+from armload_controller.cli.options import CalibrationOption, GainsOption, LoadedOption, RobotArgument
 from armload_controller.cli.output_files import require_folder
+from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 from armload_identification.estimation.estimator_names import Estimator
 
 if TYPE_CHECKING:
     from armload_identification.estimation.prior_knowledge import KnownPayload
-    from armload_identification.model.body_model import BodyModel
-    from armload_identification.recording.recording import Recording
-    from armload_identification.signals.joint_torque import Transmission
 
 
 def identify(
@@ -29,6 +28,8 @@ def identify(
         Path | None, typer.Option("--body", help="Body file of `armload identify-body`, in place of --unloaded.")
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Payload file (TOML) to write.")] = None,
+    report: ReportOption = None,
+    validation: ValidationOption = None,
     gains: GainsOption = None,
     calibration: CalibrationOption = None,
     mass_kg: Annotated[float | None, typer.Option(help="The payload was weighed.")] = None,
@@ -43,41 +44,30 @@ def identify(
     estimator: Annotated[
         Estimator, typer.Option(help="How to fit; 'friction' is the best on every benchmark.")
     ] = Estimator.FRICTION,
+    tolerance: ToleranceOption = TOLERANCE,
+    as_json: JsonOption = False,
 ) -> None:
     """Identify a payload from a recording with it and one without it, or from the calibrated arm or its body."""
-    from armload_controller.cli.result_tables import payload_table, possibility
+    from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
-    from armload_controller.config.robot import load_robot
-    from armload_controller.config.robot_recordings import read_of
-    from armload_identification.files.payload_file import write_payload
-    from armload_identification.pipeline.payload_identification import identify as identify_payload
-    from armload_identification.pipeline.payload_identification import payload_result
 
-    arm = load_robot(robot)
-    screen = Screen()
-    if output is not None:
-        require_folder(output)
-    run = read_of(arm, loaded)
-    empty = None if unloaded is None else read_of(arm, unloaded)
-    used = arm_in_use(arm, gains, calibration)
-    result = identify_payload(
-        run,
-        empty,
-        used.chain,
-        used.transmission,
-        estimator=estimator,
+    for file in (output, report):
+        if file is not None:
+            require_folder(file)
+    findings = robot_payload.identify(
+        robot,
+        loaded,
+        unloaded,
+        validation=validation,
+        tolerance=tolerance_of(tolerance),
+        gains=gains,
+        calibration=calibration,
+        body=body,
         known=_known(mass_kg, center_of_mass_m, cad, cad_share),
-        body=_body(body, run, used.transmission),
-        arm=used.known,
+        estimator=estimator,
     )
-    payload = payload_result(result, version("armload"), arm.sha256)
-    screen.table(payload_table(payload, truth=None))
-    screen.step(possibility(result))
-    for note in result.notes:
-        screen.step(f"note: {note}")
-    if output is not None:
-        write_payload(output, payload)
-        screen.step(f"written: {output}")
+    finish(Screen(as_json=as_json), findings, payload=output, report=report, as_json=as_json)
+    require_not_wrong(findings)
 
 
 def _known(
@@ -90,15 +80,3 @@ def _known(
     if mass_kg is None and center_of_mass_m is None and cad is None:
         return None
     return KnownPayload(mass_kg, center_of_mass_m, None if cad is None else read_payload(cad).model, cad_share)
-
-
-def _body(path: Path | None, loaded: Recording, transmission: Transmission) -> BodyModel | None:
-    """The body of a file, which belongs to the gains in use."""
-    from armload_identification.calibration.body_identification import require_same_gains
-    from armload_identification.files.body_file import read_body
-
-    if path is None:
-        return None
-    body = read_body(path)
-    require_same_gains(body.gain_nm_a, loaded, transmission)
-    return body.model

@@ -23,6 +23,7 @@ from armload_controller.cli.export_command import export
 from armload_controller.cli.feedforward_command import feedforward
 from armload_controller.cli.identify_body_command import identify_body
 from armload_controller.cli.identify_command import identify
+from armload_controller.cli.report_command import report
 from armload_controller.cli.simulate_command import simulate
 from armload_controller.cli.validate_command import validate
 
@@ -38,6 +39,7 @@ for command in (
     commission,
     identify,
     validate,
+    report,
     compare,
     calibrate,
     identify_body,

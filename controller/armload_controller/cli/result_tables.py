@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from rich.table import Table
@@ -10,9 +9,7 @@ from rich.table import Table
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
 from armload_identification.pipeline.payload_identification import Identification
 from armload_identification.pipeline.payload_validation import Validation
-
-UNITS = ("kg", "m", "m", "m", "kg m2", "kg m2", "kg m2", "kg m2", "kg m2", "kg m2")
-NOT_DETERMINED = "not determined"
+from armload_identification.results.payload_text import value_texts
 
 
 def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> Table:
@@ -29,16 +26,10 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
         for column in ("truth", "error"):
             table.add_column(column, justify="right")
     true_values = None if truth is None else truth.values
-    for i, name in enumerate(PARAMETER_NAMES):
-        low, high = payload.interval_95[i]
-        value = payload.values[i]
-        if payload.determined[i]:
-            digits = decimals((high - low) / 2)
-            row = [name, f"{value:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}", UNITS[i]]
-        else:
-            row = [name, NOT_DETERMINED, "", UNITS[i]]
+    for i, text in enumerate(value_texts(payload)):
+        row = [text.name, text.estimate, text.interval, text.unit]
         if true_values is not None:
-            error = _error(i, value, true_values[i]) if payload.determined[i] else ""
+            error = _error(i, payload.values[i], true_values[i]) if payload.determined[i] else ""
             row += [f"{true_values[i]:.4f}", error]
         table.add_row(*row)
     return table
@@ -72,13 +63,6 @@ def possibility(identification: Identification) -> str:
             f"reported: the nearest possible body, {identification.parameters.mass_kg:.4g} kg"
         )
     return "the estimate is physically possible as it is"
-
-
-def decimals(half_width: float) -> int:
-    """Decimals that show two significant digits of an interval's half width."""
-    if not (math.isfinite(half_width) and half_width > 0):
-        return 4
-    return max(0, 1 - math.floor(math.log10(half_width)))
 
 
 def _error(index: int, value: float, truth: float) -> str:

@@ -39,22 +39,33 @@ class Screen:
 
     Args:
         keyboard: Whose keys are listened to while something is tracked.
+        as_json: The result is a document on the standard output: steps, bars and questions go to standard error, and
+            results in words are left out.
     """
 
-    def __init__(self, keyboard: Keyboard | None = None) -> None:
+    def __init__(self, keyboard: Keyboard | None = None, *, as_json: bool = False) -> None:
+        self._as_json = as_json
         self._keyboard = keyboard
         self._hinted = False
         # In a file or a pipe lines may be as long as they are, unless somebody says otherwise.
-        bounded = sys.stdout.isatty() or "COLUMNS" in os.environ
-        self.console = Console(highlight=False, width=None if bounded else UNBOUNDED_WIDTH)
+        shown = sys.stderr if as_json else sys.stdout
+        bounded = shown.isatty() or "COLUMNS" in os.environ
+        self.console = Console(stderr=as_json, highlight=False, width=None if bounded else UNBOUNDED_WIDTH)
         self.errors = Console(stderr=True, highlight=False)
 
     def step(self, text: str) -> None:
         """One line: something begins."""
         self.console.print(text, markup=False, soft_wrap=not self.console.is_terminal)
 
+    def result(self, text: str) -> None:
+        """A result in words."""
+        if not self._as_json:
+            self.step(text)
+
     def table(self, table: Table) -> None:
-        """A table, whole whatever the width."""
+        """A result as a table, whole whatever the width."""
+        if self._as_json:
+            return
         for part in fitted(table, self.console):
             self.console.print(part)
 

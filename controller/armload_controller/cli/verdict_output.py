@@ -49,9 +49,9 @@ def show_verdict(screen: Screen, outcome: Outcome, text: Sequence[str]) -> None:
     from armload_identification.verdict.verdict_text import TITLES
 
     title = TITLES[outcome]
-    screen.step(f"verdict: {title if outcome is Outcome.RIGHT else title.upper()}")
+    screen.result(f"verdict: {title if outcome is Outcome.RIGHT else title.upper()}")
     for sentence in text:
-        screen.step(f"  {sentence}")
+        screen.result(f"  {sentence}")
 
 
 def exit_status(outcome: Outcome) -> int:

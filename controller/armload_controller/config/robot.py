@@ -254,6 +254,12 @@ def load_robot(name_or_path: str) -> Robot:
 
     Raises:
         ConfigurationError: naming file, key, the value found and what was expected.
+
+    Examples:
+        >>> import armload
+        >>> robot = armload.load_robot("er50")
+        >>> isinstance(robot, armload.Robot), robot.n, robot.chain.n
+        (True, 6, 6)
     """
     shipped = shipped_robots()
     if name_or_path in shipped:

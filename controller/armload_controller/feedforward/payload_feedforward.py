@@ -33,6 +33,14 @@ class PayloadFeedforward(kernels.PayloadTorque):
 
     References:
         Chen 2016, eq. (2).
+
+    Examples:
+        >>> import armload, numpy as np
+        >>> robot, payload = armload.load_robot("er50"), armload.read_payload("runs/today/payload.toml")
+        >>> feedforward = armload.PayloadFeedforward(robot.chain, payload.model)
+        >>> still = np.zeros(6)
+        >>> feedforward.torque_nm(np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]), still, still).shape
+        (6,)
     """
 
     __slots__ = ()

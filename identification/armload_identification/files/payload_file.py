@@ -7,6 +7,7 @@ identified by a version that writes it; where it is not, a comparison goes by th
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar
 
@@ -254,7 +255,7 @@ def write_payload(path: Path, result: PayloadResult) -> None:
         raise PayloadFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
 
 
-def read_payload(path: Path) -> PayloadResult:
+def read_payload(path: str | PathLike[str]) -> PayloadResult:
     """Read a payload file.
 
     Args:
@@ -262,8 +263,14 @@ def read_payload(path: Path) -> PayloadResult:
 
     Raises:
         PayloadFileError: not readable, incomplete, contradictory or impossible, naming file, key and value.
+
+    Examples:
+        >>> import armload
+        >>> payload = armload.read_payload("runs/today/payload.toml")
+        >>> round(payload.model.mass_kg, 1), payload.feedforward_ready
+        (9.8, True)
     """
-    return parse_payload(read_text(path, PayloadFileError), str(path))
+    return parse_payload(read_text(Path(path), PayloadFileError), str(path))
 
 
 def parse_payload(content: str, source: str = "payload") -> PayloadResult:

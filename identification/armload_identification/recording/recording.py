@@ -130,6 +130,14 @@ class Recording(RowBlock):
 
         Raises:
             RecordingError: arrays that do not fit each other, neither torque nor current, or too few usable rows.
+
+        Examples:
+            >>> import armload, numpy as np
+            >>> time_s = np.arange(0.0, 10.0, 0.01)
+            >>> position_rad = np.sin(np.outer(time_s, [1.0, 2.0]))
+            >>> run = armload.Recording.from_arrays(time_s, position_rad, torque_nm=5.0 * np.cos(position_rad))
+            >>> run.n, run.source.rows_dropped
+            (2, 0)
         """
         given = dict(
             zip(QUANTITIES, (time_s, position_rad, velocity_rad_s, current_a, torque_nm, phase_s), strict=True)

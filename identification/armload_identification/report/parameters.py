@@ -40,7 +40,8 @@ class ParameterRow:
         estimate: The number.
         low: Low end of its 95 % interval.
         high: High end.
-        limit_share: Half width of the interval over the greatest with which it would be determined.
+        limit_share: Half width of the interval over the greatest with which it would be determined; None where it is
+            not known, as of what a payload file says is not determined.
         truth: In simulation, what it is; else None.
         error: How far off the estimate is; empty without truth or estimate.
         covered: Whether the interval holds the truth; None without truth or estimate.
@@ -54,7 +55,7 @@ class ParameterRow:
     estimate: Numeral
     low: Numeral
     high: Numeral
-    limit_share: float
+    limit_share: float | None
     truth: Numeral | None
     error: str
     covered: bool | None
@@ -89,13 +90,13 @@ def headline(payload: PayloadResult) -> str:
     Args:
         payload: The result.
     """
-    texts = _rounded(payload.values, _half_widths(payload), payload.interval_95)
+    texts = _rounded(payload.values, half_widths(payload), payload.interval_95)
     if payload.determined[0]:
         value, low, high = texts[0]
         mass = f"The payload weighs {value}{NO_BREAK}kg {_bracket(low, high, 'kg')}."
     else:
         mass = "The mass of the payload is not determined by these data."
-    millimetres = _rounded(_MM * payload.values[1:4], _MM * _half_widths(payload)[1:4], _MM * payload.interval_95[1:4])
+    millimetres = _rounded(_MM * payload.values[1:4], _MM * half_widths(payload)[1:4], _MM * payload.interval_95[1:4])
     known = payload.determined[1:4]
     told = [
         f"{axis}{NO_BREAK}={NO_BREAK}{value}{NO_BREAK}mm {_bracket(low, high, 'mm')}"
@@ -135,13 +136,13 @@ def parameter_rows(
 
     Args:
         payload: The result.
-        half_width_95: (10,) half widths of the 95 % intervals, also of what is not determined.
+        half_width_95: (10,) half widths of the 95 % intervals, also of what is not determined; nan where not known.
         truth: In simulation, the payload in the same frame.
     """
     values, known, intervals = payload.values, payload.determined, payload.interval_95
     limits = _limits(payload.model.mass_kg)
     # What is not determined is told to the digit that would be.
-    shown = np.where(known, _half_widths(payload), limits)
+    shown = np.where(known, half_widths(payload), limits)
     texts = [
         row if there else ("", "", "") for row, there in zip(_rounded(values, shown, intervals), known, strict=True)
     ]
@@ -165,7 +166,7 @@ def parameter_rows(
                 estimate=estimates[i],
                 low=lows[i],
                 high=highs[i],
-                limit_share=float(half_width_95[i] / limits[i]),
+                limit_share=None if np.isnan(half_width_95[i]) else float(half_width_95[i] / limits[i]),
                 truth=truths[i],
                 error=_error_text(i, values[i], exact[i], shown[i]) if exact is not None and compared else "",
                 covered=bool(intervals[i, 0] <= exact[i] <= intervals[i, 1])
@@ -184,7 +185,7 @@ def compared_rows(identification: Identification, payload: PayloadResult) -> tup
         payload: The result.
     """
     plain = derived(identification.plain_parameters)[0]
-    widths = _half_widths(payload)
+    widths = half_widths(payload)
     chosen = np.flatnonzero(payload.determined)
     decimals = [decimals_for(widths[i], payload.values[i]) for i in chosen]
     change = np.divide(payload.values - plain, widths, out=np.zeros(10), where=widths > 0.0)
@@ -206,7 +207,7 @@ def _limits(mass_kg: float) -> FloatArray:
     return np.asarray(DETERMINED_SHARE * unit)
 
 
-def _half_widths(payload: PayloadResult) -> FloatArray:
+def half_widths(payload: PayloadResult) -> FloatArray:
     """(10,) half widths; nan where not determined."""
     return np.asarray(0.5 * (payload.interval_95[:, 1] - payload.interval_95[:, 0]))
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.model.payload import Provenance
-from armload_identification.pipeline.payload_identification import Identification
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 from armload_identification.report.numerals import NO_BREAK, numeral
@@ -35,18 +35,22 @@ class FileRow:
     sha256: str
 
 
-def file_rows(identification: Identification, provenance: Provenance) -> tuple[FileRow, ...]:
-    """The recordings the result rests on, and those that the payload file names besides.
+def file_rows(
+    fitted: Sequence[RecordingSource], validating: Sequence[RecordingSource], provenance: Provenance
+) -> tuple[FileRow, ...]:
+    """The recordings the result rests on, those it was validated on, and those that the payload file names besides.
 
     Args:
-        identification: With the sources of the identification's pair.
+        fitted: Sources of the runs it was identified from: loaded, and unloaded where there is one.
+        validating: Sources of the runs it was validated on: loaded and unloaded.
         provenance: Of the payload file.
     """
     rows = [
-        FileRow(f"identification, {load}", source.path.name, _details(source), _rows(source), source.sha256)
-        for load, source in zip(_LOADS, identification.sources, strict=True)
+        FileRow(f"{role}, {load}", source.path.name, _details(source), _rows(source), source.sha256)
+        for role, sources in (("identification", fitted), ("validation", validating))
+        for load, source in zip(_LOADS, sources, strict=False)
     ]
-    used = {source.sha256 for source in identification.sources}
+    used = {source.sha256 for source in (*fitted, *validating)}
     rows += [
         FileRow("named in the payload file", name, "", "", sha256)
         for name, sha256 in provenance.recordings_sha256.items()
@@ -55,14 +59,14 @@ def file_rows(identification: Identification, provenance: Provenance) -> tuple[F
     return tuple(rows)
 
 
-def motion_sentence(source: RecordingSource, signal: LoadSignal) -> str:
+def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
     """What was driven.
 
     Args:
-        source: Of the loaded run.
+        source: Of the loaded run, where it is at hand.
         signal: The measured difference.
     """
-    text = source.attachments.get(EXCITATION_ATTACHMENT)
+    text = None if source is None else source.attachments.get(EXCITATION_ATTACHMENT)
     span = f"{numeral(signal.time_s[-1] + signal.interval_s, 1)}{NO_BREAK}s"
     if text is None:
         return f"The motion lasts {span}; the recording does not say how it was planned."
@@ -82,14 +86,23 @@ def comparison_sentence(signal: LoadSignal) -> str:
     Args:
         signal: The measured difference.
     """
+    if not signal.periods[1]:
+        return (
+            "The torque of the payload is that of the loaded run minus that of the arm, which the body file predicts. "
+            f"The noise is from {signal.noise_source}."
+        )
+    difference = (
+        "The torque of the payload is that of the loaded run minus that of the unloaded one, in which the arm itself "
+        "and nearly all friction cancel. "
+    )
     if signal.periodic:
         loaded, unloaded = signal.periods
-        return (
+        return difference + (
             f"The runs were compared phase by phase: {_periods(loaded)} of the loaded and {_periods(unloaded)} of the "
             f"unloaded run, averaged. The noise is from {signal.noise_source}."
         )
     apart = f"{numeral(abs(signal.shift_s), 3)}{NO_BREAK}s"
-    return (
+    return difference + (
         f"The runs have no period in common, so they were laid over each other by position, which puts {apart} between "
         f"their clocks, and nothing was averaged. The noise is from {signal.noise_source}."
     )

@@ -17,13 +17,19 @@ from markupsafe import Markup
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M
 from armload_identification.identification_errors import ReportError
-from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, InertialParameters, PayloadResult
+from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
 from armload_identification.pipeline.payload_identification import Identification
-from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.report import figures
+from armload_identification.report.content import ReportContent, ReportSubject
 from armload_identification.report.joints import JointRow, joint_rows
 from armload_identification.report.numerals import NO_BREAK, numeral, scientific
-from armload_identification.report.parameters import compared_rows, headline, parameter_rows, truth_sentence
+from armload_identification.report.parameters import (
+    compared_rows,
+    half_widths,
+    headline,
+    parameter_rows,
+    truth_sentence,
+)
 from armload_identification.report.provenance import comparison_sentence, file_rows, motion_sentence
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
@@ -31,31 +37,6 @@ from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.storage.replace_file import replace_file
 
 _TEMPLATE: Final = "template.html.j2"
-
-
-@dataclass(frozen=True)
-class ReportSubject:
-    """What the report is about.
-
-    Attributes:
-        robot: Name of the robot.
-        description: What it is, in a line.
-        joint_names: Names of the joints, from the base to the flange.
-        created: Date and time, as they are to be printed.
-        armload_version: Version of the program.
-        simulated: The recordings are of a simulated arm.
-        truth: In simulation, the payload in the frame of the result; else None.
-        payload: The result, as in the payload file.
-    """
-
-    robot: str
-    description: str
-    joint_names: tuple[str, ...]
-    created: str
-    armload_version: str
-    simulated: bool
-    truth: InertialParameters | None
-    payload: PayloadResult
 
 
 @dataclass(frozen=True)
@@ -80,21 +61,18 @@ class _Run:
     judged: bool
 
 
-def write_report(
-    path: Path, subject: ReportSubject, identification: Identification, validation: Validation | None
-) -> None:
+def write_report(path: Path, subject: ReportSubject, content: ReportContent) -> None:
     """Write the report.
 
     Args:
         path: Where to; an existing file is replaced.
         subject: What it is about.
-        identification: What was identified.
-        validation: How well it predicts another motion; None where there is no second pair of runs.
+        content: Fit, runs and validation, as far as there are any.
 
     Raises:
         ReportError: the file cannot be written, or the names do not fit the joints.
     """
-    page = render_report(subject, identification, validation)
+    page = render_report(subject, content)
     try:
         replace_file(path, page)
     except OSError as problem:
@@ -104,13 +82,12 @@ def write_report(
         ) from problem
 
 
-def render_report(subject: ReportSubject, identification: Identification, validation: Validation | None) -> str:
+def render_report(subject: ReportSubject, content: ReportContent) -> str:
     """The report's text.
 
     Args:
         subject: What it is about.
-        identification: What was identified.
-        validation: How well it predicts another motion, or None.
+        content: Fit, runs and validation, as far as there are any.
 
     Returns:
         HTML.
@@ -118,11 +95,14 @@ def render_report(subject: ReportSubject, identification: Identification, valida
     Raises:
         ReportError: the names do not fit the joints.
     """
-    joints = identification.signal.states.position_rad.shape[1]
-    names = subject.joint_names
-    if len(names) != joints:
-        raise ReportError(f"{len(names)} joint names for recordings of {joints} joints; give one name per joint")
-    payload = subject.payload
+    payload, names = subject.payload, subject.joint_names
+    if len(names) != len(payload.noise_nm):
+        raise ReportError(
+            f"{len(names)} joint names for recordings of {len(payload.noise_nm)} joints; give one name per joint"
+        )
+    fit, motion = content.identification, content.motion
+    physical = None if fit is None else fit.physical
+    half_width_95 = half_widths(payload) if fit is None else fit.uncertainty.half_width_95
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("armload_identification.report", "."),
         autoescape=True,
@@ -134,18 +114,20 @@ def render_report(subject: ReportSubject, identification: Identification, valida
         subject=subject,
         headline=headline(payload),
         truth_sentence="" if subject.truth is None else truth_sentence(payload, subject.truth),
-        verdict=verdict_box(validation, names),
-        notes=tuple(_notes(payload, identification)),
-        parameters=parameter_rows(payload, identification.uncertainty.half_width_95, subject.truth),
-        physical=identification.physical,
-        compared=compared_rows(identification, payload),
+        verdict=verdict_box(content.validation, names),
+        notes=tuple(_notes(payload, fit)),
+        parameters=parameter_rows(payload, half_width_95, subject.truth),
+        physical=physical,
+        compared=() if fit is None or not fit.physical.changed else compared_rows(fit, payload),
         margin=scientific(payload.model.margin),
-        plain_margin=scientific(identification.physical.plain_margin),
-        motion_text=motion_sentence(identification.sources[0], identification.signal),
-        motion=tuple(_motion_panels(identification.signal, names)),
-        runs=tuple(_runs(identification, validation, names)),
-        facts=_facts(identification),
-        files=file_rows(identification, payload.provenance),
+        plain_margin=None if physical is None else scientific(physical.plain_margin),
+        motion_text="" if motion is None else motion_sentence(motion[1], motion[0]),
+        motion=() if motion is None else tuple(_motion_panels(motion[0], names)),
+        runs=tuple(_runs(content, names)),
+        facts=() if fit is None else _facts(fit),
+        files=file_rows(
+            () if content.fitted is None else content.fitted.sources, content.validation_sources, payload.provenance
+        ),
         colors=figures.COLORS,
         determined_percent=f"{100.0 * DETERMINED_SHARE:g}",
         reference_length=f"{REFERENCE_LENGTH_M:g}{NO_BREAK}m",
@@ -154,7 +136,7 @@ def render_report(subject: ReportSubject, identification: Identification, valida
     )
 
 
-def _notes(payload: PayloadResult, identification: Identification) -> Iterator[str]:
+def _notes(payload: PayloadResult, fit: Identification | None) -> Iterator[str]:
     """What the reader must not miss, the gravest first."""
     if not payload.feedforward_ready:
         unknown = [name for name, there in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not there]
@@ -162,7 +144,8 @@ def _notes(payload: PayloadResult, identification: Identification) -> Iterator[s
             f"Do not feed this payload forward: that needs mass and centre of mass, and {', '.join(unknown)} "
             "is not determined."
         )
-    yield from identification.notes
+    if fit is not None:
+        yield from fit.notes
 
 
 def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[_Panel]:
@@ -175,16 +158,18 @@ def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[_Pane
         yield _Panel(joint + 1, name, caption, Markup(svg))
 
 
-def _runs(identification: Identification, validation: Validation | None, names: tuple[str, ...]) -> Iterator[_Run]:
-    """The identification's pair of runs, and the validation's where there is one."""
-    yield _run(
-        "identification",
-        "Torque: the runs it was identified from",
-        identification.signal,
-        identification.predicted_nm,
-        joint_rows(identification.signal, identification.residual_rms_nm, names, None),
-        judged=False,
-    )
+def _runs(content: ReportContent, names: tuple[str, ...]) -> Iterator[_Run]:
+    """The identification's pair of runs, and the validation's, where they are there."""
+    fitted, validation = content.fitted, content.validation
+    if fitted is not None:
+        yield _run(
+            "identification",
+            "Torque: the runs it was identified from",
+            fitted.signal,
+            fitted.predicted_nm,
+            joint_rows(fitted.signal, fitted.residual_rms_nm, names, None),
+            judged=False,
+        )
     if validation is not None:
         yield _run(
             "validation",

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armload_controller.cli.design_command import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
+from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
 from armload_controller.config.robot import load_robot
 from armload_identification.excitation.information import named_criterion
 from armload_identification.model.payload import InertialParameters

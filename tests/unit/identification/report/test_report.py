@@ -14,11 +14,12 @@ from armload_identification.identification_errors import IdentificationError, Re
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
+from armload_identification.report.content import ReportContent, ReportSubject
 from armload_identification.report.figures import thin_out, torque_figure
 from armload_identification.report.numerals import align, decimals_for, numeral, scientific
 from armload_identification.report.parameters import headline, parameter_rows
 from armload_identification.report.provenance import file_rows
-from armload_identification.report.report import ReportSubject, render_report, write_report
+from armload_identification.report.report import render_report, write_report
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.verdict.agreement import Tolerance
 from armload_identification.verdict.payload_verdict import known_payload
@@ -116,7 +117,7 @@ def full_text(clear, validation, pinocchio_arm):
         simulated=True,
         truth=pinocchio_arm.payload,
     )
-    return render_report(about, clear, validation)
+    return render_report(about, ReportContent.of_identification(clear, validation))
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +127,7 @@ def full(full_text):
 
 @pytest.fixture(scope="module")
 def bare_text(noisy):
-    return render_report(subject(noisy), noisy, None)
+    return render_report(subject(noisy), ReportContent.of_identification(noisy))
 
 
 @pytest.fixture(scope="module")
@@ -231,7 +232,7 @@ def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy):
         assert note[1:] in bare.text
     blind = subject(noisy)
     blind = replace(blind, payload=replace(blind.payload, determined=np.zeros(10, bool)))
-    text = Page(render_report(blind, noisy, None)).text
+    text = Page(render_report(blind, ReportContent.of_identification(noisy))).text
     assert 0 < text.index("Do not feed this payload forward") < text.index(noisy.notes[0][1:])
 
 
@@ -268,7 +269,7 @@ def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, p
     vague = replace(payload, mass_center=None, interval_95=payload.interval_95 + np.array([-1.0, 1.0]))
     unclear = verdict_box(judge(validation.measured, pinocchio_arm.chain, known_payload(vague), Tolerance()), NAMES)
     assert (unclear.kind, unclear.title) == ("missing", "Cannot tell")
-    page = Page(render_report(subject(clear), clear, failed))
+    page = Page(render_report(subject(clear), ReportContent.of_identification(clear, failed)))
     assert 0 < page.text.index("Wrong.") < page.text.index("too high") < page.text.index("Physical consistency")
 
 
@@ -298,7 +299,7 @@ def test_dropped_rows_and_further_recordings_are_listed(clear):
     about = replace(
         about, payload=replace(about.payload, provenance=replace(about.payload.provenance, recordings_sha256=more))
     )
-    rows = file_rows(replace(clear, sources=(lossy, clear.sources[1])), about.payload.provenance)
+    rows = file_rows((lossy, clear.sources[1]), (), about.payload.provenance)
     assert rows[0].rows.endswith("3 dropped (2 not finite, 1 cut last row)")
     assert rows[0].details.endswith("ends early")
     assert (rows[2].name, rows[2].sha256) == ("loaded_validation.mcap", "d" * 64)
@@ -343,20 +344,20 @@ def test_every_figure_says_what_it_shows(full):
 
 def test_the_same_inputs_give_the_same_bytes(tmp_path, noisy, bare_text):
     path = tmp_path / "report.html"
-    write_report(path, subject(noisy), noisy, None)
+    write_report(path, subject(noisy), ReportContent.of_identification(noisy))
     assert path.read_bytes() == bare_text.encode()
 
 
 def test_a_page_that_cannot_be_written_is_an_error_with_its_path(tmp_path, noisy):
     path = tmp_path / "missing" / "report.html"
     with pytest.raises(ReportError, match=r"missing/report\.html: the report cannot be written"):
-        write_report(path, subject(noisy), noisy, None)
+        write_report(path, subject(noisy), ReportContent.of_identification(noisy))
     assert issubclass(ReportError, IdentificationError)
 
 
 def test_names_must_fit_the_joints(noisy):
     with pytest.raises(ReportError, match="3 joint names for recordings of 6 joints"):
-        render_report(subject(noisy, joint_names=NAMES[:3]), noisy, None)
+        render_report(subject(noisy, joint_names=NAMES[:3]), ReportContent.of_identification(noisy))
 
 
 def test_long_recordings_make_no_long_pages(clear):

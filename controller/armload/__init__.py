@@ -1,0 +1,70 @@
+"""Find out what a robot arm is carrying, from the currents of its own motors.
+
+    >>> import armload
+    >>> loaded = armload.read_recording("runs/today/loaded_identification.mcap")
+    >>> unloaded = armload.read_recording("runs/today/unloaded_identification.mcap")
+    >>> isinstance(loaded, armload.Recording)
+    True
+    >>> result = armload.identify("er50", loaded, unloaded)
+    >>> result.save("payload.toml")
+
+Every name is loaded when it is first used, so that a control process that imports `PayloadFeedforward` loads neither
+the command line nor a bus. Units are SI, and names carry them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from armload_controller.analysis.robot_excitation import design
+    from armload_controller.analysis.robot_payload import identify, validate
+    from armload_controller.analysis.robot_payload import read_run as read_recording
+    from armload_controller.config.robot import Robot, load_robot
+    from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+    from armload_identification.files.payload_file import read_payload
+    from armload_identification.recording.recording import Recording
+    from armload_identification.results.findings import Findings
+
+__all__ = [
+    "Findings",
+    "PayloadFeedforward",
+    "Recording",
+    "Robot",
+    "design",
+    "identify",
+    "load_robot",
+    "read_payload",
+    "read_recording",
+    "validate",
+]
+
+_HOMES: Final = {
+    "Findings": ("armload_identification.results.findings", "Findings"),
+    "PayloadFeedforward": ("armload_controller.feedforward.payload_feedforward", "PayloadFeedforward"),
+    "Recording": ("armload_identification.recording.recording", "Recording"),
+    "Robot": ("armload_controller.config.robot", "Robot"),
+    "design": ("armload_controller.analysis.robot_excitation", "design"),
+    "identify": ("armload_controller.analysis.robot_payload", "identify"),
+    "load_robot": ("armload_controller.config.robot", "load_robot"),
+    "read_payload": ("armload_identification.files.payload_file", "read_payload"),
+    "read_recording": ("armload_controller.analysis.robot_payload", "read_run"),
+    "validate": ("armload_controller.analysis.robot_payload", "validate"),
+}
+"""Module and name there of each public name; the imports above say the same to type checkers."""
+
+
+def __getattr__(name: str) -> Any:
+    """Load a name on its first use."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'armload' has no attribute {name!r}")
+    module, there = _HOMES[name]
+    value = getattr(import_module(module), there)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """The public names, loaded or not."""
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,245 @@
+"""Design an excitation for a configured arm: within its limits, clear of obstacles, as its bus can stream it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from math import ceil, floor, inf
+from multiprocessing import get_context
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from armload_controller.config.robot import Robot, load_robot, shipped_robots
+from armload_controller.control_errors import ControlError
+from armload_controller.motion.setpoints import CYCLE_ROUNDING
+from armload_identification.excitation import design as excitation_design
+from armload_identification.excitation.design import DesignResult
+from armload_identification.excitation.design_envelope import Envelope
+from armload_identification.excitation.design_search import PeriodRange
+from armload_identification.excitation.excitation_file import write_excitation
+from armload_identification.excitation.fourier import Excitation
+from armload_identification.excitation.information import named_criterion
+
+POSITION_MARGIN_RAD: Final = 0.1
+"""Room left to the position limits, for the ramps and the servo."""
+RATE_SHARE: Final = 0.7
+"""Share of speed, acceleration and jerk limits that the excitation uses; the phase ramps need the rest."""
+TORQUE_SHARE: Final = 0.8
+"""Share of the torque limits that arm and heaviest payload use; ramps, and what no model knows, have the rest."""
+_SHORTEST_PERIOD_S: Final = 2.0
+_LONGEST_PERIOD_S: Final = 20.0
+"""Where an automatic period is looked for."""
+_PERIOD_STEP_S: Final = 0.1
+"""A chosen period is a multiple of at least this, in whole cycles of the bus."""
+_MEASURED_S: Final = 30.0
+"""What a run records where no number of periods is given."""
+_LEAST_PERIODS: Final = 3
+"""Fewer say little about the scatter between them."""
+_LEAST_CYCLES: Final = 10
+"""Setpoints that a period of the highest harmonic needs at least."""
+_PICTURE_DPI: Final = 150
+
+
+class UnstreamablePeriod(ControlError):
+    """A period that is no time, or that setpoints at the bus's rate cannot follow."""
+
+
+@dataclass(frozen=True, eq=False)
+class DesignedExcitation:
+    """An excitation with what was found of it; printed, it is two lines.
+
+    Attributes:
+        arm: The arm that it is for.
+        result: Trajectory, criterion and room to every limit.
+        envelope: The limits that it was designed within.
+        periods: Periods that a run records.
+        options: The options of `armload design` that make it again, but for the output.
+    """
+
+    arm: Robot
+    result: DesignResult
+    envelope: Envelope
+    periods: int
+    options: str
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the excitation file that a robot's `[excitation]` names; an existing file is replaced."""
+        write_excitation(Path(path), self._excitation(Path(path).name))
+
+    def picture(self, path: str | PathLike[str]) -> None:
+        """Draw the motion, its limits and the design on one page, .png, .svg or .pdf."""
+        # Imported here: matplotlib is slow to load.
+        from armload_identification.report.figure_file import write_figure
+        from armload_identification.report.path_figure import path_figure
+
+        page = path_figure(self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
+        write_figure(Path(path), page, _PICTURE_DPI)
+
+    def nearest(self) -> dict[str, tuple[str, float]]:
+        """The smallest room to every kind of limit: joint or pair of bodies, and the room in the key's unit."""
+        room = self.result.margins
+        found = {}
+        for key in ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "torque_nm"):
+            values = getattr(room, key)
+            joint = int(values.argmin())
+            found[key] = (self.arm.joint_names[joint], float(values[joint]))
+        if room.clearance_m:
+            name = min(room.clearance_m, key=lambda pair: room.clearance_m[pair])
+            found["clearance_m"] = (name, float(room.clearance_m[name]))
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """The figures as numbers, texts, lists and dictionaries: the schema `armload/design/1`."""
+        result = self.result
+        return {
+            "schema": "armload/design/1",
+            "armload_version": version("armload"),
+            "robot": self.arm.name,
+            "criterion": result.criterion,
+            "cost": float(result.cost),
+            "condition_number": float(result.condition_number),
+            "rank": int(result.rank),
+            "period_s": float(result.trajectory.period_s),
+            "periods": self.periods,
+            "harmonics": int(result.trajectory.harmonics),
+            "seed": result.seed,
+            "nearest": {key: {"name": name, "room": room} for key, (name, room) in self.nearest().items()},
+        }
+
+    def __str__(self) -> str:
+        """Figures, and the smallest room to every kind of limit."""
+        words = {
+            "position_rad": ("range ", "rad"),
+            "velocity_rad_s": ("speed ", "rad/s"),
+            "acceleration_rad_s2": ("acceleration ", "rad/s2"),
+            "torque_nm": ("torque ", "N m"),
+            "clearance_m": ("", "m"),
+        }
+        nearest = [f"{name} {words[key][0]}{room:.3g} {words[key][1]}" for key, (name, room) in self.nearest().items()]
+        result = self.result
+        return (
+            f"{result.criterion} cost {result.cost:.4g}, cond(Phi) {result.condition_number:.3g}, {result.rank} of 10 "
+            f"parameters can be determined, {self.periods} periods of {result.trajectory.period_s:g} s\n"
+            f"within every limit at any time; nearest: {', '.join(nearest)}"
+        )
+
+    def _excitation(self, output: str) -> Excitation:
+        name = self.arm.file.removesuffix(".toml")
+        robot = name if name in shipped_robots() else self.arm.file
+        command = f"armload design {robot} --output {output} {self.options}"
+        return self.result.excitation(self.periods, command, version("armload"))
+
+
+def design(
+    robot: Robot | str,
+    *,
+    seed: int = 1,
+    restarts: int = 8,
+    harmonics: int = 5,
+    period_s: float | Literal["auto"] = 10.0,
+    periods: int | None = None,
+    criterion: str = "a-optimal",
+    progress: Callable[[int], None] | None = None,
+) -> DesignedExcitation:
+    """Design an excitation for a robot's expected payload, within all limits and clear of all obstacles at any time.
+
+    Several starts run in processes of their own, so a program that calls this needs the usual guard
+    `if __name__ == "__main__":`.
+
+    Args:
+        robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
+        seed: Same seed, same excitation.
+        restarts: Random starts; the best one wins.
+        harmonics: Harmonics of the Fourier series.
+        period_s: Duration of one period; "auto" is as fast as torque, following error and rates allow.
+        periods: Periods that a run records; if not given, 30 s and at least three.
+        criterion: One of `information.CRITERIA`.
+        progress: Called with the number of starts that are done.
+
+    Returns:
+        The excitation, to print, save and draw.
+
+    Raises:
+        ConfigurationError: the file lacks what a design needs.
+        UnstreamablePeriod: the bus cannot stream such a period.
+        ExcitationError: no start found an excitation within the limits.
+
+    Examples:
+        >>> import armload
+        >>> excitation = armload.design("prbt", restarts=1, harmonics=2, period_s=5.0)
+        >>> excitation.result.rank
+        10
+        >>> excitation.save("excitation.toml")
+    """
+    arm = robot if isinstance(robot, Robot) else load_robot(robot)
+    frequency = _frequency(arm, period_s, harmonics)
+    envelope = arm.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
+    objective = named_criterion(
+        criterion, arm.chain, arm.limits.torque_noise_nm, arm.payloads.expected, arm.payloads.design_set
+    )
+    with _workers(restarts) as executor:
+        result = excitation_design.design(
+            objective,
+            envelope,
+            harmonics=harmonics,
+            base_frequency_hz=frequency,
+            seed=seed,
+            restarts=restarts,
+            executor=executor,
+            progress=None if progress is None else lambda finished, _total, _best: progress(finished),
+            objection=arm.obstacles.objection,
+        )
+    driven = periods or max(_LEAST_PERIODS, ceil(_MEASURED_S / result.trajectory.period_s - 1e-9))
+    period = period_s if isinstance(period_s, str) else f"{period_s:g}"
+    options = (
+        f"--seed {seed} --restarts {restarts} --harmonics {harmonics} --period-s {period} --periods {driven} "
+        f"--criterion {criterion}"
+    )
+    return DesignedExcitation(arm, result, envelope, driven, options)
+
+
+@contextmanager
+def _workers(restarts: int) -> Iterator[Executor | None]:
+    """A process per core; none for a single start."""
+    cores = min(restarts, len(os.sched_getaffinity(0)))
+    if cores == 1:
+        yield None
+        return
+    with ProcessPoolExecutor(cores, mp_context=get_context("spawn")) as executor:
+        yield executor
+
+
+def _frequency(arm: Robot, period_s: float | Literal["auto"], harmonics: int) -> float | PeriodRange:
+    """The base frequency, or the range to choose the period from; both as the arm's bus can stream them."""
+    if isinstance(period_s, str):
+        cycle_s = 1 / arm.bus.cycle_hz
+        step_s = ceil(_PERIOD_STEP_S / cycle_s - 1e-9) * cycle_s
+        shortest_s = max(_SHORTEST_PERIOD_S, ceil(harmonics * _LEAST_CYCLES * cycle_s / step_s - 1e-9) * step_s)
+        return PeriodRange(shortest_s, _LONGEST_PERIOD_S, step_s)
+    if not 0.0 < period_s < inf:
+        raise UnstreamablePeriod(f"a period of {period_s:g} s: expected a time above 0")
+    if arm.has_bus:
+        _require_streamable(period_s, harmonics, arm.bus.cycle_hz)
+    return 1 / period_s
+
+
+def _require_streamable(period_s: float, harmonics: int, cycle_hz: float) -> None:
+    """Refuse a period that setpoints at the bus's rate cannot follow."""
+    cycles = period_s * cycle_hz
+    if abs(cycles - round(cycles)) > CYCLE_ROUNDING:
+        near = [whole / cycle_hz for whole in (floor(cycles), ceil(cycles)) if whole > 0]
+        raise UnstreamablePeriod(
+            f"a period of {period_s:g} s is {cycles:.3f} cycles at {cycle_hz:g} Hz, expected a whole number: "
+            f"give {' or '.join(f'{s:g}' for s in near)}"
+        )
+    if cycles < _LEAST_CYCLES * harmonics:
+        raise UnstreamablePeriod(
+            f"harmonic {harmonics} of {period_s:g} s has {cycles / harmonics:.1f} setpoints a period at {cycle_hz:g} "
+            f"Hz, at least {_LEAST_CYCLES} are needed: give --period-s {_LEAST_CYCLES * harmonics / cycle_hz:g} or "
+            "more, or fewer --harmonics"
+        )

@@ -1,0 +1,230 @@
+"""A payload from the recordings of a configured arm, and what further recordings say of it.
+
+Robots, recordings and files are given as objects or by name and path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.config.robot_recordings import read_of
+from armload_identification.calibration.body_identification import require_same_gains
+from armload_identification.estimation.estimator_names import Estimator
+from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.files.body_file import read_body
+from armload_identification.files.payload_file import read_payload
+from armload_identification.identification_errors import PayloadFileError
+from armload_identification.model.payload import PayloadResult
+from armload_identification.pipeline import payload_identification, payload_validation
+from armload_identification.pipeline.payload_identification import FLANGE, payload_result
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.recording import Recording
+from armload_identification.report.content import ReportContent, ShownRuns
+from armload_identification.results.findings import Findings
+from armload_identification.verdict.agreement import Tolerance
+
+RunPair = tuple[Recording | FilePath, Recording | FilePath]
+"""A loaded run, and one of the same motion without the payload."""
+
+
+def read_run(path: FilePath, robot: Robot | str | None = None) -> Recording:
+    """Read a recording.
+
+    Args:
+        path: MCAP of armload, or a table of any other program.
+        robot: The arm it belongs to; its `[log]` says which columns of a table hold what.
+
+    Raises:
+        RecordingError: it cannot be read.
+        CommissioningError: it was recorded on another arm.
+
+    Examples:
+        >>> import armload
+        >>> run = armload.read_recording("runs/today/loaded_identification.mcap", "er50")
+        >>> run.n, run.time_s.shape == run.position_rad[:, 0].shape
+        (6, True)
+    """
+    if robot is None:
+        return read_recording(Path(path))
+    return read_of(_robot(robot), Path(path))
+
+
+def identify(
+    robot: Robot | str,
+    loaded: Recording | FilePath,
+    unloaded: Recording | FilePath | None = None,
+    *,
+    validation: RunPair | None = None,
+    gains: FilePath | None = None,
+    calibration: FilePath | None = None,
+    body: FilePath | None = None,
+    known: KnownPayload | None = None,
+    estimator: Estimator = Estimator.FRICTION,
+    tolerance: Tolerance | None = None,
+) -> Findings:
+    """Identify the payload that one run carried and the other did not.
+
+    Args:
+        robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
+        loaded: Run with the payload.
+        unloaded: Run of the same motion without it; may be left out with `body` or `calibration`.
+        validation: A loaded and an unloaded run of another motion, to judge the result.
+        gains: Gains file of `armload calibrate-gains`, in place of the nominal gains.
+        calibration: Calibration file of `armload calibrate`, in place of the nominal gains.
+        body: Body file of `armload identify-body`, in place of the unloaded run.
+        known: What is known of the payload beforehand.
+        estimator: How to fit.
+        tolerance: By how much the payload may be off; 2 % of its mass and 10 mm if not given.
+
+    Returns:
+        Payload, intervals and verdict, to print, save and report.
+
+    Raises:
+        RecordingError: recordings that do not fit the arm or each other, or cannot be right.
+        EstimationError: neither unloaded run nor body, or data that no payload explains.
+
+    Examples:
+        >>> import armload
+        >>> run = "runs/today/{}_{}.mcap".format
+        >>> result = armload.identify(
+        ...     "er50",
+        ...     loaded=run("loaded", "identification"),
+        ...     unloaded=run("unloaded", "identification"),
+        ...     validation=(run("loaded", "validation"), run("unloaded", "validation")),
+        ... )
+        >>> low, high = result.intervals["mass"]
+        >>> low < result.payload.model.mass_kg < high
+        True
+        >>> result.verdict.title
+        'Right within the tolerance'
+        >>> result.save("payload.toml")
+        >>> result.report("report.html")
+    """
+    arm = _robot(robot)
+    used = arm_in_use(arm, gains, calibration)
+    run, empty = _run(arm, loaded), None if unloaded is None else _run(arm, unloaded)
+    model = None
+    if body is not None:
+        file = read_body(Path(body))
+        require_same_gains(file.gain_nm_a, run, used.transmission)
+        model = file.model
+    identification = payload_identification.identify(
+        run, empty, used.chain, used.transmission, estimator=estimator, known=known, body=model, arm=used.known
+    )
+    payload = payload_result(identification, version("armload"), arm.sha256)
+    content = ReportContent.of_identification(identification)
+    findings = Findings(arm, payload, content, version("armload"))
+    return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
+
+
+def validate(
+    robot: Robot | str,
+    payload: PayloadResult | FilePath,
+    loaded: Recording | FilePath,
+    unloaded: Recording | FilePath,
+    *,
+    gains: FilePath | None = None,
+    calibration: FilePath | None = None,
+    tolerance: Tolerance | None = None,
+) -> Findings:
+    """Judge a payload by a pair of runs that it was not identified from.
+
+    Args:
+        robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
+        payload: The payload, or its file.
+        loaded: Run with the payload.
+        unloaded: Run of the same motion without it.
+        gains: Gains file of `armload calibrate-gains`, in place of the nominal gains.
+        calibration: Calibration file of `armload calibrate`, in place of the nominal gains.
+        tolerance: By how much the payload may be off; 2 % of its mass and 10 mm if not given.
+
+    Returns:
+        The payload with the verdict, to print and report.
+
+    Raises:
+        PayloadFileError: the payload's file cannot be read, or it is not given in the flange frame.
+        RecordingError: recordings that do not fit the arm or each other.
+
+    Examples:
+        >>> import armload
+        >>> run = "runs/today/{}_validation.mcap".format
+        >>> result = armload.validate("er50", "runs/today/payload.toml", run("loaded"), run("unloaded"))
+        >>> result.verdict.title
+        'Right within the tolerance'
+    """
+    arm = _robot(robot)
+    findings = Findings(arm, _payload(payload), ReportContent(), version("armload"))
+    return _validated(findings, arm, arm_in_use(arm, gains, calibration), (loaded, unloaded), tolerance)
+
+
+def findings_from_files(
+    robot: Robot | str,
+    payload: FilePath,
+    *,
+    fitted: RunPair | None = None,
+    validation: RunPair | None = None,
+    gains: FilePath | None = None,
+    calibration: FilePath | None = None,
+    tolerance: Tolerance | None = None,
+) -> Findings:
+    """What files say of a payload, without identifying it again.
+
+    Args:
+        robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
+        payload: Payload file.
+        fitted: The runs that it was identified from.
+        validation: Runs that it was not identified from.
+        gains: Gains file of `armload calibrate-gains`, in place of the nominal gains.
+        calibration: Calibration file of `armload calibrate`, in place of the nominal gains.
+        tolerance: By how much the payload may be off; 2 % of its mass and 10 mm if not given.
+
+    Raises:
+        PayloadFileError: the payload's file cannot be read, or it is not given in the flange frame.
+        RecordingError: recordings that do not fit the arm or each other.
+    """
+    arm = _robot(robot)
+    used = arm_in_use(arm, gains, calibration)
+    result = _payload(payload)
+    content = ReportContent()
+    if fitted is not None:
+        loaded, unloaded = (_run(arm, run) for run in fitted)
+        shown = payload_validation.validate(loaded, unloaded, used.chain, used.transmission, result, arm=used.known)
+        runs = ShownRuns(shown.signal, shown.predicted_nm, shown.residual_rms_nm, (loaded.source, unloaded.source))
+        content = ReportContent(fitted=runs)
+    findings = Findings(arm, result, content, version("armload"))
+    return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
+
+
+def _validated(findings: Findings, arm: Robot, used: ArmInUse, pair: RunPair, tolerance: Tolerance | None) -> Findings:
+    """The same findings, judged by a pair of runs."""
+    loaded, unloaded = (_run(arm, run) for run in pair)
+    judged = payload_validation.validate(
+        loaded, unloaded, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
+    )
+    sources = (loaded.source, unloaded.source)
+    return replace(findings, content=replace(findings.content, validation=judged, validation_sources=sources))
+
+
+def _robot(robot: Robot | str) -> Robot:
+    return robot if isinstance(robot, Robot) else load_robot(robot)
+
+
+def _run(arm: Robot, run: Recording | FilePath) -> Recording:
+    return run if isinstance(run, Recording) else read_of(arm, Path(run))
+
+
+def _payload(payload: PayloadResult | FilePath) -> PayloadResult:
+    """A payload in the flange frame."""
+    result = payload if isinstance(payload, PayloadResult) else read_payload(Path(payload))
+    if result.frame != FLANGE:
+        raise PayloadFileError(
+            "payload" if isinstance(payload, PayloadResult) else str(payload),
+            "payload.frame",
+            result.frame,
+            f"expected {FLANGE!r}, the frame that the robot's kinematics end in",
+        )
+    return result

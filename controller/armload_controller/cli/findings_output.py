@@ -1,0 +1,66 @@
+"""A payload's findings on the console: values, verdict, notes, and the files that are written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armload_controller.cli.json_output import print_document
+from armload_controller.cli.verdict_output import EXIT_WRONG, show_verdict
+
+if TYPE_CHECKING:
+    from armload_controller.cli.screen import Screen
+    from armload_identification.results.findings import Findings
+
+ReportOption = Annotated[Path | None, typer.Option("--report", help="Report (HTML) to write.")]
+ValidationOption = Annotated[
+    tuple[Path, Path] | None,
+    typer.Option(metavar="LOADED UNLOADED", help="Recordings of another motion, to judge the payload by."),
+]
+
+
+def show_findings(screen: Screen, findings: Findings) -> None:
+    """Show values, what the validation found, and notes."""
+    from armload_controller.cli.result_tables import payload_table, possibility, validation_table
+    from armload_identification.verdict.verdict_text import sentences
+
+    content = findings.content
+    screen.table(payload_table(findings.payload, findings.truth))
+    if content.identification is not None:
+        screen.result(possibility(content.identification))
+    if content.validation is not None:
+        screen.table(validation_table(content.validation, findings.arm.joint_names))
+        text = sentences(content.validation.verdict, findings.arm.joint_names)
+        show_verdict(screen, content.validation.outcome, text)
+    for note in findings.notes:
+        screen.step(f"note: {note}")
+
+
+def finish(screen: Screen, findings: Findings, *, payload: Path | None, report: Path | None, as_json: bool) -> None:
+    """Write what was asked for and show the findings."""
+    show_findings(screen, findings)
+    written = {"payload": payload, "report": report}
+    if payload is not None:
+        findings.save(payload)
+    if report is not None:
+        findings.report(report)
+    for path in written.values():
+        if path is not None:
+            screen.step(f"written: {path}")
+    if as_json:
+        files = {key: None if path is None else str(path) for key, path in written.items()}
+        print_document(findings.to_dict() | {"files": files})
+
+
+def require_not_wrong(findings: Findings) -> None:
+    """End with the status of a wrong payload where the validation found it wrong.
+
+    Raises:
+        typer.Exit: with status 3.
+    """
+    from armload_identification.verdict.agreement import Outcome
+
+    if findings.outcome is Outcome.WRONG:
+        raise typer.Exit(EXIT_WRONG)

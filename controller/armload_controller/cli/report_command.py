@@ -1,0 +1,46 @@
+"""`armload report`: a report from files that exist."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armload_controller.cli.findings_output import ValidationOption, finish, require_not_wrong
+from armload_controller.cli.json_output import JsonOption
+from armload_controller.cli.options import CalibrationOption, GainsOption, RobotArgument
+from armload_controller.cli.output_files import require_folder
+from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
+
+
+def report(
+    robot: RobotArgument,
+    payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML).")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Report (HTML) to write.")],
+    identified: Annotated[
+        tuple[Path, Path] | None,
+        typer.Option(metavar="LOADED UNLOADED", help="Recordings that the payload was identified from."),
+    ] = None,
+    validation: ValidationOption = None,
+    gains: GainsOption = None,
+    calibration: CalibrationOption = None,
+    tolerance: ToleranceOption = TOLERANCE,
+    as_json: JsonOption = False,
+) -> None:
+    """Write the report of a payload file, with what recordings show of it. Exit status 3: the payload is wrong."""
+    from armload_controller.analysis.robot_payload import findings_from_files
+    from armload_controller.cli.screen import Screen
+
+    require_folder(output)
+    findings = findings_from_files(
+        robot,
+        payload,
+        fitted=identified,
+        validation=validation,
+        gains=gains,
+        calibration=calibration,
+        tolerance=tolerance_of(tolerance),
+    )
+    finish(Screen(as_json=as_json), findings, payload=None, report=output, as_json=as_json)
+    require_not_wrong(findings)

@@ -1,0 +1,239 @@
+"""Results of commands as documents for `--json`; `controller/JSON.md` describes them, and a test compares the two.
+
+A number that there is none of is None, as is one that is not finite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from armload_controller.feedforward.offset_check import OffsetVerdict
+from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
+from armload_core.arrays import FloatArray
+from armload_drivers.bring_up.drive_check import Check
+from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
+from armload_identification.calibration.arm_calibration import ArmCalibration, Effort
+from armload_identification.calibration.drive_gains import GainCalibration
+from armload_identification.model.payload import PARAMETER_NAMES
+from armload_identification.results.findings_document import agreement_fields, numbers
+from armload_identification.verdict.agreement import Agreement
+from armload_identification.verdict.cad_comparison import Comparison
+
+
+def _document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
+    return {"schema": f"armload/{kind}/1", "armload_version": version("armload"), **fields}
+
+
+def gains_document(robot: str, joint_names: Sequence[str], result: GainCalibration, output: Path) -> dict[str, Any]:
+    """Calibrated beside nominal gains."""
+    rows = zip(
+        joint_names,
+        numbers(result.nominal_nm_a),
+        numbers(result.gain_nm_a),
+        numbers(result.half_width_95),
+        result.told.tolist(),
+        strict=True,
+    )
+    joints = [
+        {
+            "name": name,
+            "nominal_nm_a": nominal,
+            "gain_nm_a": gain if told else None,
+            "half_width_95_nm_a": width if told else None,
+            "determined": told,
+        }
+        for name, nominal, gain, width, told in rows
+    ]
+    return _document("gains", {"robot": robot, "joints": joints, "files": {"gains": str(output)}})
+
+
+def calibration_document(
+    robot: str, joint_names: Sequence[str], result: ArmCalibration, output: Path
+) -> dict[str, Any]:
+    """An arm calibrated from all its runs."""
+    rows = zip(
+        joint_names,
+        numbers(result.nominal),
+        numbers(result.gain_nm_a),
+        numbers(result.gain_half_width_95),
+        numbers(result.body.load_friction),
+        result.determined.tolist(),
+        strict=True,
+    )
+    joints = [
+        {
+            "name": name,
+            "nominal": nominal,
+            "gain": gain if known else None,
+            "half_width_95": width if known else None,
+            "load_friction": friction,
+            "determined": known,
+        }
+        for name, nominal, gain, width, friction, known in rows
+    ]
+    return _document(
+        "calibration",
+        {
+            "robot": robot,
+            "gain_unit": "N m/A" if result.effort is Effort.CURRENT else "N m/(N m)",
+            "joints": joints,
+            "runs": [{"name": run.name, "mounting": run.mounting or None, "off": run.off} for run in result.runs],
+            "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
+            "warnings": list(result.warnings),
+            "files": {"calibration": str(output)},
+        },
+    )
+
+
+def body_document(
+    robot: str,
+    joint_names: Sequence[str],
+    base_parameters: tuple[int, int],
+    used: tuple[FloatArray, FloatArray, FloatArray],
+    checked: tuple[FloatArray, FloatArray, FloatArray] | None,
+    output: Path,
+) -> dict[str, Any]:
+    """The empty arm's torque and what its body leaves of it.
+
+    Args:
+        robot: Name of the arm.
+        joint_names: Names of its joints.
+        base_parameters: How many there are, and how many the runs determine.
+        used: (n,) torque, error and noise on the runs used.
+        checked: The same on a run that was not used.
+        output: The body file.
+    """
+
+    def joints(columns: tuple[FloatArray, FloatArray, FloatArray]) -> list[dict[str, Any]]:
+        rows = zip(joint_names, *(numbers(column) for column in columns), strict=True)
+        return [
+            {"name": name, "torque_rms_nm": torque, "error_rms_nm": error, "noise_nm": noise}
+            for name, torque, error, noise in rows
+        ]
+
+    return _document(
+        "body",
+        {
+            "robot": robot,
+            "base_parameters": base_parameters[0],
+            "determined": base_parameters[1],
+            "joints": joints(used),
+            "check": None if checked is None else joints(checked),
+            "files": {"body": str(output)},
+        },
+    )
+
+
+def comparison_document(result: Comparison, agreement: Agreement) -> dict[str, Any]:
+    """A payload against CAD in the paper's convention."""
+    rows = zip(
+        PARAMETER_NAMES,
+        numbers(result.truth),
+        numbers(result.estimate),
+        numbers(result.error),
+        result.determined.tolist(),
+        strict=True,
+    )
+    parameters = {
+        name: {"cad": cad, "estimate": estimate if known else None, "error": error if known else None}
+        for name, cad, estimate, error, known in rows
+    }
+    return _document("comparison", {"frame": result.frame, "parameters": parameters, **agreement_fields(agreement)})
+
+
+def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> dict[str, Any]:
+    """Who answers on a bus."""
+    nodes = [
+        {
+            "node_id": node.node_id,
+            "name": node.name,
+            "is_drive": node.is_drive,
+            "vendor_id": node.identity.vendor_id,
+            "product_code": node.identity.product_code,
+            "revision": node.identity.revision,
+            "modes": list(node.modes),
+            "missing": list(node.missing),
+        }
+        for node in found
+    ]
+    return _document("nodes", {"interface": interface, "channel": channel, "nodes": nodes})
+
+
+def checks_document(robot: str, rows: Sequence[Check]) -> dict[str, Any]:
+    """The steps of a bring-up short of enabling."""
+    checks = [
+        {
+            "joint": row.joint,
+            "node_id": row.node_id,
+            "step": row.step,
+            "verdict": row.verdict.value,
+            "detail": row.detail,
+        }
+        for row in rows
+    ]
+    return _document("checks", {"robot": robot, "checks": checks})
+
+
+def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
+    """How an arm's drives fare."""
+    drives = [
+        {
+            "joint": drive.joint,
+            "node_id": drive.node_id,
+            "state": None if drive.state is None else drive.state.title,
+            "axis_position_rad": drive.position_rad,
+            "effort": drive.effort,
+            "effort_unit": drive.effort_unit,
+            "temperature_celsius": drive.temperature_celsius,
+            "error_code": drive.error_code,
+            "trouble": drive.trouble,
+        }
+        for drive in status.drives
+    ]
+    return _document(
+        "status",
+        {
+            "robot": robot,
+            "drives": drives,
+            "bus_load": status.bus_load,
+            "error_frames": status.error_frames,
+            "error_passive": status.error_passive,
+        },
+    )
+
+
+def feedforward_document(
+    robot: str, verdict: OffsetVerdict, comparisons: Sequence[FollowingComparison], picture: Path | None
+) -> dict[str, Any]:
+    """What the drives answered to a torque offset, and the following errors without and with it."""
+    offset = [
+        {"name": name, "gain": float(gain) if usable else None, "usable": bool(usable)}
+        for name, gain, usable in zip(verdict.joint_names, verdict.gain, verdict.usable, strict=True)
+    ]
+    compared = [
+        {
+            "measure": str(comparison.measure),
+            "joints": [
+                {
+                    "name": name,
+                    "weight_nm": float(comparison.weight_nm[i]),
+                    "carries_weight": i in comparison.gravity_loaded,
+                    "without_rms_rad": float(comparison.without_rms_rad[i]),
+                    "reduction": {label: float(comparison.reduction(label)[i]) for label in comparison.with_rad},
+                }
+                for i, name in enumerate(comparison.joint_names)
+            ],
+        }
+        for comparison in comparisons
+    ]
+    files = {"picture": None if picture is None else str(picture)}
+    return _document("feedforward", {"robot": robot, "offset": offset, "comparisons": compared, "files": files})
+
+
+def export_document(robot: str, export_format: str, written: dict[Path, bool], notes: Sequence[str]) -> dict[str, Any]:
+    """The files of an export."""
+    files = [{"path": str(path), "written": new} for path, new in written.items()]
+    return _document("export", {"robot": robot, "format": export_format, "files": files, "notes": list(notes)})

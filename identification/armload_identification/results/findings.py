@@ -1,0 +1,150 @@
+"""What is known of a payload: its values, the fit that they come from, and what a second pair of runs says of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from os import PathLike
+from pathlib import Path
+from typing import Any, Protocol
+
+from armload_identification.files.payload_file import write_payload
+from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
+from armload_identification.recording.recording import hashes_by_name
+from armload_identification.report.content import ReportContent, ReportSubject
+from armload_identification.report.verdict_box import VerdictBox, verdict_box
+from armload_identification.results.findings_document import findings_document
+from armload_identification.results.payload_text import plain_table, value_texts
+from armload_identification.verdict.agreement import Outcome
+
+
+class DescribedArm(Protocol):
+    """What results say of an arm; a robot of the configuration is one."""
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+
+    @property
+    def description(self) -> str:
+        """What the robot is, in a line."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, from the base to the flange."""
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the configuration."""
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """A payload, with everything that is known of it; printed, it is a table.
+
+    Attributes:
+        arm: The arm that carried it.
+        payload: Its values, intervals and provenance: what the payload file holds.
+        content: The fit, the runs and the validation, as far as there are any.
+        armload_version: Version of the program.
+        truth: In simulation, the payload that was mounted; else None.
+
+    Examples:
+        >>> import armload
+        >>> run = "runs/today/{}_identification.mcap".format
+        >>> found = armload.identify("er50", run("loaded"), run("unloaded"))
+        >>> isinstance(found, armload.Findings), found.verdict.title
+        (True, 'Not validated')
+        >>> print(str(found).splitlines()[0])
+        Payload of er50 in the flange frame, inertia about its centre of mass
+    """
+
+    arm: DescribedArm
+    payload: PayloadResult
+    content: ReportContent
+    armload_version: str
+    truth: InertialParameters | None = None
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float] | None]:
+        """95 % interval by parameter ("mass", "cx", ..., "iyz") in kg, m and kg m2; None where not determined."""
+        return {
+            name: (float(low), float(high)) if known else None
+            for name, known, (low, high) in zip(
+                PARAMETER_NAMES, self.payload.determined, self.payload.interval_95, strict=True
+            )
+        }
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """Whether the validation finds the payload right or wrong, or cannot tell; None where there was none."""
+        return None if self.content.validation is None else self.content.validation.outcome
+
+    @property
+    def verdict(self) -> VerdictBox:
+        """What the validation says in words."""
+        return verdict_box(self.content.validation, self.arm.joint_names)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the operator should know of the fit, one sentence each."""
+        return () if self.content.identification is None else self.content.identification.notes
+
+    @property
+    def simulated(self) -> bool:
+        """Whether every recording says that it was made with a simulated arm."""
+        fitted = () if self.content.fitted is None else self.content.fitted.sources
+        sources = (*fitted, *self.content.validation_sources)
+        return bool(sources) and all(source.run().get("simulated", False) for source in sources)
+
+    def with_validation_in_provenance(self) -> Findings:
+        """The same, with the recordings of the validation named in the payload file beside those of the fit."""
+        hashes = hashes_by_name(self.content.validation_sources)
+        provenance = self.payload.provenance
+        provenance = replace(provenance, recordings_sha256=provenance.recordings_sha256 | hashes)
+        return replace(self, payload=replace(self.payload, provenance=provenance))
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the payload file; an existing file is replaced.
+
+        Raises:
+            PayloadFileError: the model is impossible or too close to it, or the file cannot be written.
+        """
+        write_payload(Path(path), self.payload)
+
+    def report(self, path: str | PathLike[str], created: datetime | None = None) -> None:
+        """Write the report as one HTML file; an existing file is replaced.
+
+        Args:
+            path: Where to.
+            created: Date and time that the page bears; now, if not given.
+
+        Raises:
+            ReportError: the file cannot be written.
+        """
+        from armload_identification.report.report import write_report  # matplotlib takes longer to load than a fit
+
+        subject = ReportSubject(
+            robot=self.arm.name,
+            description=self.arm.description,
+            joint_names=self.arm.joint_names,
+            created=f"{created or datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+            armload_version=self.armload_version,
+            simulated=self.simulated,
+            truth=self.truth,
+            payload=self.payload,
+        )
+        write_report(Path(path), subject, self.content)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as numbers, texts, lists and dictionaries: the schema `armload/payload/1`."""
+        return findings_document(self.arm.name, self.arm.joint_names, self.payload, self.content, self.verdict) | {
+            "armload_version": self.armload_version
+        }
+
+    def __str__(self) -> str:
+        """Values, intervals and verdict as a table."""
+        rows = [(text.name, text.estimate, text.interval, text.unit) for text in value_texts(self.payload)]
+        title = f"Payload of {self.arm.name} in the {self.payload.frame} frame, inertia about its centre of mass"
+        table = plain_table(("parameter", "estimate", "95 % interval", "unit"), rows, text_columns=(0, 3))
+        return "\n".join([title, *table, f"{self.verdict.title}. {self.verdict.text}"])

@@ -1,0 +1,164 @@
+"""Findings as a document of plain numbers, texts, lists and dictionaries: the schema `armload/payload/1`.
+
+`controller/JSON.md` describes every key; a test compares the two. Keys carry their units; a number that there is none
+of is None.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.model.payload import InertialParameters, PayloadResult
+from armload_identification.pipeline.payload_identification import Identification
+from armload_identification.pipeline.payload_validation import Validation
+from armload_identification.recording.recording import RecordingSource
+from armload_identification.report.content import ReportContent
+from armload_identification.report.verdict_box import VerdictBox
+from armload_identification.verdict.agreement import Agreement
+
+SCHEMA: Final = "armload/payload/1"
+_AXES: Final = ("x", "y", "z")
+_ELEMENTS: Final = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+def findings_document(
+    robot: str, joint_names: Sequence[str], payload: PayloadResult, content: ReportContent, verdict: VerdictBox
+) -> dict[str, Any]:
+    """The document.
+
+    Args:
+        robot: Name of the arm.
+        joint_names: Names of its joints.
+        payload: The payload.
+        content: Fit, runs and validation.
+        verdict: What the validation says in words.
+    """
+    fitted, validation = content.fitted, content.validation
+    return {
+        "schema": SCHEMA,
+        "robot": robot,
+        "joint_names": list(joint_names),
+        "payload": payload_fields(payload),
+        "identification": None if content.identification is None else _identification_fields(content.identification),
+        "validation": None if validation is None else validation_fields(validation, joint_names),
+        "verdict": {
+            "outcome": None if validation is None else validation.outcome.value,
+            "title": verdict.title,
+            "text": verdict.text,
+        },
+        "recordings": {
+            "identification": [] if fitted is None else [_source_fields(source) for source in fitted.sources],
+            "validation": [_source_fields(source) for source in content.validation_sources],
+        },
+    }
+
+
+def payload_fields(payload: PayloadResult) -> dict[str, Any]:
+    """A payload: what is determined, its intervals, the complete model, and what is left of the torque."""
+    known = payload.determined.tolist()
+    values = [value if there else None for value, there in zip(payload.values.tolist(), known, strict=True)]
+    intervals = [pair if there else None for pair, there in zip(payload.interval_95.tolist(), known, strict=True)]
+    return {
+        "frame": payload.frame,
+        **_ten(values),
+        "determined": _ten(known),
+        "interval_95": _ten(intervals),
+        "model": body_fields(payload.model),
+        "residual_rms_nm": numbers(payload.residual_rms_nm),
+        "noise_nm": numbers(payload.noise_nm),
+        "feedforward_ready": payload.feedforward_ready,
+        "configuration_sha256": payload.provenance.configuration_sha256,
+        "recordings_sha256": dict(payload.provenance.recordings_sha256),
+    }
+
+
+def body_fields(body: InertialParameters) -> dict[str, Any]:
+    """A body's ten values."""
+    return _ten(body.values.tolist())
+
+
+def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dict[str, Any]:
+    """A validation: how the payload compares with what the second pair of runs says of it, and joint by joint."""
+    scales = validation.verdict.of_payload
+    columns = {
+        "torque_in_band_nm": numbers(validation.torque_in_band_nm),
+        "left_in_band_nm": numbers(validation.left_in_band_nm),
+        "residual_rms_nm": numbers(validation.residual_rms_nm),
+        "measured_over_predicted": _where(scales.scale, scales.told),
+        "measured_over_predicted_half_width_95": _where(scales.half_width_95, scales.told),
+    }
+    return {
+        **agreement_fields(validation.verdict.agreement),
+        "joints": [
+            {"name": name, **{key: values[joint] for key, values in columns.items()}}
+            for joint, name in enumerate(joint_names)
+        ],
+    }
+
+
+def agreement_fields(agreement: Agreement) -> dict[str, Any]:
+    """How a payload compares with what was measured of it, and what would have been noticed."""
+
+    def four(values: FloatArray) -> dict[str, Any]:
+        mass, *center = numbers(values)
+        return {"mass_kg": mass, "center_of_mass_m": dict(zip(_AXES, center, strict=True))}
+
+    return {
+        "outcome": agreement.outcome.value,
+        "difference": four(agreement.difference),
+        "half_width_95": four(agreement.half_width_95),
+        "tolerance": {"mass_kg": agreement.tolerance_kg, "center_of_mass_m": agreement.tolerance_m},
+        "noticeable": {
+            "mass_kg": number(agreement.noticeable_kg),
+            "center_of_mass_m": number(agreement.noticeable_m),
+        },
+    }
+
+
+def numbers(values: FloatArray) -> list[float | None]:
+    """Numbers of an array, None for what is not finite: JSON has no word for it."""
+    return [number(value) for value in values.tolist()]
+
+
+def number(value: float) -> float | None:
+    """A number, None where it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _where(values: FloatArray, known: NDArray[np.bool_]) -> list[float | None]:
+    """Numbers of an array, None where they are not known."""
+    return [number(value) if there else None for value, there in zip(values.tolist(), known.tolist(), strict=True)]
+
+
+def _identification_fields(identification: Identification) -> dict[str, Any]:
+    plain = identification.plain_parameters
+    return {
+        "plain_mass_kg": plain.mass_kg,
+        "plain_is_possible": not identification.physical.changed,
+        "condition_number": identification.plain.condition_number,
+        "notes": list(identification.notes),
+    }
+
+
+def _source_fields(source: RecordingSource) -> dict[str, Any]:
+    return {
+        "file": str(source.path),
+        "sha256": source.sha256,
+        "rows_read": source.rows_read,
+        "rows_dropped": source.rows_dropped,
+    }
+
+
+def _ten(values: Sequence[Any]) -> dict[str, Any]:
+    """Ten values in the order of `PARAMETER_NAMES`, in three groups."""
+    return {
+        "mass_kg": values[0],
+        "center_of_mass_m": dict(zip(_AXES, values[1:4], strict=True)),
+        "inertia_kg_m2": dict(zip(_ELEMENTS, values[4:], strict=True)),
+    }

@@ -1,0 +1,70 @@
+"""A payload's ten values as text: as many digits as the interval justifies, and no number where none is determined."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from armload_identification.model.payload import PARAMETER_NAMES, PayloadResult
+
+UNITS: Final = ("kg", "m", "m", "m", "kg m2", "kg m2", "kg m2", "kg m2", "kg m2", "kg m2")
+NOT_DETERMINED: Final = "not determined"
+
+
+@dataclass(frozen=True)
+class ValueText:
+    """One of the ten.
+
+    Attributes:
+        name: As in `PARAMETER_NAMES`.
+        estimate: The number, or `NOT_DETERMINED`.
+        interval: "low to high", or nothing.
+        unit: Its unit.
+    """
+
+    name: str
+    estimate: str
+    interval: str
+    unit: str
+
+
+def value_texts(payload: PayloadResult) -> tuple[ValueText, ...]:
+    """The ten values in the order of `PARAMETER_NAMES`."""
+    texts = []
+    for i, name in enumerate(PARAMETER_NAMES):
+        low, high = payload.interval_95[i]
+        if payload.determined[i]:
+            digits = decimals((high - low) / 2)
+            texts.append(
+                ValueText(name, f"{payload.values[i]:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}", UNITS[i])
+            )
+        else:
+            texts.append(ValueText(name, NOT_DETERMINED, "", UNITS[i]))
+    return tuple(texts)
+
+
+def decimals(half_width: float) -> int:
+    """Decimals that show two significant digits of an interval's half width."""
+    if not (math.isfinite(half_width) and half_width > 0):
+        return 4
+    return max(0, 1 - math.floor(math.log10(half_width)))
+
+
+def plain_table(headings: Sequence[str], rows: Sequence[Sequence[str]], text_columns: Sequence[int]) -> list[str]:
+    """Lines of a table without borders; numbers stand to the right, texts to the left.
+
+    Args:
+        headings: Of the columns.
+        rows: Cells.
+        text_columns: Columns of texts.
+    """
+    widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(width) if i in text_columns else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in (headings, *rows)
+    ]

@@ -1,0 +1,51 @@
+"""The front door as its users write it; `make lint` checks it with mypy's strict mode. Nothing here runs."""
+
+from pathlib import Path
+from typing import assert_type
+
+import numpy as np
+from numpy.typing import NDArray
+
+import armload
+from armload import Findings, PayloadFeedforward, Recording, Robot
+
+
+def identify_and_report(folder: Path) -> float:
+    """Names, recordings and files, as objects and as paths."""
+    robot = armload.load_robot("er50")
+    assert_type(robot, Robot)
+    loaded = armload.read_recording(folder / "loaded.mcap")
+    assert_type(loaded, Recording)
+    unloaded = armload.read_recording(str(folder / "unloaded.csv"), robot)
+    result = armload.identify(robot, loaded, unloaded, validation=(folder / "a.mcap", "b.mcap"))
+    assert_type(result, Findings)
+    assert_type(result.intervals["mass"], tuple[float, float] | None)
+    assert_type(result.verdict.title, str)
+    result.save("payload.toml")
+    result.report(folder / "report.html")
+    document = result.to_dict()
+    judged = armload.validate("er50", folder / "payload.toml", loaded, unloaded, gains="gains.toml")
+    assert_type(judged, Findings)
+    return float(document["payload"]["mass_kg"]) + judged.payload.model.mass_kg
+
+
+def from_arrays(time_s: NDArray[np.float64], q: NDArray[np.float64], tau: NDArray[np.float64]) -> Findings:
+    """Somebody else's data."""
+    loaded = Recording.from_arrays(time_s, q, torque_nm=tau)
+    assert_type(loaded, Recording)
+    return armload.identify("my_arm.toml", loaded, Recording.from_arrays(time_s, q, current_a=tau, name="empty"))
+
+
+def control(q: NDArray[np.float64], dq: NDArray[np.float64], ddq: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The payload in a loop."""
+    payload = armload.read_payload(Path("payload.toml"))
+    feedforward = PayloadFeedforward(armload.load_robot("er50").chain, payload.model)
+    return feedforward.torque_nm(q, dq, ddq)
+
+
+def design() -> None:
+    """An excitation."""
+    excitation = armload.design("my_arm.toml", period_s="auto", restarts=4)
+    assert_type(excitation.periods, int)
+    excitation.save("excitation.toml")
+    excitation.picture(Path("excitation.png"))

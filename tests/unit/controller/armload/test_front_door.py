@@ -1,0 +1,141 @@
+"""`import armload`: its names, what they load, their examples, and what an identification gives its user."""
+
+import contextlib
+import doctest
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import armload
+from armload_identification.model.payload import PARAMETER_NAMES
+from armload_identification.verdict.agreement import Outcome
+
+
+def answer(program):
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def found(recorded_er50):
+    """An identification with its validation."""
+    with contextlib.chdir(recorded_er50):
+        pairs = [
+            [f"runs/today/{load}_{role}.mcap" for load in ("loaded", "unloaded")]
+            for role in ("identification", "validation")
+        ]
+        return armload.identify("er50", *pairs[0], validation=tuple(pairs[1]))
+
+
+def test_every_public_name_is_there_and_listed():
+    assert set(armload.__all__) <= set(dir(armload))
+    assert armload.__all__ == sorted(armload.__all__)
+    for name in armload.__all__:
+        assert getattr(armload, name) is getattr(armload, name)
+    with pytest.raises(AttributeError, match="no attribute 'identity'"):
+        armload.identity  # noqa: B018 - the access is what is tested
+
+
+def test_names_are_loaded_when_they_are_used():
+    loaded = answer(
+        "import json, sys\n"
+        "import armload\n"
+        "heavy = ('numpy', 'scipy', 'can', 'canopen', 'typer', 'rich', 'matplotlib', 'pydantic', 'ruckig', 'mcap')\n"
+        "listed = lambda: [name for name in heavy if name in sys.modules]\n"
+        "first = listed()\n"
+        "armload.PayloadFeedforward\n"
+        "print(json.dumps([first, listed()]))"
+    )
+    assert loaded == [[], ["numpy"]]
+
+
+def test_an_identification_loads_neither_a_bus_nor_a_drawing_nor_the_command_line():
+    loaded = answer(
+        "import json, sys\n"
+        "import armload\n"
+        "armload.identify\n"
+        "heavy = ('canopen', 'typer', 'rich', 'matplotlib', 'jinja2', 'mujoco')\n"
+        "print(json.dumps([name for name in heavy if name in sys.modules]))"
+    )
+    assert loaded == []
+
+
+EXAMPLES = [
+    test
+    for name in ("", *armload.__all__)
+    for test in doctest.DocTestFinder(recurse=name in {"Recording", "Findings"}).find(
+        getattr(armload, name) if name else armload, f"armload.{name}", module=False, globs={}
+    )
+    if test.examples
+]
+
+
+def test_every_public_name_is_in_an_example():
+    text = "".join(example.source for test in EXAMPLES for example in test.examples)
+    assert [name for name in armload.__all__ if f"armload.{name}" not in text] == []
+    assert len(EXAMPLES) >= 9
+
+
+@pytest.mark.parametrize("test", EXAMPLES, ids=lambda test: test.name)
+def test_examples_run_as_they_stand(test, recorded_er50, tmp_path):
+    (tmp_path / "runs").symlink_to(recorded_er50 / "runs")
+    runner = doctest.DocTestRunner()
+    with contextlib.chdir(tmp_path):
+        runner.run(test)
+    assert runner.summarize(verbose=False) == (0, len(test.examples))
+
+
+def test_the_payload_is_found_within_its_intervals(found):
+    true_values = armload.load_robot("er50").simulation.payload("paper").values
+    assert list(found.intervals) == list(PARAMETER_NAMES)
+    determined = {name: interval for name, interval in found.intervals.items() if interval is not None}
+    assert {"mass", "cx", "cy", "cz"} <= set(determined)
+    inside = [low <= true_values[PARAMETER_NAMES.index(name)] <= high for name, (low, high) in determined.items()]
+    assert np.mean(inside) >= 0.7
+
+
+def test_printed_it_is_a_table_with_the_verdict(found):
+    lines = str(found).splitlines()
+    assert lines[1].split() == ["parameter", "estimate", "95", "%", "interval", "unit"]
+    assert [line.split()[0] for line in lines[2:12]] == list(PARAMETER_NAMES)
+    for line, known in zip(lines[2:12], found.payload.determined, strict=True):
+        assert ("not determined" in line) == (not known)
+    assert found.verdict.title in lines[12]
+
+
+def test_it_is_saved_and_reported(found, tmp_path):
+    found.save(tmp_path / "payload.toml")
+    assert armload.read_payload(tmp_path / "payload.toml").model.mass_kg == found.payload.model.mass_kg
+    found.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert found.verdict.title in page
+    assert "Simulated" in page
+    assert "validation, loaded" in page
+
+
+def test_the_dictionary_is_plain_and_has_no_number_for_what_is_not_determined(found):
+    document = found.to_dict()
+    assert json.loads(json.dumps(document, allow_nan=False)) == document
+    flat = [document["payload"]["mass_kg"], *document["payload"]["center_of_mass_m"].values()]
+    flat += document["payload"]["inertia_kg_m2"].values()
+    assert [value is not None for value in flat] == found.payload.determined.tolist()
+
+
+def test_validating_the_file_says_what_the_identification_said(found, recorded_er50, tmp_path):
+    found.save(tmp_path / "payload.toml")
+    pair = [recorded_er50 / f"runs/today/{load}_validation.mcap" for load in ("loaded", "unloaded")]
+    again = armload.validate("er50", tmp_path / "payload.toml", *pair)
+    assert again.outcome is found.outcome is Outcome.RIGHT
+    again.report(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert "What the plain least squares estimate was" in page
+    assert 'id="identification"' not in page
+
+
+def test_a_run_of_another_arm_is_refused(recorded_er50):
+    with pytest.raises(Exception, match="recorded on er50, not on prbt"):
+        armload.read_recording(recorded_er50 / "runs/today/loaded_validation.mcap", "prbt")

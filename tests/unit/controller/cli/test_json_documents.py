@@ -1,0 +1,186 @@
+"""`--json`: every command that has a result prints one document, and controller/JSON.md describes exactly its keys."""
+
+import json
+import re
+from collections import defaultdict
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import typer
+
+from armload_controller.cli.main import app
+from armload_controller.cli.result_documents import (
+    calibration_document,
+    feedforward_document,
+    gains_document,
+    nodes_document,
+)
+from armload_controller.feedforward.offset_check import OffsetVerdict
+from armload_controller.feedforward.payload_feedforward import NOTHING
+from armload_controller.session.feedforward_comparison import Comparison, Measure
+from armload_drivers.bring_up.inspection import FoundNode
+from armload_drivers.cia402.arm_settings import Identity
+from armload_identification.calibration.arm_calibration import Effort
+from armload_identification.calibration.drive_gains import GainCalibration
+
+PAGE = Path(__file__).resolve().parents[4] / "controller" / "JSON.md"
+COMMON = {"schema", "armload_version"}
+
+
+def described():
+    """Keys by schema, as the page lists them."""
+    keys, schema = defaultdict(set), None
+    for line in PAGE.read_text("utf-8").splitlines():
+        if line.startswith("## "):
+            schema = line.removeprefix("## ")
+        elif found := re.match(r"\| `([^`]+)` \|", line):
+            keys[schema].add(found[1])
+    return dict(keys)
+
+
+def paths(value, at, known):
+    """Paths of the leaves; a value that is described as a whole is one, and of what is not there nothing is asked."""
+    if at in known:
+        return {at}
+    if value is None or value in ([], {}):
+        return set()
+    if isinstance(value, list):
+        return set().union(*(paths(item, f"{at}[]", known) for item in value))
+    if isinstance(value, dict):
+        found = set()
+        for key, item in value.items():
+            path = f"{at}.{key}" if at else key
+            general = f"{at}.*"
+            starred = any(other == general or other.startswith(f"{general}.") for other in known)
+            found |= paths(item, general if starred else path, known)
+        return found
+    return {at}
+
+
+ROLES, LOADS = ("identification", "validation"), ("loaded", "unloaded")
+COMMANDS = {
+    "identify": "identify er50 --loaded {l1} --unloaded {u1} --validation {l2} {u2} -o {out}/p.toml --report {out}/r",
+    "validate": "validate er50 {payload} --loaded {l2} --unloaded {u2}",
+    "report": "report er50 {payload} --identified {l1} {u1} --validation {l2} {u2} -o {out}/again.html",
+    "identify-body": "identify-body er50 {u1} --check {u2} -o {out}/body.toml",
+    "compare": "compare {payload} {payload}",
+    "export": "export {payload} --robot er50 --format urdf -o {out}",
+    "design": "design prbt -o {out}/path.toml --restarts 1 --harmonics 2 --period-s 5",
+    "drives check": "drives check er50",
+    "drives show": "drives show er50 --once",
+}
+"""Every document that can be had without a bus of one's own and without moving an arm."""
+
+
+@pytest.fixture(scope="module")
+def document(armload, recorded_er50, tmp_path_factory):
+    """What a command prints; each runs once."""
+    today = recorded_er50 / "runs" / "today"
+    names = {f"{load[0]}{i}": today / f"{load}_{role}.mcap" for load in LOADS for i, role in enumerate(ROLES, 1)}
+    names |= {"payload": today / "payload.toml", "out": tmp_path_factory.mktemp("json")}
+
+    @cache
+    def printed(name):
+        result = armload(*COMMANDS[name].format(**names).split(), "--json")
+        assert result.exit_code == 0, (result.output, result.exception)
+        (line,) = result.stdout.splitlines()
+        return json.loads(line)
+
+    return printed
+
+
+def made():
+    """Documents of commands that take long or need a bus."""
+    joints, ones = ("a", "b"), np.ones(2)
+    gains = GainCalibration(ones, ones, np.array([True, False]), ones, np.eye(2), NOTHING, ones, ones, ones, ())
+    offset = OffsetVerdict(joints, ones, np.array([1.0, 0.2]), np.array([0.01, 9.0]), 4)
+    errors = np.full((5, 2), 0.01)
+    compared = Comparison(Measure.ADDED, joints, np.arange(5.0), errors, {"fed": 0.1 * errors}, np.array([9.0, 0.1]))
+    node = FoundNode(3, 0x20192, "drive", Identity(1, 2, 3), (1, 8), ("1016",))
+    arm = SimpleNamespace(
+        effort=Effort.CURRENT,
+        nominal=ones,
+        gain_nm_a=ones,
+        gain_half_width_95=ones,
+        body=SimpleNamespace(load_friction=ones),
+        determined=np.array([True, False]),
+        runs=(SimpleNamespace(name="run", mounting="", off=1.0), SimpleNamespace(name="b", mounting="m", off=1.0)),
+        left_out=(("other", "a sign"),),
+        warnings=("a sentence",),
+    )
+    return [
+        calibration_document("arm", joints, arm, Path("arm.toml")),
+        gains_document("arm", joints, gains, Path("gains.toml")),
+        feedforward_document("arm", offset, [compared], Path("picture.svg")),
+        nodes_document("socketcan", "can0", [node]),
+    ]
+
+
+def test_what_is_not_determined_has_no_number():
+    calibrated, gains, fed, _ = made()
+    assert [joint["gain"] for joint in calibrated["joints"]] == [1.0, None]
+    assert [run["mounting"] for run in calibrated["runs"]] == [None, "m"]
+    assert [joint["gain_nm_a"] for joint in gains["joints"]] == [1.0, None]
+    assert [joint["gain"] for joint in fed["offset"]] == [1.0, None]
+    assert fed["comparisons"][0]["joints"][0]["reduction"] == {"fed": pytest.approx(0.9)}
+    assert [joint["carries_weight"] for joint in fed["comparisons"][0]["joints"]] == [True, False]
+    assert json.loads(json.dumps(made(), allow_nan=False))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_page_describes_every_key(document, name):
+    found = document(name)
+    assert set(found) >= COMMON
+    known = described()[found["schema"]]
+    content = {key: value for key, value in found.items() if key not in COMMON}
+    leaves = paths(content, "", known)
+    assert leaves <= known
+    assert leaves
+
+
+def test_the_page_describes_no_key_that_is_not_there(document):
+    printed = [*(document(name) for name in COMMANDS), *made()]
+    pages, found = described(), defaultdict(set)
+    for each in printed:
+        known = pages[each["schema"]]
+        content = {key: value for key, value in each.items() if key not in COMMON}
+        found[each["schema"]] |= paths(content, "", known)
+    for schema, keys in found.items():
+        absent = {key for key in pages[schema] if key.startswith("notes")}
+        assert pages[schema] - keys <= absent, schema
+    assert set(pages) - set(found) == {"armload/commission-half/1"}
+
+
+def test_every_command_with_a_result_has_the_option():
+    def commands(command, name=""):
+        inner = getattr(command, "commands", None)
+        if inner is None:
+            yield name, command
+        for key, value in (inner or {}).items():
+            yield from commands(value, f"{name} {key}".strip())
+
+    without = {
+        name
+        for name, command in commands(typer.main.get_command(app))
+        if not any("--json" in option.opts for option in command.params)
+    }
+    assert without == {"simulate", "drives reset"}
+
+
+def test_one_schema_serves_identify_validate_and_report(document):
+    found = document("identify")
+    assert found["payload"]["mass_kg"] == pytest.approx(9.81, abs=0.2)
+    assert found["files"]["payload"].endswith("p.toml")
+    assert Path(found["files"]["report"]).is_file()
+    assert found["validation"]["joints"][0]["name"] == found["joint_names"][0]
+    assert document("validate")["identification"] is None
+    assert document("report")["recordings"]["identification"][0]["file"].endswith("loaded_identification.mcap")
+
+
+def test_a_refusal_prints_no_document(armload, tmp_path):
+    result = armload("compare", tmp_path / "nothing.toml", tmp_path / "nothing.toml", "--json")
+    assert result.exit_code == 1
+    assert result.stdout == ""
