@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import coverage, operating_curve, other_payloads, real_currents, speed
+from benchmarks import arm_calibration, coverage, operating_curve, other_payloads, real_currents, speed
 from benchmarks.setups import Twin
 from benchmarks.statistics import Census
 from benchmarks.trials import workers
@@ -16,8 +16,10 @@ def main() -> int:
     tally, census = Tally(), Census()
     real_currents.run(tally, census)
     operating_curve.run_measured(tally)
+    arm_calibration.run_measured(tally)
     with workers() as pool:
         speed.run(tally, pool)
+        arm_calibration.run_simulated(tally, pool)
         other_payloads.run(tally, pool, Twin.NORMATIVE, census)
         other_payloads.run(tally, pool, Twin.HARSH, census)
         coverage.run(tally, pool, census)
