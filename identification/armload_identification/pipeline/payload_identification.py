@@ -203,8 +203,8 @@ def _signal(
     if body is None:
         raise EstimationError(
             "no unloaded recording was given, and the arm's own torque is not known: it is many times the payload's. "
-            "Record the same excitation without the payload and give that file as --unloaded, or identify the arm's "
-            "body once with `armload identify-body` and give that file as --body."
+            "Record the same excitation without the payload and give that file as --unloaded, or calibrate the arm "
+            "once with `armload calibrate` and give that file as --calibration."
         )
     check_run(loaded, transmission)
     motion = motion_of(loaded, transmission).with_delay(body.torque_delay_s)

@@ -85,7 +85,7 @@ def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
         return [
             "Drive gains are nominal: an error in them is an error of the same size in the result. The intervals "
             f"allow for {2 * transmission.deviation.max():.0%} (95 %) on each joint. Calibrate them with a weighed "
-            "payload: `armload calibrate-gains`."
+            "payload: `armload calibrate`."
         ]
     return [
         f"The drive gains of joint {joint_list(~transmission.calibrated)} are nominal: the calibration could not "
