@@ -43,7 +43,7 @@ POWER: Final = 0.95
 CONFIDENCE: Final = 0.95
 _SIZE: Final = 4
 _LEAST_FREEDOM: Final = 5.0
-"""With fewer, limit and noticeable error have next to no bound, and nothing could be told."""
+"""F is taken with at least as many: with fewer, limit and noticeable error have next to no bound."""
 _LONGEST: Final = 1000.0
 
 
@@ -167,7 +167,7 @@ def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agree
     gains = _from_gains(judged.covariance, measured.covariance)
     covariance, freedom = _combined(judged.covariance, measured.covariance, gains)
     statistic = _statistic(difference, covariance, freedom)
-    critical = float(fdtri(_SIZE, freedom - _SIZE + 1.0, 1.0 - FALSE_ALARM))
+    critical = float(fdtri(_SIZE, _denominator(freedom), 1.0 - FALSE_ALARM))
     noticeable_kg, noticeable_m, weakest = _noticeable(covariance, freedom)
     tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
     quantile = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
@@ -240,18 +240,24 @@ def _combined(
         share = np.linalg.solve(total, part)
         scatter += float(np.trace(share @ share) + np.trace(share) ** 2) / freedom
     freedom = (_SIZE + _SIZE**2) / max(scatter, 1e-9)
-    return total, max(freedom, _LEAST_FREEDOM)
+    return total, freedom
 
 
 def _statistic(difference: FloatArray, covariance: FloatArray, freedom: float) -> float:
     """F of a difference."""
     square = float(difference @ np.linalg.solve(covariance, difference))
-    return square / _SIZE * (freedom - _SIZE + 1.0) / freedom
+    free = _denominator(freedom)
+    return square / _SIZE * free / (free + _SIZE - 1.0)
+
+
+def _denominator(freedom: float) -> float:
+    """Degrees of freedom of the denominator of F."""
+    return max(freedom, _LEAST_FREEDOM) - _SIZE + 1.0
 
 
 def _noticeable(covariance: FloatArray, freedom: float) -> tuple[float, float, FloatArray]:
     """Smallest errors noticed with the probability `POWER`: of the mass, of the centre, and its weakest direction."""
-    free = freedom - _SIZE + 1.0
+    free = _denominator(freedom)
     critical = fdtri(_SIZE, free, 1.0 - FALSE_ALARM)
     size = float(np.sqrt(ncfdtrinc(_SIZE, free, 1.0 - POWER, critical)))
     precision = np.linalg.inv(covariance)
