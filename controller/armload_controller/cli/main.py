@@ -12,20 +12,20 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.calibrate_command import calibrate
-from armload_controller.cli.calibrate_gains_command import calibrate_gains
 from armload_controller.cli.command_group import CommandGroup
-from armload_controller.cli.commission_command import commission
-from armload_controller.cli.compare_command import compare
-from armload_controller.cli.design_command import design
-from armload_controller.cli.drives_command import drives
-from armload_controller.cli.export_command import export
-from armload_controller.cli.feedforward_command import feedforward
-from armload_controller.cli.identify_body_command import identify_body
-from armload_controller.cli.identify_command import identify
-from armload_controller.cli.report_command import report
-from armload_controller.cli.simulate_command import simulate
-from armload_controller.cli.validate_command import validate
+from armload_controller.cli.commands.calibrate_command import calibrate
+from armload_controller.cli.commands.calibrate_gains_command import calibrate_gains
+from armload_controller.cli.commands.commission_command import commission
+from armload_controller.cli.commands.compare_command import compare
+from armload_controller.cli.commands.design_command import design
+from armload_controller.cli.commands.drives_command import drives
+from armload_controller.cli.commands.export_command import export
+from armload_controller.cli.commands.feedforward_command import feedforward
+from armload_controller.cli.commands.identify_body_command import identify_body
+from armload_controller.cli.commands.identify_command import identify
+from armload_controller.cli.commands.report_command import report
+from armload_controller.cli.commands.simulate_command import simulate
+from armload_controller.cli.commands.validate_command import validate
 
 app = typer.Typer(
     name="armload",

@@ -19,8 +19,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS, body_regressor, payload_regressor
-from armload_identification.recording.phases import phases_per_period, whole_periods
 from armload_identification.recording.recording import Recording
+from armload_identification.recording.reduction.phases import phases_per_period, whole_periods
 from armload_identification.signals.filters import low_pass
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.periods import fold

@@ -17,14 +17,14 @@ from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
-from armload_identification.recording.period_average import PeriodAverager
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.recording import Recording, RecordingSource, recording_of
-from armload_identification.recording.reduction import Reduction, WrongReduction
+from armload_identification.recording.reduction.period_average import PeriodAverager
+from armload_identification.recording.reduction.reduction import Reduction, WrongReduction
+from armload_identification.recording.reduction.time_average import TimeAverager
 from armload_identification.recording.row_block import RowBlock, joined
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
-from armload_identification.recording.time_average import TimeAverager
 
 SHORT_ROWS: Final = FIRST_WINDOW
 """Rows up to which a recording is kept as it is."""

@@ -20,7 +20,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.garbage_rows import GarbageFilter
-from armload_identification.recording.repeated_values import RepeatedValues
+from armload_identification.recording.reduction.repeated_values import RepeatedValues
 from armload_identification.recording.row_block import QUANTITIES, RowBlock, joined
 from armload_identification.recording.run_format import RUN_ATTACHMENT
 

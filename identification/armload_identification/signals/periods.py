@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.recording.period_average import ON_GRID
-from armload_identification.recording.phases import periodic_phase, require_even, whole
 from armload_identification.recording.recording import Recording
+from armload_identification.recording.reduction.period_average import ON_GRID
+from armload_identification.recording.reduction.phases import periodic_phase, require_even, whole
 
 _FITTED: Final = 0.25
 """At most this share of the samples is taken up by a fit of the motion."""

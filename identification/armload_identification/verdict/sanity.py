@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate, estimate_reweighted
 from armload_identification.identification_errors import EstimationError, RecordingError
-from armload_identification.recording.phases import whole_periods
 from armload_identification.recording.recording import Recording
-from armload_identification.recording.repeated_values import repeated_values
+from armload_identification.recording.reduction.phases import whole_periods
+from armload_identification.recording.reduction.repeated_values import repeated_values
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.load_signal import LoadSignal
 

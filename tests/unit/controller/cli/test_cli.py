@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armload_controller.cli.design_command import CriterionName
+from armload_controller.cli.commands.design_command import CriterionName
 from armload_controller.config.robot import load_robot
 from armload_identification.excitation.excitation_file import read_excitation, write_excitation
 from armload_identification.excitation.fourier import CRITERIA, Excitation, FourierTrajectory

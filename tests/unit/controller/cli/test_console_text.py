@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.main import app
-from armload_controller.cli.result_tables import payload_table
+from armload_controller.cli.output.result_tables import payload_table
 from armload_controller.cli.screen import Screen
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 

@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from armload_controller.cli.main import app
-from armload_controller.cli.result_documents import (
+from armload_controller.cli.output.result_documents import (
     calibration_document,
     feedforward_document,
     gains_document,

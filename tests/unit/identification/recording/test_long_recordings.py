@@ -17,7 +17,7 @@ from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
 from armload_identification.recording.recording import Recording, recording_of
-from armload_identification.recording.repeated_values import RepeatCounter, repeated_values
+from armload_identification.recording.reduction.repeated_values import RepeatCounter, repeated_values
 from armload_identification.recording.row_block import RowBlock, joined
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 from armload_identification.signals.load_signal import load_signal

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.json_output import JsonOption, print_document
+from armload_controller.cli.output.json_output import JsonOption, print_document
 from armload_controller.export.format_registry import ExportFormat, exporter
 
 
@@ -26,7 +26,7 @@ def export(
     as_json: JsonOption = False,
 ) -> None:
     """Write a payload as C source, URDF, ROS 2 files or the load data of a robot controller."""
-    from armload_controller.cli.result_documents import export_document
+    from armload_controller.cli.output.result_documents import export_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.export.export_files import write_texts

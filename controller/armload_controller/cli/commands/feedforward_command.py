@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -19,6 +18,7 @@ from armload_controller.cli.options import (
     SimulatedDrivesOption,
     YesOption,
 )
+from armload_controller.cli.output.json_output import JsonOption, print_document
 from armload_controller.motion.motion_control import MotionControl
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def feedforward(
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque, as for `commission`.
     """
     from armload_controller.cli.keyboard import Keyboard
-    from armload_controller.cli.result_documents import feedforward_document
+    from armload_controller.cli.output.result_documents import feedforward_document
     from armload_controller.cli.screen import Screen, attended
     from armload_controller.config.robot import load_robot
     from armload_controller.feedforward.body_torque import held_torque, require_body

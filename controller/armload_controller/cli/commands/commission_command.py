@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.findings_output import require_not_wrong
-from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import (
     BitrateOption,
     ChannelOption,
@@ -23,8 +21,10 @@ from armload_controller.cli.options import (
     SimulatedDrivesOption,
     YesOption,
 )
-from armload_controller.cli.output_files import make_folder
-from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
+from armload_controller.cli.output.findings_output import require_not_wrong
+from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.output_files import make_folder
+from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
 
@@ -160,7 +160,7 @@ def _evaluate(
 ) -> Findings:
     """Identify on the first pair, judge on the second, write payload and report, show both."""
     from armload_controller.analysis.robot_payload import identify
-    from armload_controller.cli.findings_output import show_findings
+    from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.session.commissioning import ROLES, read_pair
 
     first, second = (read_pair(arm, directory, role) for role in ROLES)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.json_output import print_document
-from armload_controller.cli.verdict_output import EXIT_WRONG, show_verdict
+from armload_controller.cli.output.json_output import print_document
+from armload_controller.cli.output.verdict_output import EXIT_WRONG, show_verdict
 
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
@@ -23,7 +23,7 @@ ValidationOption = Annotated[
 
 def show_findings(screen: Screen, findings: Findings) -> None:
     """Show values, what the validation found, and notes."""
-    from armload_controller.cli.result_tables import payload_table, possibility, validation_table
+    from armload_controller.cli.output.result_tables import payload_table, possibility, validation_table
     from armload_identification.verdict.verdict_text import sentences
 
     content = findings.content

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import GainsOption, RobotArgument
-from armload_controller.cli.output_files import require_folder
+from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.output_files import require_folder
 
 
 def identify_body(
@@ -26,8 +26,8 @@ def identify_body(
 ) -> None:
     """Identify an arm's base parameters and friction from runs without a payload."""
     from armload_controller.analysis.arm_in_use import transmission_of
-    from armload_controller.cli.cad_table import body_table
-    from armload_controller.cli.result_documents import body_document
+    from armload_controller.cli.output.cad_table import body_table
+    from armload_controller.cli.output.result_documents import body_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.config.robot_recordings import read_of

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armload_controller.cli.command_group import CommandGroup
-from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOption, InterfaceOption, RobotArgument
+from armload_controller.cli.output.json_output import JsonOption, print_document
 from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
 from armload_controller.motion.motion_control import MotionControl
 
@@ -39,8 +39,8 @@ def scan_command(
     as_json: JsonOption = False,
 ) -> None:
     """Who is on the bus: identity, modes, and what safety would miss. Only reads."""
-    from armload_controller.cli.drive_result_tables import found_table
-    from armload_controller.cli.result_documents import nodes_document
+    from armload_controller.cli.output.drive_result_tables import found_table
+    from armload_controller.cli.output.result_documents import nodes_document
     from armload_controller.cli.screen import Screen
     from armload_controller.session.arm_access import VIRTUAL, open_bus
     from armload_drivers.bring_up.inspection import find_nodes
@@ -68,8 +68,8 @@ def check_command(
     as_json: JsonOption = False,
 ) -> None:
     """Everything of bring-up short of enabling, as a table per joint. Resets and configures the nodes it knows."""
-    from armload_controller.cli.drive_result_tables import check_table
-    from armload_controller.cli.result_documents import checks_document
+    from armload_controller.cli.output.drive_result_tables import check_table
+    from armload_controller.cli.output.result_documents import checks_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_drivers.bring_up.drive_check import Verdict, check
@@ -98,8 +98,8 @@ def show_command(
     as_json: JsonOption = False,
 ) -> None:
     """State, position and effort of every drive, and the load of the bus, until Ctrl-C. Only reads."""
-    from armload_controller.cli.drive_result_tables import bus_line, status_table
-    from armload_controller.cli.result_documents import status_document
+    from armload_controller.cli.output.drive_result_tables import bus_line, status_table
+    from armload_controller.cli.output.result_documents import status_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.stop_signals import StopSignals

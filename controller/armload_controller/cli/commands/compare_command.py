@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.json_output import JsonOption, print_document
-from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, show_verdict, tolerance_of
+from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, show_verdict, tolerance_of
 
 
 def compare(
@@ -18,8 +18,8 @@ def compare(
     as_json: JsonOption = False,
 ) -> None:
     """Compare a payload with CAD: the verdict, and relative errors in the paper's convention."""
-    from armload_controller.cli.cad_table import comparison_table
-    from armload_controller.cli.result_documents import comparison_document
+    from armload_controller.cli.output.cad_table import comparison_table
+    from armload_controller.cli.output.result_documents import comparison_document
     from armload_controller.cli.screen import Screen
     from armload_identification.files.payload_file import read_payload
     from armload_identification.verdict.agreement import compare_known

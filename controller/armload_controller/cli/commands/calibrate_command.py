@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import RobotArgument
-from armload_controller.cli.output_files import require_folder
+from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.output_files import require_folder
 
 
 def calibrate(
@@ -31,8 +31,8 @@ def calibrate(
     gains; leave the mass of the others empty. Runs with one and the same payload, mounted once, share the name in the
     column mounting. Runs that cannot be used or contradict the others are left out and named.
     """
-    from armload_controller.cli.calibration_tables import gains_table, runs_table
-    from armload_controller.cli.result_documents import calibration_document
+    from armload_controller.cli.output.calibration_tables import gains_table, runs_table
+    from armload_controller.cli.output.result_documents import calibration_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.config.robot_runs import read_runs

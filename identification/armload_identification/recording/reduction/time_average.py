@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.recording.recording import Recording, RecordingSource
-from armload_identification.recording.repeated_values import RepeatCounter
+from armload_identification.recording.reduction.repeated_values import RepeatCounter
 from armload_identification.recording.row_block import RowBlock, joined
 
 INTERVAL_S: Final = 0.01

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.recording.phases import phases_of, require_even, shortest_period, whole_between
 from armload_identification.recording.recording import PeriodAverage, Recording, RecordingSource
-from armload_identification.recording.reduction import WrongReduction
-from armload_identification.recording.repeated_values import RepeatCounter
+from armload_identification.recording.reduction.phases import phases_of, require_even, shortest_period, whole_between
+from armload_identification.recording.reduction.reduction import WrongReduction
+from armload_identification.recording.reduction.repeated_values import RepeatCounter
 from armload_identification.recording.row_block import RowBlock, joined
 
 ON_GRID: Final = 0.05

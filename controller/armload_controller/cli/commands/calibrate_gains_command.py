@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import LoadedOption, RobotArgument, UnloadedOption
-from armload_controller.cli.output_files import require_folder
+from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.output_files import require_folder
 from armload_controller.control_errors import ConfigurationError
 
 
@@ -24,8 +24,8 @@ def calibrate_gains(
     as_json: JsonOption = False,
 ) -> None:
     """Calibrate the drive gains with a known payload."""
-    from armload_controller.cli.cad_table import gains_table
-    from armload_controller.cli.result_documents import gains_document
+    from armload_controller.cli.output.cad_table import gains_table
+    from armload_controller.cli.output.result_documents import gains_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.config.robot_recordings import read_of

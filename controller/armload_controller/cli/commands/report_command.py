@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.findings_output import ValidationOption, finish, require_not_wrong
-from armload_controller.cli.json_output import JsonOption
 from armload_controller.cli.options import CalibrationOption, GainsOption, RobotArgument
-from armload_controller.cli.output_files import require_folder
-from armload_controller.cli.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
+from armload_controller.cli.output.findings_output import ValidationOption, finish, require_not_wrong
+from armload_controller.cli.output.json_output import JsonOption
+from armload_controller.cli.output.output_files import require_folder
+from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 
 
 def report(

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from armload_controller.cli.json_output import JsonOption, print_document
 from armload_controller.cli.options import RobotArgument
+from armload_controller.cli.output.json_output import JsonOption, print_document
 
 MOST_HARMONICS, MOST_RESTARTS, MOST_PERIODS = 50, 1000, 10_000
 """More is a slip of the finger."""

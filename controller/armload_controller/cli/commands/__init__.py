@@ -1,0 +1,1 @@
+"""One command per file: options in, library calls, tables out."""
