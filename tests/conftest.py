@@ -1,11 +1,16 @@
 """What several tests share: arms that follow perfectly, with and without a bus, and a watch over leaked threads."""
 
 import math
+import os
 import threading
 import time
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+
+# Before numpy is loaded, for this process and all that tests start: on a busy machine threads of linear algebra wait
+# for each other, and tests take ten times as long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import pytest

@@ -45,7 +45,7 @@ class ConfigurationError(ControlError):
 
 
 class UnsafeBus(ControlError):
-    """A bus that must not be opened like this: a real arm could be on it, or nobody could."""
+    """A bus that must not be opened like this: a real arm could be on it, or nothing at all could."""
 
 
 class RecordingFailed(ControlError):

@@ -26,7 +26,7 @@ def gains(armload, pairs, tmp_path_factory):
     path = tmp_path_factory.mktemp("gains") / "gains.toml"
     result = armload("calibrate-gains", "ur10e", *pairs["a"], "--mass-kg", WEIGHED_KG, "-o", path)
     assert result.exit_code == 0, result.output
-    assert "not told, kept nominal: shoulder_pan" in result.output
+    assert "not determined, kept nominal: shoulder_pan" in result.output
     return path
 
 

@@ -1,6 +1,6 @@
 """Tables in the width there is: nothing is cut off, no word is broken, no column is left out.
 
-A table that is too wide has its texts wrapped between words, evenly; where that is not enough it is told in parts, one
+A table that is too wide has its texts wrapped between words, evenly; where that is not enough it comes in parts, one
 below the other, each with the first column in front.
 """
 

@@ -1,7 +1,7 @@
 """The operator's keys while an arm moves: space pauses and resumes, - and + change the speed in steps of 10 %.
 
 Keys are looked for once a cycle by the thread that reports the progress; there is none of its own. The terminal is
-told not to wait for a whole line only while something moves: questions are answered as ever. Ctrl-C stays a signal.
+set not to wait for a whole line only while something moves: questions are answered as ever. Ctrl-C stays a signal.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def press(control: MotionControl, key: Key) -> None:
             control.set_speed(round(min(max(share, STEP), 1.0), 6))
 
 
-def told(goal: Goal) -> str:
+def described(goal: Goal) -> str:
     """What is asked for, in the words of a progress line; nothing at full speed."""
     if goal.stop is not None:
         return "stopping"
@@ -112,7 +112,7 @@ class Keyboard:
         if ready and self._in_foreground():
             for key in decode(os.read(self._terminal, _AT_ONCE)):
                 press(self._control, key)
-        return told(self._control.goal)
+        return described(self._control.goal)
 
     def _in_foreground(self) -> bool:
         """Whether the terminal listens to this process."""

@@ -111,7 +111,7 @@ class PoweredArm:
     """An arm with torque on, as `Cycle.powered` yields it.
 
     Attributes:
-        position_rad: (n,) where it was told to be last.
+        position_rad: (n,) the last position it was commanded to.
     """
 
     def __init__(
@@ -215,7 +215,7 @@ class PoweredArm:
         self.release_torque()
 
     def _standing(self) -> Reference:
-        """A reference that stays where the arm was told to be last."""
+        """A reference that stays at the last commanded position."""
         nothing = np.zeros_like(self.position_rad)
         return Reference(self.position_rad, nothing, nothing, Segment.HOLD, PhaseState(0.0, 0.0, 0.0))
 

@@ -89,7 +89,7 @@ class OffsetVerdict:
         """
         wrong = np.flatnonzero(self.wrong)
         if wrong.size or not self.usable.any():
-            found = [self._account(int(i)) for i in wrong] or ["no joint's answer can be told from the noise"]
+            found = [self._account(int(i)) for i in wrong] or ["no joint's answer stands out from the noise"]
             raise OffsetRefused(
                 tuple(self.joint_names[i] for i in wrong),
                 "torque offset at standstill: " + "; ".join(found) + ". No torque is added",

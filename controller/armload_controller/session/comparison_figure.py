@@ -10,7 +10,7 @@ from armload_controller.session.feedforward_comparison import Comparison
 from armload_identification.report.figure_file import write_figure
 
 COLORS = ("#0072b2", "#009e73", "#d55e00")
-"""Told apart by those who do not see red and green."""
+"""Distinguishable without red and green."""
 
 
 def require_picture(path: Path) -> None:

@@ -106,7 +106,7 @@ class Operator:
 
 
 def no_operator() -> Operator:
-    """Nobody: enough for a simulated arm; a real one is not moved, as nobody consents."""
+    """No operator: enough for a simulated arm; a real one is not moved, as there is no consent."""
     return Operator(NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
 
 

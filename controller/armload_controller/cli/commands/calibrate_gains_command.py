@@ -44,7 +44,7 @@ def calibrate_gains(
     screen.table(gains_table(result, arm.joint_names))
     untold = [name for name, told in zip(arm.joint_names, result.told, strict=True) if not told]
     if untold:
-        screen.step(f"not told, kept nominal: {', '.join(untold)}; the payload pulls too little on them")
+        screen.step(f"not determined, kept nominal: {', '.join(untold)}; the payload pulls too little on them")
     write_gains(output, result, version("armload"), arm.sha256)
     screen.step(f"written: {output}")
     if as_json:

@@ -1,7 +1,7 @@
 """`armload drives`: who is on the bus, whether an arm's drives are as configured, how they fare, fault reset.
 
 Nothing here energises a drive, so it is allowed on any bus. `scan` and `show` only read; what `check` and `reset` may
-write to whom is decided in `armload_drivers.bring_up.drive_check`. On the virtual bus, where nobody else could be,
+write to whom is decided in `armload_drivers.bring_up.drive_check`. On the virtual bus, which has no other node,
 simulated drives answer.
 """
 
@@ -46,14 +46,14 @@ def scan_command(
     from armload_drivers.bring_up.inspection import find_nodes
 
     if interface == VIRTUAL:
-        raise UnsafeBus("nobody is on a virtual bus but this process: give the interface of a real one")
+        raise UnsafeBus("a virtual bus has no node outside this process: give the interface of a real one")
     screen = Screen(as_json=as_json)
     with open_bus(interface, channel, bitrate) as bus:
         found = find_nodes(bus)
     if as_json:
         print_document(nodes_document(interface, channel, found))
     if not found:
-        screen.step(f"nobody answers on {interface}:{channel} at {bitrate} bit/s")
+        screen.step(f"no node answers on {interface}:{channel} at {bitrate} bit/s")
         sys.exit(EXIT_WRONG)
     screen.table(found_table(found))
 

@@ -41,7 +41,7 @@ def identify_body(
     chain, transmission = arm.chain, transmission_of(arm, gains)
     body = fit([read_of(arm, path) for path in recordings], chain, transmission, stribeck=stribeck)
     screen.step(
-        f"{body.base_parameters} base parameters of links and rotors, {body.determined} of them told by these runs"
+        f"{body.base_parameters} base parameters of links and rotors, {body.determined} determined by these runs"
     )
     title = "Averaged torque, and what the body leaves of it, on the runs used"
     screen.table(body_table(title, arm.joint_names, body.torque_rms_nm, body.residual_rms_nm, body.noise_nm))

@@ -40,7 +40,7 @@ def gains_table(result: GainCalibration, joint_names: Sequence[str]) -> Table:
         if told:
             table.add_row(name, f"{nominal:.3f}", f"{gain:.3f}", f"{width:.3f}", f"{gain / nominal - 1:+.2%}")
         else:
-            table.add_row(name, f"{nominal:.3f}", "not told", "", "")
+            table.add_row(name, f"{nominal:.3f}", "not determined", "", "")
     return table
 
 

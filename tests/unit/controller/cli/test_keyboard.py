@@ -13,7 +13,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from armload_controller.cli.keyboard import Key, Keyboard, decode, press, told
+from armload_controller.cli.keyboard import Key, Keyboard, decode, described, press
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
@@ -39,9 +39,9 @@ def test_keys_and_what_means_nothing(typed, keys):
 def test_space_pauses_and_resumes():
     control = MotionControl()
     press(control, Key.PAUSE)
-    assert told(control.goal) == "paused"
+    assert described(control.goal) == "paused"
     press(control, Key.PAUSE)
-    assert told(control.goal) == ""
+    assert described(control.goal) == ""
 
 
 def test_the_speed_goes_in_tenths_and_stays_between_a_tenth_and_the_whole():
@@ -52,7 +52,7 @@ def test_the_speed_goes_in_tenths_and_stays_between_a_tenth_and_the_whole():
         shares.append(control.goal.share)
     assert shares[:4] == [1.0, 0.9, 0.8, 0.7]
     assert shares[9:] == [0.1, 0.1, 0.1, 0.1, 0.2, 0.3, 0.4]
-    assert told(control.goal) == "speed 40 %"
+    assert described(control.goal) == "speed 40 %"
 
 
 def test_a_speed_between_the_steps_goes_to_the_next_one():
@@ -65,7 +65,7 @@ def test_a_stop_is_what_the_line_tells():
     control = MotionControl()
     control.pause()
     control.stop(OperatorStop("Ctrl-C"))
-    assert told(control.goal) == "stopping"
+    assert described(control.goal) == "stopping"
 
 
 def test_a_terminal_that_listens_to_somebody_else_is_left_alone():

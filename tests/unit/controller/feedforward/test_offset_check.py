@@ -88,7 +88,7 @@ def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(ideal_servos):
     with cycle.powered() as arm:
         arm.hold(check.done)
     assert check.verdict().fits == 20
-    with pytest.raises(OffsetRefused, match="no joint's answer can be told from the noise"):
+    with pytest.raises(OffsetRefused, match="no joint's answer stands out from the noise"):
         check.verdict().require()
 
 
