@@ -25,9 +25,9 @@ from armload_drivers.cia402.arm_settings import (
     OperationMode,
 )
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import DriverError, StateError
-from armload_drivers.servos import JointFeedback
+from armload_drivers.driver_errors import DriverError
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
+from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.plant_interface import IdealPlant
@@ -35,7 +35,6 @@ from armload_drivers.simulation.virtual_clock import VirtualClock
 from tests.bounded import overheard
 from tests.independent_drive import PRODUCT_CODE, VENDOR_ID
 
-OPERATION_ENABLED = 0x0637
 BEGUN = pytest.StashKey[float]()
 
 
@@ -102,71 +101,77 @@ def shared_data():
     return folder
 
 
-class IdealServos:
-    """A `JointServos` that is always exactly where it was told to be.
+class WatchedServos(FakeServos):
+    """Simulated servos that keep what is asked of them; tests inject failures and distort the feedback.
 
     Args:
-        n: Number of joints.
-        cycle_s: Duration of a cycle.
-        events: Exception to raise, or distortion of the feedback (a function), by cycle number.
+        arm: Scaling and limits of the drives.
+        plant: The arm.
+        failures: Scripted failures.
+        events: Exception to raise, or distortion of the feedback (a function), by number of the exchange.
     """
 
-    simulated = True
-
-    def __init__(self, n, cycle_s, events=None):
-        self.n, self.cycle_s = n, cycle_s
+    def __init__(self, arm, plant, failures=(), events=None):
+        super().__init__(arm, plant, failures)
         self.events = events or {}
         self.log = []
         self.sent = []
-        self._position = np.full(n, 0.1)
-        self._enabled = False
 
     def connect(self):
         self.log.append("connect")
+        super().connect()
 
     def enable(self):
         self.log.append("enable")
-        self._enabled = True
-        return self._feedback()
+        return super().enable()
 
     def exchange(self, command):
-        if not self._enabled:
-            raise StateError("not enabled")
         event = self.events.get(len(self.sent))
         if isinstance(event, BaseException):
             raise event
+        feedback = super().exchange(command)
         self.sent.append(command)
-        self._position = command.position_rad
-        feedback = self._feedback()
         return event(feedback) if event else feedback
 
     def stop(self):
         self.log.append("stop")
+        super().stop()
 
     def disable(self):
         self.log.append("disable")
-        self._enabled = False
+        super().disable()
 
-    def close(self):
-        self.log.append("close")
 
-    def _feedback(self):
-        cycle = len(self.sent)
-        return JointFeedback(
-            cycle=cycle,
-            time_s=cycle * self.cycle_s,
-            position_rad=self._position.copy(),
-            velocity_rad_s=None,
-            current_a=np.full(self.n, 0.5),
-            torque_nm=None,
-            statusword=np.full(self.n, OPERATION_ENABLED, np.uint16),
-            missing=np.zeros(self.n, bool),
-        )
+@pytest.fixture
+def watched_servos():
+    return WatchedServos
 
 
 @pytest.fixture
 def ideal_servos():
-    return IdealServos
+    """Makes `WatchedServos` of an arm without mechanics, coupling or noise, with 0.5 A in every motor."""
+
+    def make(n, cycle_s, events=None, position_rad=None):
+        drive = small_arm(counts_per_rad=1e8).drives[0]
+        drives = tuple(replace(drive, joint=f"joint_{k}", node_id=k) for k in range(1, n + 1))
+        arm = ArmSettings(drives, np.eye(n), cycle_s, 1_000_000, 0.1, 3)
+        start_rad = np.full(n, 0.1) if position_rad is None else position_rad
+        return WatchedServos(arm, IdealPlant(start_rad, np.full(n, 10.0)), events=events)
+
+    return make
+
+
+@pytest.fixture
+def connected_servos(ideal_servos):
+    """Makes `ideal_servos` that are connected; their log begins after that."""
+
+    def make(*args, **kwargs):
+        servos = ideal_servos(*args, **kwargs)
+        servos.connect()
+        servos.log.clear()
+        return servos
+
+    return make
 
 
 def small_arm(*, cycle_s=0.01, **changes):

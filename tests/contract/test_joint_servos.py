@@ -71,8 +71,8 @@ FAULTY_CYCLE = 40
 """SYNC at which the second drive fails, in tests that want it to."""
 
 
-@pytest.fixture(params=["fake", "canopen in CSP", "canopen in IP"])
-def make_rig(request, virtual_arm, arm_settings):
+@pytest.fixture(params=["fake", "fake and watched", "canopen in CSP", "canopen in IP"])
+def make_rig(request, virtual_arm, arm_settings, watched_servos):
     def make(fails=False, without_brake=None):
         plant = OffsetWatch(START_AXIS_RAD, AXIS_TORQUE_NM)
 
@@ -81,10 +81,11 @@ def make_rig(request, virtual_arm, arm_settings):
             drives = [replace(d, has_brake=axis != without_brake) for axis, d in enumerate(arm.drives)]
             return replace(arm, drives=tuple(drives))
 
-        if request.param == "fake":
+        if request.param.startswith("fake"):
             arm = settings()
             failures = [ScriptedFailure(FailureKind.FAULT, 1, FAULTY_CYCLE, 1000)] if fails else []
-            return Rig(FakeServos(arm, plant, failures), plant, arm)
+            servos = FakeServos if request.param == "fake" else watched_servos
+            return Rig(servos(arm, plant, failures), plant, arm)
         mode = OperationMode.CYCLIC_SYNCHRONOUS_POSITION
         if request.param.endswith("IP"):
             mode = OperationMode.INTERPOLATED_POSITION

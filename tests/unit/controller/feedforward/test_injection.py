@@ -74,9 +74,9 @@ def run(servos, added, cycles=0, at=None):
 
 
 @pytest.mark.parametrize("cycles", [0, 5])
-def test_the_torque_is_the_payloads_where_the_arm_is(ideal_servos, cycles):
+def test_the_torque_is_the_payloads_where_the_arm_is(connected_servos, cycles):
     added = plugin()
-    references, torque = run(ideal_servos(6, CYCLE_S), added, cycles)
+    references, torque = run(connected_servos(6, CYCLE_S), added, cycles)
     assert added.lag_s == pytest.approx(cycles * CYCLE_S, rel=0.02)
     feedforward = PayloadFeedforward(ROBOT.chain, BODY)
     rows = [i for i, reference in enumerate(references) if reference.segment is Segment.PERIODS][50:]
@@ -95,49 +95,49 @@ def test_the_torque_is_the_payloads_where_the_arm_is(ideal_servos, cycles):
     assert error_nm(delay_s) < 0.2 * min(error_nm(delay_s + half) for half in (-0.5 * CYCLE_S, 0.5 * CYCLE_S))
 
 
-def test_joints_that_were_not_found_usable_get_nothing(ideal_servos):
+def test_joints_that_were_not_found_usable_get_nothing(connected_servos):
     usable = np.array([False, True, True, False, True, False])
-    _, torque = run(ideal_servos(6, CYCLE_S), plugin(joints=usable))
+    _, torque = run(connected_servos(6, CYCLE_S), plugin(joints=usable))
     assert not torque[:, ~usable].any()
     assert (np.abs(torque[:, usable]).max(axis=0) > 1.0).all()
 
 
-def test_nothing_is_added_until_it_is_allowed(ideal_servos):
-    _, torque = run(ideal_servos(6, CYCLE_S), FeedforwardPlugin(ROBOT.chain, "prbt", payload(), CYCLE_S))
+def test_nothing_is_added_until_it_is_allowed(connected_servos):
+    _, torque = run(connected_servos(6, CYCLE_S), FeedforwardPlugin(ROBOT.chain, "prbt", payload(), CYCLE_S))
     assert not torque.any()
 
 
-def test_the_payload_is_changed_in_motion_without_a_step(ideal_servos):
+def test_the_payload_is_changed_in_motion_without_a_step(connected_servos):
     added = plugin()
     heavier = payload(InertialParameters(1.5 * BODY.theta))
     acts = {500: [lambda: added.set_payload(heavier, 0.3)], 600: [lambda: added.drop_payload(0.3)]}
-    _, torque = run(ideal_servos(6, CYCLE_S), added, at=acts)
-    _, undisturbed = run(ideal_servos(6, CYCLE_S), plugin())
+    _, torque = run(connected_servos(6, CYCLE_S), added, at=acts)
+    _, undisturbed = run(connected_servos(6, CYCLE_S), plugin())
     np.testing.assert_array_equal(torque[:499], undisturbed[:499])
     np.testing.assert_allclose(torque[535:598], 1.5 * undisturbed[535:598], atol=1e-9)
     np.testing.assert_allclose(torque[635:], 0.0, atol=1e-12)
     assert np.abs(np.diff(torque, axis=0)).max() < 2.0
 
 
-def test_torque_that_is_allowed_again_is_the_present_payloads(ideal_servos):
+def test_torque_that_is_allowed_again_is_the_present_payloads(connected_servos):
     """An offset check repeated after a grasp or a release: what was at the flange before is not injected."""
     heavier = payload(InertialParameters(1.5 * BODY.theta))
-    _, first = run(ideal_servos(6, CYCLE_S), plugin())
+    _, first = run(connected_servos(6, CYCLE_S), plugin())
     for change, share in ((lambda p: p.set_payload(heavier, 0.0), 1.5), (lambda p: p.drop_payload(0.0), 0.0)):
         allowed = plugin()
         _, torque = run(
-            ideal_servos(6, CYCLE_S),
+            connected_servos(6, CYCLE_S),
             allowed,
             at={500: [lambda p=allowed, do=change: do(p)], 600: [lambda p=allowed: p.allow(ALL)]},
         )
         np.testing.assert_allclose(torque[700:800], share * first[700:800], atol=1e-9)
 
 
-def test_a_payload_set_before_torque_is_allowed_is_faded_in_with_it(ideal_servos):
+def test_a_payload_set_before_torque_is_allowed_is_faded_in_with_it(connected_servos):
     added = FeedforwardPlugin(ROBOT.chain, "prbt", payload(InertialParameters(0.2 * BODY.theta)), CYCLE_S)
     added.set_payload(payload(), 0.0)
-    _, torque = run(ideal_servos(6, CYCLE_S), added, at={500: [lambda: added.allow(ALL)]})
-    _, allowed_at_once = run(ideal_servos(6, CYCLE_S), plugin())
+    _, torque = run(connected_servos(6, CYCLE_S), added, at={500: [lambda: added.allow(ALL)]})
+    _, allowed_at_once = run(connected_servos(6, CYCLE_S), plugin())
     assert not torque[:499].any()
     assert 0.0 < np.abs(torque[505]).max() < 0.1 * np.abs(allowed_at_once[505]).max()
     np.testing.assert_allclose(torque[600:700], allowed_at_once[600:700], atol=1e-9)

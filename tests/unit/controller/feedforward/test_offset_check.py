@@ -77,10 +77,10 @@ def test_one_wrong_drive_is_named_and_stops(factor, text):
     assert caught.value.__cause__.joints == ("prbt_joint_3",)
 
 
-def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(ideal_servos):
+def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(connected_servos):
     rng = np.random.default_rng(5)
     check = OffsetCheck(("a", "b"), UNIT, np.array([0.01, 0.0]), 0.01)
-    servos = ideal_servos(2, 0.01)
+    servos = connected_servos(2, 0.01)
     servos.events = {k: lambda f: replace(f, current_a=rng.normal(size=2)) for k in range(10_000)}
     limits = replace(ROBOT.limits.motion, joint_names=("a", "b"))
     limits = replace(limits, **{k: getattr(limits, k)[:2] for k in limits.__slots__ if k != "joint_names"})

@@ -52,8 +52,8 @@ def opened(ideal_servos):
     """A session with a perfect arm, and the arm."""
 
     @contextmanager
-    def opened(load=Load.UNLOADED, operator=None, *, simulated=True, events=None):
-        servos = ideal_servos(6, 0.01, events)
+    def opened(load=Load.UNLOADED, operator=None, *, simulated=True, events=None, position_rad=None):
+        servos = ideal_servos(6, 0.01, events, position_rad)
         servos.simulated = simulated
 
         @contextmanager
@@ -131,12 +131,11 @@ def test_added_torque_is_what_joint_and_drive_allow(opened):
 
 def test_an_arm_in_the_way_of_something_is_not_moved(opened):
     """The straight way is checked where the arm is found, not where the path begins."""
-    with opened() as (session, servos):
-        servos._position = np.array([0.0, 2.3, 0.0, 0.0, 0.0, 0.0])
-        with pytest.raises(MotionError) as caught:
-            session.run(checked(), "run")
+    start_rad = np.array([0.0, 2.25, 0.0, 0.0, 0.0, 0.0])
+    with opened(position_rad=start_rad) as (session, servos), pytest.raises(MotionError) as caught:
+        session.run(checked(), "run")
     assert cause_of(caught.value.__cause__) is Cause.BLOCKED
-    assert all((command.position_rad == [0.0, 2.3, 0.0, 0.0, 0.0, 0.0]).all() for command in servos.sent)
+    assert all((command.position_rad == start_rad).all() for command in servos.sent)
 
 
 def test_nothing_is_opened_after_a_stop_was_requested(ideal_servos):
