@@ -24,7 +24,7 @@ def fitted(table: Table, console: Console) -> list[Table]:
         console: Where to.
 
     Returns:
-        The table, with widths set where it has to be narrower, or several that hold its columns.
+        The table, with widths set where it must be narrower, or several that hold its columns.
     """
     most = [_width(console, column, table.columns[0])[1] for column in table.columns]
     if _total(most) <= console.width:

@@ -47,7 +47,7 @@ class Screen:
         self._as_json = as_json
         self._keyboard = keyboard
         self._hinted = False
-        # In a file or a pipe lines may be as long as they are, unless somebody says otherwise.
+        # In a file or a pipe lines may be as long as they are, unless COLUMNS says otherwise.
         shown = sys.stderr if as_json else sys.stdout
         bounded = shown.isatty() or "COLUMNS" in os.environ
         self.console = Console(stderr=as_json, highlight=False, width=None if bounded else UNBOUNDED_WIDTH)
@@ -109,5 +109,5 @@ class Screen:
 
 
 def attended() -> bool:
-    """Whether somebody sits at a terminal and can be asked."""
+    """Whether an operator is at a terminal and can be asked."""
     return sys.stdin is not None and sys.stdin.isatty()

@@ -98,15 +98,15 @@ def headline(payload: PayloadResult) -> str:
         mass = "The mass of the payload is not determined by these data."
     millimetres = _rounded(_MM * payload.values[1:4], _MM * half_widths(payload)[1:4], _MM * payload.interval_95[1:4])
     known = payload.determined[1:4]
-    told = [
+    known_parts = [
         f"{axis}{NO_BREAK}={NO_BREAK}{value}{NO_BREAK}mm {_bracket(low, high, 'mm')}"
         for axis, (value, low, high), there in zip(_AXES, millimetres, known, strict=True)
         if there
     ]
     unknown = [axis for axis, there in zip(_AXES, known, strict=True) if not there]
-    center = f"Its centre of mass lies at {listed(told)} in the {payload.frame} frame." if told else ""
-    missing = f"Where it lies along {listed(unknown)} is not determined." if told and unknown else ""
-    if not told:
+    center = f"Its centre of mass lies at {listed(known_parts)} in the {payload.frame} frame." if known_parts else ""
+    missing = f"Where it lies along {listed(unknown)} is not determined." if known_parts and unknown else ""
+    if not known_parts:
         missing = "Its centre of mass is not determined."
     return " ".join(part for part in (mass, center, missing) if part)
 
@@ -118,15 +118,15 @@ def truth_sentence(payload: PayloadResult, truth: InertialParameters) -> str:
         payload: The result.
         truth: The payload that was simulated, in the same frame.
     """
-    told = []
+    known_parts = []
     if payload.determined[0]:
-        told.append(f"the mass is {_error_text(0, payload.values[0], truth.mass_kg)} off")
+        known_parts.append(f"the mass is {_error_text(0, payload.values[0], truth.mass_kg)} off")
     if payload.determined[1:4].all():
         off_m = float(np.linalg.norm(payload.values[1:4] - truth.center_of_mass_m))
-        told.append(f"the centre of mass {numeral(_MM * off_m, 1)}{NO_BREAK}mm")
-    if not told:
+        known_parts.append(f"the centre of mass {numeral(_MM * off_m, 1)}{NO_BREAK}mm")
+    if not known_parts:
         return ""
-    return f"The simulated payload is known exactly: {listed(told)}."
+    return f"The simulated payload is known exactly: {listed(known_parts)}."
 
 
 def parameter_rows(
@@ -141,7 +141,7 @@ def parameter_rows(
     """
     values, known, intervals = payload.values, payload.determined, payload.interval_95
     limits = _limits(payload.model.mass_kg)
-    # What is not determined is told to the digit that would be.
+    # What is not determined is shown to the digit that would be.
     shown = np.where(known, half_widths(payload), limits)
     texts = [
         row if there else ("", "", "") for row, there in zip(_rounded(values, shown, intervals), known, strict=True)

@@ -61,7 +61,7 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
     over the iterations of the design.
 
     Args:
-        excitation: The motion; its history is drawn where the file tells it.
+        excitation: The motion; its history is drawn where the file has it.
         envelope: The limits that it was designed within.
         joint_names: Names of the joints, from the base to the flange.
 
@@ -175,5 +175,5 @@ def _history(axes: Axes, excitation: Excitation) -> None:
         axes.semilogy(np.arange(1, len(excitation.history) + 1), excitation.history, color=COLORS[0])
         axes.set_xlabel("iteration of the start that won")
     cost = excitation.design.get("cost")
-    told = f", {cost:.4g} in the end" if isinstance(cost, float) else ""
-    axes.set_title(f"{excitation.design.get('criterion', 'criterion')}{told}")
+    final = f", {cost:.4g} in the end" if isinstance(cost, float) else ""
+    axes.set_title(f"{excitation.design.get('criterion', 'criterion')}{final}")

@@ -23,7 +23,7 @@ class FileRow:
     Attributes:
         role: What it was used for.
         name: The file's name.
-        details: Kind, rate and date of the run, as far as the file tells them.
+        details: Kind, rate and date of the run, as far as the file has them.
         rows: Rows read and dropped, by reason.
         sha256: Hash of the file.
     """
@@ -113,7 +113,7 @@ def _periods(count: int) -> str:
 
 
 def _details(source: RecordingSource) -> str:
-    """Kind, rate and date, as far as the file tells them."""
+    """Kind, rate and date, as far as the file has them."""
     run = source.run()
     parts = [source.kind.upper()]
     if "cycle_hz" in run:

@@ -1,4 +1,4 @@
-"""The report of an identification: one HTML file with everything in it, readable by somebody who was not there.
+"""The report of an identification: one HTML file with everything in it, readable without having been there.
 
 Nothing is loaded from anywhere, nothing runs in it, and the same inputs give the same bytes.
 """

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 _NAMESPACE: Final = re.compile(r"^\{[^}]*\}")
 _NEEDLESS_DIGITS: Final = re.compile(r"(\.\d\d)\d+")
-"""Behind a hundredth of a point: nobody sees them, and they are a third of the page."""
+"""Behind a hundredth of a point: invisible, and a third of the page."""
 _LEFT_OUT: Final = frozenset({"metadata", "style"})
 _REFERRING: Final = frozenset({"href", "clip-path"})
 

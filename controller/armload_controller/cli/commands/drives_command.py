@@ -1,4 +1,4 @@
-"""`armload drives`: who is on the bus, whether an arm's drives are as configured, how they fare, fault reset.
+"""`armload drives`: who is on the bus, whether an arm's drives are as configured, their state, fault reset.
 
 Nothing here energises a drive, so it is allowed on any bus. `scan` and `show` only read; what `check` and `reset` may
 write to whom is decided in `armload_drivers.bring_up.drive_check`. On the virtual bus, which has no other node,

@@ -1,4 +1,4 @@
-"""What `armload drives` shows: nodes, the steps of a check, and how drives fare, as tables."""
+"""What `armload drives` shows: nodes, the steps of a check, and the state of the drives, as tables."""
 
 from __future__ import annotations
 

@@ -41,11 +41,11 @@ def gains_document(robot: str, joint_names: Sequence[str], result: GainCalibrati
         {
             "name": name,
             "nominal_nm_a": nominal,
-            "gain_nm_a": gain if told else None,
-            "half_width_95_nm_a": width if told else None,
-            "determined": told,
+            "gain_nm_a": gain if known else None,
+            "half_width_95_nm_a": width if known else None,
+            "determined": known,
         }
-        for name, nominal, gain, width, told in rows
+        for name, nominal, gain, width, known in rows
     ]
     return _document("gains", {"robot": robot, "joints": joints, "files": {"gains": str(output)}})
 
@@ -178,7 +178,7 @@ def checks_document(robot: str, rows: Sequence[Check]) -> dict[str, Any]:
 
 
 def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
-    """How an arm's drives fare."""
+    """The state of an arm's drives."""
     drives = [
         {
             "joint": drive.joint,
