@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
+from armload_identification.model.links_and_drives import LinksAndDrives, require_finite
 from armload_identification.model.regressor import PARAMETERS, body_regressor
 
 LINK_PARAMETERS: Final = ("m", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -30,16 +31,16 @@ LINK_PARAMETERS: Final = ("m", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "ix
 
 
 @dataclass(frozen=True, eq=False)
-class BodyModel:
+class BodyModel(LinksAndDrives):
     """Torque of an arm of n joints without a payload.
+
+    Coulomb and viscous friction are those of `LinksAndDrives`.
 
     Attributes:
         links: (n, 10) base parameters of the links in their joint frames; zero where regrouped into others.
         base: (n, 10) True where a parameter is one of the base set.
         rotor_inertia_kg_m2: (n,) of the axes, reflected through the gear; 0 where the links stand in for it: on
             a joint whose rotor turns with a link as one and whose friction does not grow with its load.
-        coulomb_nm: (n,) friction of any speed.
-        viscous_nm_s_rad: (n,) friction per speed.
         root_nm: (n,) friction per square root of speed, N m / sqrt(rad/s): lubricated gears of high ratio have it.
         offset_nm: (n,) torque told at no load.
         stribeck_nm: (n,) what friction near standstill exceeds Coulomb friction by.
@@ -53,11 +54,7 @@ class BodyModel:
         ModelError: shapes that do not fit, or numbers that are not finite.
     """
 
-    links: FloatArray
     base: NDArray[np.bool_]
-    rotor_inertia_kg_m2: FloatArray
-    coulomb_nm: FloatArray
-    viscous_nm_s_rad: FloatArray
     root_nm: FloatArray
     offset_nm: FloatArray
     stribeck_nm: FloatArray
@@ -68,23 +65,13 @@ class BodyModel:
     coupling: FloatArray
 
     def __post_init__(self) -> None:
-        n = len(self.rotor_inertia_kg_m2)
-        shapes = {"links": (n, PARAMETERS), "base": (n, PARAMETERS), "coupling": (n, n)}
-        for field in fields(self):
-            array = np.asarray(getattr(self, field.name))
-            if field.name != "torque_delay_s" and array.shape != shapes.get(field.name, (n,)):
-                raise ModelError(
-                    f"{field.name} has the shape {array.shape}; expected {shapes.get(field.name, (n,))} for {n} joints"
-                )
-            if not np.isfinite(array).all():
-                raise ModelError(f"{field.name} of the body holds a number that is not finite: {array.tolist()}")
+        super().__post_init__()
+        n = self.n
+        shapes = {"base": (n, PARAMETERS), "coupling": (n, n), "torque_delay_s": ()}
+        for field in fields(self)[len(fields(LinksAndDrives)) :]:
+            require_finite(field.name, getattr(self, field.name), shapes.get(field.name, (n,)))
         if (self.reversal_speed_rad_s <= 0.0).any() or (self.stribeck_velocity_rad_s <= 0.0).any():
             raise ModelError("the body's reversal and Stribeck speeds must be above 0")
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return len(self.rotor_inertia_kg_m2)
 
     def link_torque(self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Torque of the links alone, Y beta.

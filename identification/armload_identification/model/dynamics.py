@@ -5,7 +5,7 @@ tau = M(q) ddq + C(q, dq) dq + g(q), rotors included                    Chen 201
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,48 +13,29 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
+from armload_identification.model.links_and_drives import DRIVE_FIELDS, LinksAndDrives
 from armload_identification.model.payload import InertialParameters
 
 
 @dataclass(frozen=True, eq=False)
-class ArmBody:
-    """What an arm itself is made of, as far as its torque shows it.
-
-    Attributes:
-        links: (n, 10) inertial parameters of each link in its own JOINT frame, in the order of theta.
-        rotor_inertia_kg_m2: (n,) inertia of each rotor, reflected to the joint: gear ratio squared times its own.
-        viscous_nm_s_rad: (n,) viscous friction.
-        coulomb_nm: (n,) Coulomb friction.
+class ArmBody(LinksAndDrives):
+    """What an arm itself is made of, as specified: a rotor's inertia is the one its own joint has.
 
     Raises:
         ModelError: shapes that do not fit, a number that is not finite, friction or a rotor below zero.
     """
 
-    links: FloatArray
-    rotor_inertia_kg_m2: FloatArray
-    viscous_nm_s_rad: FloatArray
-    coulomb_nm: FloatArray
-
     def __post_init__(self) -> None:
-        links = np.array(self.links, dtype=np.float64)
-        if links.ndim != 2 or links.shape[1] != 10 or not np.all(np.isfinite(links)):
-            raise ModelError(f"links are {links.tolist()}; expected ten finite numbers per joint")
-        object.__setattr__(self, "links", links)
-        for name in ("rotor_inertia_kg_m2", "viscous_nm_s_rad", "coulomb_nm"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            if values.shape != links.shape[:1] or not np.all((values >= 0.0) & (values < np.inf)):
-                raise ModelError(f"{name} is {values.tolist()}; expected {len(links)} numbers, none below 0")
-            object.__setattr__(self, name, values)
+        super().__post_init__()
+        for name in DRIVE_FIELDS:
+            values = getattr(self, name)
+            if np.any(values < 0.0):
+                raise ModelError(f"{name} is {values.tolist()}; expected {self.n} numbers, none below 0")
 
     @classmethod
     def massless(cls, n: int) -> ArmBody:
         """An arm of n joints that weighs nothing and has no friction: what is left is the payload's torque."""
         return cls(np.zeros((n, 10)), np.zeros(n), np.zeros(n), np.zeros(n))
-
-    @property
-    def n(self) -> int:
-        """Number of joints."""
-        return int(self.links.shape[0])
 
     def carrying(self, chain: Chain, payload: InertialParameters) -> ArmBody:
         """The same arm with a body at its flange, which becomes a part of the last link.
@@ -65,7 +46,7 @@ class ArmBody:
         """
         links = self.links.copy()
         links[-1] += payload.transformed(chain.flange).theta
-        return ArmBody(links, self.rotor_inertia_kg_m2, self.viscous_nm_s_rad, self.coulomb_nm)
+        return replace(self, links=links)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,55 @@
+"""The identified body refuses what does not fit, and takes what a fit may find."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.identification_errors import ModelError
+from armload_identification.model.body_model import BodyModel
+
+pytestmark = pytest.mark.pure
+
+THREE = np.zeros(3)
+BODY = BodyModel(
+    links=np.zeros((3, 10)),
+    base=np.ones((3, 10), dtype=bool),
+    rotor_inertia_kg_m2=THREE,
+    coulomb_nm=THREE,
+    viscous_nm_s_rad=THREE,
+    root_nm=THREE,
+    offset_nm=THREE,
+    stribeck_nm=THREE,
+    stribeck_velocity_rad_s=np.ones(3),
+    load_friction=THREE,
+    torque_delay_s=0.0,
+    reversal_speed_rad_s=np.ones(3),
+    coupling=np.eye(3),
+)
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"links": np.zeros((3, 9))}, "ten finite numbers per joint"),
+        ({"links": np.full((3, 10), np.inf)}, "ten finite numbers per joint"),
+        ({"base": np.ones((2, 10), dtype=bool)}, r"base of the body has the shape \(2, 10\); expected \(3, 10\)"),
+        ({"rotor_inertia_kg_m2": np.zeros(2)}, r"rotor_inertia_kg_m2 .*\(2,\); expected \(3,\)"),
+        ({"coulomb_nm": np.array([0.0, np.nan, 0.0])}, "coulomb_nm of the body holds a number that is not finite"),
+        ({"coupling": np.eye(2)}, r"coupling .*expected \(3, 3\)"),
+        ({"load_friction": np.zeros(4)}, r"load_friction .*expected \(3,\)"),
+        ({"root_nm": np.array([0.0, 0.0, np.inf])}, "root_nm of the body holds a number that is not finite"),
+        ({"torque_delay_s": np.nan}, "torque_delay_s of the body holds a number that is not finite"),
+        ({"reversal_speed_rad_s": THREE}, "reversal and Stribeck speeds must be above 0"),
+        ({"stribeck_velocity_rad_s": THREE}, "reversal and Stribeck speeds must be above 0"),
+    ],
+)
+def test_a_body_that_does_not_fit_is_refused(changed, reason):
+    with pytest.raises(ModelError, match=reason):
+        replace(BODY, **changed)
+
+
+def test_noise_may_leave_an_identified_friction_below_zero():
+    np.testing.assert_array_equal(replace(BODY, coulomb_nm=THREE - 0.1).coulomb_nm, THREE - 0.1)
