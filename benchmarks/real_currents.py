@@ -88,8 +88,8 @@ def _calibrated(tally: Tally, robot: Robot, pairs: dict[str, Pair], census: Cens
         results[name] = _identify(robot, pairs[name], gains[name], census)
         _row(f"calibrated on {other}", name, results[name])
         share = " ".join(f"{ratio:.3f}" for ratio in calibration.gain_nm_a / calibration.nominal_nm_a)
-        untold = " ".join(str(joint + 1) for joint in np.flatnonzero(~calibration.told)) or "none"
-        print(f"    gains over nominal, calibrated on {other}: {share}; cannot be told: joint {untold}")
+        undetermined = " ".join(str(joint + 1) for joint in np.flatnonzero(~calibration.determined)) or "none"
+        print(f"    gains over nominal, calibrated on {other}: {share}; not determined: joint {undetermined}")
     for name, result in results.items():
         error = result.parameters.mass_kg / MASS_KG - 1.0
         tally.judge(

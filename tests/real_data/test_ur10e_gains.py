@@ -45,7 +45,7 @@ def crossed(robot, pairs, gains):
 
 def test_the_two_calibrations_agree(gains):
     for result in gains.values():
-        assert result.told.tolist() == [False, True, True, True, True, True]
+        assert result.determined.tolist() == [False, True, True, True, True, True]
     one, two = gains["a"], gains["b"]
     apart = np.abs(one.gain_nm_a - two.gain_nm_a)
     assert (apart <= 1.5 * np.hypot(one.half_width_95, two.half_width_95)).all()

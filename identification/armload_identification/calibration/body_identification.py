@@ -51,8 +51,8 @@ class BodyIdentification:
 
     Attributes:
         model: The body.
-        base_parameters: How many parameters of links and rotors the kinematics can tell.
-        determined: How many of these the runs tell to a tenth of what is imaginable.
+        base_parameters: How many parameters of links and rotors are identifiable with the kinematics.
+        determined: How many of these the runs determine to a tenth of the prior's standard deviation.
         residual_rms_nm: (n,) RMS of averaged torque minus prediction over the runs that were used.
         torque_rms_nm: (n,) RMS of the torque, for scale.
         noise_nm: (n,) noise of that averaged torque.

@@ -1,7 +1,8 @@
 """Drive gains from a payload that was weighed.
 
-A current tells torque only through its gain, and nominal gains are several per cent off. A known payload's torque
-is known, so each axis' gain follows from the current that it took. In terms of the torque y that nominal gains give,
+A current gives torque only through its gain, and nominal gains are several per cent off. The torque of a known
+payload is known, so each axis' gain follows from the current that it took. In terms of the torque y by nominal
+gains,
 
     y_a = h_a (C^T (Phi theta + friction))_a,        h_a = nominal gain / gain,
 
@@ -43,8 +44,8 @@ from armload_identification.signals.joint_torque import NOMINAL_DEVIATION, Trans
 from armload_identification.signals.load_signal import LoadSignal, load_signal
 from armload_identification.verdict.sanity import check_pair
 
-TOLD_WITHIN: Final = 0.05
-"""An axis whose gain's 95 % half width is above this share of the gain cannot be told."""
+DETERMINED_WITHIN: Final = 0.05
+"""A gain is determined where its 95 % half width is at most this share of it."""
 _CHOICES: Final = 3
 _STEPS: Final = 30
 _SETTLED: Final = 1e-6
@@ -58,10 +59,10 @@ class GainCalibration:
     """Gains of n axes from one weighed payload.
 
     Attributes:
-        gain_nm_a: (n,) axis torque per ampere; the nominal one where it could not be told.
-        half_width_95: (n,) half width of its 95 % interval, N m/A; where it could not be told, of the nominal
-            gain as it is assumed to be.
-        told: (n,) True where the data tell the gain.
+        gain_nm_a: (n,) axis torque per ampere; the nominal one where it could not be determined.
+        half_width_95: (n,) half width of its 95 % interval, N m/A; where it could not be determined, the one
+            assumed for the nominal gain.
+        determined: (n,) True where the data determine the gain.
         nominal_nm_a: (n,) gains that the calibration began with.
         coupling: (n, n) C of the motors.
         payload: The payload, what was not known of it estimated.
@@ -73,7 +74,7 @@ class GainCalibration:
 
     gain_nm_a: FloatArray
     half_width_95: FloatArray
-    told: NDArray[np.bool_]
+    determined: NDArray[np.bool_]
     nominal_nm_a: FloatArray
     coupling: FloatArray
     payload: InertialParameters
@@ -84,9 +85,9 @@ class GainCalibration:
 
     @property
     def transmission(self) -> Transmission:
-        """For identification: calibrated where the gain could be told, with what is uncertain in it."""
+        """For identification: calibrated where the gain could be determined, with its uncertainty."""
         deviation = self.half_width_95 / student.ppf(0.5 + CONFIDENCE / 2.0, np.inf) / self.gain_nm_a
-        return Transmission(self.gain_nm_a, self.coupling, self.told, deviation)
+        return Transmission(self.gain_nm_a, self.coupling, self.determined, deviation)
 
 
 def calibrate_gains(
@@ -105,7 +106,7 @@ def calibrate_gains(
         One gain per axis, with interval.
 
     Raises:
-        EstimationError: torque was recorded, the mass is not known, or no axis can be told.
+        EstimationError: torque was recorded, the mass is not known, or no gain can be determined.
         RecordingError: the recordings do not fit the arm or each other, or cannot be right.
     """
     # Threads would wait for each other, on a busy machine for minutes: see `pipeline.payload_identification.identify`.
@@ -123,7 +124,7 @@ def _calibrated(
             "Calibrate from recordings of motor current (6078)."
         )
     if not known.gives_scale:
-        raise EstimationError("gains can be told from a payload of known mass only. Weigh it and give --mass-kg.")
+        raise EstimationError("gains can be determined from a payload of known mass only. Weigh it and give --mass-kg.")
     for run in (loaded, unloaded):
         check_joints(run, chain.n)
     check_pair(loaded, unloaded, transmission)
@@ -134,11 +135,11 @@ def _calibrated(
     while free.any():
         solution = problem.solve(free)
         worst = int(np.argmax(np.where(free, solution.half_width, 0.0)))
-        if solution.half_width[worst] <= TOLD_WITHIN:
+        if solution.half_width[worst] <= DETERMINED_WITHIN:
             return _calibration(solution, free, transmission, (loaded.source, unloaded.source))
         free[worst] = False
     raise EstimationError(
-        f"no gain can be told within {TOLD_WITHIN:.0%}: the payload pulls too little. "
+        f"no gain can be determined within {DETERMINED_WITHIN:.0%}: the payload pulls too little. "
         "Use a heavier one, mounted off the flange axis, or record more periods."
     )
 
@@ -268,14 +269,14 @@ def _chosen(friction: FrictionDifference) -> NDArray[np.bool_]:
 
 
 def _calibration(
-    solution: _Solution, told: NDArray[np.bool_], transmission: Transmission, sources: tuple[RecordingSource, ...]
+    solution: _Solution, determined: NDArray[np.bool_], transmission: Transmission, sources: tuple[RecordingSource, ...]
 ) -> GainCalibration:
     gain = transmission.gain_nm_a * np.exp(-solution.log_h)
     load, viscous = np.split(solution.friction, 2)
     return GainCalibration(
         gain_nm_a=gain,
         half_width_95=gain * solution.half_width,
-        told=told,
+        determined=determined,
         nominal_nm_a=transmission.gain_nm_a,
         coupling=transmission.coupling,
         payload=InertialParameters(solution.theta),

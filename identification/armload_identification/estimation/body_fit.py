@@ -1,13 +1,14 @@
 """Fit an arm's body and friction to runs without a payload.
 
-The columns are those of `body`. Which of the links' and rotors' parameters can be told apart at all is decided by
-the kinematics; how well a run tells these is another question: a prior far wider than any arm holds what it does not
-tell near zero, and is not felt elsewhere.
+The columns are those of `body`. The kinematics decide which of the links' and rotors' parameters are identifiable
+at all, the run how well these are determined: a prior far wider than for any arm keeps what it does not determine near
+zero, and has no noticeable effect elsewhere.
 
-Load-dependent friction mu |tau_link| knows the links' torque without the rotors', and so it tells even the rotors
-that turn with a link as one, which no torque of links and rotors alone can show. It makes the problem bilinear: it
-is solved by Gauss and Newton. A drive's torque may belong to another instant than its position; that delay, one for
-the arm, is fitted too: a millisecond of it is worth 4 % of a payload's centre of mass on the paper's motion.
+Load-dependent friction mu |tau_link| depends on the links' torque without the rotors', and so it makes identifiable
+even the rotors that turn with a link as one, which no torque of links and rotors alone can show. The problem becomes
+bilinear and is solved by Gauss and Newton. A drive's torque may belong to another instant than its position; that
+delay, one for the arm, is fitted too: a millisecond of it shifts a payload's centre of mass by 4 % on the
+paper's motion.
 
 References:
     Gautier, Numerical calculation of the base inertial parameters of robots, Journal of Robotic Systems 8(4), 1991.
@@ -51,7 +52,7 @@ _SETTLED: Final = 1e-4
 _ZERO: Final = 1e-9
 _SHORTEST: Final = 0.05
 _STATES: Final = 100
-_TOLD: Final = 0.1
+_DETERMINED: Final = 0.1
 _STRIBECK_VELOCITIES_RAD_S: Final = (0.01, 0.02, 0.05, 0.1)
 _GRAVITY_M_S2: Final = 9.81
 _HAND_M: Final = 0.1
@@ -65,7 +66,7 @@ class BodyFit:
         model: The body.
         residual_rms_nm: (n,) RMS of torque minus prediction over all samples used, reversals included.
         torque_rms_nm: (n,) RMS of the torque, for scale.
-        base_parameters: How many parameters of links and rotors the kinematics can tell.
+        base_parameters: How many parameters of links and rotors are identifiable with the kinematics.
         determined: How many of these have a standard deviation below a tenth of the prior's.
         rotor_deviation_kg_m2: (n,) robust standard deviations; 0 where no rotor was fitted.
         load_deviation: (n,) of the load-dependent friction; inf where none was fitted.
@@ -167,7 +168,7 @@ class _System:
 
     Parameters in this order: the links' base parameters, rotors, Coulomb, viscous, offset, Stribeck and
     load-dependent friction, each per joint, and the delay. The links' do not hold what their rotors add; where only
-    the load-dependent friction could tell the two apart and there is none, the links' do.
+    the load-dependent friction could separate the two and there is none, the links' do.
 
     A joint's torque depends on the links beyond it alone and on its own friction, so that every joint has rows of
     its own few columns.
@@ -214,7 +215,7 @@ class _System:
             load = found.parameters[self._of["load"]]
             possible = (load > 0.0) & (load <= GREATEST_LOAD_FRICTION)
             if (possible | ~allowed).all():
-                # A solution that has run away is worse than none.
+                # A solution that has diverged is worse than none.
                 return found if found.cost <= plain.cost else plain
             allowed = allowed & possible
         return plain
@@ -247,7 +248,7 @@ class _System:
             residual_rms_nm=np.sqrt(np.mean(fit.left[self._valid] ** 2, axis=0)),
             torque_rms_nm=self._level,
             base_parameters=int(np.count_nonzero(inertial)),
-            determined=int(np.count_nonzero((white / self._width)[: inertial.size][inertial] < _TOLD)),
+            determined=int(np.count_nonzero((white / self._width)[: inertial.size][inertial] < _DETERMINED)),
             rotor_deviation_kg_m2=np.where(np.isfinite(rotor), rotor, 0.0),
             load_deviation=robust[of["load"]],
             delay_deviation_s=float(robust[-1]),

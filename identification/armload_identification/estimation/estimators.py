@@ -29,7 +29,7 @@ _REPEATED_REVERSAL: Final = 0.05
 
 
 def least_noise(signal: LoadSignal) -> FloatArray:
-    """(n,) noise that a fit may not go below: that of the averages, where periods tell it.
+    """(n,) noise that a fit may not go below: that of the averages, where it is known from the scatter between periods.
 
     Noise above the motion's band says little about that within it; there the residual alone decides.
 

@@ -1,6 +1,6 @@
-"""Friction that a difference of two runs does not cancel, fitted with the payload where the data ask for it.
+"""Friction that a difference of two runs does not cancel, fitted with the payload where the data require it.
 
-A gear under load rubs more, so that the loaded run's friction exceeds the unloaded run's by
+A gear has more friction under load, so that the loaded run's friction exceeds the unloaded run's by
 
     mu s (|tau_link,loaded| - |tau_link,unloaded|),    s the direction of motion,
 
@@ -8,15 +8,15 @@ with tau_link the torque of links and payload WITHOUT friction. Built from the m
 same column makes results worse. So body and friction are fitted to the unloaded run first; the loaded run's link
 torque is that of the body plus the payload's, and is iterated with the payload.
 
-A gear that has warmed up between the runs rubs less: a difference of viscous friction, d dq. Such columns cost
+A gear that has warmed up between the runs has less friction: a difference of viscous friction, d dq. Such columns cost
 accuracy where nothing has changed.
 
 A joint gets a column only where its coefficient is significant by a robust t test; mu must be positive and
-possible besides. The columns are thrown out one after the other, the least justified first.
+possible besides. The columns are dropped one after the other, the least justified first.
 
-The empty arm's own run tells mu too, and much more exactly, from torques many times the payload's. Where the
-difference does not contradict it, it is what is known of mu beforehand: a payload of the paper's size tells its own
-centre of mass and mu apart only poorly.
+The run of the empty arm determines mu too, and much more precisely, from torques many times the payload's. Where
+the difference does not contradict it, it serves as the prior on mu: with a payload of the paper's size, centre of mass
+and mu are only poorly distinguishable.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ SIGNIFICANT_VISCOUS: Final = 4.0
 _THINNED: Final = 8.0
 """Samples per period of the low-pass' cutoff that are kept."""
 _ALIKE: Final = 0.03
-"""Share of mu by which the same gear may rub differently under another load, one standard deviation."""
+"""Share by which mu of the same gear may differ under another load, one standard deviation."""
 _HOPELESS: Final = 1.0 / 3.0
-"""Columns below this share of their threshold go together."""
+"""Columns below this share of their threshold are dropped together."""
 _ROUGH: Final = 2
 """Iterations while columns are still being chosen."""
 _ITERATIONS: Final = 12
@@ -73,9 +73,9 @@ class FrictionDifference:
         viscous_nm_s_rad: (n,) the change; 0 where there is no column.
         viscous_t: (n,) robust t statistic of it.
         torque_nm: (K, n) all of it as a torque.
-        known_deviation: (2 n,) of what the unloaded run told of mu, and nothing of viscous changes, beforehand; inf
-            where it told nothing.
-        known: (2 n,) what it told.
+        known_deviation: (2 n,) standard deviations of the prior from the unloaded run: of mu where that run determines
+            it; inf elsewhere, and for viscous changes.
+        known: (2 n,) expected values of that prior.
         doubts_nm: (k, K, n) by how much the torque difference is off for one standard deviation of each thing that
             was taken from the unloaded run: the rotors' inertia, the delay of the torque.
     """
@@ -102,7 +102,7 @@ def unloaded_body(signal: LoadSignal, chain: Chain, coupling: FloatArray) -> Bod
     """
     step = 1
     if not signal.periodic:
-        # What was low-passed tells no more at every sample than at every few.
+        # After the low-pass a few samples per period of its cutoff hold all the information.
         cutoff_hz = low_pass_cutoff(signal.states.velocity_rad_s, signal.interval_s)
         step = max(int(1.0 / (_THINNED * cutoff_hz * signal.interval_s)), 1)
     return fit_body([signal.empty_arm.every(step)], chain, coupling)
@@ -144,13 +144,13 @@ def fit_with_friction(
     deviation = np.full(2 * n, np.inf)
     if arm is not None:
         own, doubt = body.load_friction, np.hypot(arm.load_deviation, _ALIKE * body.load_friction)
-        told = moving & (own > SIGNIFICANT_LOAD * arm.load_deviation)
-        both = chosen | np.concatenate([told, np.zeros(n, dtype=bool)])
+        known = moving & (own > SIGNIFICANT_LOAD * arm.load_deviation)
+        both = chosen | np.concatenate([known, np.zeros(n, dtype=bool)])
         trial, coefficient = columns.iterate(fit, both, _ROUGH)
         free = _deviation(trial, both)[:n]
-        told &= np.abs(coefficient[:n] - own) <= SIGNIFICANT_LOAD * np.hypot(free, doubt)
-        chosen = chosen | np.concatenate([told, np.zeros(n, dtype=bool)])
-        deviation[:n][told] = doubt[told]
+        known &= np.abs(coefficient[:n] - own) <= SIGNIFICANT_LOAD * np.hypot(free, doubt)
+        chosen = chosen | np.concatenate([known, np.zeros(n, dtype=bool)])
+        deviation[:n][known] = doubt[known]
     if not chosen.any():
         return fit, columns.result(fit, np.zeros(2 * n), chosen, expected, deviation, arm)
     fit, coefficient = columns.iterate(fit, chosen, _ITERATIONS, expected, deviation)

@@ -16,7 +16,7 @@ deviation of each independent error of what is left when the empty arm's torque 
 
 @dataclass(frozen=True, eq=False)
 class KnownArm:
-    """What a calibration knows of the empty arm.
+    """What is known of the empty arm from a calibration.
 
     Attributes:
         fit: Its body, and how well load-dependent friction, rotors and delay are known.

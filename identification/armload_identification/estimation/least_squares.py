@@ -154,7 +154,7 @@ def estimate_reweighted(
     """
     _require_data(regressor, torque_nm, valid, noise_nm)
     weight = _used(valid, torque_nm, sample_weight)
-    # What a joint's rows say is in one small triangle each, whatever the joint's weight becomes.
+    # One small triangle per joint holds the information of all its rows, whatever the joint's weight becomes.
     triangles = _triangles(regressor, torque_nm, weight)
     count = np.sqrt(np.maximum(np.sum(weight**2, axis=0), 1e-300))
     least = noise = np.maximum(noise_nm, _LEAST_NOISE * noise_nm.max())

@@ -1,4 +1,4 @@
-"""How exactly a fit knows mass and centre of mass, for comparison with another identification.
+"""How precisely a fit determines mass and centre of mass, for comparison with another identification.
 
 The covariance is that of the intervals, by the residual's local spectrum, with what is known of the errors of rotors
 and delay. The gains' share is kept apart as slopes. One number of degrees of freedom stands for the whole matrix: that

@@ -123,7 +123,7 @@ def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArr
     Raises:
         EstimationError: the barrier method did not settle.
     """
-    # Unit columns and unit cost: Newton's method does not care, its linear systems do.
+    # Unit columns and unit cost: Newton's method is invariant to scale, its linear systems are not.
     scale = 1.0 / np.sqrt(np.sum(rows**2, axis=0))
     scaled = rows * scale
     unconstrained, *_ = np.linalg.lstsq(scaled, target, rcond=None)

@@ -20,12 +20,12 @@ from armload_identification.model.payload import InertialParameters
 
 EXACT: Final = 1e-5
 """Relative standard deviation of a known mass or inertia, and of a known centre of mass in m: finer than any scale
-or drawing, and no trouble for the numbers."""
+or drawing, and numerically harmless."""
 
 
 @dataclass(frozen=True)
 class KnownPayload:
-    """What is known of a payload; what is None is not.
+    """What is known of a payload; None where it is not.
 
     Attributes:
         mass_kg: Its mass, from a scale.
@@ -64,7 +64,7 @@ class KnownPayload:
 
     @property
     def gives_scale(self) -> bool:
-        """True where the mass is known, without which no gain can be told from a payload."""
+        """True where the mass is known, without which no gain can be determined from a payload."""
         return self.mass_kg is not None or self.cad is not None
 
     @property

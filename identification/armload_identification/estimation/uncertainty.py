@@ -96,7 +96,7 @@ def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray |
     half = determined_basis(fit)
     contrast = gradient @ half
     spectrum = ResidualSpectrum.of(fit, half)
-    # What was known before has an error of unit deviation of its own.
+    # The rows of the prior have errors of unit deviation of their own.
     known = fit.prior_rows @ half
     variance = spectrum.variance(contrast) + np.sum((contrast @ known.T) ** 2, axis=1)
     freedom = spectrum.freedom(contrast)
@@ -253,7 +253,7 @@ class ResidualSpectrum:
         """(r, r) covariance of the coefficients of the basis."""
         root = np.sqrt(self._level * self._twice[:, None])
         weighted = (self._basis * root[:, :, None]).reshape(-1, self._basis.shape[2])
-        # Real and imaginary part apart: a product of real matrices is all that is asked for.
+        # Real and imaginary parts separately: only products of real matrices are needed.
         return np.asarray(weighted.real.T @ weighted.real + weighted.imag.T @ weighted.imag)
 
     def variance(self, contrast: FloatArray) -> FloatArray:
@@ -291,7 +291,7 @@ class ResidualSpectrum:
         gain = product * (self._twice[:, None] / self._free)[:, :, None]
         share = (self._window.T @ gain.reshape(len(gain), -1)).reshape(gain.shape)
         spread = (share * self._expected[:, :, None]) ** 2 * (2.0 / self._twice)[:, None, None]
-        # Off the diagonal every element stands twice.
+        # Off the diagonal every element counts twice.
         scatter = np.sum(spread * np.where(rows == columns, 1.0, 2.0))
         return float(np.clip(k * (k + 1) / max(float(scatter), 1e-300), 1.0, _FREEST))
 

@@ -42,7 +42,7 @@ class Meshes:
     Args:
         file: The URDF; meshes are looked for beside it.
         chain: The arm as its configuration has it.
-        joint_names: Its joints, which the URDF has to have by the same names.
+        joint_names: Its joints; the URDF must have joints of the same names.
         keep_m: Distance that is kept from everything, at least `SURPLUS_M`.
         touching: Pairs of links that may touch each other, besides those that a joint connects.
 
@@ -151,7 +151,7 @@ class Meshes:
                 if np.abs(direction - axis).max() > _SAME_DIRECTION or apart > _SAME_LINE_M:
                     raise ModelError(
                         f"{file}: {name} turns about another line than [kinematics] says, {apart:.3f} m away; both "
-                        "have to have the same base frame, the same zeros and the same directions"
+                        "must have the same base frame, the same zeros and the same directions"
                     )
 
     def _make_solid(self, file: Path, body: Any) -> None:

@@ -4,7 +4,7 @@ A quantity is bounded by a row of numbers: its size, and the size of each of its
 
     |f| <= F_0,  |f'| <= F_1,  |f''| <= F_2, ...
 
-Sums add up; every product that mechanics knows (of numbers, dot, cross) obeys |a b| <= |a| |b| and Leibniz' rule,
+Sums add up; every product of mechanics (of numbers, dot, cross) obeys |a b| <= |a| |b| and Leibniz' rule,
 
     |(f g)^(m)| <= sum_j  binomial(m, j) F_j G_{m-j},
 

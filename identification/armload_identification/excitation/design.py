@@ -1,10 +1,10 @@
-"""Design of an excitation: the Fourier coefficients that tell most about a payload within all limits.
+"""Design of an excitation: the Fourier coefficients that determine a payload best within all limits.
 
     minimise  criterion(q, dq, ddq)                                             Chen 2016, eq. (7)
     subject to  joints, torque and workspace within `Envelope`, at every time
 
-Each start is random and seeded; the best one wins. Starts do not know of each other, so any executor may run them,
-and whichever does, the result is the same.
+Each start is random and seeded; the best one wins. Starts are independent of each other, so any executor may run them,
+and the result is the same with each.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def design(
     progress: Callable[[int, int, float], None] | None = None,
     objection: Callable[[FourierTrajectory], str | None] | None = None,
 ) -> DesignResult:
-    """Find the motion that tells most about the payload within all limits.
+    """Find the motion that determines the payload best within all limits.
 
     The same arguments give the same result on the same machine, whatever runs the starts.
 
@@ -91,8 +91,9 @@ def design(
         criterion: What to make small, for the arm that it holds.
         envelope: All limits.
         harmonics: H, at least 1.
-        base_frequency_hz: One over the period; or a range in which the period is chosen that tells most in the same
-            time of measuring. Faster tells more until a limit stops it: speed, acceleration, jerk or torque.
+        base_frequency_hz: One over the period; or a range, from which the period that determines the payload
+            best in the same measuring time is chosen. Faster is better until a limit stops it: speed,
+            acceleration, jerk or torque.
         seed: Of the random starts.
         restarts: How many starts.
         executor: Runs the starts, such as a process pool; None runs them here, one after the other.
@@ -145,7 +146,7 @@ def design(
 def _best(
     ended: list[Attempt], objection: Callable[[FourierTrajectory], str | None] | None
 ) -> tuple[Attempt, FourierTrajectory]:
-    """The best start's result that nothing is said against."""
+    """The best start's result without an objection."""
     refused = ""
     for attempt in sorted(ended, key=lambda attempt: attempt.score):
         if attempt.trajectory is None or not np.isfinite(attempt.cost):
@@ -174,7 +175,7 @@ def _attempts(
             yield futures[future], future.result()
     except BrokenExecutor as error:
         raise ExcitationError(
-            "a process that ran a start was ended from outside, perhaps for want of memory; design again"
+            "a process that ran a start was ended from outside, perhaps for lack of memory; design again"
         ) from error
     finally:
         for future in futures:

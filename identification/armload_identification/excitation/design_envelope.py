@@ -1,11 +1,11 @@
-"""Everything that a motion has to stay within: the joints' ranges and rates, their torque, and the workspace.
+"""Everything that a motion must stay within: the joints' ranges and rates, their torque, and the workspace.
 
 Every limit is a row k of one form, the relative excess
 
     e_k(t) <= 0,   e_k = |value - centre| / room - 1   or   (keep - clearance) / CLEARANCE_SCALE_M,
 
 so that an optimiser need not know what it means. `worst` bounds every row for all times, between the samples too;
-how that is proven stands in `fourier` (joints), `strength` (torque) and `workspace` (clearances).
+the proofs are in `fourier` (joints), `strength` (torque) and `workspace` (clearances).
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Envelope:
 
     Attributes:
         joints: Ranges and rates of the joints.
-        torque: What the joints can give, and what arm and payload ask for.
+        torque: What the joints can give, and what arm and payload require.
         workspace: What the arm must not touch.
 
     Raises:

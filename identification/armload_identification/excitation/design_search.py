@@ -75,7 +75,7 @@ class Attempt:
 
     Attributes:
         cost: The criterion of one period; inf where no motion within the limits was found.
-        score: What starts are compared by: the criterion for the same time of measuring, whatever the period.
+        score: What starts are compared by: the criterion for the same measuring time, whatever the period.
         trajectory: The motion, or None.
         history: (I,) criterion after each iteration; the early ones may be outside the limits.
     """
@@ -91,8 +91,8 @@ class Search:
 
     The variables x (n, 2 H + 1) are scaled: an offset of 1 is half the joint's range, and so is a coefficient of 1,
     unless it alone reaches the speed limit before. One more variable u = ln(f / f_0) is the base frequency f, free
-    within its range: the k-th derivative grows with exp(k u). What is compared is the criterion for the same time of
-    measuring: faster tells more until a limit stops it.
+    within its range: the k-th derivative grows with exp(k u). What is compared is the criterion for the same measuring
+    time: faster is better until a limit stops it.
     """
 
     def __init__(self, criterion: Criterion, envelope: Envelope, harmonics: int, periods: PeriodRange) -> None:
@@ -225,7 +225,7 @@ class Search:
         )
 
     def _cost(self, criterion: Criterion, trajectory: FourierTrajectory, measured_s: float) -> float:
-        """A criterion of a trajectory for a time of measuring."""
+        """A criterion of a trajectory for a given measuring time."""
         samples = len(self._basis[0])
         state = trajectory.evaluate(np.arange(samples) * (trajectory.period_s / samples))
         return criterion.cost(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2, measured_s)
@@ -238,7 +238,7 @@ class Search:
         )
 
     def _inside(self, trajectory: FourierTrajectory) -> FourierTrajectory | None:
-        """The motion made smaller about its offset, as little as all limits ask for; None where that does not help."""
+        """The motion made smaller about its offset, as little as all limits require; None where that does not help."""
         less = 0.0
         while less <= 1.0 - _SMALLEST_SHARE:
             smaller = FourierTrajectory(

@@ -182,8 +182,8 @@ class Excitation:
         trajectory: One period.
         periods: Whole periods that are streamed and recorded.
         design: The file's `[design]`: criterion, cost, condition_number, seed, restarts, command,
-            armload_version; empty for a trajectory that nobody designed.
-        history: Criterion per iteration of the design, to five digits in the file; empty where none is told.
+            armload_version; empty for a trajectory that does not come from a design.
+        history: Criterion per iteration of the design, to five digits in the file; empty where the file has none.
         margins: Room that the design left to each limit, or None.
     """
 

@@ -1,11 +1,11 @@
-"""How much a motion tells about a payload: the information matrix, and the criteria made from it.
+"""How well a motion determines a payload: the information matrix, and the criteria derived from it.
 
     M = sum_t Phi_t^T W Phi_t
 
 A-optimal: the trace of the covariance of the parameters' errors, each relative to a scale, with W the inverse
 covariance of the joints' torque noise; for one expected payload, or its mean or its greatest value over a set.
 D-optimal: the volume of the errors' ellipsoid. Condition number: cond(Phi) = sqrt(cond(M)) with W = 1 (Chen 2016).
-METHOD: the condition number alone is a poor criterion, because it knows neither the noise nor the payload.
+METHOD: the condition number alone is a poor criterion, because it depends on neither the noise nor the payload.
 
 Directions of the parameter space that no motion of the arm can show (few joints, an axis along gravity) are
 left out of all: they would make every motion equally bad.
@@ -27,7 +27,7 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 
 NOISE_RATE_HZ = 100.0
-"""Sampling rate at which a torque noise is told."""
+"""Sampling rate that a torque noise is stated for."""
 
 SHARPNESS = 50
 """Exponent that stands for the greatest of several costs."""
@@ -67,7 +67,7 @@ class Criterion:
         """
         reduced = [self._reduced(basis, q, dq, ddq, period_s) for basis in self.bases]
         values = [np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64) for matrix in reduced]
-        if not all(_tells_everything(value) for value in values):
+        if not all(_determines_everything(value) for value in values):
             return np.inf
         costs = [self._cost(value) for value in values]
         return max(costs) if self.name == "a-optimal-max" else float(np.mean(costs))
@@ -90,7 +90,7 @@ class Criterion:
         costs, gains = [], []
         for basis in self.bases:
             value, vector = np.linalg.eigh(self._reduced(basis, q, dq, ddq, period_s))
-            if not _tells_everything(value):
+            if not _determines_everything(value):
                 return np.inf, slope
             cost, by_value = self._smooth_cost(np.asarray(value, dtype=np.float64))
             costs.append(cost)
@@ -181,7 +181,7 @@ def condition_number(chain: Chain) -> Criterion:
     return _criterion("condition-number", chain, np.ones(chain.n), (np.ones(10),))
 
 
-def _tells_everything(value: FloatArray) -> bool:
+def _determines_everything(value: FloatArray) -> bool:
     """Whether no eigenvalue (ascending) of an information is zero to within rounding."""
     return bool(value[0] > 1e-14 * value[-1])
 

@@ -1,7 +1,7 @@
 """Whether the joints are strong enough for a motion: for the arm itself and the heaviest payload expected.
 
 The same path is driven empty and loaded, and at any speed from standstill to full. At a steady share r of the full
-speed and with a share c of the payload links, rotors and payload ask for
+speed and with a share c of the payload, links, rotors and payload require
 
     tau(r, c) = (1 - r^2) (g_arm + c g_load) + r^2 (tau_arm + c tau_load),
 
@@ -35,13 +35,13 @@ from armload_identification.model.payload import InertialParameters
 SURPLUS_SHARE = 0.002
 """What the bound between the samples may add, as a share of a joint's torque; it sets the number of samples."""
 MOST_SAMPLES = 65536
-"""With no more than these a motion far beyond the limits, which nobody wants, is bounded more coarsely."""
+"""At most this many: a motion far beyond the limits, which is of no use, is bounded more coarsely."""
 _FEWEST_SAMPLES = 256
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueLimits:
-    """What the joints can give, and what arm and payload ask for.
+    """What the joints can give, and what arm and payload require.
 
     Attributes:
         chain: The arm.

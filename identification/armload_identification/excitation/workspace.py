@@ -9,8 +9,8 @@ norms, and so 1-Lipschitz. Every time t lies within half a step h of a sample t_
 
     clearance(t) >= clearance(t_j) - V h / 2,
 
-with V the greatest speed of the centre (the sum of both for two spheres) from `derivative_bounds`. Whoever asks
-for `least` gets the smallest sample less V h / 2: a bound for every time, at most SURPLUS_M too small per sphere.
+with V the greatest speed of the centre (the sum of both for two spheres) from `derivative_bounds`. `least`
+returns the smallest sample less V h / 2: a bound for every time, at most SURPLUS_M too small per sphere.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ IntArray = NDArray[np.int64]
 SURPLUS_M = 0.003
 """What the bound between the samples may take off a sphere's clearance; it sets the number of samples."""
 MOST_SAMPLES = 65536
-"""With no more than these a motion far beyond the limits, which nobody wants, is bounded more coarsely."""
+"""At most this many: a motion far beyond the limits, which is of no use, is bounded more coarsely."""
 _FEWEST_SAMPLES = 64
 _AT_ONCE = 8192
 _UNIT_TOLERANCE = 1e-9

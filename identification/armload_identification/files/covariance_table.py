@@ -1,4 +1,4 @@
-"""`[covariance]` of a payload file: how exactly mass and centre of mass are known."""
+"""`[covariance]` of a payload file: how precisely mass and centre of mass are known."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ROUNDING: Final = 1e-9
 
 
 class _GainsTable(Table):
-    """What the drive gains have to do with it, n gains."""
+    """The share of the drive gains, n gains."""
 
     gain_nm_a: NumberList
     slope: NumberRows

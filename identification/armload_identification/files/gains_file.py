@@ -47,7 +47,7 @@ def format_gains(result: GainCalibration, armload_version: str, configuration_sh
         "[gains]",
         f"gain_nm_a = {toml_text.array(result.gain_nm_a)}",
         f"half_width_95_nm_a = {toml_text.array(result.half_width_95)}",
-        f"told = {toml_text.array(result.told.astype(float))}",
+        f"told = {toml_text.array(result.determined.astype(float))}",
         f"nominal_nm_a = {toml_text.array(result.nominal_nm_a)}",
         "",
         *provenance_lines(armload_version, configuration_sha256, hashes_by_name(result.sources)),

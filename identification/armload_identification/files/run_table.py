@@ -26,7 +26,7 @@ class TableRow:
         recording: The file.
         mounting: Name of what was carried; empty for nothing.
         mass_kg: From a scale; None where it was not weighed.
-        payload: Payload file that is known whole; None where there is none.
+        payload: Payload file with all ten parameters known; None where there is none.
     """
 
     recording: Path
@@ -75,7 +75,7 @@ def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...
             raise RunTableError(source, "line 1", name, f"expected each of the columns {', '.join(known)} once")
     for name in _REQUIRED:
         if name not in header:
-            raise RunTableError(source, f"line 1, {name}", None, f"the header has to name {', '.join(_REQUIRED)}")
+            raise RunTableError(source, f"line 1, {name}", None, f"the header must name {', '.join(_REQUIRED)}")
     rows = []
     for number, cells in enumerate(lines, 2):
         values = [cell.strip() for cell in cells]
@@ -98,9 +98,7 @@ def _row(values: dict[str, str], source: str, number: int, folder: Path) -> Tabl
     if not recording:
         raise RunTableError(source, f"{place}, recording", None, "expected the path of a recording")
     if (mass or payload) and not mounting:
-        raise RunTableError(
-            source, f"{place}, mounting", None, "a run with a mass or a payload has to name its mounting"
-        )
+        raise RunTableError(source, f"{place}, mounting", None, "a run with a mass or a payload must name its mounting")
     return TableRow(
         folder / recording,
         mounting,
@@ -133,5 +131,5 @@ def _require_agreement(rows: list[TableRow], source: str) -> None:
                 source,
                 f"mass_kg of mounting '{row.mounting}'",
                 row.mass_kg,
-                f"expected {weighed[row.mounting]:g} as in another row; another payload has to have another name",
+                f"expected {weighed[row.mounting]:g} as in another row; another payload needs another name",
             )

@@ -1,4 +1,4 @@
-"""Which parameters of an arm's links and rotors its motion can tell apart: the base parameters.
+"""Which parameters of an arm's links and rotors are identifiable from its motion: the base parameters.
 
 References:
     Gautier, Numerical calculation of the base inertial parameters of robots, Journal of Robotic Systems 8(4), 1991.
@@ -23,7 +23,7 @@ _BASE_TOLERANCE: Final = 1e-8
 
 
 def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
-    """Which parameters of links and rotors an arm's motion can tell apart.
+    """Which parameters of links and rotors are identifiable from an arm's motion.
 
     Args:
         chain: The arm.
@@ -42,8 +42,8 @@ def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
     # Rotors come second: whatever a link can stand for stays with the link.
     orthogonal, _ = np.linalg.qr(links[:, base[: PARAMETERS * n]])
     left = rotors - orthogonal @ (orthogonal.T @ rotors)
-    told = _independent(left / np.sqrt(np.sum(rotors**2, axis=0)), unit=False)
-    base[PARAMETERS * n + told] = True
+    identifiable = _independent(left / np.sqrt(np.sum(rotors**2, axis=0)), unit=False)
+    base[PARAMETERS * n + identifiable] = True
     return base
 
 

@@ -3,9 +3,9 @@
     tau = Y(q, dq, ddq) beta + C^-T diag(I_r) C^-1 ddq
         + s (f_c + f_r sqrt|dq| + f_s exp(-(dq / v_s)^2) + mu |Y beta|) + f_v dq + f_0
 
-with s the direction of motion. Only as many of the links' parameters are kept as the arm's kinematics can tell
-apart: the base parameters. The others are zero and their effect is in the ones that stayed, so that the sum is
-the arm's torque while the single numbers are no link's mass or inertia.
+with s the direction of motion. Only the links' parameters that are identifiable with the arm's kinematics are
+kept: the base parameters. The others are zero and their effect is lumped into those kept, so that the sum is
+the arm's torque while a single number is not the mass or inertia of any one link.
 
 References:
     Chen 2016, eqs. (1), (3). Gautier, Numerical calculation of the base inertial parameters of robots, Journal of
@@ -42,11 +42,11 @@ class BodyModel(LinksAndDrives):
         rotor_inertia_kg_m2: (n,) of the axes, reflected through the gear; 0 where the links stand in for it: on
             a joint whose rotor turns with a link as one and whose friction does not grow with its load.
         root_nm: (n,) friction per square root of speed, N m / sqrt(rad/s): lubricated gears of high ratio have it.
-        offset_nm: (n,) torque told at no load.
+        offset_nm: (n,) torque reported at no load.
         stribeck_nm: (n,) what friction near standstill exceeds Coulomb friction by.
         stribeck_velocity_rad_s: (n,) speed at which that has died away to 37 %.
         load_friction: (n,) friction per torque of the links.
-        torque_delay_s: The drives tell a torque this much later than the position that it belongs to.
+        torque_delay_s: The drives report a torque this much later than the position that it belongs to.
         reversal_speed_rad_s: (n,) speed about which the direction of motion turns over, s = tanh(dq / v).
         coupling: (n, n) C with q_joint = C q_axis.
 

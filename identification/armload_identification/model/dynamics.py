@@ -51,7 +51,7 @@ class ArmBody(LinksAndDrives):
 
 @dataclass(frozen=True, eq=False)
 class ArmDynamics:
-    """Torque that links and rotors ask of the motors, without friction.
+    """Torque that links and rotors require of the motors, without friction.
 
     Attributes:
         chain: Kinematics and gravity.

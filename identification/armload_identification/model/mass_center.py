@@ -1,4 +1,4 @@
-"""Mass and centre of mass of a payload, and how exactly they are known: what two identifications are compared by."""
+"""Mass and centre of mass of a payload, and how precisely they are known: what two identifications are compared by."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class MassCenterCovariance:
 
     @classmethod
     def from_intervals(cls, interval_95: FloatArray, mass_kg: float) -> MassCenterCovariance:
-        """From 95 % intervals, as far as they tell: without correlations, and gains not apart.
+        """From 95 % intervals alone: no correlations, and the share of the gains not separated.
 
         Args:
             interval_95: (4, 2) low and high; nan where a value is not determined.

@@ -188,7 +188,7 @@ class PayloadResult:
     the inertia's tensor elements about the CENTRE OF MASS.
 
     Attributes:
-        frame: Name of the frame that everything is told in.
+        frame: Name of the frame that all values are expressed in.
         model: The complete, physically possible set for the feed-forward. Determined values are the same numbers.
         determined: (10,) True where the data determine the value.
         interval_95: (10, 2) low and high end of the 95 % interval; nan where not determined.

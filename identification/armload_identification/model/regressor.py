@@ -42,7 +42,7 @@ def feedforward_model(chain: Chain, theta: ArrayLike) -> FloatArray:
 
 
 def payload_torque(chain: Chain, theta: ArrayLike, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:
-    """Joint torque that a payload asks for.
+    """Joint torque that a payload requires.
 
         tau = J(q)^T w(q, dq, ddq, theta)
 

@@ -153,8 +153,8 @@ def _identified(
         signal = signal.with_delay(body.torque_delay_s)
     regressor = payload_regressor(chain, *signal.states)
     fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior, arm)
-    # Measured on the UR10e: with a calibrated arm this mends the mass; with one pair's gains it mends the mass, too, and
-    # drives the two mountings' centres apart, from 1.8 to 2.2 mm. So it is done where gains are known well.
+    # Measured on the UR10e: with a calibrated arm this corrects the mass; with one pair's gains it corrects the mass
+    # too, but drives the two mountings' centres apart, from 1.8 to 2.2 mm. So it is done where gains are known well.
     struck = _struck(signal, fit) if known_arm is not None else np.zeros_like(signal.valid)
     if struck.any():
         signal = replace(signal, loaded=replace(signal.loaded, valid=signal.loaded.valid & ~struck))

@@ -28,7 +28,7 @@ _OVERLAP: Final = 2**10
 """Rows at the end of a window that wait for the next: a wild time stamp among them costs itself and no other."""
 _SHORTEST_ROWS: Final = 20
 _ABSURD: Final = {"position_rad": 1e3, "velocity_rad_s": 1e3, "current_a": 1e4, "torque_nm": 1e6}
-"""Magnitudes that no joint of an arm has, in any unit somebody may have used."""
+"""Magnitudes that no joint of an arm reaches, in any unit that may have been used."""
 _FASTEST_RAD_S: Final = 50.0
 _JUMP_WINDOW: Final = 11
 _LARGEST_ANGLE_RAD: Final = 6.0 * np.pi

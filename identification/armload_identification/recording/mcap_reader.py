@@ -82,7 +82,7 @@ class McapReader:
         if not table.width:
             raise RecordingError(
                 f"{self._path}: no usable message on {TOPIC}, so nothing was recorded. "
-                "Record the run again; the drives have to reach operation first."
+                "Record the run again; the drives must reach operation first."
             )
 
     def _messages(self, account: ReadingAccount) -> Iterator[list[bytes]]:
@@ -105,7 +105,7 @@ class McapReader:
                     account.truncated = False
                 digest.update(record)
                 checksum = zlib.crc32(record, checksum)
-            # Whatever stands behind the last whole record belongs to the file all the same.
+            # Bytes after the last whole record belong to the file all the same.
             while rest := file.read(_COPY_BYTES):
                 digest.update(rest)
         account.sha256 = digest.hexdigest()

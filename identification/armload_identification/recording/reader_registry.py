@@ -12,7 +12,7 @@ from armload_identification.recording.mcap_reader import open_mcap
 from armload_identification.recording.reader import ReaderFactory, RecordingReader
 
 READERS: Final[tuple[ReaderFactory, ...]] = (open_mcap, open_csv)
-"""In this order: a file belongs to the first that takes it, and a table has no mark to know it by."""
+"""In this order: a file belongs to the first that takes it, and a table has no signature to recognise it by."""
 _START_BYTES: Final = 4096
 
 

@@ -88,7 +88,7 @@ def joint_rows(
             lossy=bool(signal.smoothing_loss[joint] > SMOOTHING_LOSS_LIMIT),
             mismatch=mismatch[joint],
             position_fit=fit[joint],
-            scale="" if scales is None or not scales.told[joint] else _scale(scales, joint),
+            scale="" if scales is None or not scales.determined[joint] else _scale(scales, joint),
         )
         for joint, name in enumerate(names)
     )

@@ -90,8 +90,8 @@ def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dic
         "torque_in_band_nm": numbers(validation.torque_in_band_nm),
         "left_in_band_nm": numbers(validation.left_in_band_nm),
         "residual_rms_nm": numbers(validation.residual_rms_nm),
-        "measured_over_predicted": _where(scales.scale, scales.told),
-        "measured_over_predicted_half_width_95": _where(scales.half_width_95, scales.told),
+        "measured_over_predicted": _where(scales.scale, scales.determined),
+        "measured_over_predicted_half_width_95": _where(scales.half_width_95, scales.determined),
     }
     return {
         **agreement_fields(validation.verdict.agreement),

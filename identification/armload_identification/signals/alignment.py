@@ -43,7 +43,7 @@ class MeasuredMotion:
 
 
 def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
-    """Fit a quintic spline to measured positions, knots as fine as the data ask for.
+    """Fit a quintic spline to measured positions, knots as fine as the data require.
 
     Args:
         time_s: (N,) increasing, irregular.

@@ -102,6 +102,6 @@ def white_noise(values: FloatArray) -> FloatArray:
     """
     difference = np.diff(values, n=3, axis=0)
     usual = deviation_by_median(difference)
-    # A coarsely quantised signal repeats itself so often that its median says nothing.
+    # A coarsely quantised signal repeats itself so often that its median is meaningless.
     spread = np.where(usual > 0.0, usual, np.sqrt(np.mean(difference**2, axis=0)))
     return np.asarray(spread / np.sqrt(_THIRD_DIFFERENCE_GAIN))

@@ -221,7 +221,7 @@ def _by_position(loaded: Recording, unloaded: Recording, transmission: Transmiss
 
 
 def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
-    """Raise where the two runs were sent along different series."""
+    """Raise where the two runs were commanded along different series."""
     if loaded.excitation is None or unloaded.excitation is None:
         return
     one, two = loaded.excitation.trajectory, unloaded.excitation.trajectory

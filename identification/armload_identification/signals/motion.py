@@ -1,4 +1,4 @@
-"""What one run says of an arm: its motion and its joint torque, at equidistant samples.
+"""What one run shows of an arm: its motion and its joint torque, at equidistant samples.
 
 A run that holds whole periods of a known excitation becomes its average period. Any other run is taken as it is: its
 position as a spline, its torque interpolated to a grid and low-passed.

@@ -222,7 +222,7 @@ def _dotted(loc: Sequence[int | str]) -> str:
 
 
 def _required(loc: Sequence[int | str], tables: type[Table]) -> str:
-    """What has to be there, of its kind."""
+    """Says that a missing table or value is required."""
     field = _fields_at(loc[:-1], tables)[str(loc[-1])]
     return "the table is required" if _table_in(field.annotation) is not None else "it is required"
 
@@ -235,7 +235,7 @@ def _near_missing(problem: ErrorDetails, tables: type[Table]) -> str | None:
 
 
 def _near_unknown(loc: Sequence[int | str], tables: type[Table]) -> str:
-    """The table that has this very key, which stands behind a wrong header; else the nearest key of the same table."""
+    """The table that has this very key, which was put under a wrong header; else the nearest key of the same table."""
     key = str(loc[-1])
     owner = next((path for path, model in _all_tables(tables, "") if path and key in model.model_fields), None)
     if owner is not None:

@@ -43,12 +43,12 @@ POWER: Final = 0.95
 CONFIDENCE: Final = 0.95
 _SIZE: Final = 4
 _LEAST_FREEDOM: Final = 5.0
-"""F is taken with at least as many: with fewer, limit and noticeable error have next to no bound."""
+"""F is taken with at least as many: with fewer, limit and noticeable error are practically unbounded."""
 _LONGEST: Final = 1000.0
 
 
 class Outcome(StrEnum):
-    """What a verdict says of a payload."""
+    """The verdict on a payload."""
 
     RIGHT = "right"
     WRONG = "wrong"
@@ -78,7 +78,7 @@ class Tolerance:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Known:
-    """Mass and centre of mass, and how exactly they are known.
+    """Mass and centre of mass, and how precisely they are known.
 
     Attributes:
         parameters: The payload.

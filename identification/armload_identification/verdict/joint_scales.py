@@ -4,7 +4,7 @@
 
 joint by joint, so that no joint's error leaks into another and changes of friction are not read as a scale. Intervals
 come from the residual's local spectrum. A payload of the wrong mass has the same a on every joint, a wrong drive gain
-an a of its own on one joint.
+a different a on one joint.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from armload_identification.estimation.uncertainty import CONFIDENCE, ResidualSp
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
 
-_TOLD_WITHIN: Final = 0.05
-"""A joint's scale says something where its 95 % half width is at most this."""
+_DETERMINED_WITHIN: Final = 0.05
+"""A joint's scale is determined where its 95 % half width is at most this."""
 _MATTERS: Final = 0.01
 """The UR10e's joints 2 to 6 agree within this with calibrated gains."""
 _RANK: Final = 1e-9
@@ -43,14 +43,14 @@ class JointScales:
     half_width_95: FloatArray
 
     @property
-    def told(self) -> NDArray[np.bool_]:
+    def determined(self) -> NDArray[np.bool_]:
         """(n,) joints whose scale is known within 5 %."""
-        return np.asarray(self.half_width_95 <= _TOLD_WITHIN)
+        return np.asarray(self.half_width_95 <= _DETERMINED_WITHIN)
 
     @property
     def disagree(self) -> NDArray[np.bool_]:
         """(n,) joints that are off by more than 1 % and by more than their interval."""
-        return np.asarray(self.told & (np.abs(self.scale - 1.0) > np.maximum(self.half_width_95, _MATTERS)))
+        return np.asarray(self.determined & (np.abs(self.scale - 1.0) > np.maximum(self.half_width_95, _MATTERS)))
 
 
 def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: FloatArray) -> JointScales:

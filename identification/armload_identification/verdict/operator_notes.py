@@ -21,7 +21,7 @@ from armload_identification.signals.load_signal import LoadSignal
 _POOR_FIT: Final = 0.5
 _FEW_PERIODS: Final = 2
 _LOUD: Final = 5.0
-"""A joint's torque says something about the arm from this multiple of its noise."""
+"""A joint's torque counts as evidence about the arm from this multiple of its noise."""
 _STRANGE: Final = 0.3
 """Share of a joint's torque that an arm's own model does not leave; 0.24 is the most on the UR10e, at a wrist."""
 _PUSHES: Final = 0.02
@@ -89,7 +89,7 @@ def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
         ]
     return [
         f"The drive gains of joint {joint_list(~transmission.calibrated)} are nominal: the calibration could not "
-        "tell them."
+        "determine them."
     ]
 
 
@@ -142,7 +142,7 @@ def _on_result(
 
 
 def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
-    """Whether the unloaded run can be this arm's: its joints carry its own links and rub."""
+    """Whether the unloaded run can be this arm's: its joints carry its own links and have friction."""
     if arm is None:
         return []
     loud = arm.torque_rms_nm > _LOUD * signal.averaged_noise_nm

@@ -27,8 +27,8 @@ class Remedy:
         length: How much longer all runs would have to be.
         mass_limits: The mass is what is known too poorly.
         center_limits: The centre of mass is.
-        mass_joint: Joint, from 0, that tells the mass best.
-        center_joint: Joint, from 0, that tells the weakest direction of the centre of mass best.
+        mass_joint: Joint, from 0, that determines the mass best.
+        center_joint: Joint, from 0, that best determines the weakest direction of the centre of mass.
         level_share: Mean square sine of the angle between that direction and gravity: 1 always level, 0 always upright.
     """
 

@@ -23,7 +23,7 @@ _EXPLAINED: Final = 0.9
 _OPPOSED: Final = -0.8
 _CLEAR: Final = 5.0
 _STAYS: Final = 7
-"""A signal with any noise does not repeat its greatest value this often on end by chance."""
+"""A signal with any noise does not repeat its greatest value this often in a row by chance."""
 _RATHER_THAN_CHANCE: Final = 3
 """Nor where a coarse resolution lets it repeat other values, so much longer than these."""
 
@@ -99,7 +99,7 @@ def _refuse_saturation(run: Recording, measured: FloatArray, moves: NDArray[np.b
     for joint in np.flatnonzero(moves & stays):
         raise RecordingError(
             f"{run.source.path}: joint {joint + 1} stays at its greatest value of {repeats.bound[joint]:.4g} for "
-            f"{repeats.at_bound[joint] + 1:.0f} samples on end: the drive or the measurement is saturated, and the "
+            f"{repeats.at_bound[joint] + 1:.0f} samples in a row: the drive or the measurement is saturated, and the "
             "torque beyond is lost. Record a slower run, or raise the drive's current limit."
         )
 
@@ -124,7 +124,7 @@ def check_signs(signal: LoadSignal, regressor: FloatArray, fit: Estimate) -> Non
         fit: The fit to all joints.
 
     Raises:
-        RecordingError: a joint measures about the opposite of what the others ask of it.
+        RecordingError: a joint measures about the opposite of what the others imply.
     """
     measured = signal.torque_nm[signal.valid]
     loud = np.sqrt(np.mean(measured**2, axis=0)) > _CLEAR * signal.averaged_noise_nm / np.sqrt(len(measured))
@@ -140,7 +140,7 @@ def check_signs(signal: LoadSignal, regressor: FloatArray, fit: Estimate) -> Non
         size = np.sqrt(np.mean(predicted**2) * np.mean(measured[:, joint] ** 2))
         if size > 0.0 and np.mean(predicted * measured[:, joint]) < _OPPOSED * size:
             raise RecordingError(
-                f"joint {joint + 1} measures the opposite of the payload torque that the other joints ask of it. "
+                f"joint {joint + 1} measures the opposite of the payload torque that the other joints imply. "
                 "The sign of its current or torque is flipped: correct it in the configuration or the log."
             )
 

@@ -42,9 +42,9 @@ def calibrate_gains(
     require_folder(output)
     result = calibrate(read_of(arm, loaded), read_of(arm, unloaded), arm.chain, arm.drives.transmission, known)
     screen.table(gains_table(result, arm.joint_names))
-    untold = [name for name, told in zip(arm.joint_names, result.told, strict=True) if not told]
-    if untold:
-        screen.step(f"not determined, kept nominal: {', '.join(untold)}; the payload pulls too little on them")
+    undetermined = [name for name, found in zip(arm.joint_names, result.determined, strict=True) if not found]
+    if undetermined:
+        screen.step(f"not determined, kept nominal: {', '.join(undetermined)}; the payload pulls too little on them")
     write_gains(output, result, version("armload"), arm.sha256)
     screen.step(f"written: {output}")
     if as_json:

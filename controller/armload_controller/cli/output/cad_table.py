@@ -35,7 +35,7 @@ def gains_table(result: GainCalibration, joint_names: Sequence[str]) -> Table:
     table.add_column("joint")
     for column in ("nominal N m/A", "calibrated N m/A", "95 % +-", "change"):
         table.add_column(column, justify="right")
-    rows = zip(joint_names, result.nominal_nm_a, result.gain_nm_a, result.half_width_95, result.told, strict=True)
+    rows = zip(joint_names, result.nominal_nm_a, result.gain_nm_a, result.half_width_95, result.determined, strict=True)
     for name, nominal, gain, width, known in rows:
         if known:
             table.add_row(name, f"{nominal:.3f}", f"{gain:.3f}", f"{width:.3f}", f"{gain / nominal - 1:+.2%}")

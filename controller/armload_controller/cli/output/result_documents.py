@@ -34,7 +34,7 @@ def gains_document(robot: str, joint_names: Sequence[str], result: GainCalibrati
         numbers(result.nominal_nm_a),
         numbers(result.gain_nm_a),
         numbers(result.half_width_95),
-        result.told.tolist(),
+        result.determined.tolist(),
         strict=True,
     )
     joints = [

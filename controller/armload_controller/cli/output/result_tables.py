@@ -49,7 +49,7 @@ def validation_table(validation: Validation, joint_names: Sequence[str]) -> Tabl
             f"{measured:.3f}",
             f"{left:.3f}",
             f"{left / measured:.1%}" if measured > 0.0 else "",
-            f"{scales.scale[i]:.3f} +- {scales.half_width_95[i]:.3f}" if scales.told[i] else "",
+            f"{scales.scale[i]:.3f} +- {scales.half_width_95[i]:.3f}" if scales.determined[i] else "",
         )
     return table
 

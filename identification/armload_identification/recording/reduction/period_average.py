@@ -28,7 +28,7 @@ class PeriodAverager:
     Args:
         path: What messages call the run.
         excitation: What it follows.
-        interpolated: Whether samples between the grid's phases are interpolated to them; else they have to lie on it.
+        interpolated: Whether samples between the grid's phases are interpolated to them; else they must lie on it.
     """
 
     def __init__(self, path: Path, excitation: Excitation, *, interpolated: bool) -> None:

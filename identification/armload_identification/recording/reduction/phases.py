@@ -18,7 +18,7 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.recording import Recording
 
 _ABSENT: Final = 1e-6
-"""A harmonic below this share of the greatest is not there."""
+"""A harmonic below this share of the greatest counts as absent."""
 _UNEVEN: Final = 0.02
 """The phase may be this share of a period off an even advance."""
 _FEWEST: Final = 8
@@ -74,7 +74,7 @@ def shortest_period(phase: FloatArray, trajectory: FourierTrajectory) -> Fourier
     lines that hold noise.
 
     Args:
-        phase: Phases of a run, which the shorter period has to be a whole number of.
+        phase: Phases of a run; the shorter period must hold a whole number of them.
         trajectory: The series as it was designed.
     """
     size = np.hypot(trajectory.sin_rad, trajectory.cos_rad).max(axis=0)

@@ -13,7 +13,7 @@ from armload_identification.recording.row_block import RowBlock
 
 
 class WrongReduction(Exception):
-    """A run cannot be reduced in this way; it has to be read again for another."""
+    """A run cannot be reduced in this way; it must be read again to be reduced in another."""
 
 
 class Reduction(Protocol):

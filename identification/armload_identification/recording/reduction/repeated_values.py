@@ -17,8 +17,8 @@ class RepeatedValues:
 
     Attributes:
         bound: (n,) greatest magnitude.
-        at_bound: (n,) how often on end a value of that magnitude was repeated.
-        elsewhere: (n,) how often on end any other value was.
+        at_bound: (n,) how often in a row a value of that magnitude was repeated.
+        elsewhere: (n,) how often in a row any other value was.
     """
 
     bound: FloatArray

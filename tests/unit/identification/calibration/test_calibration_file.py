@@ -102,13 +102,13 @@ def test_a_table_of_runs():
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        ("", "the header has to name recording, mounting, mass_kg"),
+        ("", "the header must name recording, mounting, mass_kg"),
         ("recording,mounting,mass\n", "'mass'"),
         ("recording,mounting,mass_kg\n", "the table has no rows"),
         ("recording,mounting,mass_kg\n,disc,2\n", "line 2, recording"),
         ("recording,mounting,mass_kg\na,disc,heavy\n", "line 2, mass_kg is 'heavy': expected a number above 0"),
         ("recording,mounting,mass_kg\na,disc,nan\n", "line 2, mass_kg"),
-        ("recording,mounting,mass_kg\na,,2.8\n", "line 2, mounting .* has to name its mounting"),
+        ("recording,mounting,mass_kg\na,,2.8\n", "line 2, mounting .* must name its mounting"),
         ("recording,mounting,mass_kg\na,,\na,,\n", "each recording once"),
         ("recording,mounting,mass_kg\na,disc,2.8\nb,disc,2.9\n", "expected 2.8 as in another row"),
         ("recording,mounting,mass_kg\na,disc,2.8,x,y\n", "line 2 .* expected 3 columns"),

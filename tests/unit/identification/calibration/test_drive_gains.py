@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.calibration.drive_gains import TOLD_WITHIN, calibrate_gains
+from armload_identification.calibration.drive_gains import DETERMINED_WITHIN, calibrate_gains
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.payload import InertialParameters
@@ -43,12 +43,12 @@ def test_gains_are_found_within_their_intervals(pinocchio_arm, nominal, runs, wh
     }[what]
     result = calibrate_gains(*runs, pinocchio_arm.chain, nominal, known)
     truth = pinocchio_arm.transmission.gain_nm_a
-    assert result.told.all()
+    assert result.determined.all()
     np.testing.assert_allclose(result.gain_nm_a, truth, rtol=0.02)
     assert (np.abs(result.gain_nm_a - truth) < 2.0 * result.half_width_95).all()
     assert result.payload.mass_kg == pytest.approx(body.mass_kg, rel=1e-4)
     np.testing.assert_allclose(result.payload.center_of_mass_m, body.center_of_mass_m, atol=0.002)
-    np.testing.assert_array_equal(result.transmission.calibrated, result.told)
+    np.testing.assert_array_equal(result.transmission.calibrated, result.determined)
 
 
 def test_more_knowledge_gives_narrower_intervals(pinocchio_arm, nominal, runs):
@@ -77,19 +77,19 @@ def test_another_payload_is_then_identified(pinocchio_arm, nominal, runs):
 
 
 def test_an_axis_that_the_payload_hardly_pulls_on_is_named(pinocchio_arm, nominal):
-    """A payload on the axis of joint 6 does not load it: its gain cannot be told, the others can."""
+    """A payload on the axis of joint 6 does not load it: its gain cannot be determined, the others can."""
     arm = type(pinocchio_arm)()
     axis = pinocchio_arm.chain.flange[:3, :3].T @ pinocchio_arm.chain.axis[5]
     arm.payload = InertialParameters.from_center_of_mass(4.0, 0.08 * axis, 0.002 * np.eye(3))
     trajectory = arm.trajectory()
     runs = [arm.run(trajectory, load, seed=83 + load, periods=10) for load in (True, False)]
     result = calibrate_gains(*runs, arm.chain, nominal, KnownPayload(mass_kg=4.0))
-    assert not result.told[5]
-    assert result.told[1:3].all()
+    assert not result.determined[5]
+    assert result.determined[1:3].all()
     assert result.gain_nm_a[5] == nominal.gain_nm_a[5]
     np.testing.assert_allclose(result.gain_nm_a[1:3], arm.transmission.gain_nm_a[1:3], rtol=0.02)
     widths = result.half_width_95 / result.gain_nm_a
-    assert (widths[result.told] <= TOLD_WITHIN).all()
+    assert (widths[result.determined] <= DETERMINED_WITHIN).all()
     notes = identify(*runs, arm.chain, result.transmission).notes
     assert any("6 are nominal" in note or "joint 6" in note for note in notes)
 
@@ -105,7 +105,7 @@ def test_what_cannot_be_calibrated_is_refused(pinocchio_arm, nominal, runs):
     light = type(pinocchio_arm)()
     light.payload = InertialParameters.from_center_of_mass(0.02, [0.0, 0.0, 0.0], 1e-5 * np.eye(3))
     weak = [light.run(trajectory, load, seed=85 + load) for load in (True, False)]
-    with pytest.raises(EstimationError, match="no gain can be told"):
+    with pytest.raises(EstimationError, match="no gain can be determined"):
         calibrate_gains(*weak, chain, nominal, KnownPayload(mass_kg=0.02))
 
 

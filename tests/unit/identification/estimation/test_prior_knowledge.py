@@ -127,7 +127,7 @@ def calibration():
     return GainCalibration(
         gain_nm_a=np.array([12.1, 10.0]),
         half_width_95=np.array([0.1, 0.4]),
-        told=np.array([True, False]),
+        determined=np.array([True, False]),
         nominal_nm_a=np.array([11.9, 10.0]),
         coupling=np.eye(2),
         payload=InertialParameters.from_center_of_mass(1.0, [0, 0, 0], np.eye(3)),

@@ -81,7 +81,7 @@ def test_a_wrong_payload_is_wrong(measured, pinocchio_arm, payload, factor, shif
 def test_an_error_of_the_mass_is_named_with_its_size_and_the_joints_that_show_it(measured, pinocchio_arm, payload):
     result = judge(measured, pinocchio_arm.chain, known_payload(changed(payload, 0.9)), Tolerance())
     scales = result.verdict.of_payload
-    loaded = scales.told
+    loaded = scales.determined
     assert loaded[1:3].all()
     np.testing.assert_allclose(scales.scale[loaded], 1 / 0.9, atol=0.03)
     assert not result.verdict.of_measured.disagree.any()
@@ -107,7 +107,7 @@ def test_a_joint_whose_gain_is_off_is_named(pinocchio_arm, payload):
     result = validate(*pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)
     odd = result.verdict.of_measured
     assert odd.disagree[2]
-    assert np.nanargmin(np.where(odd.told, odd.scale, np.nan)) == 2
+    assert np.nanargmin(np.where(odd.determined, odd.scale, np.nan)) == 2
     assert result.verdict.of_payload.scale[2] == pytest.approx(0.92, abs=0.02)
 
 

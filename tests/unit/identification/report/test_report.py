@@ -247,10 +247,10 @@ def test_the_joint_table_has_noise_and_residual_of_both_runs(full, clear, valida
         np.testing.assert_allclose([number(cells[4]) for cells in rows], residual, atol=0.00501)
         np.testing.assert_allclose([number(cells[5]) for cells in rows], residual / noise, atol=0.00501)
     scales = validation.verdict.of_payload
-    for cells, told, scale in zip(full.table("validation")[1:], scales.told, scales.scale, strict=True):
+    for cells, determined, scale in zip(full.table("validation")[1:], scales.determined, scales.scale, strict=True):
         value, _, width = cells[6].partition(" ± ")
-        assert bool(width) == told
-        if told:
+        assert bool(width) == determined
+        if determined:
             assert number(value) == pytest.approx(scale, abs=5.01e-4)
 
 
