@@ -30,7 +30,7 @@ def dictionary(node_id, modes):
     """Objects with their defaults; what is not here this drive does not have (1019, 1029, 605B to 605D, 6075, 60B2)."""
     single = [
         (0x1000, U32, "ro", 0x0002_0192), (0x1001, U8, "ro", 0), (0x1005, U32, "rw", 0x80), (0x1006, U32, "rw", 0),
-        (0x1008, datatypes.VISIBLE_STRING, "const", "nobody's servo amplifier"), (0x1014, U32, "ro", 0x80 + node_id),
+        (0x1008, datatypes.VISIBLE_STRING, "const", "independent servo amplifier"), (0x1014, U32, "ro", 0x80 + node_id),
         (0x1017, U16, "rw", 0), (0x6007, I16, "rw", 1), (0x603F, U16, "ro", 0), (0x6040, U16, "rww", 0),
         (0x6041, U16, "ro", 0), (0x605A, I16, "rw", 2), (0x605E, I16, "rw", 2), (0x6060, I8, "rww", 0),
         (0x6061, I8, "ro", 0), (0x6064, I32, "ro", 0), (0x6065, U32, "rw", 1000), (0x6066, U16, "rw", 0),

@@ -1,4 +1,4 @@
-"""What can go wrong with the servos, split by who has to act.
+"""What can go wrong with the servos, split by who must act.
 
 DriverError
  +-- ServoError            a node did not do what the standard says: names node, joint, step
@@ -9,8 +9,8 @@ DriverError
  |    +-- MissingSafety    ... because it lacks an object that safety rests on
  |    +-- AxisMoves        ... and its axis moves without torque: no brake holds it
  +-- BusError              the bus itself: not there, off, queue full
- |    +-- BusOverload      ... would have to carry more than its configured share
- +-- ForeignMaster         somebody else commands the same bus
+ |    +-- BusOverload      ... would carry more than its configured share
+ +-- ForeignMaster         another master commands the same bus
  +-- DescriptionError      a device description (EDS, DCF) that cannot be used
  +-- StateError            our caller asked for something the present state does not allow
  +-- CommandError          ... or for a setpoint that no drive can be sent
@@ -68,7 +68,7 @@ class BusOverload(BusError):
 
 
 class ForeignMaster(DriverError):
-    """Somebody else sends what only the master of this arm may send."""
+    """Another node sends what only the master of this arm may send."""
 
 
 class DescriptionError(DriverError):

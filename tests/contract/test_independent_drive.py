@@ -40,7 +40,7 @@ def hold(servos, position_rad, cycles):
 
 @pytest.fixture(params=list(OperationMode), ids=lambda mode: mode.name)
 def bench(request, independent_arm):
-    """Servos, and the drives of somebody else behind them."""
+    """Servos, and an independent implementation of the drives behind them."""
     arm = independent_arm(request.param, heartbeat_s=0.2)
     channel = uuid.uuid4().hex
     with (
@@ -63,7 +63,7 @@ def test_it_is_booted_enabled_moved_and_disabled(bench):
     servos, drives, arm = bench
     servos.connect()
     assert not servos.simulated
-    assert [report.name for report in servos.reports] == ["nobody's servo amplifier"] * 3
+    assert [report.name for report in servos.reports] == ["independent servo amplifier"] * 3
     start = servos.enable().position_rad
     np.testing.assert_allclose(start, arm.coupling @ [drive.position / RAD for drive in drives], atol=1e-6)
     for cycle in range(1, 51):
@@ -80,7 +80,7 @@ def test_it_is_booted_enabled_moved_and_disabled(bench):
         assert max(drive.jumps) < 10 * np.deg2rad(1.0) / 50 * RAD
 
 
-def test_its_fault_in_motion_is_told_and_reset_by_name(bench):
+def test_its_fault_in_motion_is_reported_and_reset_by_name(bench):
     servos, drives, _ = bench
     servos.connect()
     start = servos.enable().position_rad
@@ -118,4 +118,4 @@ def test_another_product_is_refused(bench):
         pytest.raises(WrongDevice, match=r"product code \(1018\) is 0x00001234 instead of 0x00009999"),
     ):
         CanopenServos(arm, bus, TimerSync(), PATIENT).connect()
-    assert [len(drive.states) for drive in drives] == before, "nobody was reset"
+    assert [len(drive.states) for drive in drives] == before, "no node was reset"

@@ -164,7 +164,7 @@ def test_a_torque_offset_acts_from_the_sync_that_latched_it(rig):
     added_a = rig.arm.coupling.T @ offset_nm * 10.0 / 200.0
     latched = rig.hold(1, torque_offset_nm=offset_nm)
     assert latched.current_a == pytest.approx(own_a, abs=0.011)
-    # The drives tell what acted before the next SYNC, though nothing is added any more from that one on.
+    # The drives report what acted before the next SYNC, though nothing is added any more from that one on.
     acted = rig.hold(1)
     assert acted.current_a == pytest.approx(own_a + added_a, abs=0.011)
     assert rig.hold(1).current_a == pytest.approx(own_a, abs=0.011)
@@ -234,7 +234,7 @@ def test_an_axis_without_a_brake_keeps_its_torque_until_the_others_are_held(make
 
 
 @pytest.mark.parametrize(("without_brake", "why"), [(1, "it has no brake"), (None, "its brake does not hold it")])
-def test_an_axis_that_nothing_holds_is_told_to_the_operator(make_rig, without_brake, why):
+def test_an_axis_that_nothing_holds_is_reported_to_the_operator(make_rig, without_brake, why):
     rig = make_rig(without_brake=without_brake)
     rig.plant.sinks = (1,)
     rig.enable()
@@ -247,7 +247,7 @@ def test_an_axis_that_nothing_holds_is_told_to_the_operator(make_rig, without_br
     rig.servos.close()
 
 
-def test_closing_tells_it_as_well(make_rig):
+def test_closing_reports_it_as_well(make_rig):
     rig = make_rig(without_brake=2)
     rig.plant.sinks = (2,)
     rig.enable()

@@ -1,4 +1,4 @@
-"""What a master has to put on the bus, whatever its own bookkeeping says."""
+"""What a master must put on the bus, whatever its own bookkeeping says."""
 
 import struct
 
@@ -57,14 +57,14 @@ def test_an_axis_that_sinks_is_taken_where_it_is_and_not_where_it_was(virtual_ar
     arm.plant._ramp(1, arm.plant.position_rad[1] - 1.0, 1.0 / speed_rad_s)
     enabled = []
 
-    class Told(list):
+    class WatchedPower(list):
         """Keeps where the axis is when it gets its torque."""
 
         def __setitem__(self, axis, on):
             super().__setitem__(axis, on)
             enabled.append((axis, on, float(arm.plant.position_rad[1])))
 
-    arm.plant.powered = Told(arm.plant.powered)
+    arm.plant.powered = WatchedPower(arm.plant.powered)
     arm.servos.enable()
     begun = next(position for axis, on, position in enabled if axis == 1 and on)
     assert begun < -0.2 - 2 * speed_rad_s * arm.arm.cycle_s, "it sank"
@@ -90,8 +90,8 @@ def test_what_drives_are_to_do_without_their_master_and_after_a_fault(virtual_ar
                 size = 4 - (data[0] >> 2 & 3)
                 index, subindex = struct.unpack_from("<HB", data, 1)
                 written[index, subindex] = int.from_bytes(data[4 : 4 + size], "little")
-        told = {index: written[index, 1 if index == 0x1029 else 0] for index in wanted}
-        assert told == wanted
+        configured = {index: written[index, 1 if index == 0x1029 else 0] for index in wanted}
+        assert configured == wanted
         watched = written[0x1016, 1]
         beats = {cob_id - HEARTBEAT for cob_id, _ in frames if HEARTBEAT < cob_id <= HEARTBEAT + 127}
         masters = beats - {other.node_id for other in arm.arm.drives}

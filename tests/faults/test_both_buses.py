@@ -134,7 +134,7 @@ def test_feedback_missing_for_good(fault_arm):
     error = arm.failure(ServoTimeout)
     assert error.node_id == 3
     assert "no feedback for 4 cycles" in str(error)
-    # It obeys all the same; its silence is all that is wrong. What it is told by SDO proves it.
+    # It obeys all the same; its silence is all that is wrong. What it does on SDO requests proves it.
     arm.servos.stop()
     arm.servos.disable()
     arm.has_no_torque()
@@ -155,7 +155,7 @@ def test_a_drive_that_ignores_a_state_request(fault_arm, state):
 
 def test_a_drive_that_ignores_its_mode(fault_arm):
     arm = fault_arm(traits={3: DriveTraits(takes_mode=False)})
-    with pytest.raises(ServoTimeout, match="6061 tells mode 0"):
+    with pytest.raises(ServoTimeout, match="6061 reports mode 0"):
         arm.servos.connect()
     arm.has_no_torque()
 
@@ -366,7 +366,7 @@ def test_two_sdo_users_at_once(fault_arm):
 
 
 def test_a_slave_that_answers_for_another(fault_arm):
-    """Two drives with one node id: the second answers what nobody asked it."""
+    """Two drives with one node id: the second answers requests that were not addressed to it."""
     arm_box = []
 
     def on_request(request):
@@ -400,7 +400,7 @@ def test_one_drive_more_than_configured(fault_arm, arm_settings):
         arm.servos.connect()
     assert raised.value.node_id == 5
     assert "other_nodes" in str(raised.value)
-    assert not [m for m in arm.heard() if m.arbitration_id == 0], "nobody has been reset"
+    assert not [m for m in arm.heard() if m.arbitration_id == 0], "no node has been reset"
 
 
 def test_a_drive_that_belongs_to_something_else_is_left_alone(fault_arm, arm_settings):
@@ -454,7 +454,7 @@ def test_a_second_master(fault_arm, cob_id, data, words):
     arm.enable()
     arm.move(5)
     arm.send(cob_id, data)
-    # Depending on what it did, the drive's own complaint comes first and the note tells who.
+    # Depending on what it did, the drive's own complaint comes first and the note says who.
     error = arm.failure(DriverError)
     text = str(error) + " ".join(getattr(error, "__notes__", []))
     with pytest.raises(AssertionError, match=words):
@@ -467,7 +467,7 @@ def test_a_second_sync_producer(fault_arm):
     arm = fault_arm()
     arm.enable()
     if arm.vcan:
-        pytest.skip("told by the rhythm of SYNC there: tests/vcan/test_master_lost.py")
+        pytest.skip("detected by the rhythm of SYNC there: tests/vcan/test_master_lost.py")
     arm.send(0x080)
     assert "produces SYNC as well" in str(arm.failure(ForeignMaster))
     arm.comes_to_rest()

@@ -35,7 +35,7 @@ from tests.bounded import MOST_FRAMES, overheard
 
 ZERO = np.zeros(3)
 QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
-"""For tests in which somebody does not answer."""
+"""For tests in which a node does not answer."""
 
 
 def enabled(arm):
@@ -336,7 +336,7 @@ def test_a_wrong_identity_is_refused_before_anything_is_changed(virtual_arm, ide
 
 
 class SlowSlave:
-    """Somebody else's node that is slow to answer SDO: a real drive beside a simulation.
+    """A foreign node that is slow to answer SDO: a real drive beside a simulation.
 
     Args:
         wire: The bus.

@@ -129,7 +129,7 @@ def pinocchio_model(
 
 
 def random_arm(rng: np.random.Generator, n: int) -> tuple[Chain, tuple[InertialParameters, ...]]:
-    """An arm that nobody built: axes, gravity and links in any direction."""
+    """An arm that does not exist: axes, gravity and links in any direction."""
     chain = Chain.from_origins(
         rng.uniform(-0.5, 0.5, (n, 3)),
         rng.uniform(-np.pi, np.pi, (n, 3)),

@@ -150,7 +150,7 @@ def test_the_drives_stop_by_themselves_when_the_master_is_gone(bench, number):
     assert bench.plant.velocity_rad_s == pytest.approx(np.zeros(3))
     assert all(bench.plant.powered), "a quick stop that holds, as 6007 says"
     emergencies = {m.arbitration_id - 0x80 for m in frames if 0x80 < m.arbitration_id < 0x100}
-    assert emergencies == {2, 3, 5}, "each tells why"
+    assert emergencies == {2, 3, 5}, "each reports why"
 
 
 def test_a_stopped_master_that_comes_back_moves_nothing(bench):
@@ -196,11 +196,11 @@ def test_the_kernels_period_is_measured_and_counted(arm_settings, bench):
         feedback = hold(servos, start, 100)
         servos.close()
     skipped = sum(f.skipped_cycles for f in feedback[1:])
-    told = feedback[-1].time_s - feedback[0].time_s
+    elapsed_s = feedback[-1].time_s - feedback[0].time_s
     print(  # noqa: T201 - figures for the README
-        f"\nperiod asked 20 ms, measured {told / (99 + skipped) * 1e3:.3f} ms; {skipped} skipped"
+        f"\nperiod asked 20 ms, measured {elapsed_s / (99 + skipped) * 1e3:.3f} ms; {skipped} skipped"
     )
-    assert told / (99 + skipped) == pytest.approx(CYCLE_S, rel=0.1)
+    assert elapsed_s / (99 + skipped) == pytest.approx(CYCLE_S, rel=0.1)
     assert [decode(int(w)) for w in feedback[-1].statusword] == [State.OPERATION_ENABLED] * 3
     assert not any(bench.plant.powered)
 
@@ -245,7 +245,7 @@ def test_an_interface_that_is_not_there_is_named():
 
 @pytest.mark.parametrize("period_s", [0.013, 0.7], ids=["fast", "slow"])
 def test_a_second_sync_producer_is_noticed(bench, period_s):
-    """Another program on this computer: told by the kernel's count, at three percent of our rate as well."""
+    """Another program on this computer: detected by the kernel's count, at three percent of our rate as well."""
     with can.Bus(interface="socketcan", channel="vcan0") as bus:
         servos = CanopenServos(bench.arm, bus, BcmSync(BroadcastManager("vcan0")))
         servos.connect()

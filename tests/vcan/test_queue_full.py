@@ -1,7 +1,7 @@
 """A transmit queue that is full: ENOBUFS from the kernel on a real SocketCAN socket.
 
 vcan has no queue of its own. A queue discipline of length zero gives it one that is always full, as that of a
-controller whose frames nobody acknowledges; with its removal the queue has drained.
+controller whose frames no node acknowledges; with its removal the queue has drained.
 """
 
 import shutil
@@ -145,7 +145,7 @@ def test_an_arm_goes_on_after_a_queue_that_was_full_for_a_moment(queue, bench):
         refused = servos.bus_errors.queue_full + drives.frames_lost
         if refused:
             break
-    assert refused, "somebody met the full queue"
+    assert refused, "a sender met the full queue"
     for _ in range(10):
         feedback = servos.exchange(JointCommand(hold, ZERO, ZERO))
     assert not feedback.missing.any()

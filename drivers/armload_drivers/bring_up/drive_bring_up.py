@@ -3,7 +3,7 @@
 The order for a whole arm: `check_identity` of every node that is up already, so that a foreign arm is refused
 before anything is sent to it that changes something; NMT reset; `check_identity` again; `configure`. A node that does
 not answer yet may be reset all the same, for that is how drives boot, but not where only a simulation is allowed: then
-every node has to prove itself first. Nothing here energises a drive. What a drive lacks is reported, not guessed.
+every node must identify itself first. Nothing here energises a drive. What a drive lacks is reported, not guessed.
 
 References:
     CiA 301, 7.5.2; CiA 402-2, 6 to 8.
@@ -27,7 +27,7 @@ from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, ArmSettings, DriveSettings, Identity
-from armload_drivers.cia402.drive_scale import ToldScale, resolve
+from armload_drivers.cia402.drive_scale import ReportedScale, resolve
 from armload_drivers.cia402.drive_units import ArmUnits, AxisUnits
 from armload_drivers.cia402.process_image import DriveImage, drive_image
 from armload_drivers.cia402.timeouts import Timeouts
@@ -47,10 +47,10 @@ class DriveReport:
     Attributes:
         joint: Name of its joint.
         node_id: Node id.
-        name: Device name (1008); empty where it does not tell.
-        identity: What 1018 tells.
+        name: Device name (1008); empty where not reported.
+        identity: 1018, as reported.
         supported_modes: 6502.
-        polarity: 607E; 0 where it does not tell.
+        polarity: 607E; 0 where not reported.
         missing: Objects that the drive does not have, or does not let be written, in words.
     """
 
@@ -90,7 +90,7 @@ class DriveSetup(DriveDialogue):
 
         Raises:
             ServoTimeout: only a simulation is allowed here, and the node does not answer: it could be anybody.
-            WrongDevice: it answers and is somebody else.
+            WrongDevice: it answers and is another device.
             ServoError: an SDO failed.
         """
         simulation = is_simulation(self.settings.identity)
@@ -110,7 +110,7 @@ class DriveSetup(DriveDialogue):
             )
 
     def require_alive(self) -> None:
-        """The node was reset and sent no boot-up message: it has to answer SDO.
+        """The node was reset and sent no boot-up message: it must answer SDO.
 
         Raises:
             ServoTimeout: it does not.
@@ -129,7 +129,7 @@ class DriveSetup(DriveDialogue):
         """Device type and identity, against the configuration and, where it has none, the device description.
 
         Returns:
-            What 1018 tells.
+            The reported identity (1018).
 
         Raises:
             WrongDevice: it is no CiA 402 drive, or not the configured one.
@@ -159,7 +159,7 @@ class DriveSetup(DriveDialogue):
         return found
 
     def _wanted_identity(self) -> Identity:
-        """What 1018 has to say: the configuration's word, else the description's; never its exact revision."""
+        """The identity required of 1018: the configuration's, else the description's; never its exact revision."""
         configured, described = self.settings.identity, self.settings.description
         if described is None or configured.vendor_id is not None:
             return configured
@@ -182,7 +182,7 @@ class DriveSetup(DriveDialogue):
         """Check and write everything that needs this drive alone, in PRE-OPERATIONAL.
 
         Returns:
-            Polarity (607E), 0 where the drive does not tell.
+            Polarity (607E), 0 where the drive does not report it.
 
         Raises:
             WrongDevice: a mode or scale contradicts the configuration.
@@ -217,7 +217,7 @@ class DriveSetup(DriveDialogue):
         )
 
     def read_units(self) -> AxisUnits:
-        """The drive's scale, of the configuration and of what the drive tells. Only reads.
+        """The drive's scale, from the configuration and from what the drive reports. Only reads.
 
         Raises:
             WrongDevice: the two contradict each other.
@@ -236,7 +236,7 @@ class DriveSetup(DriveDialogue):
         return self._sdo.read_text_if_there(od.DEVICE_NAME)
 
     def _check_mode(self) -> None:
-        """The configured mode has to be among 6502."""
+        """Require the configured mode to be among 6502."""
         self._sdo.step = "checking the mode"
         modes = self._objects.read(od.SUPPORTED_MODES)
         mode = self.settings.mode
@@ -249,12 +249,12 @@ class DriveSetup(DriveDialogue):
         self._modes = modes or 0
 
     def _read_scale(self) -> None:
-        """Polarity, and what the drive tells of its scale beside the configuration."""
+        """Polarity, and the scale that the drive reports checked against the configuration."""
         self._sdo.step = "reading the scaling"
         read, optional = self._objects.read, self._sdo.read_if_there
         self._polarity = read(od.POLARITY) or 0
         torque_mnm, current_ma = read(od.RATED_TORQUE_MNM), optional(od.RATED_CURRENT_MA)
-        told = ToldScale(
+        reported = ReportedScale(
             increments_per_motor_turn=_ratio(read(od.ENCODER_INCREMENTS), read(od.ENCODER_REVOLUTIONS)),
             gear_ratio=_ratio(read(od.GEAR_MOTOR_REVOLUTIONS), read(od.GEAR_SHAFT_REVOLUTIONS)),
             feed_per_shaft_turn=_ratio(optional(od.FEED), optional(od.FEED_SHAFT_REVOLUTIONS)),
@@ -262,7 +262,7 @@ class DriveSetup(DriveDialogue):
             rated_current_a=None if current_ma is None else current_ma * 1e-3,
         )
         try:
-            self.settings = resolve(self.settings, told)
+            self.settings = resolve(self.settings, reported)
         except CommandError as error:
             raise self._wrong(str(error), "Correct the configuration, or the drive's parameters") from error
 
@@ -288,7 +288,7 @@ class DriveSetup(DriveDialogue):
                 self.settings.node_id,
                 self.settings.joint,
                 self._sdo.step,
-                f"6061 tells mode {found} after {self._timeouts.mode_s} s, {mode} was asked for",
+                f"6061 reports mode {found} after {self._timeouts.mode_s} s, {mode} was requested",
                 "Is the mode licensed and allowed in the drive's present state?",
             )
 
@@ -314,7 +314,7 @@ def arm_setups(arm: ArmSettings, link: BusLink, timeouts: Timeouts) -> list[Driv
 
 
 def arm_with(arm: ArmSettings, setups: list[DriveSetup]) -> ArmSettings:
-    """The arm's settings with the scales that its drives told."""
+    """The arm's settings with the scales that its drives reported."""
     return replace(arm, drives=tuple(setup.settings for setup in setups))
 
 
@@ -325,5 +325,5 @@ def is_simulation(identity: Identity) -> bool:
 
 
 def _ratio(numerator: int | None, denominator: int | None) -> float | None:
-    """A ratio that a drive tells; None where it does not."""
+    """A ratio that a drive reports; None where it does not."""
     return numerator / denominator if numerator and denominator else None

@@ -1,9 +1,9 @@
 """What bring-up would say of an arm's drives, and one fault reset: the two looks at drives that write to them.
 
 `check` does everything of bring-up short of enabling, goes on after an error, and keeps the answer of every step. It
-resets nodes and writes their configuration, as bring-up does; so first it asks everybody, and touches nobody while a
-drive of the arm carries torque, and no real drive that the configuration does not name by its identity. `reset` acts on
-one drive, under the same conditions and with consent. Nothing is energised.
+resets nodes and writes their configuration, as bring-up does; so it reads all of them first, and writes to none while a
+drive of the arm carries torque, and never to a real drive that the configuration does not name by its identity. `reset`
+acts on one drive, under the same conditions and with consent. Nothing is energised.
 """
 
 from __future__ import annotations
@@ -142,14 +142,14 @@ def _is_anonymous(setup: DriveSetup, found: Identity) -> bool:
 
 def _name_it(found: Identity) -> str:
     """What to do about an anonymous drive."""
-    told = ", ".join(
+    identity = ", ".join(
         f"{key} = 0x{value:08X}"
         for key, value in (("vendor_id", found.vendor_id), ("product_code", found.product_code))
         if value is not None
     )
     return (
         "a real drive that the configuration does not name is not written to. If it is this arm's, name it: "
-        f"identity = {{ {told} }}"
+        f"identity = {{ {identity} }}"
     )
 
 

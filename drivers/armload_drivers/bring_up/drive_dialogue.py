@@ -63,7 +63,7 @@ class DriveDialogue:
         """Power state, by SDO.
 
         Raises:
-            ServoError: it does not answer, or its statusword tells no state.
+            ServoError: it does not answer, or its statusword encodes no state.
         """
         word = self._sdo.read(od.STATUSWORD)
         try:
@@ -78,12 +78,12 @@ class DriveDialogue:
 
     def read_temperature_celsius(self) -> float | None:
         """The temperature that the configuration names; None where it names none or the drive has none."""
-        entry, told = temperature_entry(self.settings), self.settings.temperature
-        if entry is None or told is None:
+        entry, configured = temperature_entry(self.settings), self.settings.temperature
+        if entry is None or configured is None:
             return None
         self._sdo.step = "reading the temperature"
         value = self._sdo.read_real_if_there(entry)
-        return None if value is None else value * told.celsius_per_unit
+        return None if value is None else value * configured.celsius_per_unit
 
     def read_position(self) -> int:
         """Actual position in the drive's units, by SDO."""
@@ -105,7 +105,7 @@ class DriveDialogue:
     def _read_cause(self) -> str:
         """Why the drive is in FAULT, in words."""
         code = self._sdo.read_if_there(od.ERROR_CODE)
-        return "603F does not tell why" if code is None else describe(code)
+        return "603F does not give a cause" if code is None else describe(code)
 
     def require_no_fault(self) -> None:
         """Refuse to go on with a drive in FAULT.

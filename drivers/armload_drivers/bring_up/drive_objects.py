@@ -1,8 +1,8 @@
 """Objects of one drive written before it is enabled: supervision, limits, the cycle.
 
 What a drive lacks, or does not let be written, is collected in words. Where safety rests on an object, a drive
-without it is refused unless its configuration accepts that by name (`accept_missing`): then somebody has thought
-about what stops the arm instead.
+without it is refused unless its configuration accepts that by name (`accept_missing`): then other means
+must stop the arm.
 
 References:
     CiA 301, 7.5.2; CiA 402-2, 8 (device control) and 10.
@@ -124,9 +124,9 @@ def write_limits(drive: DriveObjects, settings: DriveSettings, units: ArmUnits, 
 
 
 def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
-    """The cycle, as CiA 301 and as CiA 402 tell it.
+    """The cycle, in the objects of CiA 301 and of CiA 402.
 
-    A drive that produces SYNC itself is told not to. 1019 may change only while 1006 is 0.
+    A drive that produces SYNC itself is configured not to. 1019 may change only while 1006 is 0.
 
     Raises:
         ServoError: the configuration asks for a SYNC counter, and the drive has none.
@@ -136,10 +136,10 @@ def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
     value, exponent = interpolation_time(arm.cycle_s)
     if sdo.read_if_there(od.SYNC_COB_ID) not in {None, od.SYNC_DEFAULT_COB_ID}:
         sdo.write(od.SYNC_COB_ID, od.SYNC_DEFAULT_COB_ID)
-    told = sdo.read_if_there(od.SYNC_COUNTER_OVERFLOW)
-    if told is None and arm.sync_counter:
+    counter = sdo.read_if_there(od.SYNC_COUNTER_OVERFLOW)
+    if counter is None and arm.sync_counter:
         raise sdo.failure("the drive knows no SYNC counter (1019)", "Set sync_counter = 0 in the configuration")
-    if told is not None and told != arm.sync_counter:
+    if counter is not None and counter != arm.sync_counter:
         sdo.write_if_there(od.CYCLE_PERIOD_US, 0)
         sdo.write(od.SYNC_COUNTER_OVERFLOW, arm.sync_counter)
     drive.write(od.CYCLE_PERIOD_US, microseconds(arm.cycle_s))

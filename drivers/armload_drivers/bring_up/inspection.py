@@ -25,12 +25,12 @@ LISTEN_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class FoundNode:
-    """Somebody on the bus.
+    """One node on the bus.
 
     Attributes:
         node_id: Node id.
-        device_type: 1000; None where the node refuses to tell.
-        name: 1008; empty where it does not tell.
+        device_type: 1000; None where the node refuses the request.
+        name: 1008; empty where not reported.
         identity: 1018.
         modes: Numbers of the modes of 6502.
         missing: Objects that safety rests on and that the drive lacks, as "6007".
@@ -57,11 +57,11 @@ class DriveStatus:
         joint: Name of the joint.
         node_id: Node id.
         state: Power state; None where the drive does not answer.
-        position_rad: Axis position; None where it or its scale is not told.
-        effort: Motor current in A, or axis torque in N m, as `effort_unit` says; None where it is not told.
+        position_rad: Axis position; None where it or its scale is not reported.
+        effort: Motor current in A, or axis torque in N m, as `effort_unit` says; None where not reported.
         effort_unit: "A" or "N m".
-        error_code: 603F; None where it is not told.
-        temperature_celsius: Of the vendor's object; None where it is not configured or not told.
+        error_code: 603F; None where not reported.
+        temperature_celsius: Of the vendor's object; None where not configured or not reported.
         trouble: Why nothing is known, in words.
     """
 
@@ -94,7 +94,7 @@ class ArmStatus:
 
 
 def find_nodes(bus: can.BusABC, timeouts: Timeouts | None = None) -> list[FoundNode]:
-    """Everybody who answers on a bus. Only reads.
+    """All nodes that answer on a bus. Only reads.
 
     Raises:
         ServoError: a node stops answering meanwhile.
@@ -109,7 +109,7 @@ def find_nodes(bus: can.BusABC, timeouts: Timeouts | None = None) -> list[FoundN
 
 
 def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNode:
-    """What one node tells of itself."""
+    """What one node reports about itself."""
     sdo.step = "scanning"
     modes = sdo.read_if_there(od.SUPPORTED_MODES) or 0
     entries = {entry.index: entry for entry in _SAFETY_ENTRIES}

@@ -21,7 +21,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
 
     Raises:
         SdoRefused: the drive does not take the mapping.
-        ServoError: it takes it and tells something else afterwards.
+        ServoError: it accepts the value and reads back another.
     """
     direction, number = layout.direction, layout.number
     cob_id, count = direction.cob_id_entry(number), direction.count_entry(number)

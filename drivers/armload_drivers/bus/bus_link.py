@@ -3,7 +3,7 @@
 There is no receive thread that could die unseen. Whoever waits for something pumps the bus meanwhile; frames
 go to the handlers subscribed by COB-ID. Exceptions of python-can are translated here and nowhere else.
 
-On SocketCAN the controller tells of its troubles by error frames; python-can's own `state` never leaves ACTIVE
+On SocketCAN the controller reports errors as error frames; python-can's own `state` never leaves ACTIVE
 there. Bus-off ends everything; error passive and warnings are kept for whoever asks.
 """
 
@@ -63,8 +63,8 @@ class BusLink:
         queue_full: How often the transmit queue was full.
         bits: Worst-case bits of all frames sent and received, for the measured load.
         stamp_s: Time stamp of the frame that is being handled, on the interface's own clock.
-        from_outside: That frame came in over the bus, and was not sent by any program of this computer; SocketCAN
-            tells, other interfaces take every frame for one from outside.
+        from_outside: That frame came in over the bus, and was not sent by any program of this computer. Only
+            SocketCAN reports this; with other interfaces every frame counts as one from outside.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -168,7 +168,7 @@ class BusLink:
             raise BusError(f"receiving failed: {error}. Is the interface up and its adapter connected?") from error
 
     def _error_frame(self, message: can.Message) -> None:
-        """Keep what the controller tells; bus-off ends everything."""
+        """Record what the controller reports; bus-off is final."""
         self.error_frames += 1
         if message.arbitration_id & _BUS_OFF:
             raise BusError(

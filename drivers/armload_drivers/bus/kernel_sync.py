@@ -5,13 +5,13 @@ Rules of this file:
   the frames it receives. BCM re-arms its timer with "now + interval": the period is longer than asked for by the
   timer's latency, so cycles are counted by SYNC and never computed from a start time. And the interval asked for is
   shortened by what was measured, so that SYNC keeps the configured rate on the average.
-- The kernel is told to send `CREDIT` SYNCs and then to stop. Every cycle renews the credit without touching the
+- The kernel is set up to send `CREDIT` SYNCs and then to stop. Every cycle renews the credit without touching the
   timer (SETTIMER without STARTTIMER). A cycle that hangs, a process that is stopped (SIGSTOP) or that dies
   (kill -9: its socket closes) therefore ends SYNC within two periods, with no watchdog thread that could hang
   together with what it watches.
-- Others that send SYNC are told in three ways. One that came in over the bus cannot be ours: the kernel marks what this
-  computer sent. More of them than the kernel counts as sent are not all ours, whoever sent them. And where the kernel
-  does not tell its count: BCM is never early, so many in too short a time are too many.
+- Other SYNC producers are detected in three ways. One that came in over the bus cannot be ours: the kernel marks what
+  this computer sent. More of them than the kernel counts as sent are not all ours, whoever sent them. And where the
+  kernel does not report its count: BCM is never early, so many in too short a time are too many.
 - A caller that comes back late finds the credit spent: the timer is started anew, which sends one SYNC at once,
   after the caller's RPDOs and a whole period after the SYNC before. Nothing is caught up.
 
@@ -50,14 +50,14 @@ _SETTIMER, _STARTTIMER = 0x0001, 0x0002
 _STEERING = 0.05
 """Share of a period's error by which the next intervals asked for change."""
 _SHORTEST_ASKED = 0.9
-"""Least interval asked for, in periods: far enough from what would look like somebody else's SYNC."""
+"""Least interval asked for, in periods: far enough from what would look like another producer's SYNC."""
 _GRACE = 0.1
 """Share of a period that a SYNC which may still come is waited for before a new rhythm is begun."""
 _OVERDUE_PERIODS = 1.5
 """A renewed credit that brings no SYNC within this many periods came too late for the timer."""
 _RHYTHM = 32
 _SHORTEST_RHYTHM = 0.85
-"""So many SYNCs in less than this share of their time, by the kernel's own stamps, and somebody else sends SYNC as
+"""So many SYNCs in less than this share of their time, by the kernel's own stamps, and another node sends SYNC as
 well: BCM is never early. When this process looked at them says nothing about that."""
 _COUNT_EVERY = 16
 """Cycles between two looks at the kernel's count, or at the rhythm."""
@@ -77,7 +77,7 @@ class SyncProducer(Protocol):
         """Let so many more follow, the next when it is due already, from then on in this period."""
 
     def count(self) -> int | None:
-        """How many have been sent since the first `start` after a `stop`; None where nobody tells."""
+        """How many have been sent since the first `start` after a `stop`; None where the count is not available."""
 
     def stop(self) -> None:
         """Send no more. Idempotent."""
@@ -116,15 +116,15 @@ class BroadcastManager:
         self._setup(_SETTIMER, period_s, credit)
 
     def count(self) -> int | None:
-        """How many SYNCs the kernel has sent for this socket; None where it does not tell."""
+        """How many SYNCs the kernel has sent for this socket; None where it does not report it."""
         if self._socket is None:
             return None
         try:
             account = Path(f"/proc/net/can-bcm/{os.fstat(self._socket.fileno()).st_ino}").read_text("ascii")
         except OSError:
             return None
-        told = _COUNTED.search(account)
-        return None if told is None else int(told[1])
+        counted = _COUNTED.search(account)
+        return None if counted is None else int(counted[1])
 
     def stop(self) -> None:
         """Send no more: the kernel forgets the task with its socket."""
@@ -158,7 +158,7 @@ class BcmSync:
         producer: Usually a `BroadcastManager`.
         feedback_share: Share of the cycle that feedback may take; the rest is left to the caller.
         clock: Monotonic clock; SYNCs are stamped on it.
-        stamp_clock: Clock of the frames' stamps. It may step; a stamp only tells how old a frame is.
+        stamp_clock: Clock of the frames' stamps. It may step; a stamp only gives the age of a frame.
     """
 
     heard = True
@@ -182,7 +182,7 @@ class BcmSync:
         self._heard = 0
         self._cycles = 0
         self._came_in = False
-        self._told = False
+        self._reported = False
         self._waiting = False
         self._on_sync: Callable[[], None] = _nothing
 
@@ -198,7 +198,7 @@ class BcmSync:
         self._used_s = self._last_s = None
         self._rhythm.clear()
         self._heard = self._cycles = 0
-        self._came_in = self._told = self._waiting = False
+        self._came_in = self._reported = self._waiting = False
         link.subscribe(SYNC_DEFAULT_COB_ID, lambda _: self._take_sync(link))
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
@@ -206,7 +206,7 @@ class BcmSync:
 
         Raises:
             BusError: SYNC does not leave, or the bus failed.
-            ForeignMaster: somebody else sends SYNC as well.
+            ForeignMaster: another node sends SYNC as well.
         """
         link.drain()
         self._on_sync = on_sync
@@ -224,9 +224,9 @@ class BcmSync:
                 self._waiting = False
                 raise BusError("no SYNC came back from the bus. Is the interface up? Has its queue room?")
         self._cycles += 1
-        if not self._told and (how := self._company()):
-            # Told once, so that the arm can still be stopped and disabled in that company.
-            self._told = True
+        if not self._reported and (how := self._other_producer()):
+            # Reported once, so that the arm can still be stopped and disabled while the other producer is active.
+            self._reported = True
             raise ForeignMaster(
                 f"{how}: another node produces SYNC as well (COB-ID 0x080). End the other program, or take its device "
                 "off the bus"
@@ -262,8 +262,8 @@ class BcmSync:
         """Pump until SYNC is there, which ends the waiting."""
         return link.pump_until(lambda: not self._waiting, _OVERDUE_PERIODS * self._cycle_s)
 
-    def _company(self) -> str:
-        """How others that send SYNC have shown, in words; empty where nobody has."""
+    def _other_producer(self) -> str:
+        """How another SYNC producer was detected, in words; empty where there is none."""
         if self._came_in:
             return "SYNC came in over the bus"
         if self._cycles % _COUNT_EVERY == 0:
@@ -283,7 +283,7 @@ class BcmSync:
         return ""
 
     def _take_sync(self, link: BusLink) -> None:
-        """A SYNC: the one that is waited for, or one that nobody used."""
+        """A SYNC: the one that is waited for, or one that no cycle used."""
         age_s = min(max(self._stamp_clock() - link.stamp_s, 0.0), _OLDEST_PERIODS * self._cycle_s)
         time_s = self._clock() - age_s
         if self._rhythm and link.stamp_s < self._rhythm[-1]:
@@ -310,4 +310,4 @@ class BcmSync:
 
 
 def _nothing() -> None:
-    """Nobody waits for SYNC."""
+    """No caller waits for SYNC."""

@@ -24,7 +24,7 @@ _MISSING = frozenset({0x0602_0000, 0x0609_0011})
 _READ_ONLY = 0x0601_0002
 
 POLL_S = 5e-3
-"""Between two reads of an object that is to reach a value."""
+"""Between two reads of an object that is expected to reach a value."""
 
 _INITIATE = frozenset({1, 2})
 """Client commands whose answer repeats index and sub-index: initiate download, initiate upload."""
@@ -141,7 +141,7 @@ class SdoChannel:
         return self._transfer(entry, None).decode("utf-8", errors="replace").rstrip("\0")
 
     def read_text_if_there(self, entry: Entry) -> str:
-        """As `read_text`, but empty where the node refuses to tell."""
+        """As `read_text`, but empty where the node refuses the request."""
         try:
             return self.read_text(entry)
         except SdoRefused:

@@ -1,6 +1,6 @@
 """Where SYNC comes from.
 
-A source decides when the next SYNC leaves, sends it or sees it sent, and tells its time. The cycle calls `next`
+A source decides when the next SYNC leaves, sends it or sees it sent, and reports its time. The cycle calls `next`
 once per cycle, after its RPDOs have left. There is no thread: while a source waits it pumps the bus. A caller
 that hangs, is stopped or dies ends SYNC, whatever the source.
 
@@ -24,7 +24,7 @@ from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
 
 Clock = Callable[[], float]
-"""Tells a monotonic time in seconds."""
+"""Returns a monotonic time in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class SyncTick:
 
     Attributes:
         time_s: When it left, on the source's clock.
-        skipped: Periods that passed without SYNC, or with one that nobody used, because the caller was late.
+        skipped: Periods that passed without SYNC, or with one that went unused, because the caller was late.
     """
 
     time_s: float
@@ -44,7 +44,7 @@ class SyncSource(Protocol):
     """A source of SYNC.
 
     Attributes:
-        heard: Its own SYNCs come back on the bus; where they do not, any SYNC received is somebody else's.
+        heard: Its own SYNCs come back on the bus; where they do not, any SYNC received is another node's.
     """
 
     heard: bool
@@ -74,7 +74,7 @@ class SyncSource(Protocol):
 
         Raises:
             BusError: the bus failed.
-            DriverError: where nobody is left who could answer.
+            DriverError: where no node is left that could answer.
         """
 
     def end(self, link: BusLink) -> None:

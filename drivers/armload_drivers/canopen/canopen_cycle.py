@@ -110,7 +110,7 @@ class CanopenCycle:
         return max(1, math.ceil(limit_s / self._cycle_s))
 
     def run(self) -> JointFeedback:
-        """One cycle; drives are judged by nobody.
+        """One cycle, without fault checks.
 
         Raises:
             BusError: the bus failed.
@@ -129,8 +129,8 @@ class CanopenCycle:
         sync.await_feedback(link, self._complete)
         away_s = sync.now_s() - self._looked_s
         if away_s > _STALLED_CYCLES * self._cycle_s:
-            # This process did not run, and perhaps nobody else on this computer did. What the drives said meanwhile is
-            # heard before they are judged, and silence during that time is not held against them.
+            # This process did not run, and perhaps no other on this computer did. What the drives sent meanwhile is
+            # read before they are checked, and silence during that time is not held against them.
             link.drain()
             for node in nodes:
                 node.excuse_silence(away_s)
@@ -159,7 +159,7 @@ class CanopenCycle:
 
         Args:
             step: What is being done, for the error.
-            must_follow: Every drive was enabled and has to stay so.
+            must_follow: Every drive was enabled and must stay so.
 
         Raises:
             ServoError: about the drive that is the likely cause.

@@ -4,7 +4,7 @@ Rules of this file:
 - The calling thread alone sends and receives. No thread, no callback from elsewhere, no SDO while drives move.
 - Every frame carries a target that was computed: until a drive is enabled its target is its fresh position.
 - The heartbeat is sent by the cycle. A caller that stops calling goes silent, and the drives stop the arm
-  (1016, 6007, and the time-out of the RPDO). So after `enable`, `exchange` has to be called every cycle.
+  (1016, 6007, and the time-out of the RPDO). So after `enable`, `exchange` must be called every cycle.
 - Nothing is enabled again by itself: not after a fault, a quick stop, a lost or rebooted drive.
 - An error in the cycle is raised, and nothing else is done: what stops the arm is the caller's decision.
   `stop`, `disable` and `close` then do their work on every drive that still answers.
@@ -51,7 +51,7 @@ class CanopenServos:
 
     Args:
         arm: The arm.
-        bus: An open bus; nobody else reads from it.
+        bus: An open bus; nothing else may read from it.
         sync: Where SYNC comes from.
         timeouts: Limits of all waits.
 
@@ -144,7 +144,7 @@ class CanopenServos:
         self._require(_Phase.CONNECTED)
         step, cycle = "enabling", self._cycle
         self._begin_cycles()
-        # From here on drives may carry torque: whatever interrupts this, `close` has to disable them.
+        # From here on drives may carry torque: whatever interrupts this, `close` must disable them.
         self._phase = _Phase.STOPPED
         try:
             for _ in range(cycle.count(self._timeouts.enable_s)):
@@ -210,7 +210,7 @@ class CanopenServos:
 
         Axes without a brake keep their torque until all others are held by theirs. Then all are watched for
         `HOLDING_WATCH_S`. A drive that has been reported as lost is asked by SDO. One that does not answer that
-        either is left to its own reaction (6007); the caller has been told.
+        either is left to its own reaction (6007); the loss was reported to the caller.
 
         Raises:
             StateError: not connected.
@@ -291,7 +291,7 @@ class CanopenServos:
     # Helpers -------------------------------------------------------------------------------------------------
 
     def _require(self, phase: _Phase) -> None:
-        """The caller's request has to fit the arm's life."""
+        """Requires the given phase."""
         if self._phase is not phase:
             raise StateError(f"the servos are {self._phase.name.lower()}, this needs them {phase.name.lower()}")
 
@@ -303,7 +303,7 @@ class CanopenServos:
         return self._running
 
     def _require_connected(self) -> None:
-        """There has to be somebody to talk to."""
+        """Requires a connection."""
         if self._phase in {_Phase.NEW, _Phase.CLOSED}:
             raise StateError(f"the servos are {self._phase.name.lower()}: connect them first")
 
@@ -318,7 +318,7 @@ class CanopenServos:
         self._cycle.begin()
 
     def _end_cycles(self) -> None:
-        """No drive carries torque: end PDO communication, and let nobody miss the heartbeat."""
+        """No drive carries torque: end PDO communication, and stop the drives' watch on our heartbeat."""
         self._cycle.end()
         self._phase = _Phase.CONNECTED
         for node, setup in zip(self._nodes, self._setups, strict=True):

@@ -50,7 +50,7 @@ class DriveNode:
         expected: How many of them there are to be.
         booted: Whether a boot-up message came.
         boots: How many of them came.
-        lost: Whether the caller has been told that it does not answer.
+        lost: Whether it was reported to the caller as not answering.
         wrong_frames: Feedback frames of the wrong length; they count as missing.
     """
 
@@ -126,7 +126,7 @@ class DriveNode:
             self.wrong_frames += 1
 
     def _take_heartbeat(self, data: bytearray) -> None:
-        """Keep what a heartbeat or a boot-up message tells."""
+        """Record the state that a heartbeat or a boot-up message carries."""
         if not data:
             return
         self._heard_s = self._sync.now_s()
@@ -161,7 +161,7 @@ class DriveNode:
         self._emergency = self._undefined = None
 
     def excuse_silence(self, away_s: float) -> None:
-        """Nobody listened for a while: the wait for the next heartbeat is that much longer."""
+        """Nothing was read for a while: the wait for the next heartbeat is that much longer."""
         self._heard_s += away_s
 
     def ask(self, goal: State, step: str) -> None:
@@ -240,7 +240,7 @@ class DriveNode:
         Args:
             step: What is being done, for the error.
             now_s: Time of the SYNC.
-            must_follow: The drive was enabled and has to stay so.
+            must_follow: The drive was enabled and must stay so.
         """
         fault = self._fault(step)
         if fault is not None:
@@ -305,7 +305,7 @@ class DriveNode:
         """Error about a fault that the drive itself reports."""
         if not self.faulty and self._emergency is None:
             return None
-        cause = "no emergency message told why" if self._emergency is None else self._emergency.text
+        cause = "no emergency message gave a cause" if self._emergency is None else self._emergency.text
         return ServoFault(
             self.settings.node_id,
             self.settings.joint,

@@ -1,8 +1,8 @@
-"""Frames that only the master of an arm may send, sent by somebody else.
+"""Frames that only the master of an arm may send, sent by another node.
 
 A second master is the one fault that no drive notices: it obeys both. Whoever commands the nodes (NMT), their
 setpoints, SYNC, or uses the master's node id, stops this master; whoever reads and writes objects is named in
-the next error, because a drive that behaves strangely was most often told to.
+the next error, because a drive that behaves strangely was most often commanded to.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ class ForeignTraffic:
         sync_is_ours: Our own SYNCs come back on the bus; then the source of SYNC watches for others.
 
     Attributes:
-        commands: What somebody else commanded, in words; empty where nobody did.
-        requests: Who else talks SDO with a drive, in words; empty where nobody does.
+        commands: What another node commanded, in words; empty where none did.
+        requests: Which other node uses SDO with a drive, in words; empty where none does.
     """
 
     def __init__(self, nodes: Sequence[DriveNode], link: BusLink, master_node_id: int, *, sync_is_ours: bool) -> None:

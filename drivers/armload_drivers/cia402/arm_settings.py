@@ -1,4 +1,4 @@
-"""What the driver layer has to know of an arm, as plain data.
+"""What the driver layer needs to know about an arm, as plain data.
 
 Axis and joint: an AXIS is one motor seen through its gear (motor angle / gear ratio). On most arms it is
 the joint itself; where motors are coupled, q_joint = C q_axis and tau_joint = C^-T tau_axis. Drives know
@@ -23,7 +23,7 @@ class OperationMode(IntEnum):
 
 
 class EffortFeedback(Enum):
-    """What the drive tells of the motor's effort, and the standard's object for it."""
+    """How the drive reports the motor's effort, and the standard's object for it."""
 
     CURRENT = 0x6078
     """Current actual value, per mille of rated current (6075)."""
@@ -33,7 +33,7 @@ class EffortFeedback(Enum):
 
 @dataclass(frozen=True, slots=True)
 class VendorEffort:
-    """A vendor's object that tells the effort, for drives without 6078 or 6077.
+    """A vendor's object that reports the effort, for drives without 6078 or 6077.
 
     Attributes:
         index: Index of the object.
@@ -50,7 +50,7 @@ class VendorEffort:
 
 @dataclass(frozen=True, slots=True)
 class TemperatureObject:
-    """A vendor's object that tells a temperature of the drive or its motor; the standard has none.
+    """A vendor's object that reports a temperature of the drive or its motor; the standard has none.
 
     Attributes:
         index: Index of the object.
@@ -86,24 +86,24 @@ class DriveSettings:
         joint: Name of the joint.
         node_id: CANopen node id, 1 to 127.
         mode: Streaming mode.
-        feedback: Object that tells the effort.
-        counts_per_rad: Position units (607A, 6064) per radian of the AXIS; None takes what the drive tells.
+        feedback: Object that reports the effort.
+        counts_per_rad: Position units (607A, 6064) per radian of the AXIS; None takes what the drive reports.
         rated_current_a: Motor current that 1000 per mille of 6078 means; None with torque feedback, or takes what
-            the drive tells.
+            the drive reports.
         rated_torque_nm: AXIS torque that 1000 per mille of 6071, 6072, 6077, 60B2 means; None takes what the drive
-            tells.
+            reports.
         max_torque_permille: 6072.
         following_error_rad: 6065, on the axis.
         position_min_rad: 607D:1, on the joint; the master widens it where motors are coupled.
         position_max_rad: 607D:2.
         has_brake: Torque may be removed without the axis falling.
-        identity: What 1018 has to say.
+        identity: The identity required of 1018.
         torque_offset: The drive takes a torque offset (60B2); two of eight products read do not.
         gear_ratio: Motor turns per axis turn, for drives that know nothing of their gear.
         vendor_effort: The vendor's object for the effort; the standard's where None.
         accept_missing: Objects that safety rests on and that this drive may lack all the same, as "6007".
         description: The vendor's device description, where there is one.
-        temperature: The vendor's object for a temperature, where it is to be shown.
+        temperature: The vendor's object for a temperature, where one is shown.
     """
 
     joint: str

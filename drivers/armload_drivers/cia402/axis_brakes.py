@@ -1,8 +1,8 @@
 """What holds an axis once its torque has gone: a brake, or nothing.
 
 Torque is removed at standstill, and from axes without a brake (`has_brake`, named in the configuration) last, when all
-others are held. What then moves is told to the operator at once: no program can hold it any more, because nothing is
-enabled again by itself.
+others are held. What then moves is reported to the operator at once: no program can hold it any more, because
+nothing is enabled again by itself.
 """
 
 from __future__ import annotations

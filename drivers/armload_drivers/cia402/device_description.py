@@ -1,4 +1,4 @@
-"""Device descriptions (EDS, DCF) read tolerantly: what can be understood is kept, the rest is told.
+"""Device descriptions (EDS, DCF) read tolerantly: what can be understood is kept, the rest is reported.
 
 Rules of this file:
 - Vendors' files are wrong in many ways: keys in another case, empty defaults, expressions with `$NODEID`, counts
@@ -66,7 +66,7 @@ class DescribedObject:
         bits: Size of an integer; None for other types.
         writable: Whether SDO may write it.
         mappable: Whether a PDO may carry it.
-        value: The value that it is set to (DCF) or has after a reset (EDS); None where the file tells none.
+        value: The value that it is set to (DCF) or has after a reset (EDS); None where the file gives none.
     """
 
     index: int
@@ -80,13 +80,13 @@ class DescribedObject:
 
 @dataclass(frozen=True, slots=True)
 class DeviceDescription:
-    """What a description tells of a drive.
+    """What a description says about a drive.
 
     Attributes:
         source: Name of the file.
         vendor_name: Vendor.
         product_name: Product.
-        vendor_id: As 1018:1 is to tell it; None where the file tells none.
+        vendor_id: As expected in 1018:1; None where the file gives none.
         product_code: 1018:2, likewise.
         revision: 1018:3, likewise.
         node_id: Node id that a DCF is for.
@@ -251,7 +251,7 @@ class _Reader:
         return None if number is None else number.constant
 
     def _identity(self, info: Mapping[str, str], key: str) -> int | None:
-        """A number of 1018; some vendors write 0 or all ones for what they do not tell."""
+        """A number of 1018; some vendors write 0 or all ones for what they leave open."""
         number = self._plain("DeviceInfo", info, key)
         if number is not None and not 0 <= number < 1 << 32:
             self._warn("DeviceInfo", key, f"{number} does not fit 32 bits")
@@ -293,9 +293,9 @@ class _Reader:
 
     def _check_sub_number(self, title: str, values: Mapping[str, str], found: int) -> None:
         """SubNumber against the subs that are there."""
-        told = self._plain(title, values, "SubNumber")
-        if told and told != found and not values.get("compactsubobj"):
-            self._warn(title, "SubNumber", f"tells {told}, the file has {found}")
+        declared = self._plain(title, values, "SubNumber")
+        if declared and declared != found and not values.get("compactsubobj"):
+            self._warn(title, "SubNumber", f"declares {declared}, the file has {found}")
 
     def _add_compact(
         self, objects: dict[int, DescribedObject], index: int, title: str, values: Mapping[str, str], count: int
@@ -346,9 +346,9 @@ class _Reader:
             if values is None:
                 continue
             names = [key for key in values if key.isdecimal()]
-            told = self._plain(title, values, "SupportedObjects")
-            if told != len(names):
-                self._warn(title, "SupportedObjects", f"tells {told}, the list has {len(names)}")
+            declared = self._plain(title, values, "SupportedObjects")
+            if declared != len(names):
+                self._warn(title, "SupportedObjects", f"declares {declared}, the list has {len(names)}")
             for key in names:
                 index = self._plain(title, values, key)
                 if index is None:

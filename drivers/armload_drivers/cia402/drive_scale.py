@@ -1,4 +1,4 @@
-"""What a drive tells of its scale, put beside the configuration. Pure.
+"""The scale that a drive reports, checked against the configuration. Pure.
 
     counts per axis turn = 608F increments per motor turn x gear ratio          (no 6092)
     counts per axis turn = 6092 feed per shaft turn                             (6092 in use)
@@ -28,8 +28,8 @@ RATING_TOLERANCE = 1e-2
 
 
 @dataclass(frozen=True, slots=True)
-class ToldScale:
-    """What a drive tells; None where it does not.
+class ReportedScale:
+    """What a drive reports; None where it does not.
 
     Attributes:
         increments_per_motor_turn: 608F.
@@ -46,20 +46,20 @@ class ToldScale:
     rated_current_a: float | None
 
 
-def resolve(drive: DriveSettings, told: ToldScale) -> DriveSettings:
+def resolve(drive: DriveSettings, reported: ReportedScale) -> DriveSettings:
     """Settings with every scale filled in.
 
     Args:
         drive: The configured drive.
-        told: What it tells.
+        reported: What it reports.
 
     Raises:
         CommandError: the two contradict each other, or neither knows a scale; says which, and what to do.
     """
-    gears = _gears(drive, told)
-    feed = told.feed_per_shaft_turn
+    gears = _gears(drive, reported)
+    feed = reported.feed_per_shaft_turn
     feed_in_use = feed is not None and feed > 1.0
-    turns = _products(feed if feed_in_use else told.increments_per_motor_turn, [1.0] if feed_in_use else gears)
+    turns = _products(feed if feed_in_use else reported.increments_per_motor_turn, [1.0] if feed_in_use else gears)
     counts_per_rad = _agree(
         "position units per rad (608F, 6091, 6092)",
         "counts_per_axis_turn",
@@ -70,7 +70,7 @@ def resolve(drive: DriveSettings, told: ToldScale) -> DriveSettings:
     torque_nm = _agree(
         "rated torque in N m (6076, 6091)",
         "rated_torque_nm",
-        _products(told.rated_torque_nm, gears),
+        _products(reported.rated_torque_nm, gears),
         drive.rated_torque_nm,
         RATING_TOLERANCE,
     )
@@ -79,40 +79,40 @@ def resolve(drive: DriveSettings, told: ToldScale) -> DriveSettings:
         current_a = _agree(
             "rated current in A (6075)",
             "rated_current_a",
-            _products(told.rated_current_a, [1.0]),
+            _products(reported.rated_current_a, [1.0]),
             current_a,
             RATING_TOLERANCE,
         )
     return replace(drive, counts_per_rad=counts_per_rad, rated_torque_nm=torque_nm, rated_current_a=current_a)
 
 
-def _gears(drive: DriveSettings, told: ToldScale) -> list[float]:
-    """Gear ratios that the drive's motor-side figures may have to be multiplied by."""
-    if told.gear_ratio is not None and told.gear_ratio != 1.0:
-        return [told.gear_ratio]
+def _gears(drive: DriveSettings, reported: ReportedScale) -> list[float]:
+    """Gear ratios that the drive's motor-side figures may need to be multiplied by."""
+    if reported.gear_ratio is not None and reported.gear_ratio != 1.0:
+        return [reported.gear_ratio]
     return [1.0] if drive.gear_ratio in {None, 1.0} else [1.0, float(drive.gear_ratio or 1.0)]
 
 
 def _products(value: float | None, gears: list[float]) -> list[float]:
-    """A figure seen through each gear; empty where the drive tells none."""
+    """A figure seen through each gear; empty where the drive reports none."""
     return [] if not value else [value * gear for gear in gears]
 
 
-def _agree(what: str, key: str, told: list[float], configured: float | None, tolerance: float) -> float:
+def _agree(what: str, key: str, reported: list[float], configured: float | None, tolerance: float) -> float:
     """The configured value where the drive's agrees, or the drive's where none is configured."""
-    shown = " or ".join(f"{value:.6g}" for value in told)
+    shown = " or ".join(f"{value:.6g}" for value in reported)
     if configured is not None:
-        if told and not any(math.isclose(value, configured, rel_tol=tolerance) for value in told):
+        if reported and not any(math.isclose(value, configured, rel_tol=tolerance) for value in reported):
             raise CommandError(
-                f"the drive tells {what} = {shown}, the configuration {configured:.6g}: one of the two is wrong, and "
+                f"the drive reports {what} = {shown}, the configuration {configured:.6g}: one of the two is wrong, and "
                 "the arm would move by the wrong amount"
             )
         return configured
-    if len(told) == 1:
-        return told[0]
-    if told:
+    if len(reported) == 1:
+        return reported[0]
+    if reported:
         raise CommandError(
-            f"the drive tells {what} = {shown}, depending on which side of the gear is meant: give {key} in the "
+            f"the drive reports {what} = {shown}, depending on which side of the gear is meant: give {key} in the "
             "configuration"
         )
-    raise CommandError(f"neither the drive nor the configuration tells {what}: give {key} in the configuration")
+    raise CommandError(f"neither the drive nor the configuration gives {what}: give {key} in the configuration")

@@ -6,7 +6,7 @@
 
 A vendor's object for the effort has a scale of its own in place of the rated one.
 
-An AXIS is one motor seen through its gear. The signs are the polarity (607E) that the drive tells.
+An AXIS is one motor seen through its gear. The signs are the polarity (607E) that the drive reports.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def interpolation_time(cycle_s: float) -> tuple[int, int]:
         if 1 <= round(value) <= DataType.U8.bounds[1] and math.isclose(value, round(value), rel_tol=1e-9):
             return round(value), exponent
     raise CommandError(
-        f"cycle {cycle_s} s cannot be told to a drive (60C2 holds 1 to 255 times a power of ten); "
+        f"cycle {cycle_s} s cannot be configured in a drive (60C2 holds 1 to 255 times a power of ten); "
         "choose a cycle such as 1, 2, 4, 5, 8, 10 or 20 ms"
     )
 
@@ -70,7 +70,7 @@ class AxisUnits:
     Attributes:
         counts_per_rad: Position units per radian of the axis, with the sign of 607E bit 7.
         torque_nm_per_permille: Axis torque that one per mille means, with the sign of 607E bit 5.
-        effort_per_unit: What one unit of the effort that the drive tells means: motor current in A, or axis
+        effort_per_unit: What one unit of the effort that the drive reports means: motor current in A, or axis
             torque in N m, likewise.
         effort_units_per_nm: Units of the effort that one N m at the axis makes; a drive knows one ratio between
             torque and current, and 1000 per mille of the one and of the other are the same state. NaN where
@@ -113,7 +113,7 @@ class RawAxes:
 
     Attributes:
         position_counts: 607A, 60C1:1 or 6064.
-        effort: 60B2 in per mille; or what tells the effort, 6077 or 6078 in per mille or a vendor's object.
+        effort: 60B2 in per mille; or the reported effort, 6077 or 6078 in per mille or a vendor's object.
     """
 
     position_counts: list[int]
@@ -154,7 +154,7 @@ class ArmUnits:
         self._effort_limit = np.array(kinds_of_effort, dtype=np.float64)
         kinds = {drive.feedback for drive in arm.drives}
         if len(kinds) != 1:
-            raise CommandError("all drives of an arm have to send the same kind of feedback, current or torque")
+            raise CommandError("all drives of an arm must send the same kind of feedback, current or torque")
         self.feedback = kinds.pop()
         self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
         self._inverse = inverse
@@ -220,11 +220,11 @@ class ArmUnits:
         return np.asarray(self._joint_from_counts @ np.array(counts, dtype=np.float64))
 
     def joint_torque_nm(self, effort: Sequence[int]) -> FloatArray:
-        """(n,) joint torques of what the drives tell."""
+        """(n,) joint torques of what the drives report."""
         return np.asarray(self._joint_from_effort @ np.array(effort, dtype=np.float64))
 
     def motor_current_a(self, effort: Sequence[int]) -> FloatArray:
-        """(n,) motor currents of what the drives tell."""
+        """(n,) motor currents of what the drives report."""
         return self._motor_from_effort * np.array(effort, dtype=np.float64)
 
     def position_limits_counts(self, axis: int) -> tuple[int, int]:

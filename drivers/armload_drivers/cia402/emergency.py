@@ -132,7 +132,7 @@ class Emergency:
 
     @property
     def text(self) -> str:
-        """Code, meaning, and the vendor's bytes where they tell something."""
+        """Code, meaning, and the vendor's bytes where any of them is not zero."""
         words = describe(self.code)
         if any(self.manufacturer):
             words += f" (vendor bytes {self.manufacturer.hex(' ')})"

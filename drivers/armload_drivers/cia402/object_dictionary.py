@@ -221,7 +221,7 @@ class NmtCommand(Enum):
 
 
 class NmtState(Enum):
-    """NMT states as a heartbeat tells them."""
+    """NMT states as a heartbeat encodes them."""
 
     BOOT_UP = 0
     STOPPED = 4

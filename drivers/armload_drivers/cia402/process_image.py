@@ -77,7 +77,7 @@ def target_entry(mode: OperationMode) -> Entry:
 
 
 def effort_entry(drive: DriveSettings) -> Entry:
-    """Object that tells the motor's effort."""
+    """Object that reports the motor's effort."""
     vendor = drive.vendor_effort
     if vendor is not None:
         return Entry(vendor.index, vendor.subindex, "vendor's effort", vendor.type, Access.RO, Mappable.TPDO)
@@ -85,11 +85,11 @@ def effort_entry(drive: DriveSettings) -> Entry:
 
 
 def temperature_entry(drive: DriveSettings) -> Entry | None:
-    """Object that tells a temperature, where the configuration names one; no PDO carries it."""
-    told = drive.temperature
-    if told is None:
+    """Object that reports a temperature, where the configuration names one; no PDO carries it."""
+    configured = drive.temperature
+    if configured is None:
         return None
-    return Entry(told.index, told.subindex, "vendor's temperature", told.type, Access.RO)
+    return Entry(configured.index, configured.subindex, "vendor's temperature", configured.type, Access.RO)
 
 
 def _layout(direction: PdoDirection, number: int, node_id: int, entries: list[Entry]) -> PdoLayout:

@@ -31,10 +31,10 @@ from armload_drivers.driver_errors import StatuswordError, TransitionError
 
 
 class State(Enum):
-    """States of the power drive system, as the statusword tells them.
+    """States of the power drive system, as the statusword encodes them.
 
     Attributes:
-        mask: Bits of the statusword that tell this state.
+        mask: Bits of the statusword that encode this state.
         bits: Value of these bits.
         title: The state as the standard spells it.
     """
@@ -125,7 +125,7 @@ TRANSITIONS = (
 
 
 def decode(statusword: int) -> State:
-    """State that a statusword tells.
+    """State that a statusword encodes.
 
     Args:
         statusword: Object 6041, 0 to 0xFFFF.
@@ -142,7 +142,7 @@ def decode(statusword: int) -> State:
 def _first_steps(goal: State) -> dict[State, Transition]:
     """Of every state with a route to `goal`, the first transition of the shortest one.
 
-    QUICK STOP ACTIVE is reached from OPERATION ENABLED alone: nobody enables a drive in order to stop it. And no
+    QUICK STOP ACTIVE is reached from OPERATION ENABLED alone: a drive is never enabled in order to stop it. And no
     route leads from there to OPERATION ENABLED, not even through SWITCH ON DISABLED.
     """
     if goal is State.QUICK_STOP_ACTIVE:
@@ -195,11 +195,11 @@ class MasterMachine:
     """The master's view of one drive.
 
     Attributes:
-        state: Last state told by the drive, None before the first statusword.
-        statusword: The word that told it.
+        state: Last state reported by the drive, None before the first statusword.
+        statusword: The word that reported it.
         goal: State that is being brought about or was reached; None before the first request, and after the
             drive has left that state by itself.
-        since_s: When the present state was first told.
+        since_s: When the present state was first reported.
     """
 
     def __init__(self, reset: ResetPolicy | None = None) -> None:
@@ -226,10 +226,10 @@ class MasterMachine:
             now_s: Time of its arrival.
 
         Returns:
-            The state it tells.
+            The state it encodes.
 
         Raises:
-            StatuswordError: it tells none; the machine is left as it was.
+            StatuswordError: it encodes none; the machine is left as it was.
         """
         state = decode(statusword)
         if state is not self.state:
@@ -336,7 +336,7 @@ class DriveMachine:
 
     @property
     def status_bits(self) -> int:
-        """Bits of the statusword that tell the state; bit 5 (quick stop, low active) is high where free."""
+        """Bits of the statusword that encode the state; bit 5 (quick stop, low active) is high where free."""
         free = 0x20 if self.state is State.SWITCH_ON_DISABLED else 0x00
         return self.state.bits | free
 

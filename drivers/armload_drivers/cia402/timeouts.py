@@ -11,10 +11,10 @@ class Timeouts:
 
     Attributes:
         probe_s: First look at a node, before it is reset, by one SDO.
-        scan_s: For answers of nodes that nobody expects, all asked at once.
+        scan_s: For answers of nodes that are not configured, all asked at once.
         boot_s: From the NMT reset of a node to its boot-up message; after that it is asked by SDO.
         sdo_s: One SDO request to its answer.
-        mode_s: From writing 6060 to 6061 telling the same.
+        mode_s: From writing 6060 to 6061 reporting the same.
         enable_s: From the first cycle to OPERATION ENABLED of every drive, brakes included; time of the SYNC.
         stop_s: From the quick stop to standstill; time of the SYNC.
         disable_s: From standstill to drives without torque; time of the SYNC.

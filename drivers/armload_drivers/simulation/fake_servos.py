@@ -40,7 +40,7 @@ _VOLTAGE_AND_REMOTE = 0x0210
 
 
 class FailureKind(Enum):
-    """What a drive can be told to do wrong."""
+    """What a script can make a drive do wrong."""
 
     FAULT = auto()
     """The drive goes to FAULT and stays there."""
@@ -89,7 +89,7 @@ class FakeServos:
         Args:
             arm: Scaling and limits of the drives.
             plant: The arm; its owner is now this object.
-            failures: What is to go wrong, and when.
+            failures: What goes wrong, and when.
 
         Raises:
             SimulationError: The settings and the plant do not describe the same number of joints.

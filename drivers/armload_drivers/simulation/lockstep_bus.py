@@ -1,11 +1,11 @@
-"""A CAN bus inside one process that delivers without a thread: sending a frame lets everybody act on it.
+"""A CAN bus inside one process that delivers without a thread: sending a frame lets every endpoint act on it.
 
 Rules of this file:
 - All endpoints of a wire hear all frames of the others, in one order, the order of sending.
 - `send` returns when every listener has acted on the frame, and on whatever was sent because of it. So whoever sends
   a SYNC finds the answers in its queue, and the same frames give the same answers in every run.
-- An endpoint without a listener keeps its frames for `recv`. While it waits nobody acts, so nothing can come: a wait
-  is over at once, as if its time had passed, and a time-out costs no time.
+- An endpoint without a listener keeps its frames for `recv`. While it waits no other endpoint acts, so nothing can
+  arrive: a wait is over at once, as if its time had passed, and a time-out costs no time.
 - An exception of a listener, or a signal in the middle of it, reaches whoever sends; the frames not yet delivered are
   delivered by the next `send`.
 
@@ -33,7 +33,7 @@ class LockstepWire:
         self._endpoints: tuple[LockstepBus, ...] = ()
         self._under_way: deque[tuple[LockstepBus, can.Message]] = deque()
         self._delivering = False
-        # Another thread may send as well; its frames wait until everybody has acted on those before them.
+        # Another thread may send as well; its frames wait until every endpoint has acted on those before them.
         self._lock = threading.RLock()
 
     def join(self, endpoint: LockstepBus) -> None:
@@ -90,7 +90,7 @@ class LockstepBus(can.BusABC):
     Attributes:
         wire: What it is connected to.
         listener: Acts on frames as they are sent.
-        received: Frames kept for `recv` where nobody listens.
+        received: Frames kept for `recv` where there is no listener.
     """
 
     def __init__(self, wire: LockstepWire) -> None:
@@ -106,7 +106,7 @@ class LockstepBus(can.BusABC):
         self.listener = listener
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame; returns when everybody has acted on it.
+        """Send a frame; returns when every endpoint has acted on it.
 
         Raises:
             CanOperationError: the endpoint is closed.
@@ -127,7 +127,7 @@ class LockstepBus(can.BusABC):
         if self._is_shutdown:
             raise can.CanOperationError("Cannot operate on a closed bus")
         if timeout is None:
-            raise SimulationError("on a lockstep bus nothing comes while somebody waits: a wait needs a limit")
+            raise SimulationError("on a lockstep bus nothing arrives during a wait: a wait requires a time limit")
         return None
 
     def shutdown(self) -> None:

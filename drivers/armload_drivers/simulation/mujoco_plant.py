@@ -1,7 +1,7 @@
 """The simulated arm: MuJoCo's mechanics under six servo loops, advanced by an argument called time.
 
 It has no clock, bus or thread. Its owner advances it, gives the setpoints that a drive would have latched,
-and takes samples as a drive would at SYNC. What a sample tells is in SI units and not yet quantised:
+and takes samples as a drive would at SYNC. A sample is in SI units and not yet quantised:
 counts and per mille are the drives' business.
 
 The timing of a drive: a target latched at SYNC k is reached by linear interpolation at SYNC k + 1, which
@@ -43,7 +43,7 @@ class PlantSample:
         axis_position_rad: (n,) encoders, on the motors' side of elastic gears.
         axis_velocity_rad_s: (n,) their velocity.
         axis_demand_rad: (n,) setpoints of the position loops at this instant.
-        axis_torque_nm: (n,) torque as the drives' current sensors tell it: what the drive believes to give,
+        axis_torque_nm: (n,) torque as the drives' current sensors report it: what the drive believes it gives,
             plus noise. Ripple and gain error are in the motor; what the servo does about them shows.
         joint_position_rad: (n,) truth, on the links' side of elastic gears.
         joint_velocity_rad_s: (n,) truth.
@@ -192,7 +192,7 @@ class ArmPlant:
 
         Args:
             axis: Index of the axis.
-            on: Whether it is to be powered.
+            on: Whether it gets power.
         """
         state = self._state
         self._ramp(axis, self.hold_position(axis), 0.0)

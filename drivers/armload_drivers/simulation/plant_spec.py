@@ -1,6 +1,6 @@
 """What a simulated arm is made of, as plain data; `plant` builds the simulation from it.
 
-AXIS and joint are told apart as in `arm`: an axis is one motor seen through its gear. Links, friction and
+AXIS and joint are distinguished: an axis is one motor seen through its gear. Links, friction and
 position belong to joints; rotor, ripple, torque limit and noise belong to axes. Where motors are not
 coupled the two are the same.
 """

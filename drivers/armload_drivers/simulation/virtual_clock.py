@@ -8,7 +8,7 @@ from armload_drivers.driver_errors import SimulationError
 
 
 class VirtualClock:
-    """A clock that stands still until somebody advances it.
+    """A clock that stands still until it is advanced.
 
     `LockstepSync` advances it by one cycle before every SYNC. Whoever reads it at a SYNC gets the same time
     in every run, which makes a simulation repeatable. Time is kept in whole nanoseconds, so that a million
@@ -17,7 +17,7 @@ class VirtualClock:
 
     def __init__(self) -> None:
         self._time_ns = 0
-        self._end: Callable[[], str] = _nobody
+        self._end: Callable[[], str] = _no_follower
 
     def __call__(self) -> float:
         """Present time in seconds."""
@@ -40,7 +40,7 @@ class VirtualClock:
         self._end = end
 
     def require_follower(self) -> None:
-        """Refuse to let time pass for nobody.
+        """Refuse to let time pass without a follower.
 
         Raises:
             SimulationError: the follower does not live any more.
@@ -50,6 +50,6 @@ class VirtualClock:
             raise SimulationError(f"the simulated drives do not act any more: {why}")
 
 
-def _nobody() -> str:
-    """Nobody lives by the clock."""
+def _no_follower() -> str:
+    """The follower of a clock that has none."""
     return "there are none"

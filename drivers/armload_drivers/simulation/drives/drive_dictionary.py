@@ -22,10 +22,10 @@ FOLLOWING_ERROR_TIMEOUT_MS = 20
 
 
 CELSIUS = 40.0
-"""Temperature of every simulated drive, told where its configuration names an object for it."""
+"""Temperature of every simulated drive, reported where its configuration names an object for it."""
 
 SILENCE = 0
-"""What `DriveTraits.on_request` returns for a request that is to get no answer."""
+"""What `DriveTraits.on_request` returns for a request that gets no answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,8 @@ class DriveTraits:
     """In what a simulated drive differs from the configured one; for tests of what a master makes of it.
 
     Attributes:
-        identity: What 1018 tells.
-        device_type: What 1000 tells.
+        identity: What 1018 reports.
+        device_type: What 1000 reports.
         polarity: 607E after a reset.
         modes: Modes that 6502 offers; the configured one where None.
         absent: Indices of objects that the drive lacks.
@@ -62,10 +62,10 @@ def _count(index: int, highest: int) -> tuple[Entry, int]:
 
 
 def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: float) -> Dictionary:
-    """Objects of one drive without its PDO parameters, freshly reset, those it is to lack still included.
+    """Objects of one drive without its PDO parameters, freshly reset, those it will lack still included.
 
-    Positions are told in units of the configured scale. The drive describes itself as a motor whose encoder
-    sits on the axis: 608F tells the counts of an axis turn, 6091 a gear of 1, 6076 the axis's rated torque.
+    Positions are in units of the configured scale. The drive describes itself as a motor whose encoder
+    sits on the axis: 608F gives the counts of an axis turn, 6091 a gear of 1, 6076 the axis's rated torque.
     Max torque (6072) is kept but not enforced; the plant has the limits of its motors.
 
     Args:

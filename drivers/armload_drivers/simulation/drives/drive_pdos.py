@@ -34,7 +34,7 @@ class Pdo:
         type: Transmission type.
         timer_s: Event timer, 0 where there is none.
         pending: Data of a received frame that waits for SYNC.
-        deadline_s: Receive: when the next frame is overdue, None where nobody waits. Transmit: when the event
+        deadline_s: Receive: when the next frame is overdue, None where none is expected. Transmit: when the event
             timer sends.
         syncs: SYNCs since the last transmission.
         last_event: Transmit, event-driven: what was sent last of the objects that trigger.
@@ -126,7 +126,7 @@ class Pdo:
             raise SdoAbort(Abort.UNSUPPORTED_ACCESS)
 
     def _check_entry(self, word: int) -> None:
-        """A mapped object has to exist, with this size, and be mappable in this direction."""
+        """Requires that a mapped object exists, with this size, and is mappable in this direction."""
         self._check_disabled()
         if self._dictionary.values[self._count_entry.key]:
             raise SdoAbort(Abort.UNSUPPORTED_ACCESS)
@@ -140,7 +140,7 @@ class Pdo:
             raise SdoAbort(Abort.NOT_MAPPABLE)
 
     def _check_count(self, count: int) -> None:
-        """All counted entries have to be there and to fit one frame."""
+        """Requires that all counted entries are present and fit one frame."""
         self._check_disabled()
         if count > od.PDO_MAX_ENTRIES:
             raise SdoAbort(Abort.VALUE_TOO_HIGH)

@@ -56,7 +56,7 @@ class SimulatedDrives:
         arm: The arm; the simulated drives are what it says, with the simulation's identity.
         plant: What they move. It belongs to the drives from `start` to `stop`.
         bus: Where they answer; a `LockstepBus` with a virtual clock. It is the caller's to open and to close, and
-            nobody else reads from it.
+            nothing else may read from it.
         clock: Wall clock, or the virtual clock that lockstep SYNC advances.
         traits: Per node id, in what a drive differs.
 
@@ -233,7 +233,7 @@ class SimulatedDrives:
             self._failure = error
 
     def _receive_backlog(self) -> None:
-        """Take in what is waiting before any timer looks for it; a flood has to stop somewhere."""
+        """Take in what is waiting before any timer looks for it; the number is bounded, in case of a flood."""
         for _ in range(MOST_FRAMES):
             message = self._bus.recv(0.0)
             if message is None:
@@ -247,7 +247,7 @@ class SimulatedDrives:
         self._wall_s = wall_s
 
     def _carry_out_calls(self) -> None:
-        """Do what other threads asked for; nobody else takes from the queue."""
+        """Run what other threads asked for; only this thread takes from the queue."""
         while not self._calls.empty():
             self._calls.get_nowait()()
 

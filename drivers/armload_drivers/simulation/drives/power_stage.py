@@ -2,7 +2,7 @@
 
 Rules of this file:
 - Losing the master ends in what 6007 says. A quick stop begun that way does not end by itself when frames come
-  back: the controlword first has to withdraw "enable operation".
+  back: the controlword must first withdraw "enable operation".
 - A drive that loses its torque engages its brake; the plant does that.
 - Time comes from `advance`, which the drive calls before anything else.
 - Setpoints are interpolated over the period that SYNC has, as drives do that lock onto it: one that is a little longer
@@ -45,7 +45,7 @@ _LOCK_RANGE, _LOCK_GAIN = 0.5, 0.1
 """SYNC periods that differ from 60C2 by less than this share are followed, by this share of their difference each."""
 
 Report = Callable[[int], None]
-"""Tells the world of an error code; 0 where none is left."""
+"""Reports an error code; 0 where none is left."""
 
 
 class PowerStage:
@@ -103,8 +103,8 @@ class PowerStage:
         """Take over objects that the cycle needs in another form."""
         values = self._values
         self._units = AxisUnits.of(self._settings, values[od.POLARITY.key])
-        self._told_period_s = values[od.INTERPOLATION_TIME.key] * 10.0 ** values[od.INTERPOLATION_EXPONENT.key]
-        self._period_s = self._told_period_s
+        self._configured_period_s = values[od.INTERPOLATION_TIME.key] * 10.0 ** values[od.INTERPOLATION_EXPONENT.key]
+        self._period_s = self._configured_period_s
         if self._traits.takes_mode:
             values[od.MODE_DISPLAY.key] = values[od.MODE.key]
 
@@ -118,9 +118,9 @@ class PowerStage:
         """Follow the period of SYNC, which came at a time."""
         before_s, self._sync_s = self._sync_s, time_s
         if before_s is not None:
-            late_s = time_s - before_s - self._told_period_s
-            if abs(late_s) < _LOCK_RANGE * self._told_period_s:
-                self._period_s += _LOCK_GAIN * (self._told_period_s + late_s - self._period_s)
+            late_s = time_s - before_s - self._configured_period_s
+            if abs(late_s) < _LOCK_RANGE * self._configured_period_s:
+                self._period_s += _LOCK_GAIN * (self._configured_period_s + late_s - self._period_s)
 
     def measure_at_rest(self) -> None:
         """Store the position between SYNCs, for SDO; without drawing noise."""

@@ -87,7 +87,7 @@ class Dictionary:
         self.entries = {key: entry for key, entry in self.entries.items() if entry.index not in gone}
 
     def _find(self, index: int, subindex: int) -> Entry:
-        """Entry, or the abort that tells what is missing."""
+        """Entry, or the abort that says what is missing."""
         entry = self.entries.get(index << 8 | subindex)
         if entry is None:
             known = any(key >> 8 == index for key in self.entries)
@@ -192,7 +192,7 @@ class SdoServer:
         return _INITIATE.pack(0x60, self._index, self._subindex).ljust(8, b"\0")
 
     def _expected_size(self) -> int:
-        """Bytes of the object, for clients that do not tell how many they send."""
+        """Bytes of the object, for clients that do not announce how many they send."""
         entry = self._dictionary.entries.get(self._index << 8 | self._subindex)
         return 4 if entry is None else entry.type.bits // 8
 

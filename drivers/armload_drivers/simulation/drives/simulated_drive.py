@@ -111,8 +111,8 @@ class SimulatedDrive:
         self._heartbeat_due_s: float | None = None
         self._master_overdue_s: float | None = None
         self._now_s = 0.0
-        self._told: State | None = None
-        dictionary.reactions[od.CONTROLWORD.key] = self._obey_and_tell
+        self._reported: State | None = None
+        dictionary.reactions[od.CONTROLWORD.key] = self._obey_and_report
         dictionary.reactions[od.HEARTBEAT_PRODUCER_MS.key] = self._restart_heartbeat
         dictionary.reactions[od.HEARTBEAT_CONSUMER.key] = self._restart_consumer
         for pdo in self.rpdos:
@@ -147,7 +147,7 @@ class SimulatedDrive:
         self._initialise()
         self._pass_time(now_s)
         self.power.machine.initialised()
-        self._tell_state()
+        self._report_state()
         self._rerouted()
         if self._traits.boot_message:
             self._send(od.HEARTBEAT_BASE + self.node_id, bytes([NmtState.BOOT_UP.value]))
@@ -172,7 +172,7 @@ class SimulatedDrive:
             self.state = target
             for pdo in (*self.rpdos, *self.tpdos):
                 pdo.refresh()
-            self._tell_state()
+            self._report_state()
 
     def fail(self, code: int, now_s: float, *, persistent: bool = False) -> None:
         """Detect a fault; see `PowerStage.fail`. Without effect while there is no supply."""
@@ -185,10 +185,10 @@ class SimulatedDrive:
         self._now_s = now_s
         self.power.advance(now_s)
 
-    def _tell_state(self) -> None:
+    def _report_state(self) -> None:
         """Bring the statusword up to date."""
         remote = _REMOTE if self.state is NmtState.OPERATIONAL else 0
-        self._told = self.power.machine.state
+        self._reported = self.power.machine.state
         self._values[od.STATUSWORD.key] = self.power.statusword | remote
 
     # Frames --------------------------------------------------------------------------------------------------
@@ -198,7 +198,7 @@ class SimulatedDrive:
         self._pass_time(now_s)
         if self.state in {NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL}:
             self.power.measure_at_rest()
-            self._tell_state()
+            self._report_state()
             answer = self._serve(bytes(data))
             if answer is not None:
                 self._send(od.SDO_TX_BASE + self.node_id, answer)
@@ -225,7 +225,7 @@ class SimulatedDrive:
             pdo.pending = bytes(data)
         else:
             pdo.store(bytes(data))
-            self._obey_and_tell()
+            self._obey_and_report()
 
     def heard(self, node_id: int, now_s: float) -> None:
         """Take in another node's heartbeat."""
@@ -254,7 +254,7 @@ class SimulatedDrive:
                 pdo.pending = None
         self.power.obey()
         self.power.supervise_lag()
-        self._tell_state()
+        self._report_state()
         if self.dropped_feedback:
             self.dropped_feedback -= 1
             return
@@ -282,8 +282,8 @@ class SimulatedDrive:
                 if pdo.deadline_s is not None and now_s > pdo.deadline_s:
                     pdo.deadline_s = None
                     self._lose_connection(RPDO_OVERDUE)
-            if self.power.machine.state is not self._told:
-                self._tell_state()
+            if self.power.machine.state is not self._reported:
+                self._report_state()
             self._send_events()
 
     def _transmit(self, number: int) -> None:
@@ -309,10 +309,10 @@ class SimulatedDrive:
                 pdo.deadline_s = self._now_s + pdo.timer_s if pdo.timer_s else None
                 self._transmit(number)
 
-    def _obey_and_tell(self) -> None:
+    def _obey_and_report(self) -> None:
         """Obey a controlword that came without SYNC."""
         self.power.obey()
-        self._tell_state()
+        self._report_state()
         self._send_events()
 
     # Errors --------------------------------------------------------------------------------------------------
@@ -340,7 +340,7 @@ class SimulatedDrive:
             self._send(od.EMERGENCY_BASE + self.node_id, emergency.pack(code, register))
 
     def _lose_connection(self, code: int) -> None:
-        """The master is not heard any more: tell it, and react as 6007 says."""
+        """The master is not heard any more: send an emergency message and react as 6007 says."""
         if not self.power.lose_master(code):
             self._announce(code, _COMMUNICATION_ERROR)
 

@@ -65,8 +65,8 @@ def test_real_descriptions(drive, shared_data):
     maxon = read_description(shared_data / "eds" / "maxon_epos4_50_15.dcf")
     assert any("6078:0" in gap for gap in description_gaps(drive(description=maxon)))
     vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
-    told = description_gaps(drive(description=maxon, vendor_effort=vendor))
-    assert not any("PDO" in gap for gap in told), told
+    gaps = description_gaps(drive(description=maxon, vendor_effort=vendor))
+    assert not any("PDO" in gap for gap in gaps), gaps
     pilz = read_description(shared_data / "eds" / "pilz_prbt_0_1.dcf")
     ip = drive(
         description=pilz,

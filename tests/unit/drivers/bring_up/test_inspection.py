@@ -43,8 +43,8 @@ def bench(arm_settings):
         yield lambda traits=None, arm=None: Bench(stack, arm or arm_settings(), traits)
 
 
-def nobody(question):
-    """Nobody is there to be asked: a simulation needs no consent."""
+def never_asked(question):
+    """Fails when called: a simulation needs no consent."""
     raise AssertionError(question)
 
 
@@ -102,7 +102,7 @@ def test_check_goes_on_after_what_is_wrong(bench):
     assert not any(rig.plant.powered)
 
 
-def test_check_tells_what_is_missing_and_what_must_not_be(bench):
+def test_check_reports_what_is_missing_and_what_must_not_be(bench):
     rig = bench({2: DriveTraits(absent=frozenset({0x1029})), 3: DriveTraits(absent=frozenset({0x6007}))})
     rows = check(rig.arm, rig.bus, LIMITS)
     missing = [(row.node_id, row.detail) for row in rows if row.verdict is Verdict.MISSING]
@@ -128,11 +128,11 @@ def test_check_keeps_away_from_a_drive_that_carries_torque(bench):
     rows = check(rig.arm, rig.bus, LIMITS)
     assert [row.detail for row in rows if row.verdict is Verdict.WRONG and "carries torque" in row.detail]
     assert {row.step for row in rows if row.verdict is Verdict.NOT_DONE} == {"reset"}
-    assert only_read(rig.frames()), "nobody of the arm is reset or written to"
+    assert only_read(rig.frames()), "no drive of the arm is reset or written to"
     assert rig.plant.powered == [False, True, False]
 
 
-def test_check_tells_of_a_drive_that_the_configuration_does_not_name(bench):
+def test_check_reports_a_drive_that_the_configuration_does_not_name(bench):
     rig = bench()
     fewer = replace(rig.arm, drives=rig.arm.drives[:2], coupling=np.eye(2))
     wrong = [row for row in check(fewer, rig.bus, LIMITS) if row.verdict is not Verdict.OK]
@@ -180,20 +180,20 @@ def test_show_only_reads(bench):
 
 
 @pytest.mark.parametrize(("kind", "per_unit"), [(DataType.I16, 0.1), (DataType.U8, 1.0), (DataType.F32, 1.0)])
-def test_show_tells_a_vendors_temperature(bench, arm_settings, kind, per_unit):
+def test_show_reports_a_vendors_temperature(bench, arm_settings, kind, per_unit):
     arm = arm_settings(temperature=TemperatureObject(0x3201, 1, kind, per_unit))
     rig = bench({5: DriveTraits(absent=frozenset({0x3201}))}, arm)
-    told = [drive.temperature_celsius for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives]
-    assert told[:2] == pytest.approx([40.0, 40.0])
-    assert told[2] is None
+    shown = [drive.temperature_celsius for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives]
+    assert shown[:2] == pytest.approx([40.0, 40.0])
+    assert shown[2] is None
 
 
-def test_show_tells_no_temperature_where_none_is_configured(bench):
+def test_show_reports_no_temperature_where_none_is_configured(bench):
     rig = bench()
     assert {drive.temperature_celsius for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives} == {None}
 
 
-def test_show_tells_a_contradiction(bench, arm_settings):
+def test_show_reports_a_contradiction(bench, arm_settings):
     rig = bench()
     wrong = replace(rig.arm, drives=tuple(replace(d, counts_per_rad=5.0) for d in rig.arm.drives))
     status = show(wrong, rig.bus, LIMITS, listen_s=0.01)
@@ -205,24 +205,24 @@ def test_one_fault_is_reset_by_name(bench):
     rig.drives.fail(3, 0x4310)
     rig.drives.fail(5, 0x4310)
     time.sleep(0.05)
-    assert reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS) is State.SWITCH_ON_DISABLED
+    assert reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS) is State.SWITCH_ON_DISABLED
     states = [drive.state for drive in show(rig.arm, rig.bus, LIMITS, listen_s=0.01).drives]
     assert states == [State.SWITCH_ON_DISABLED, State.SWITCH_ON_DISABLED, State.FAULT]
     assert not any(rig.plant.powered)
 
 
-def test_a_fault_whose_cause_stays_is_told(bench):
+def test_a_fault_whose_cause_stays_is_reported(bench):
     rig = bench()
     rig.drives.fail(3, 0x4310, persistent=True)
     time.sleep(0.05)
     with pytest.raises(ServoFault, match="0x4310"):
-        reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS)
+        reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
 
 
 def test_without_a_fault_there_is_nothing_to_reset(bench):
     rig = bench()
     with pytest.raises(ServoError, match="nothing to reset"):
-        reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS)
+        reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
 
 
 @pytest.fixture
@@ -255,7 +255,7 @@ def test_without_consent_a_real_drive_is_not_written_to(real_fault):
 def test_a_real_drive_that_nobody_named_is_not_reset(real_fault):
     anybody = real_arm(real_fault.arm, Identity(None, None))
     with pytest.raises(WrongDevice, match="does not name"):
-        reset(anybody, "joint_3", real_fault.bus, nobody, LIMITS)
+        reset(anybody, "joint_3", real_fault.bus, never_asked, LIMITS)
     assert only_read(real_fault.frames())
 
 
@@ -265,5 +265,5 @@ def test_nothing_is_reset_while_another_drive_of_the_arm_carries_torque(bench):
     energise(rig, 5)
     rig.frames()
     with pytest.raises(ServoError, match=r"joint_5.*carries torque"):
-        reset(rig.arm, "joint_3", rig.bus, nobody, LIMITS)
+        reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
     assert only_read(rig.frames())

@@ -20,7 +20,7 @@ class Kernel:
         self.calls, self.sent_s, self.queue = [], [], []
         self.handlers, self.stamp_s = {}, 0.0
         self.mute = self.from_outside = False
-        self.told = self.sent = 0
+        self.counts, self.sent = True, 0
         self.stamp_shift_s = 0.0
 
     # What the source calls.
@@ -39,7 +39,7 @@ class Kernel:
             self.credit = credit
 
     def count(self):
-        return None if self.told is None else self.sent
+        return self.sent if self.counts else None
 
     def stop(self):
         self.calls.append("stop")
@@ -165,8 +165,8 @@ def test_sync_that_does_not_leave_is_an_error(sync, kernel):
         sync.next(kernel, nothing)
 
 
-def test_another_producer_is_told_once(sync, kernel):
-    def with_company():
+def test_another_producer_is_reported_once(sync, kernel):
+    def with_another_producer():
         kernel.pass_time(0.3 * PERIOD_S)
         kernel.queue.append(kernel.clock())
         kernel.drain()
@@ -174,18 +174,18 @@ def test_another_producer_is_told_once(sync, kernel):
 
     sync.next(kernel, nothing)
     with pytest.raises(ForeignMaster):
-        twenty_times(with_company)
-    twenty_times(with_company)
+        twenty_times(with_another_producer)
+    twenty_times(with_another_producer)
 
 
-def test_a_process_that_is_not_run_again_and_again_is_no_company(sync, kernel):
+def test_a_process_that_is_not_run_again_and_again_is_no_other_producer(sync, kernel):
     """It looks at several frames at once, late."""
     for cycle in range(200):
         sync.next(kernel, nothing)
         kernel.pass_time((0.9 if cycle % 2 else 7.3) * PERIOD_S)
 
 
-def test_a_clock_that_is_set_back_is_no_company(kernel, clock):
+def test_a_clock_that_is_set_back_is_no_other_producer(kernel, clock):
     source = BcmSync(kernel, clock=clock, stamp_clock=lambda: clock() + kernel.stamp_shift_s)
     source.begin(kernel, PERIOD_S, 0)
     for cycle in range(100):
@@ -214,7 +214,7 @@ def test_a_sync_that_came_in_over_the_bus_is_somebody_elses(sync, kernel):
     sync.next(kernel, nothing)
 
 
-def cycles_until_told(sync, kernel, most):
+def cycles_until_reported(sync, kernel, most):
     for cycle in range(most):
         try:
             sync.next(kernel, nothing)
@@ -224,18 +224,18 @@ def cycles_until_told(sync, kernel, most):
 
 
 def test_one_sync_too_many_is_counted_however_rare_it_is(sync, kernel):
-    assert cycles_until_told(sync, kernel, 100) is None, "alone"
+    assert cycles_until_reported(sync, kernel, 100) is None, "alone"
     kernel.queue.append(kernel.clock())
-    cycle, text = cycles_until_told(sync, kernel, 100)
+    cycle, text = cycles_until_reported(sync, kernel, 100)
     assert cycle < 32
     assert "SYNCs came and the kernel has sent" in text
-    assert cycles_until_told(sync, kernel, 100) is None, "told once"
+    assert cycles_until_reported(sync, kernel, 100) is None, "reported once"
 
 
-def test_where_the_kernel_tells_no_count_the_rhythm_is_left(sync, kernel):
-    kernel.told = None
+def test_where_the_kernel_reports_no_count_the_rhythm_is_left(sync, kernel):
+    kernel.counts = False
     kernel.queue.append(kernel.clock())
-    assert cycles_until_told(sync, kernel, 100) is None, "one more is within what may happen"
+    assert cycles_until_reported(sync, kernel, 100) is None, "one more is within what may happen"
 
     def crowd():
         kernel.pass_time(0.3 * PERIOD_S)

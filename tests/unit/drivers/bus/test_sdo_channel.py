@@ -85,7 +85,7 @@ def test_silence_is_a_timeout_that_names_the_object():
     bus = Bus(answers=lambda request: [])
     with pytest.raises(ServoTimeout, match="1000:0 device type"):
         channel(bus).read(od.DEVICE_TYPE)
-    assert bus.requests[1][0] == 0x80, "the server is told that nobody waits any more"
+    assert bus.requests[1][0] == 0x80, "the server is informed that the client no longer waits"
     assert not channel(bus).answers(od.DEVICE_TYPE, 0.001)
 
 
@@ -125,7 +125,7 @@ def test_reading_until_a_value_is_there():
 
 
 def test_every_exception_of_the_sdo_library_has_a_translation():
-    """The translation knows two classes; a new one in the library has to be looked at."""
+    """The translation knows two classes; a new one in the library needs a decision."""
     kinds = {
         name
         for name, kind in vars(canopen.sdo.exceptions).items()
@@ -134,7 +134,7 @@ def test_every_exception_of_the_sdo_library_has_a_translation():
     assert kinds == {"SdoError", "SdoAbortedError", "SdoCommunicationError"}
 
 
-def test_a_failing_bus_is_told_as_such():
+def test_a_failing_bus_is_reported_as_such():
     class Broken(Bus):
         def send(self, message, timeout=None):
             raise can.CanOperationError("gone")

@@ -92,7 +92,7 @@ def test_feedback_is_expected_from_right_before_sync(clock, link):
 
 
 class Patient:
-    """A link on which somebody waits: keeps for how long."""
+    """A link that records how long its callers wait."""
 
     def __init__(self):
         self.waited_s, self.drained = [], 0

@@ -1,4 +1,4 @@
-"""Device descriptions: what is odd is told with section and key, what is none is refused, nothing else happens."""
+"""Device descriptions: oddities are reported with section and key, other files are refused, nothing else happens."""
 
 from pathlib import Path
 
@@ -100,9 +100,9 @@ ODD = [
     ("DefaultValue=$NODEID+0x200", "DefaultValue=$NODEID*2", "[1400sub1] DefaultValue: '$NODEID*2' is no number"),
     ("DefaultValue=$NODEID+0x200", "DefaultValue=512$NODEID", "[1400sub1] DefaultValue"),
     ("DefaultValue=$NODEID+0x200", "DefaultValue=0x123456789", "[1400sub1] DefaultValue: 4886718345 does not fit"),
-    ("SubNumber=2", "SubNumber=9", "[1400] SubNumber: tells 9, the file has 2"),
-    ("SupportedObjects=3", "SupportedObjects=7", "SupportedObjects: tells 7, the list has 3"),
-    ("SupportedObjects=3", "", "SupportedObjects: tells None"),
+    ("SubNumber=2", "SubNumber=9", "[1400] SubNumber: declares 9, the file has 2"),
+    ("SupportedObjects=3", "SupportedObjects=7", "SupportedObjects: declares 7, the list has 3"),
+    ("SupportedObjects=3", "", "SupportedObjects: declares None"),
     ("2=0x6040", "2=0x6041", "2: object '6041' is listed and not described"),
     ("2=0x6040", "2=0x6041", "[6040]: described and in no list"),
     ("AccessType=rww", "AccessType=maybe", "[6040] AccessType: 'maybe'"),
@@ -139,7 +139,7 @@ def test_expressions_in_any_order_and_case():
         assert value == 0x203, text
 
 
-def test_a_dcf_sets_values_and_tells_its_node():
+def test_a_dcf_sets_values_and_names_its_node():
     text = GOOD.replace("DefaultValue=0x3A5", "DefaultValue=0x3A5\nParameterValue=0x40")
     text += "\n[DeviceComissioning]\nNodeID=4\n"
     description = load(text)
@@ -153,15 +153,15 @@ def test_a_compact_array_is_expanded():
     assert [key for key in description.objects if key >> 8 == 0x1010] == [0x101001, 0x101002, 0x101003]
 
 
-def test_bytes_that_are_no_utf8_are_told():
+def test_bytes_that_are_no_utf8_are_reported():
     description = load(GOOD.replace("Somebody", "Schm\u00fcller").encode("latin-1"))
     assert description.vendor_name == "Schm\u00fcller"
     assert any("no UTF-8" in text and "line 3" in text for text in description.warnings)
 
 
-@pytest.mark.parametrize("told", ["0", "0xFFFFFFFF", ""])
-def test_an_identity_that_is_not_told_is_none(told):
-    assert load(GOOD.replace("ProductNumber=7", f"ProductNumber={told}")).product_code is None
+@pytest.mark.parametrize("written", ["0", "0xFFFFFFFF", ""])
+def test_an_identity_that_is_not_given_is_none(written):
+    assert load(GOOD.replace("ProductNumber=7", f"ProductNumber={written}")).product_code is None
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What a drive tells of its scale beside what is configured."""
+"""The scale that a drive reports, against the configuration."""
 
 import math
 from dataclasses import replace
@@ -6,15 +6,15 @@ from dataclasses import replace
 import pytest
 
 from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, Identity, OperationMode, VendorEffort
-from armload_drivers.cia402.drive_scale import ToldScale, resolve
+from armload_drivers.cia402.drive_scale import ReportedScale, resolve
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.driver_errors import CommandError
 
 pytestmark = pytest.mark.pure
 
 TURN = 2 * math.pi
-NOTHING = ToldScale(None, None, None, None, None)
-TOLD = ToldScale(4096.0, 100.0, None, 2.0, 5.0)
+NOTHING = ReportedScale(None, None, None, None, None)
+REPORTED = ReportedScale(4096.0, 100.0, None, 2.0, 5.0)
 CONFIGURED = DriveSettings(
     joint="elbow",
     node_id=3,
@@ -34,56 +34,58 @@ OPEN = replace(CONFIGURED, counts_per_rad=None, rated_current_a=None, rated_torq
 
 
 def test_what_is_not_configured_is_taken_from_the_drive():
-    assert resolve(OPEN, TOLD) == CONFIGURED
+    assert resolve(OPEN, REPORTED) == CONFIGURED
 
 
-def test_what_the_drive_does_not_tell_is_taken_from_the_configuration():
+def test_what_the_drive_does_not_report_is_taken_from_the_configuration():
     assert resolve(CONFIGURED, NOTHING) == CONFIGURED
 
 
 def test_agreement_changes_nothing():
-    assert resolve(CONFIGURED, TOLD) == CONFIGURED
+    assert resolve(CONFIGURED, REPORTED) == CONFIGURED
 
 
 @pytest.mark.parametrize("key", ["counts_per_rad", "rated_current_a", "rated_torque_nm"])
 def test_contradictions_are_refused(key):
     wrong = replace(CONFIGURED, **{key: 1.1 * getattr(CONFIGURED, key)})
     with pytest.raises(CommandError, match="one of the two is wrong"):
-        resolve(wrong, TOLD)
+        resolve(wrong, REPORTED)
 
 
 @pytest.mark.parametrize("missing", ["increments_per_motor_turn", "rated_torque_nm", "rated_current_a"])
-def test_what_neither_tells_is_refused_with_the_key(missing):
+def test_what_neither_gives_is_refused_with_the_key(missing):
     with pytest.raises(CommandError, match=r"give \w+ in the configuration"):
-        resolve(OPEN, replace(TOLD, **{missing: None}))
+        resolve(OPEN, replace(REPORTED, **{missing: None}))
 
 
 def test_a_feed_constant_replaces_encoder_and_gear():
     """Pilz: 1/1000 degree at the joint, whatever the encoder."""
     drive = replace(OPEN, rated_torque_nm=200.0)
-    assert resolve(drive, replace(TOLD, feed_per_shaft_turn=360_000.0)).counts_per_rad == pytest.approx(360_000 / TURN)
+    assert resolve(drive, replace(REPORTED, feed_per_shaft_turn=360_000.0)).counts_per_rad == pytest.approx(
+        360_000 / TURN
+    )
 
 
 def test_a_feed_of_one_is_not_in_use():
-    assert resolve(OPEN, replace(TOLD, feed_per_shaft_turn=1.0)) == CONFIGURED
+    assert resolve(OPEN, replace(REPORTED, feed_per_shaft_turn=1.0)) == CONFIGURED
 
 
 @pytest.mark.parametrize("gear", [None, 1.0])
 def test_a_drive_that_knows_nothing_of_its_gear_may_mean_either_side(gear):
-    told = replace(TOLD, gear_ratio=gear)
+    reported = replace(REPORTED, gear_ratio=gear)
     geared = replace(CONFIGURED, gear_ratio=100.0)
-    assert resolve(geared, told).counts_per_rad == pytest.approx(409_600 / TURN)
+    assert resolve(geared, reported).counts_per_rad == pytest.approx(409_600 / TURN)
     beside = replace(geared, counts_per_rad=4096 / TURN, rated_torque_nm=2.0)
-    assert resolve(beside, told) == beside
+    assert resolve(beside, reported) == beside
     with pytest.raises(CommandError, match="which side of the gear"):
-        resolve(replace(OPEN, gear_ratio=100.0), told)
-    with pytest.raises(CommandError, match=r"the drive tells position units .* = 651\.899 or 65189\.9"):
-        resolve(replace(geared, counts_per_rad=1234.0), told)
+        resolve(replace(OPEN, gear_ratio=100.0), reported)
+    with pytest.raises(CommandError, match=r"the drive reports position units .* = 651\.899 or 65189\.9"):
+        resolve(replace(geared, counts_per_rad=1234.0), reported)
 
 
 def test_a_vendors_effort_needs_no_rated_current():
     vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
     drive = replace(OPEN, vendor_effort=vendor)
-    assert resolve(drive, replace(TOLD, rated_current_a=None)).rated_current_a is None
+    assert resolve(drive, replace(REPORTED, rated_current_a=None)).rated_current_a is None
     torque = replace(OPEN, feedback=EffortFeedback.TORQUE)
-    assert resolve(torque, replace(TOLD, rated_current_a=None)).rated_current_a is None
+    assert resolve(torque, replace(REPORTED, rated_current_a=None)).rated_current_a is None

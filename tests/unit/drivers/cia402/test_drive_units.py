@@ -163,17 +163,17 @@ def test_position_limits_contain_every_coupled_position():
 
 
 @pytest.mark.parametrize(
-    ("cycle_s", "told"),
+    ("cycle_s", "written"),
     [(0.004, (4, -3)), (0.01, (1, -2)), (0.0025, (25, -4)), (1 / 80, (125, -4)), (1.0, (1, 0))],
 )
-def test_cycle_times_as_60c2_has_them(cycle_s, told):
+def test_cycle_times_as_60c2_has_them(cycle_s, written):
     value, exponent = interpolation_time(cycle_s)
-    assert (value, exponent) == told
+    assert (value, exponent) == written
     assert value * 10.0**exponent == pytest.approx(cycle_s)
 
 
 @pytest.mark.parametrize("cycle_s", [1 / 300, 0.004001, 0.0])
-def test_a_cycle_that_60c2_cannot_tell_is_refused(cycle_s):
+def test_a_cycle_that_60c2_cannot_hold_is_refused(cycle_s):
     with pytest.raises(CommandError, match="60C2"):
         interpolation_time(cycle_s)
 

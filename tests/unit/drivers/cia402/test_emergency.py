@@ -19,7 +19,7 @@ pytestmark = pytest.mark.pure
         (0xA000, "not listed"),
     ],
 )
-def test_codes_are_told_with_number_and_meaning(code, words):
+def test_codes_are_reported_with_number_and_meaning(code, words):
     text = emergency.describe(code)
     assert text.startswith(f"0x{code:04X}")
     assert words in text

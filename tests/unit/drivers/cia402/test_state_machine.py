@@ -56,13 +56,13 @@ def enabled_pair():
     return master, drive
 
 
-def test_every_statusword_tells_one_state_or_is_an_error():
+def test_every_statusword_encodes_one_state_or_is_an_error():
     matches = Counter(sum(word & state.mask == state.bits for state in State) for word in range(1 << 16))
     assert matches == {1: 12_288, 0: 53_248}
 
-    told = Counter(decoded(word) for word in range(1 << 16))
-    assert told[None] == 53_248
-    assert set(told) == set(State) | {None}
+    words = Counter(decoded(word) for word in range(1 << 16))
+    assert words[None] == 53_248
+    assert set(words) == set(State) | {None}
 
 
 def test_an_undefined_statusword_leaves_the_machine_as_it_was():
@@ -223,7 +223,7 @@ def test_a_held_reset_bit_does_not_reset_the_next_fault():
     assert drive.receive(0x80) == (15,)
 
 
-def test_since_tells_when_the_present_state_began():
+def test_since_is_when_the_present_state_began():
     master = MasterMachine()
     for now_s, state in ((1.0, State.SWITCH_ON_DISABLED), (2.0, State.SWITCH_ON_DISABLED), (3.0, State.FAULT)):
         master.receive(state.bits, now_s)
@@ -231,7 +231,7 @@ def test_since_tells_when_the_present_state_began():
 
 
 @pytest.mark.parametrize("state", list(State))
-def test_a_drives_status_bits_tell_its_state(state):
+def test_a_drives_status_bits_encode_its_state(state):
     drive = DriveMachine()
     drive.state = state
     assert decode(drive.status_bits) is state
@@ -258,7 +258,7 @@ EVENTS = st.sampled_from(["cycle", "fault", "reaction", "enable", "disable", "st
 
 @given(st.lists(EVENTS, max_size=60))
 def test_power_comes_back_only_after_a_request(events):
-    """Whatever happens in whatever order, nobody but a request for it brings a drive to OPERATION ENABLED."""
+    """Whatever happens in whatever order, only a request for it brings a drive to OPERATION ENABLED."""
     master, drive = MasterMachine(), ready_drive()
     goals = {
         "enable": State.OPERATION_ENABLED,

@@ -28,7 +28,7 @@ GOALS = [
     State.QUICK_STOP_ACTIVE,
 ]
 NOISE = st.integers(0, 0xFFFF).map(lambda word: word & ~0x6F)
-"""Bits of the statusword that tell no state."""
+"""Bits of the statusword that encode no state."""
 
 
 class Conversation(RuleBasedStateMachine):

@@ -62,7 +62,7 @@ def test_a_listener_has_acted_when_send_returns(ends):
 
 
 def test_all_hear_the_same_order_whoever_answers_first(ends):
-    """Answers of the first listener come after the frame that all others still have to hear."""
+    """Answers of the first listener come after the frame that all others have yet to receive."""
     a, b, c = ends
     order = []
 
@@ -106,7 +106,7 @@ def test_a_wait_is_over_at_once(ends):
     assert a.recv(1e6) is None
     link = BusLink(a)
     assert not link.pump_until(lambda: False, 1e6)
-    with pytest.raises(SimulationError, match="needs a limit"):
+    with pytest.raises(SimulationError, match="requires a time limit"):
         a.recv()
 
 

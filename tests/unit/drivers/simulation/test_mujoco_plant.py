@@ -595,7 +595,7 @@ class TestRefusals:
         with pytest.raises(SimulationError, match=r"diverged at 0\.\d+ s: runaway turns at"):
             plant.advance(1.0)
 
-    def test_missing_mujoco_tells_what_to_install(self) -> None:
+    def test_missing_mujoco_says_what_to_install(self) -> None:
         script = (
             "import sys; sys.modules['mujoco'] = None\n"
             "from armload_drivers.simulation.mujoco_model import load_mujoco\n"

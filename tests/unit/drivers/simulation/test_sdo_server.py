@@ -69,7 +69,7 @@ def test_writing_what_fits(server, dictionary):
     )
     assert dictionary.values[od.TARGET_POSITION.key] == -77
     server.receive(request(0x22, od.CONTROLWORD, b"\x0f\x00"))
-    assert dictionary.values[od.CONTROLWORD.key] == 15, "a client need not tell the size"
+    assert dictionary.values[od.CONTROLWORD.key] == 15, "a client need not announce the size"
 
 
 def test_writing_in_segments(server, dictionary):

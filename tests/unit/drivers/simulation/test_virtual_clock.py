@@ -14,7 +14,7 @@ NOW_S = 100.0
 
 
 class Plant(IdealPlant):
-    """Tells when it is measured."""
+    """Records when it is measured."""
 
     def __init__(self, position_rad):
         super().__init__(position_rad)
