@@ -1,4 +1,7 @@
-"""The arm as it is used: by its configuration, or calibrated by a file."""
+"""The arm as it is used: by its configuration, or calibrated by a file.
+
+Readers of files are loaded where a file is given: most commands have none.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,6 @@ from pathlib import Path
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ConfigurationError
 from armload_identification.estimation.known_arm import KnownArm
-from armload_identification.files.calibration_file import read_calibration
-from armload_identification.files.gains_file import read_gains
 from armload_identification.model.chain import Chain
 from armload_identification.signals.joint_torque import Transmission
 
@@ -44,6 +45,8 @@ def arm_in_use(robot: Robot, gains: FilePath | None, calibration: FilePath | Non
         return ArmInUse(robot.chain, transmission_of(robot, gains), None)
     if gains is not None:
         raise ConfigurationError("command line", "--gains / --calibration", None, "one of the two")
+    from armload_identification.files.calibration_file import read_calibration
+
     arm = read_calibration(Path(calibration))
     arm.require_arm(robot.chain, robot.drives.coupling)
     transmission = arm.transmission(robot.drives.transmission)
@@ -52,4 +55,8 @@ def arm_in_use(robot: Robot, gains: FilePath | None, calibration: FilePath | Non
 
 def transmission_of(robot: Robot, gains: FilePath | None) -> Transmission:
     """The robot's transmission, with calibrated gains where a file of them is given."""
-    return robot.drives.transmission if gains is None else read_gains(Path(gains), robot.drives.coupling)
+    if gains is None:
+        return robot.drives.transmission
+    from armload_identification.files.gains_file import read_gains
+
+    return read_gains(Path(gains), robot.drives.coupling)

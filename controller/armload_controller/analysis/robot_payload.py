@@ -12,10 +12,8 @@ from pathlib import Path
 from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.config.robot_recordings import read_of
-from armload_identification.calibration.body_identification import require_same_gains
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.files.body_file import read_body
 from armload_identification.files.payload_file import read_payload
 from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import PayloadResult
@@ -109,6 +107,9 @@ def identify(
     run, empty = _run(arm, loaded), None if unloaded is None else _run(arm, unloaded)
     model = None
     if body is not None:
+        from armload_identification.calibration.body_identification import require_same_gains
+        from armload_identification.files.body_file import read_body
+
         file = read_body(Path(body))
         require_same_gains(file.gain_nm_a, run, used.transmission)
         model = file.model

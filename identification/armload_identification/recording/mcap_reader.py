@@ -29,12 +29,10 @@ from zstandard import ZstdError
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
-from armload_identification.recording.run_format import TOPIC
+from armload_identification.recording.run_format import MAGIC, TOPIC
 
-MAGIC: Final = b"\x89MCAP0\r\n"
 _BLOCK_ROWS: Final = 2**13
 _COPY_BYTES: Final = 2**20
 _RECORD: Final = struct.Struct("<BQ")
@@ -253,18 +251,6 @@ def _packer(width: int, arrays: int) -> Callable[..., bytes]:
     # Written out for what nearly all recordings hold: unpacking an unknown number of arrays costs 0.5 us a row.
     usual: dict[int, Callable[..., bytes]] = {2: two, 3: three}
     return usual.get(arrays, many)
-
-
-def open_mcap(path: Path, start: bytes, columns: CsvColumns | None) -> McapReader | None:
-    """A reader for a file that begins with the format's magic bytes.
-
-    Args:
-        path: The file.
-        start: Its first bytes.
-        columns: Not used.
-    """
-    del columns
-    return McapReader(path) if start.startswith(MAGIC) else None
 
 
 def _records(file: BinaryIO, only: int | None = None) -> Iterator[tuple[int, bytes]]:

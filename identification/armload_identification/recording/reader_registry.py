@@ -8,8 +8,19 @@ from typing import Final
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.csv_reader import open_csv
-from armload_identification.recording.mcap_reader import open_mcap
 from armload_identification.recording.reader import ReaderFactory, RecordingReader
+from armload_identification.recording.run_format import MAGIC
+
+
+def open_mcap(path: Path, start: bytes, columns: CsvColumns | None) -> RecordingReader | None:
+    """The reader of armload's own recordings; its libraries are loaded for such a file only."""
+    del columns
+    if not start.startswith(MAGIC):
+        return None
+    from armload_identification.recording.mcap_reader import McapReader
+
+    return McapReader(path)
+
 
 READERS: Final[tuple[ReaderFactory, ...]] = (open_mcap, open_csv)
 """In this order: a file belongs to the first that takes it, and a table has no signature to recognise it by."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+MAGIC: Final = b"\x89MCAP0\r\n"
+"""First bytes of an MCAP file."""
 TOPIC: Final = "/joints"
 SCHEMA_NAME: Final = "armload.Joints"
 SEGMENTS: Final = ("approach", "slow", "ramp_up", "periods", "ramp_down", "return", "hold")
