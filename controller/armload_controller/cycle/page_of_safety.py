@@ -1,4 +1,4 @@
-"""The table of stops as a page: `python -m armload_controller.cycle.stop_table > controller/STOPS.md`."""
+"""The table of stops as a page: `python -m armload_controller.cycle.page_of_safety > controller/STOPS.md`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from armload_controller.cycle.safety import CAUSES, DECISIONS, Cause, StopCatego
 _HEAD = """\
 # What stops an arm, and how
 
-Generated from [safety.py](armload_controller/cycle/safety.py) by `python -m armload_controller.cycle.stop_table`;
+Generated from [safety.py](armload_controller/cycle/safety.py) by `python -m armload_controller.cycle.page_of_safety`;
 do not edit. `python -m benchmarks.stops` brings every cause about on the simulated arm and measures the stop.
 
 Whatever the cause, the arm is disabled at standstill with its brakes engaged before the error is reported, and nothing

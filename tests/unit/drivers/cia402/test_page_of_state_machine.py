@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from armload_drivers.cia402.state_diagram import mermaid
+from armload_drivers.cia402.page_of_state_machine import mermaid
 from armload_drivers.cia402.state_machine import TRANSITIONS, State
 
 README = Path(__file__).resolve().parents[4] / "drivers" / "README.md"
-MAKE = 'python -c "from armload_drivers.cia402.state_diagram import mermaid; print(mermaid())"'
+MAKE = 'python -c "from armload_drivers.cia402.page_of_state_machine import mermaid; print(mermaid())"'
 
 
 def test_the_page_shows_the_tables():
