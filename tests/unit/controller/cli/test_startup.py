@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from armload_identification.recording.run_format import MAGIC
+
 HEAVY = (
     "numpy",
     "scipy",
@@ -56,10 +58,15 @@ def test_no_help_loads_what_it_does_not_use():
     assert {words: names for words, names in loaded.items() if names} == {}
 
 
-def test_the_list_of_heavy_modules_is_not_empty_talk():
-    """A command that runs does load them, by these names."""
+def test_the_list_of_heavy_modules_is_not_empty_talk(tmp_path):
+    """A command that runs does load them, by these names, and a recording of armload's own what reads it."""
+    recording = tmp_path / "x.mcap"
+    recording.write_bytes(MAGIC + b"cut short")
     loaded = answer(
         "import json, sys\n"
+        "from pathlib import Path\n"
+        "from armload_identification.recording.reader_registry import reader_of\n"
+        f"reader_of(Path({str(recording)!r}), None)\n"
         "from typer.testing import CliRunner\n"
         "from armload_controller.cli.main import app\n"
         "assert CliRunner().invoke(app, ['identify', 'nonsense', '--loaded', 'x']).exit_code == 1\n"

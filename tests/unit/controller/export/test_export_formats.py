@@ -299,7 +299,7 @@ def test_nothing_is_exported_without_mass_and_centre_of_mass(make_subject, undet
 
 def test_a_payload_of_another_frame_arm_or_world_is_refused(make_subject):
     subject = make_subject()
-    with pytest.raises(ExportError, match="told in the frame 'link_3'; expected 'flange'"):
+    with pytest.raises(ExportError, match="given in the frame 'link_3'; expected 'flange'"):
         replace(subject, payload=replace(subject.payload, frame="link_3"))
     with pytest.raises(ExportError, match="identified on 3 joints, but er50 has 6"):
         replace(subject, payload=replace(subject.payload, residual_rms_nm=np.ones(3)))
