@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from armload_controller.analysis.robot_payload import identify, validate
     from armload_controller.analysis.robot_payload import read_run as read_recording
     from armload_controller.config.robot import Robot, load_robot
+    from armload_controller.config.urdf_arm import UrdfArm, read_urdf_arm
     from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
     from armload_identification.files.payload_file import read_payload
     from armload_identification.recording.recording import Recording
@@ -32,11 +33,13 @@ __all__ = [
     "PayloadFeedforward",
     "Recording",
     "Robot",
+    "UrdfArm",
     "design",
     "identify",
     "load_robot",
     "read_payload",
     "read_recording",
+    "read_urdf_arm",
     "validate",
 ]
 
@@ -45,11 +48,13 @@ _HOMES: Final = {
     "PayloadFeedforward": ("armload_controller.feedforward.payload_feedforward", "PayloadFeedforward"),
     "Recording": ("armload_identification.recording.recording", "Recording"),
     "Robot": ("armload_controller.config.robot", "Robot"),
+    "UrdfArm": ("armload_controller.config.urdf_arm", "UrdfArm"),
     "design": ("armload_controller.analysis.robot_excitation", "design"),
     "identify": ("armload_controller.analysis.robot_payload", "identify"),
     "load_robot": ("armload_controller.config.robot", "load_robot"),
     "read_payload": ("armload_identification.files.payload_file", "read_payload"),
     "read_recording": ("armload_controller.analysis.robot_payload", "read_run"),
+    "read_urdf_arm": ("armload_controller.config.urdf_arm", "read_urdf_arm"),
     "validate": ("armload_controller.analysis.robot_payload", "validate"),
 }
 """Module and name there of each public name; the imports above say the same to type checkers."""

@@ -29,6 +29,13 @@ def identify_and_report(folder: Path) -> float:
     return float(document["payload"]["mass_kg"]) + judged.payload.model.mass_kg
 
 
+def loop_of_any_arm(urdf: Path, payload: Path) -> PayloadFeedforward:
+    """An arm that has a URDF and no file of armload's."""
+    arm = armload.read_urdf_arm(urdf, flange="tool0")
+    assert_type(arm, armload.UrdfArm)
+    return PayloadFeedforward(arm.chain, armload.read_payload(payload).model)
+
+
 def from_arrays(time_s: NDArray[np.float64], q: NDArray[np.float64], tau: NDArray[np.float64]) -> Findings:
     """Somebody else's data."""
     loaded = Recording.from_arrays(time_s, q, torque_nm=tau)
