@@ -12,7 +12,6 @@ from armload_identification.excitation.fourier import CRITERIA, Excitation, Four
 from armload_identification.excitation.limit_margins import LimitMargins
 from armload_identification.identification_errors import ExcitationFileError
 from armload_identification.storage import toml_text
-from armload_identification.storage.replace_file import replace_file
 from armload_identification.storage.strict_toml import (
     BadValue,
     NumberList,
@@ -22,6 +21,7 @@ from armload_identification.storage.strict_toml import (
     parse,
     read_text,
     require_shape,
+    write_text,
 )
 
 _SIX_DIGITS_DOWN = Context(prec=6, rounding=ROUND_FLOOR)
@@ -166,10 +166,7 @@ def write_excitation(path: Path, excitation: Excitation) -> None:
     """
     content = format_excitation(excitation)
     parse_excitation(content, str(path))
-    try:
-        replace_file(path, content)
-    except OSError as problem:
-        raise ExcitationFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
+    write_text(path, content, ExcitationFileError)
 
 
 def _margin_lines(margins: LimitMargins) -> list[str]:

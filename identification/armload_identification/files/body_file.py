@@ -13,7 +13,6 @@ from armload_identification.identification_errors import BodyFileError, ModelErr
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.storage import toml_text
-from armload_identification.storage.replace_file import replace_file
 from armload_identification.storage.strict_toml import (
     BadValue,
     NumberList,
@@ -22,6 +21,7 @@ from armload_identification.storage.strict_toml import (
     parse,
     read_text,
     require_shape,
+    write_text,
 )
 
 _PER_JOINT = (
@@ -137,10 +137,7 @@ def write_body(path: Path, result: BodyResult) -> None:
     Raises:
         BodyFileError: the file cannot be written.
     """
-    try:
-        replace_file(path, format_body(result))
-    except OSError as problem:
-        raise BodyFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
+    write_text(path, format_body(result), BodyFileError)
 
 
 def read_body(path: Path) -> BodyResult:

@@ -20,7 +20,6 @@ from armload_identification.identification_errors import CalibrationFileError, M
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.regressor import PARAMETERS
 from armload_identification.storage import toml_text
-from armload_identification.storage.replace_file import replace_file
 from armload_identification.storage.strict_toml import (
     BadValue,
     NumberList,
@@ -30,6 +29,7 @@ from armload_identification.storage.strict_toml import (
     parse,
     read_text,
     require_shape,
+    write_text,
 )
 
 _PARTS: Final = 7
@@ -269,10 +269,7 @@ def write_calibration(path: Path, result: ArmCalibration) -> None:
     Raises:
         CalibrationFileError: the file cannot be written.
     """
-    try:
-        replace_file(path, format_calibration(result))
-    except OSError as problem:
-        raise CalibrationFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
+    write_text(path, format_calibration(result), CalibrationFileError)
 
 
 def read_calibration(path: Path) -> ArmCalibration:

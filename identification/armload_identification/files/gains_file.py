@@ -14,8 +14,15 @@ from armload_identification.identification_errors import GainsFileError, ModelEr
 from armload_identification.recording.recording import hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.storage import toml_text
-from armload_identification.storage.replace_file import replace_file
-from armload_identification.storage.strict_toml import BadValue, NumberList, Table, parse, read_text, require_shape
+from armload_identification.storage.strict_toml import (
+    BadValue,
+    NumberList,
+    Table,
+    parse,
+    read_text,
+    require_shape,
+    write_text,
+)
 
 
 class _GainsTable(Table):
@@ -67,10 +74,7 @@ def write_gains(path: Path, result: GainCalibration, armload_version: str, confi
     Raises:
         GainsFileError: the file cannot be written.
     """
-    try:
-        replace_file(path, format_gains(result, armload_version, configuration_sha256))
-    except OSError as problem:
-        raise GainsFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
+    write_text(path, format_gains(result, armload_version, configuration_sha256), GainsFileError)
 
 
 def read_gains(path: Path, coupling: FloatArray) -> Transmission:

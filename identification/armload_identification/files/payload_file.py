@@ -24,7 +24,6 @@ from armload_identification.model.payload import (
     PayloadResult,
 )
 from armload_identification.storage import toml_text
-from armload_identification.storage.replace_file import replace_file
 from armload_identification.storage.strict_toml import (
     BadValue,
     NumberList,
@@ -33,6 +32,7 @@ from armload_identification.storage.strict_toml import (
     parse,
     read_text,
     require_shape,
+    write_text,
 )
 
 _KEYS = (
@@ -249,10 +249,7 @@ def write_payload(path: Path, result: PayloadResult) -> None:
     """
     content = format_payload(result)
     parse_payload(content, str(path))
-    try:
-        replace_file(path, content)
-    except OSError as problem:
-        raise PayloadFileError(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
+    write_text(path, content, PayloadFileError)
 
 
 def read_payload(path: str | PathLike[str]) -> PayloadResult:

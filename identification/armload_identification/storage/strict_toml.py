@@ -19,6 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationErr
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from armload_identification.storage.replace_file import replace_file
+
 FileErrorClass = Callable[[str, str, object, str], Exception]
 """An error made from file, key, value found and what was expected."""
 
@@ -92,6 +94,23 @@ def read_text(path: Path, error: FileErrorClass) -> str:
         raise error(
             str(path), "", None, f"cannot be read: no UTF-8, {problem.reason} at byte {problem.start}"
         ) from problem
+
+
+def write_text(path: Path, text: str, error: FileErrorClass) -> None:
+    """Write a file whole: beside its place, then renamed.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        text: What to write.
+        error: What is raised.
+
+    Raises:
+        Exception: made by `error`; the file cannot be written.
+    """
+    try:
+        replace_file(path, text)
+    except OSError as problem:
+        raise error(str(path), "", None, f"cannot be written: {problem.strerror}") from problem
 
 
 def parse(content: str, source: str, tables: type[_Tables], error: FileErrorClass) -> _Tables:
