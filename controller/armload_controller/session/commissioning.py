@@ -78,6 +78,7 @@ def _record(
     run = {
         "armload_version": version("armload"),
         "robot": robot.name,
+        "joints": list(robot.joint_names),
         "load": session.load,
         "role": role,
         "simulated": session.servos.simulated,

@@ -25,6 +25,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from scipy.stats import t as student
 
 from armload_core.arrays import FloatArray
@@ -297,15 +298,15 @@ class ResidualSpectrum:
 
 
 @lru_cache(maxsize=32)
-def _window(bins: int) -> FloatArray:
-    """(bins, bins) rows of a moving average over frequency, wider the higher; below zero it is mirrored."""
+def _window(bins: int) -> csr_array:
+    """(bins, bins) rows of a moving average over frequency, wider the higher; below zero it is mirrored.
+
+    Sparse: an aperiodic recording has as many bins as half of its rows, and the full matrix grows with their square.
+    """
     rows = np.arange(bins)
     half = np.clip(rows // 2, 1, _WIDEST_HALF_WINDOW)
-    window = np.zeros((bins, bins))
-    for offset in range(-_WIDEST_HALF_WINDOW, _WIDEST_HALF_WINDOW + 1):
-        columns = np.abs(rows + offset)
-        there = (abs(offset) <= half) & (columns < bins)
-        np.add.at(window, (rows[there], columns[there]), 1.0)
-    window /= window.sum(axis=1, keepdims=True)
-    window.flags.writeable = False
-    return window
+    row, offset = np.meshgrid(rows, np.arange(-_WIDEST_HALF_WINDOW, _WIDEST_HALF_WINDOW + 1), indexing="ij")
+    column = np.abs(row + offset)
+    there = (np.abs(offset) <= half[:, None]) & (column < bins)
+    row, column = row[there], column[there]
+    return csr_array((1.0 / np.bincount(row)[row], (row, column)), shape=(bins, bins))

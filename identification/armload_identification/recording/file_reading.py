@@ -98,6 +98,7 @@ def _read(
         reasons=reasons,
         attachments=dict(reader.attachments),
         truncated=account.truncated,
+        joint_names=account.joint_names,
     )
     return recording_of(joined(kept), excitation, source) if reduction is None else reduction.recording(source)
 

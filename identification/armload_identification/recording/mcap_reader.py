@@ -31,7 +31,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
-from armload_identification.recording.run_format import MAGIC, TOPIC
+from armload_identification.recording.run_format import MAGIC, RUN_ATTACHMENT, TOPIC
 
 _BLOCK_ROWS: Final = 2**13
 _COPY_BYTES: Final = 2**20
@@ -82,6 +82,7 @@ class McapReader:
                 f"{self._path}: no usable message on {TOPIC}, so nothing was recorded. "
                 "Record the run again; the drives must reach operation first."
             )
+        account.joint_names = _joint_names(self.attachments.get(RUN_ATTACHMENT, "{}"), table.width)
 
     def _messages(self, account: ReadingAccount) -> Iterator[list[bytes]]:
         """The topic's messages, a chunk at a time."""
@@ -227,6 +228,16 @@ class _Table:
         except _UNUSABLE:
             self._account.leave_out(1, "malformed message")
             return []
+
+
+def _joint_names(run: str, n: int) -> tuple[str, ...]:
+    """The names of n joints in a run's description; none where it does not have them."""
+    try:
+        names = orjson.loads(run)["joints"]
+    except _UNUSABLE:
+        return ()
+    good = isinstance(names, list) and all(isinstance(name, str) and name for name in names)
+    return tuple(names) if good and len(set(names)) == len(names) == n else ()
 
 
 def _packer(width: int, arrays: int) -> Callable[..., bytes]:

@@ -20,12 +20,14 @@ class ReadingAccount:
         rows_read: Rows found, good or bad.
         reasons: Rows that have no place in a block, by reason.
         truncated: The file ends in the middle of a record.
+        joint_names: Names of the joints in the order of the columns; empty where the file does not name them.
     """
 
     sha256: str = ""
     rows_read: int = 0
     reasons: dict[str, int] = field(default_factory=dict)
     truncated: bool = False
+    joint_names: tuple[str, ...] = ()
 
     def leave_out(self, rows: int, reason: str) -> None:
         """Count rows that are left out.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,7 @@ class RecordingSource:
         reasons: Rows left out, by reason.
         attachments: Text of the attachments by name.
         truncated: The file ends in the middle of a record; what came before was read.
+        joint_names: Names of the joints in the order of the columns; empty where the recording does not name them.
     """
 
     path: Path
@@ -48,6 +49,7 @@ class RecordingSource:
     reasons: Mapping[str, int]
     attachments: Mapping[str, str] = field(default_factory=dict)
     truncated: bool = False
+    joint_names: tuple[str, ...] = ()
 
     def run(self) -> dict[str, Any]:
         """The `run.json` attachment; empty where there is none.
@@ -100,6 +102,56 @@ class Recording(RowBlock):
     average: PeriodAverage | None = None
     repeats: RepeatedValues | None = None
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints in the order of the columns; empty where the recording does not name them."""
+        return self.source.joint_names
+
+    def joints(self, chosen: Sequence[int]) -> Recording:
+        """The same run with some of its joints, in a given order.
+
+        Args:
+            chosen: Columns, counted from 0.
+        """
+        columns = np.array(chosen, dtype=np.intp)
+        names = ("position_rad", "velocity_rad_s", "current_a", "torque_nm")
+        kept = {name: values[:, columns] for name in names if (values := getattr(self, name)) is not None}
+        average, repeats, excitation = self.average, self.repeats, self.excitation
+        if average is not None and average.effort_covariance is not None:
+            average = replace(average, effort_covariance=average.effort_covariance[np.ix_(columns, columns)])
+        if repeats is not None:
+            repeats = RepeatedValues(repeats.bound[columns], repeats.at_bound[columns], repeats.elsewhere[columns])
+        if excitation is not None:
+            series = excitation.trajectory
+            part = {name: getattr(series, name)[columns] for name in ("offset_rad", "sin_rad", "cos_rad")}
+            excitation = replace(excitation, trajectory=replace(series, **part))
+        source = self.source
+        if source.joint_names:
+            source = replace(source, joint_names=tuple(source.joint_names[column] for column in columns))
+        return replace(self, **kept, average=average, repeats=repeats, excitation=excitation, source=source)
+
+    def named_joints(self, names: Sequence[str]) -> Recording:
+        """The same run with the joints of these names in this order; others are left out.
+
+        Args:
+            names: Names of the joints that are wanted, base first.
+
+        Raises:
+            RecordingError: the recording names no joints, or not all of these.
+        """
+        if not self.joint_names:
+            raise RecordingError(
+                f"{self.source.path}: the recording does not name its joints, so they cannot be matched by name. "
+                "Give them in the order of the arm, or a recording with joint names."
+            )
+        absent = [name for name in names if name not in self.joint_names]
+        if absent:
+            raise RecordingError(
+                f"{self.source.path}: no joint named {', '.join(absent)}; the recording has "
+                f"{', '.join(self.joint_names)}. Give the recording and the description of the same arm."
+            )
+        return self.joints([self.joint_names.index(name) for name in names])
+
     @classmethod
     def from_arrays(
         cls,
@@ -111,6 +163,7 @@ class Recording(RowBlock):
         velocity_rad_s: ArrayLike | None = None,
         phase_s: ArrayLike | None = None,
         excitation: Excitation | None = None,
+        joint_names: Sequence[str] = (),
         name: str = "arrays",
     ) -> Recording:
         """A recording from arrays, cleaned as a file would be.
@@ -123,6 +176,7 @@ class Recording(RowBlock):
             velocity_rad_s: (N, n) joint velocities in rad/s; the units of the positions are checked against them.
             phase_s: (N,) phase along `excitation`, NaN outside its whole periods.
             excitation: The trajectory that was streamed.
+            joint_names: Names of the n joints in the order of the columns, where they are known.
             name: What messages and provenance call it.
 
         Returns:
@@ -146,13 +200,18 @@ class Recording(RowBlock):
         _require_shapes(name, arrays)
         if (phase_s is None) != (excitation is None):
             raise RecordingError(f"{name}: phase_s and excitation belong together; give both or neither")
+        n, names = arrays["position_rad"].shape[1], tuple(joint_names)
+        if names and len(set(names)) != n:
+            raise RecordingError(f"{name}: joint_names has {', '.join(names)}; expected {n} different names")
         digest = hashlib.sha256()
         for key, values in arrays.items():
             digest.update(f"{key}{values.shape}".encode())
             digest.update(np.ascontiguousarray(values).tobytes())
         rows = RowBlock(**{key: arrays.get(key) for key in QUANTITIES})  # type: ignore[arg-type]
         kept, reasons = clean(Path(name), rows)
-        source = RecordingSource(Path(name), digest.hexdigest(), "arrays", rows.size, sum(reasons.values()), reasons)
+        source = RecordingSource(
+            Path(name), digest.hexdigest(), "arrays", rows.size, sum(reasons.values()), reasons, joint_names=names
+        )
         return recording_of(kept, excitation, source)
 
 

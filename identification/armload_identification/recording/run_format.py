@@ -17,7 +17,7 @@ SEGMENTS: Final = ("approach", "slow", "ramp_up", "periods", "ramp_down", "retur
 CONFIGURATION_ATTACHMENT: Final = "configuration.toml"
 EXCITATION_ATTACHMENT: Final = "excitation.toml"
 RUN_ATTACHMENT: Final = "run.json"
-"""JSON object: armload_version, robot, load ("unloaded" or "loaded"), cycle_hz, created."""
+"""JSON object: armload_version, robot, joints (their names), load ("unloaded" or "loaded"), cycle_hz, created."""
 
 _NUMBERS: Final[dict[str, Any]] = {"type": "array", "items": {"type": "number"}}
 MESSAGE_SCHEMA: Final[dict[str, Any]] = {

@@ -13,7 +13,7 @@ from armload_identification.excitation.fourier import Excitation, FourierTraject
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
-from armload_identification.recording.recording import check_joints
+from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.recording.run_format import (
     EXCITATION_ATTACHMENT,
     MESSAGE_SCHEMA,
@@ -269,3 +269,52 @@ def test_another_arms_recording_is_refused(tmp_path):
     check_joints(recording, 2)
     with pytest.raises(RecordingError, match=r"has 2 joints, the robot has 6"):
         check_joints(recording, 6)
+
+
+def test_joints_are_known_by_name_and_chosen_by_it(tmp_path):
+    run = json.dumps({"robot": "er50", "joints": ["shoulder", "elbow", "wrist"]})
+    excitation = Excitation(FourierTrajectory(0.5, np.zeros(3), np.eye(3), np.zeros((3, 3))), 4)
+    attachments = [(RUN_ATTACHMENT, run), (EXCITATION_ATTACHMENT, format_excitation(excitation))]
+    recording = read_recording(write_mcap(tmp_path / "a.mcap", messages(joints=3), attachments))
+    assert recording.joint_names == ("shoulder", "elbow", "wrist")
+    chosen = recording.named_joints(["wrist", "shoulder"])
+    assert chosen.joint_names == ("wrist", "shoulder")
+    for name in ("position_rad", "velocity_rad_s", "current_a"):
+        np.testing.assert_array_equal(getattr(chosen, name), getattr(recording, name)[:, [2, 0]])
+    np.testing.assert_array_equal(chosen.excitation.trajectory.sin_rad, np.eye(3)[[2, 0]])
+    with pytest.raises(RecordingError, match="no joint named gripper; the recording has shoulder, elbow, wrist"):
+        recording.named_joints(["shoulder", "gripper"])
+    nameless = read_recording(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
+    assert nameless.joint_names == ()
+    with pytest.raises(RecordingError, match="does not name its joints"):
+        nameless.named_joints(["shoulder"])
+
+
+@pytest.mark.parametrize("joints", ['["a", "b", "c"]', '["a", "a"]', "[1, 2]", '"ab"', '["a", ""]', "{}"])
+def test_joint_names_that_do_not_fit_are_none(tmp_path, joints):
+    attachments = [(RUN_ATTACHMENT, f'{{"joints": {joints}}}')]
+    assert read_recording(write_mcap(tmp_path / "a.mcap", messages(), attachments)).joint_names == ()
+
+
+def test_a_long_runs_joints_are_chosen_with_all_that_was_kept_of_it(tmp_path):
+    excitation = Excitation(FourierTrajectory(5.0, np.zeros(3), np.full((3, 1), 0.1), np.zeros((3, 1))), 4)
+    content = messages(rows=200, joints=3)
+    rng = np.random.default_rng(1)
+    for k, message in enumerate(content):
+        message |= {"phase_s": 0.01 * k, "current_a": rng.normal(size=3).round(3).tolist()}
+    path = write_mcap(tmp_path / "a.mcap", content, [(EXCITATION_ATTACHMENT, format_excitation(excitation))])
+    recording = read_recording(path, short_rows=50)
+    chosen = recording.joints([2, 0])
+    order = np.ix_([2, 0], [2, 0])
+    np.testing.assert_array_equal(chosen.average.effort_covariance, recording.average.effort_covariance[order])
+    np.testing.assert_array_equal(chosen.repeats.bound, recording.repeats.bound[[2, 0]])
+    np.testing.assert_array_equal(chosen.current_a, recording.current_a[:, [2, 0]])
+
+
+def test_names_given_with_arrays_must_be_as_many_as_the_joints():
+    time_s, position = 0.01 * np.arange(30.0), np.sin(np.arange(60.0)).reshape(30, 2) * 0.01
+    run = Recording.from_arrays(time_s, position, torque_nm=position, joint_names=["a", "b"])
+    assert run.named_joints(["b"]).n == 1
+    for names in (["a"], ["a", "a"]):
+        with pytest.raises(RecordingError, match="expected 2 different names"):
+            Recording.from_arrays(time_s, position, torque_nm=position, joint_names=names)
