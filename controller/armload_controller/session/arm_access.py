@@ -14,7 +14,7 @@ With `--simulated-drives` the required identity is the simulation's, so that no 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 
@@ -28,8 +28,10 @@ from armload_drivers.bus.kernel_sync import BcmSync, BroadcastManager
 from armload_drivers.bus.sync_sources import SyncSource, TimerSync
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
+from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.driver_errors import BusError
 from armload_drivers.servos import JointServos
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.lockstep_sync import LockstepSync
@@ -133,8 +135,16 @@ def sync_for(robot: Robot) -> SyncSource:
 
 
 @contextmanager
-def drives_alone(robot: Robot, payload: str | None, run: int) -> Iterator[SimulatedDrives]:
+def drives_alone(
+    robot: Robot, payload: str | None, run: int, described: Sequence[DeviceDescription] = ()
+) -> Iterator[SimulatedDrives]:
     """Simulated drives on a bus, on the wall clock, for another process to command.
+
+    Args:
+        robot: The arm.
+        payload: Name of what hangs on the flange.
+        run: Number of the run.
+        described: Descriptions that the drives serve: none, one for all joints, or one per joint.
 
     Raises:
         UnsafeBus: on the virtual bus no other process could reach them.
@@ -146,7 +156,12 @@ def drives_alone(robot: Robot, payload: str | None, run: int) -> Iterator[Simula
             "give --interface and --channel, such as --interface socketcan --channel vcan0"
         )
     plant = ArmPlant(robot.simulation.plant_spec(payload, run))
-    with _bus(robot) as bus, SimulatedDrives(robot.drives.settings, plant, bus, clock_from_now()) as drives:
+    settings = robot.drives.settings
+    each = described if len(described) != 1 else [described[0]] * robot.n
+    traits = {
+        drive.node_id: DriveTraits(description=found) for drive, found in zip(settings.drives, each, strict=False)
+    }
+    with _bus(robot) as bus, SimulatedDrives(settings, plant, bus, clock_from_now(), traits) as drives:
         yield drives
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from armload_drivers.bring_up.drive_objects import SAFETY
 from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.cia402.device_description import DeviceDescription
-from armload_drivers.cia402.object_dictionary import Entry
+from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_image import drive_image
 
 
@@ -22,7 +22,7 @@ def description_gaps(drive: DriveSettings) -> tuple[str, ...]:
         gap
         for layout in drive_image(drive).layouts
         for entry in layout.entries
-        if (gap := _unmappable(described, entry))
+        if (gap := _unmappable(described, layout.direction, entry))
     ]
     known = {key >> 8 for key in described.objects}
     accepted = {int(name, 16) for name in drive.accept_missing}
@@ -34,12 +34,12 @@ def description_gaps(drive: DriveSettings) -> tuple[str, ...]:
     return tuple(gaps)
 
 
-def _unmappable(described: DeviceDescription, entry: Entry) -> str:
+def _unmappable(described: DeviceDescription, direction: PdoDirection, entry: Entry) -> str:
     """Why a PDO could not carry an object; empty where it could."""
     found = described.find(entry)
     if found is None:
         return f"{described.source} has no {entry}, which a PDO is to carry"
-    if not found.mappable:
+    if not direction.carries(found.mappable):
         return f"{described.source} lets no PDO carry {entry}"
     if found.bits is not None and found.bits != entry.type.bits:
         return f"{described.source} gives {entry} {found.bits} bits instead of {entry.type.bits}"

@@ -17,7 +17,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from armload_drivers.cia402.object_dictionary import CONTROLWORD, DEVICE_TYPE, DEVICE_TYPE_SERVO, Entry
+from armload_drivers.cia402.object_dictionary import (
+    CONTROLWORD,
+    DEVICE_TYPE,
+    DEVICE_TYPE_SERVO,
+    Access,
+    DataType,
+    Entry,
+    Mappable,
+)
 from armload_drivers.driver_errors import DescriptionError
 
 LARGEST_BYTES = 8_000_000
@@ -30,9 +38,21 @@ _LONGEST_QUOTE = 40
 _OBJECT = re.compile(r"([0-9a-f]{4})(?:sub([0-9a-f]{1,2}))?")
 _TERM = re.compile(r"\s*([+-]?)\s*(\$nodeid|0x[0-9a-f]+|[0-9]+)\s*", re.IGNORECASE)
 _LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
-_INTEGERS = {1: 1, 2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32, 0x10: 24, 0x15: 64, 0x16: 24, 0x1B: 64}
-"""Bits of the integer data types by code."""
-_SIGNED = frozenset({2, 3, 4, 0x10, 0x15})
+_T = DataType
+DATA_TYPES = {
+    1: _T.U8, 2: _T.I8, 3: _T.I16, 4: _T.I32, 5: _T.U8, 6: _T.U16, 7: _T.U32, 8: _T.F32, 9: _T.STRING,
+    0x11: _T.F64, 0x15: _T.I64, 0x1B: _T.U64,
+}  # fmt: skip
+"""Data types by code; a BOOLEAN is a byte for SDO. What is not here (domains, times, 24 bits) has no number to read."""
+_ACCESS = {
+    "ro": (Access.RO, Mappable.TPDO),
+    "const": (Access.RO, Mappable.TPDO),
+    "wo": (Access.WO, Mappable.RPDO),
+    "rw": (Access.RW, Mappable.BOTH),
+    "rwr": (Access.RW, Mappable.TPDO),
+    "rww": (Access.RW, Mappable.RPDO),
+}
+"""By AccessType: who may do what by SDO, and the direction of a PDO that may carry the object if any may."""
 _RECORDS = frozenset({8, 9})
 """Object types ARRAY and RECORD: their values stand in the subs."""
 _MOST_SUBS = 254
@@ -63,19 +83,31 @@ class DescribedObject:
         index: Index.
         subindex: Sub-index.
         name: As the vendor calls it.
-        bits: Size of an integer; None for other types.
-        writable: Whether SDO may write it.
-        mappable: Whether a PDO may carry it.
+        type: Data type; None where it is none of those that hold a number or a text.
+        access: Who may do what by SDO.
+        mappable: The direction of a PDO that may carry it.
         value: The value that it is set to (DCF) or has after a reset (EDS); None where the file gives none.
+        text: Likewise, of a string.
+        least: Least value that it takes; None where the file gives none.
+        greatest: Greatest value, likewise.
     """
 
     index: int
     subindex: int
     name: str
-    bits: int | None
-    writable: bool
-    mappable: bool
-    value: DescribedValue | None
+    type: DataType | None
+    access: Access
+    mappable: Mappable
+    value: DescribedValue | None = None
+    text: str = ""
+    least: DescribedValue | None = None
+    greatest: DescribedValue | None = None
+
+    @property
+    def bits(self) -> int | None:
+        """Size of an integer; None for other types."""
+        kind = self.type
+        return None if kind is None or kind is DataType.STRING or kind.is_real else kind.bits
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,39 +336,57 @@ class _Reader:
         if not 0 < count <= _MOST_SUBS:
             self._warn(title, "CompactSubObj", f"{count} is no count of sub-indices")
             return
+        count_of = {
+            "parametername": "highest sub-index",
+            "datatype": "5",
+            "accesstype": "ro",
+            "defaultvalue": str(count),
+        }
+        objects[index << 8] = self._object(index, 0, title, count_of)
         for sub in range(1, count + 1):
             objects[index << 8 | sub] = self._object(index, sub, title, values)
 
     def _object(self, index: int, sub: int, title: str, values: Mapping[str, str]) -> DescribedObject:
         """One entry."""
-        kind = self._plain(title, values, "DataType")
-        if kind is None and values.get("objecttype", "7").lower() not in {"2", "0x2"}:
+        code = self._plain(title, values, "DataType")
+        if code is None and values.get("objecttype", "7").lower() not in {"2", "0x2"}:
             self._warn(title, "DataType", "missing or unreadable")
-        bits = _INTEGERS.get(kind) if kind is not None else None
+        kind = DATA_TYPES.get(code) if code is not None else None
         access = values.get("accesstype", "").lower()
-        if access not in {"ro", "wo", "rw", "rwr", "rww", "const"}:
+        if access not in _ACCESS:
             self._warn(title, "AccessType", f"{_shown(access)} is none of ro, wo, rw, rwr, rww, const")
-        value = None
-        if bits is not None:
-            key = "ParameterValue" if values.get("parametervalue") else "DefaultValue"
-            value = self._number(title, values, key)
-            if value is not None and not self._fits(value.constant, bits, kind in _SIGNED):
-                self._warn(title, key, f"{value.constant} does not fit {bits} bits")
-                value = None
+        allowed, direction = _ACCESS.get(access, _ACCESS["ro"])
+        key = "ParameterValue" if values.get("parametervalue") else "DefaultValue"
+        is_number = kind is not None and kind is not DataType.STRING and not kind.is_real
+        least, greatest, value = (
+            self._integer(title, values, name, kind) if kind is not None and is_number else None
+            for name in ("LowLimit", "HighLimit", key)
+        )
         return DescribedObject(
             index=index,
             subindex=sub,
             name=values.get("parametername", ""),
-            bits=bits,
-            writable=access in {"wo", "rw", "rwr", "rww"},
-            mappable=bool(self._plain(title, values, "PDOMapping")),
+            type=kind,
+            access=allowed,
+            mappable=direction if self._plain(title, values, "PDOMapping") else Mappable.NO,
             value=value,
+            text=values.get(key.lower(), "") if kind is DataType.STRING else "",
+            least=least,
+            greatest=greatest,
         )
 
-    @staticmethod
-    def _fits(number: int, bits: int, signed: bool) -> bool:
-        """Whether a type holds a number; signed types are often written as the unsigned hexadecimal pattern."""
-        return -(1 << bits - 1) * signed <= number < 1 << bits
+    def _integer(self, title: str, values: Mapping[str, str], key: str, kind: DataType) -> DescribedValue | None:
+        """A value of an integer type; signed types are often written as the unsigned hexadecimal pattern."""
+        value = self._number(title, values, key)
+        if value is None:
+            return None
+        least, greatest = kind.bounds
+        if not least <= value.constant < 1 << kind.bits:
+            self._warn(title, key, f"{value.constant} does not fit {kind.bits} bits")
+            return None
+        return (
+            value if value.constant <= greatest else DescribedValue(value.constant - (1 << kind.bits), value.node_ids)
+        )
 
     def _check_lists(self) -> None:
         """The lists of objects against the sections."""

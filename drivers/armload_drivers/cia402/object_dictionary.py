@@ -16,7 +16,7 @@ class DataType(Enum):
         code: Format character of `struct`; empty for strings.
         bits: Size; 0 for strings.
         bounds: Least and greatest value of an integer type.
-        is_real: A floating-point number, REAL32.
+        is_real: A floating-point number, REAL32 or REAL64.
     """
 
     U8 = ("B", 8)
@@ -25,7 +25,10 @@ class DataType(Enum):
     I16 = ("h", 16)
     U32 = ("I", 32)
     I32 = ("i", 32)
+    U64 = ("Q", 64)
+    I64 = ("q", 64)
     F32 = ("f", 32)
+    F64 = ("d", 64)
     STRING = ("", 0)
 
     def __init__(self, code: str, bits: int) -> None:
@@ -33,7 +36,7 @@ class DataType(Enum):
         self.bits = bits
         half = 1 << bits >> 1
         self.bounds = (-half, half - 1) if code.islower() else (0, (1 << bits) - 1)
-        self.is_real = code == "f"
+        self.is_real = code in {"f", "d"}
 
 
 class Access(Enum):
@@ -41,14 +44,16 @@ class Access(Enum):
 
     RO = "ro"
     RW = "rw"
+    WO = "wo"
 
 
 class Mappable(Enum):
-    """Whether a PDO may carry the entry."""
+    """Whether a PDO may carry the entry, and in which direction."""
 
     NO = "no"
     RPDO = "rpdo"
     TPDO = "tpdo"
+    BOTH = "both"
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +189,11 @@ class PdoDirection(Enum):
 
     RECEIVE = (0x1400, 0x1600, 0x200)
     TRANSMIT = (0x1800, 0x1A00, 0x180)
+
+    def carries(self, mappable: Mappable) -> bool:
+        """Whether a PDO of this direction may carry what is mappable so."""
+        own = Mappable.RPDO if self is PdoDirection.RECEIVE else Mappable.TPDO
+        return mappable in {own, Mappable.BOTH}
 
     def cob_id_entry(self, number: int) -> Entry:
         """COB-ID of PDO `number`, counted from 0."""

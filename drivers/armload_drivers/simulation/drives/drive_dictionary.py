@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, DriveSettings, Identity
+from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_units import AxisUnits, milliseconds
 from armload_drivers.cia402.object_dictionary import Access, DataType, Entry
 from armload_drivers.cia402.process_image import effort_entry, temperature_entry
@@ -38,6 +39,8 @@ class DriveTraits:
         polarity: 607E after a reset.
         modes: Modes that 6502 offers; the configured one where None.
         absent: Indices of objects that the drive lacks.
+        description: The maker's description that it serves exactly; identity, device type and modes are then those of
+            the description where it gives them.
         boot_message: Sends a boot-up message after a reset.
         takes_mode: Follows 6060; otherwise 6061 stays 0.
         stuck_in: Power state that no controlword gets it out of.
@@ -50,6 +53,7 @@ class DriveTraits:
     polarity: int = 0
     modes: frozenset[int] | None = None
     absent: frozenset[int] = frozenset()
+    description: DeviceDescription | None = None
     boot_message: bool = True
     takes_mode: bool = True
     stuck_in: State | None = None

@@ -12,7 +12,7 @@ from __future__ import annotations
 import struct
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.object_dictionary import DataType, Entry, Mappable, PdoDirection
+from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
 from armload_drivers.simulation.drives.sdo_server import Abort, Dictionary, SdoAbort
 
 _TYPES = frozenset(range(241)) | {254, 255}
@@ -27,7 +27,8 @@ class Pdo:
         number: Counted from 0.
         node_id: Node id of the drive.
         dictionary: Its objects; the PDO's parameters are added.
-        mapped: What it carries at first; without it the PDO is disabled at first.
+        mapped: What it carries at first; without it the PDO is disabled at first. A complete dictionary says it all
+            itself: which parameters there are, who may write them, and what is mapped.
 
     Attributes:
         cob_id: Identifier in use, None while disabled.
@@ -85,7 +86,7 @@ class Pdo:
         self.deadline_s: float | None = None
         self.syncs = 0
         self.last_event: int | None = None
-        entries = [self._mapped(position) for position in range(1, values[self._count_entry.key] + 1)]
+        entries = self._mapped_entries()
         self._keys = tuple(entry.key for entry in entries)
         self._struct = struct.Struct("<" + "".join(entry.type.code for entry in entries))
         self.length = self._struct.size
@@ -108,10 +109,18 @@ class Pdo:
         values = self._dictionary.values
         self._struct.pack_into(data, 0, *[values[key] for key in self._keys])
 
-    def _mapped(self, position: int) -> Entry:
-        """Entry that a mapping parameter names."""
-        word = self._dictionary.values[self._direction.map_entry(self._number, position).key]
-        return self._dictionary.entries[word >> 8]
+    def _mapped_entries(self) -> list[Entry]:
+        """Entries that the mapping names; none, and no PDO, where a description maps what it does not have."""
+        values, known = self._dictionary.values, self._dictionary.entries
+        words = [
+            values.get(self._direction.map_entry(self._number, position).key, 0)
+            for position in range(1, values[self._count_entry.key] + 1)
+        ]
+        found = [entry for word in words if (entry := known.get(word >> 8)) is not None and entry.type.code]
+        if len(found) == len(words) and sum(entry.type.bits for entry in found) <= _MAX_BITS:
+            return found
+        self.cob_id = None
+        return []
 
     def _check_cob_id(self, word: int) -> None:
         """Identifiers change only while the PDO is disabled, before or after the write."""
@@ -135,8 +144,7 @@ class Pdo:
         entry = self._dictionary.entries.get(word >> 8)
         if entry is None:
             raise SdoAbort(Abort.NO_OBJECT)
-        wanted = Mappable.RPDO if self._direction is PdoDirection.RECEIVE else Mappable.TPDO
-        if entry.mappable is not wanted or entry.mapping != word:
+        if not self._direction.carries(entry.mappable) or entry.mapping != word:
             raise SdoAbort(Abort.NOT_MAPPABLE)
 
     def _check_count(self, count: int) -> None:

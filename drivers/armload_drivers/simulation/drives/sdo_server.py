@@ -29,6 +29,7 @@ class Abort(IntEnum):
     TOGGLE = 0x0503_0000
     UNKNOWN_COMMAND = 0x0504_0001
     UNSUPPORTED_ACCESS = 0x0601_0000
+    WRITE_ONLY = 0x0601_0001
     READ_ONLY = 0x0601_0002
     NO_OBJECT = 0x0602_0000
     NOT_MAPPABLE = 0x0604_0041
@@ -64,6 +65,8 @@ class Dictionary:
         allowed: Values that a write may have, by key; all that the type holds where there is none.
         vetoes: Called with the new value before a write by SDO; raises `SdoAbort` to refuse it.
         reactions: Called after a write by SDO.
+        complete: All entries are there: one that is added from now on is not found by SDO, and the device keeps its
+            value.
     """
 
     entries: dict[int, Entry] = field(default_factory=dict)
@@ -72,9 +75,14 @@ class Dictionary:
     allowed: dict[int, Collection[int]] = field(default_factory=dict)
     vetoes: dict[int, Callable[[int], None]] = field(default_factory=dict)
     reactions: dict[int, Callable[[], None]] = field(default_factory=dict)
+    complete: bool = False
 
     def add(self, entry: Entry, value: int | str) -> None:
-        """Add an entry with its first value."""
+        """Add an entry with its first value; one that a complete dictionary has keeps its own."""
+        if self.complete:
+            if isinstance(value, int):
+                self.values.setdefault(entry.key, value)
+            return
         self.entries[entry.key] = entry
         if isinstance(value, str):
             self.texts[entry.key] = value.encode()
@@ -97,6 +105,8 @@ class Dictionary:
     def upload(self, index: int, subindex: int) -> bytes:
         """Bytes of an object, as SDO transports them."""
         entry = self._find(index, subindex)
+        if entry.access is Access.WO:
+            raise SdoAbort(Abort.WRITE_ONLY)
         if entry.type is DataType.STRING:
             return self.texts[entry.key]
         return struct.pack("<" + entry.type.code, self.values[entry.key])
@@ -106,6 +116,9 @@ class Dictionary:
         entry = self._find(index, subindex)
         if entry.access is Access.RO:
             raise SdoAbort(Abort.READ_ONLY)
+        if entry.type is DataType.STRING:
+            self.texts[entry.key] = data
+            return
         if len(data) * 8 != entry.type.bits:
             raise SdoAbort(Abort.LENGTH)
         (value,) = struct.unpack("<" + entry.type.code, data)

@@ -24,6 +24,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState, PdoDirection
 from armload_drivers.cia402.state_machine import State
+from armload_drivers.simulation.drives.described_objects import describe, pdo_count
 from armload_drivers.simulation.drives.drive_dictionary import SILENCE, DriveTraits, build_dictionary
 from armload_drivers.simulation.drives.drive_pdos import Pdo
 from armload_drivers.simulation.drives.power_stage import PowerStage
@@ -88,6 +89,9 @@ class SimulatedDrive:
         """Everything as after power-on."""
         node_id = self.node_id
         self.dictionary = dictionary = build_dictionary(self._settings, self._traits, self._cycle_s)
+        described = self._traits.description
+        if described is not None:
+            describe(dictionary, described, node_id)
         self._values = dictionary.values
         self.server = SdoServer(dictionary)
         self.power = PowerStage(
@@ -102,7 +106,7 @@ class SimulatedDrive:
         self.rpdos, self.tpdos = (
             [
                 Pdo(direction, number, node_id, dictionary, first[direction] if number == 0 else ())
-                for number in range(od.PDO_COUNT)
+                for number in range(od.PDO_COUNT if described is None else pdo_count(described, direction))
             ]
             for direction in PdoDirection
         )
@@ -115,8 +119,8 @@ class SimulatedDrive:
         dictionary.reactions[od.CONTROLWORD.key] = self._obey_and_report
         dictionary.reactions[od.HEARTBEAT_PRODUCER_MS.key] = self._restart_heartbeat
         dictionary.reactions[od.HEARTBEAT_CONSUMER.key] = self._restart_consumer
-        for pdo in self.rpdos:
-            key = PdoDirection.RECEIVE.cob_id_entry(self.rpdos.index(pdo)).key
+        for number, pdo in enumerate(self.rpdos):
+            key = PdoDirection.RECEIVE.cob_id_entry(number).key
             dictionary.reactions[key] = self._refresh_of(pdo)
 
     def _refresh_of(self, pdo: Pdo) -> Callable[[], None]:
@@ -146,6 +150,7 @@ class SimulatedDrive:
         now_s = self._now_s
         self._initialise()
         self._pass_time(now_s)
+        self._restart_heartbeat()
         self.power.machine.initialised()
         self._report_state()
         self._rerouted()

@@ -278,6 +278,21 @@ def test_simulate_needs_a_bus_that_others_can_reach(armload):
     assert "--interface" in str(armload("simulate", "er50").exception)
 
 
+def test_simulate_writes_the_descriptions_of_its_drives(armload, tmp_path):
+    result = armload("simulate", "er50", "--write-eds", str(tmp_path / "eds"))
+    assert result.exit_code == 0, result.output
+    assert len(list((tmp_path / "eds").glob("*.eds"))) == 6
+
+
+def test_simulate_takes_one_description_or_one_per_joint(armload, tmp_path):
+    armload("simulate", "er50", "--write-eds", str(tmp_path))
+    two = [f"--description={path}" for path in sorted(tmp_path.glob("*.eds"))[:2]]
+    result = armload("simulate", "er50", "--interface", "socketcan", "--channel", "vcan0", *two)
+    assert "one for all joints, or one per joint: 6" in str(result.exception)
+    result = armload("simulate", "er50", "--description", str(tmp_path / "none.eds"))
+    assert "none.eds" in str(result.exception)
+
+
 def test_simulate_names_the_payloads(armload):
     result = armload("simulate", "er50", "--interface", "socketcan", "--channel", "vcan0", "--payload", "crate")
     assert "paper" in str(result.exception)

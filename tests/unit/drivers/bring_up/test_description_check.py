@@ -9,15 +9,19 @@ from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.bring_up.drive_objects import SAFETY
 from armload_drivers.cia402.arm_settings import EffortFeedback, OperationMode, VendorEffort
 from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription
-from armload_drivers.cia402.object_dictionary import DataType
+from armload_drivers.cia402.object_dictionary import Access, DataType, Mappable
 
 MAPPED = {0x6040: 16, 0x607A: 32, 0x60B2: 16, 0x6041: 16, 0x6064: 32, 0x6078: 16}
 
 
 def description(changes=()):
     """A drive with all that is needed, changed object by object; None takes one away."""
-    objects = {index << 8: DescribedObject(index, 0, "", bits, True, True, None) for index, bits in MAPPED.items()}
-    objects |= {index << 8: DescribedObject(index, 0, "", 16, True, False, None) for index in SAFETY}
+    types = {16: DataType.I16, 32: DataType.I32}
+    objects = {
+        index << 8: DescribedObject(index, 0, "", types[bits], Access.RW, Mappable.BOTH)
+        for index, bits in MAPPED.items()
+    }
+    objects |= {index << 8: DescribedObject(index, 0, "", DataType.I16, Access.RW, Mappable.NO) for index in SAFETY}
     for index, change in dict(changes).items():
         found = objects.pop(index << 8)
         if change is not None:
@@ -42,8 +46,8 @@ def test_a_drive_that_offers_all_has_no_gaps(drive):
     ("index", "change", "words"),
     [
         (0x60B2, None, "has no 60B2:0 torque offset, which a PDO is to carry"),
-        (0x60B2, {"mappable": False}, "lets no PDO carry 60B2:0"),
-        (0x6064, {"bits": 16}, "gives 6064:0 position actual value 16 bits instead of 32"),
+        (0x60B2, {"mappable": Mappable.TPDO}, "lets no PDO carry 60B2:0"),
+        (0x6064, {"type": DataType.I16}, "gives 6064:0 position actual value 16 bits instead of 32"),
         (0x6007, None, "has no 6007: what the drive does when it loses its master is not known; see accept_missing"),
     ],
 )

@@ -86,9 +86,9 @@ def test_a_clean_file_is_read_without_a_word():
     assert description.value(COB_ID, 5) == 0x205
     controlword = description.find(od.CONTROLWORD)
     assert controlword.bits == 16
-    assert controlword.writable
-    assert controlword.mappable
-    assert not description.find(od.DEVICE_TYPE).writable
+    assert controlword.access is od.Access.RW
+    assert controlword.mappable is not od.Mappable.NO
+    assert description.find(od.DEVICE_TYPE).access is od.Access.RO
     assert description.find(od.STATUSWORD) is None
     assert description.value(od.STATUSWORD, 5) is None
 
@@ -150,7 +150,7 @@ def test_a_dcf_sets_values_and_names_its_node():
 def test_a_compact_array_is_expanded():
     text = GOOD + "\n[1010]\nParameterName=Store\nCompactSubObj=3\nDataType=7\nAccessType=rw\nDefaultValue=1\n"
     description = load(text)
-    assert [key for key in description.objects if key >> 8 == 0x1010] == [0x101001, 0x101002, 0x101003]
+    assert [key for key in description.objects if key >> 8 == 0x1010] == [0x101000, 0x101001, 0x101002, 0x101003]
 
 
 def test_bytes_that_are_no_utf8_are_reported():
@@ -267,7 +267,7 @@ def test_every_vendors_file_is_read(vendors_files):
         "ros2_fake_cia402_slave.eds": 0xA5,
     }
     for name, description in descriptions.items():
-        assert description.find(od.CONTROLWORD).mappable, name
+        assert od.PdoDirection.RECEIVE.carries(description.find(od.CONTROLWORD).mappable), name
         assert description.find(od.POSITION_ACTUAL).bits == 32, name
         assert all(text.startswith(f"{name}: [") for text in description.warnings)
     # The EPOS4's COB-IDs are those of node 1 whatever the node id; Pilz's and Roboteq's follow it.

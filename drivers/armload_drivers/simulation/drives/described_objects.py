@@ -1,0 +1,143 @@
+"""A simulated drive that serves the objects of a maker's description, exactly those and as described.
+
+Rules of this file:
+- Which objects there are, their types, who may write them, their limits and what a PDO may carry is what the
+  description says; what it does not have is not there for SDO and PDO.
+- Values are those of the description, but for what no description can know: what is measured, and the scale of the
+  arm's motors and gears, which whoever commissioned the drive has set.
+- Where an object is absent the drive does what the standard says of a drive without it, and nothing where the standard
+  says nothing: a drive without 6007 does not react to a lost master, one without 6065 follows however far it lags.
+- What the description leaves open of its identity is that of a simulation.
+
+References:
+    CiA 306-1; CiA 301, 7.5; CiA 402-2, 8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription
+from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
+from armload_drivers.simulation.drives.sdo_server import Dictionary
+
+_OWN = frozenset(
+    entry.key
+    for entry in (
+        od.ERROR_REGISTER,
+        od.ERROR_COUNT,
+        *od.ERROR_HISTORY,
+        od.ERROR_CODE,
+        od.CONTROLWORD,
+        od.STATUSWORD,
+        od.MODE_DISPLAY,
+        od.POSITION_ACTUAL,
+        od.VELOCITY_ACTUAL,
+        od.TORQUE_ACTUAL,
+        od.CURRENT_ACTUAL,
+        od.FOLLOWING_ERROR_ACTUAL,
+        od.RATED_CURRENT_MA,
+        od.RATED_TORQUE_MNM,
+        od.ENCODER_INCREMENTS,
+        od.ENCODER_REVOLUTIONS,
+        od.GEAR_MOTOR_REVOLUTIONS,
+        od.GEAR_SHAFT_REVOLUTIONS,
+        od.QUICK_STOP_DECELERATION,
+    )
+)
+"""Objects whose values are the simulation's: what is measured, and what is in units of the arm."""
+
+_WITHOUT = {
+    od.ABORT_CONNECTION_OPTION: 0,
+    od.FOLLOWING_ERROR_WINDOW: 0xFFFF_FFFF,
+    od.FOLLOWING_ERROR_TIMEOUT_MS: 0,
+}
+"""What a drive does that lacks an object: no reaction to a lost master, no watch over the following error."""
+
+_NAMELESS_CURRENT_MA = 1000
+"""6075 of a motor whose rated current nobody gives."""
+
+_MOST_PDOS = 512
+
+
+def pdo_count(described: DeviceDescription, direction: PdoDirection) -> int:
+    """How many PDOs of a direction a description has, counted up to the first that is missing."""
+    return next(n for n in range(_MOST_PDOS + 1) if direction.cob_id_entry(n).key not in described.objects)
+
+
+def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int) -> None:
+    """Make a drive's dictionary that of a description.
+
+    Args:
+        dictionary: The objects of a simulated drive without its PDO parameters, freshly reset; changed in place.
+        described: The description.
+        node_id: Node id of the drive.
+    """
+    known = {entry.key for entry in dictionary.entries.values()}
+    dictionary.entries = {key: _entry(found) for key, found in described.objects.items()}
+    for key, found in described.objects.items():
+        _take_value(dictionary, key, found, node_id, own=key in _OWN and key in known)
+    for direction in PdoDirection:
+        for number in range(pdo_count(described, direction)):
+            cob_id = direction.cob_id_entry(number)
+            if described.objects[cob_id.key].value is None:
+                dictionary.values[cob_id.key] = od.PDO_DISABLED
+    _take_identity(dictionary, described)
+    for entry, value in _WITHOUT.items():
+        if entry.key not in dictionary.entries:
+            dictionary.values[entry.key] = value
+    if described.value(od.SUPPORTED_MODES, node_id) is not None:
+        modes = dictionary.values[od.SUPPORTED_MODES.key]
+        dictionary.allowed[od.MODE.key] = {0} | {number + 1 for number in range(32) if modes >> number & 1}
+    for key, found in described.objects.items():
+        limits = _limits(found, node_id)
+        if limits is not None:
+            old = dictionary.allowed.get(key)
+            dictionary.allowed[key] = limits if old is None else {value for value in old if value in limits}
+    dictionary.complete = True
+
+
+def _entry(found: DescribedObject) -> Entry:
+    """An entry; what has no number is served as bytes."""
+    kind = DataType.STRING if found.type is None else found.type
+    return Entry(found.index, found.subindex, found.name, kind, found.access, found.mappable)
+
+
+def _take_value(dictionary: Dictionary, key: int, found: DescribedObject, node_id: int, *, own: bool) -> None:
+    """First value of an object."""
+    if found.type is None or found.type is DataType.STRING:
+        dictionary.texts[key] = found.text.encode() or dictionary.texts.get(key, b"")
+        return
+    value = None if found.value is None else found.value.of(node_id)
+    if key == od.RATED_CURRENT_MA.key and not dictionary.values.get(key):
+        dictionary.values[key] = value or _NAMELESS_CURRENT_MA
+    elif value is not None and not own:
+        least, greatest = found.type.bounds
+        dictionary.values[key] = value if found.type.is_real else min(max(value, least), greatest)
+    else:
+        dictionary.values.setdefault(key, 0)
+
+
+def _take_identity(dictionary: Dictionary, described: DeviceDescription) -> None:
+    """1018, where the objects give none and the file's head does."""
+    for entry, number in (
+        (od.VENDOR_ID, described.vendor_id),
+        (od.PRODUCT_CODE, described.product_code),
+        (od.REVISION, described.revision),
+    ):
+        found = described.find(entry)
+        if number is not None and (found is None or found.value is None):
+            dictionary.values[entry.key] = number
+
+
+def _limits(found: DescribedObject, node_id: int) -> Collection[int] | None:
+    """Values that an integer takes; None where the description sets no limit."""
+    if found.bits is None or found.type is None or (found.least is None and found.greatest is None):
+        return None
+    least, greatest = found.type.bounds
+    if found.least is not None:
+        least = found.least.of(node_id)
+    if found.greatest is not None:
+        greatest = found.greatest.of(node_id)
+    return range(least, greatest + 1) if least < greatest else None

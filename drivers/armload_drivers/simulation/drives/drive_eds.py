@@ -1,0 +1,168 @@
+"""The electronic data sheet (EDS) of a simulated drive, for masters that boot drives by their description.
+
+References:
+    CiA 306-1 (electronic data sheet).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
+from armload_drivers.cia402.device_description import DATA_TYPES
+from armload_drivers.cia402.object_dictionary import Access, DataType, Entry, Mappable
+from armload_drivers.driver_errors import DescriptionError
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.drives.sdo_server import Dictionary
+from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
+from armload_drivers.simulation.plant_interface import IdealPlant
+
+_CODES = {kind: code for code, kind in reversed(DATA_TYPES.items())}
+_MANDATORY = (0x1000, 0x1001, 0x1018)
+_VARIABLE, _ARRAY, _RECORD = 7, 8, 9
+_PDO_PARAMETERS = range(0x1400, 0x1C00)
+_COMMUNICATION = frozenset({0x1018, 0x1200, 0x60C2})
+_BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+
+
+def write_descriptions(arm: ArmSettings, folder: Path) -> list[Path]:
+    """Write the EDS file of every simulated drive of an arm, named after its joint.
+
+    Args:
+        arm: The arm.
+        folder: Where to; made where it is not there.
+
+    Returns:
+        The files.
+
+    Raises:
+        DescriptionError: one cannot be written.
+    """
+    written = []
+    for drive in arm.drives:
+        path = folder / f"{drive.joint}.eds"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            path.write_text(drive_eds(drive, arm.cycle_s), "ascii")
+        except OSError as error:
+            raise DescriptionError(str(path), "", "", f"cannot be written: {error.strerror}") from error
+        written.append(path)
+    return written
+
+
+def drive_eds(drive: DriveSettings, cycle_s: float) -> str:
+    """The EDS of one simulated drive.
+
+    Args:
+        drive: The configured drive that it simulates.
+        cycle_s: Configured cycle.
+    """
+    simulated = SimulatedDrive(
+        drive,
+        0,
+        IdealPlant(np.zeros(1)),
+        cycle_s=cycle_s,
+        traits=DriveTraits(),
+        send=lambda cob_id, data: None,
+        rerouted=lambda: None,
+    )
+    dictionary = simulated.dictionary
+    indices = sorted({entry.index for entry in dictionary.entries.values()})
+    sections = [_head(drive, dictionary)]
+    for title, chosen in (
+        ("MandatoryObjects", [index for index in indices if index in _MANDATORY]),
+        ("OptionalObjects", [i for i in indices if i not in _MANDATORY and not 0x2000 <= i < 0x6000]),
+        ("ManufacturerObjects", [i for i in indices if 0x2000 <= i < 0x6000]),
+    ):
+        rows = [f"{number}=0x{index:04X}" for number, index in enumerate(chosen, start=1)]
+        sections.append("\n".join([f"[{title}]", f"SupportedObjects={len(chosen)}", *rows]))
+    for index in indices:
+        entries = sorted((e for e in dictionary.entries.values() if e.index == index), key=lambda e: e.subindex)
+        sections += _object(index, entries, dictionary, drive.node_id)
+    return "\n\n".join(sections) + "\n"
+
+
+def _head(drive: DriveSettings, dictionary: Dictionary) -> str:
+    """[FileInfo], [DeviceInfo] and [DummyUsage]."""
+    values = dictionary.values
+    rates = "\n".join(f"BaudRate_{rate}=1" for rate in _BIT_RATES)
+    receive, transmit = (
+        len({entry.index for entry in dictionary.entries.values() if first <= entry.index < first + 0x200})
+        for first in (0x1400, 0x1800)
+    )
+    dummies = "\n".join(f"Dummy{number:04d}=0" for number in range(1, 8))
+    return f"""\
+[FileInfo]
+FileName={drive.joint}.eds
+FileVersion=1
+FileRevision=1
+EDSVersion=4.0
+Description=armload simulated CiA 402 drive
+
+[DeviceInfo]
+VendorName=armload
+VendorNumber=0x{values[od.VENDOR_ID.key]:08X}
+ProductName=armload simulated drive
+ProductNumber=0x{values[od.PRODUCT_CODE.key]:08X}
+RevisionNumber=0x{values[od.REVISION.key]:08X}
+OrderCode=SIM
+{rates}
+SimpleBootUpMaster=0
+SimpleBootUpSlave=1
+Granularity=8
+DynamicChannelsSupported=0
+CompactPDO=0
+GroupMessaging=0
+NrOfRXPDO={receive}
+NrOfTXPDO={transmit}
+LSS_Supported=0
+
+[DummyUsage]
+{dummies}"""
+
+
+def _object(index: int, entries: list[Entry], dictionary: Dictionary, node_id: int) -> list[str]:
+    """The sections of one object: itself, or a record and its sub-indices."""
+    if len(entries) == 1 and entries[0].subindex == 0:
+        return [_variable(f"{index:04X}", entries[0], dictionary, node_id)]
+    kind = _RECORD if index in _PDO_PARAMETERS or index in _COMMUNICATION else _ARRAY
+    title = f"[{index:04X}]\nParameterName=object {index:04X}\nObjectType=0x{kind:X}\nSubNumber={len(entries)}"
+    return [title, *(_variable(f"{index:04X}sub{e.subindex:X}", e, dictionary, node_id) for e in entries)]
+
+
+def _variable(title: str, entry: Entry, dictionary: Dictionary, node_id: int) -> str:
+    """The section of one value."""
+    allowed = dictionary.allowed.get(entry.key)
+    limits = f"\nLowLimit={min(allowed)}\nHighLimit={max(allowed)}" if allowed and len(allowed) > 1 else ""
+    return f"""\
+[{title}]
+ParameterName={entry.name}
+ObjectType=0x{_VARIABLE:X}
+DataType=0x{_CODES[entry.type]:04X}
+AccessType={_access(entry)}
+DefaultValue={_default(entry, dictionary, node_id)}
+PDOMapping={int(entry.mappable is not Mappable.NO)}{limits}"""
+
+
+def _access(entry: Entry) -> str:
+    """AccessType; where a PDO may carry what SDO may write, in its direction."""
+    if entry.access is Access.RW and entry.mappable is Mappable.RPDO:
+        return "rww"
+    return "rwr" if entry.access is Access.RW and entry.mappable is Mappable.TPDO else entry.access.value
+
+
+def _default(entry: Entry, dictionary: Dictionary, node_id: int) -> str:
+    """Value after a reset; COB-IDs as expressions of the node id."""
+    if entry.type is DataType.STRING:
+        return dictionary.texts[entry.key].decode("ascii", "replace")
+    value = dictionary.values[entry.key]
+    is_cob_id = entry.index == od.EMERGENCY_COB_ID.index or (
+        entry.subindex in {1, 2} and entry.type is DataType.U32 and (entry.index == od.SDO_RX_COB_ID.index)
+    )
+    is_pdo = entry.subindex == 1 and entry.index in _PDO_PARAMETERS and not entry.index & 0x200
+    if is_cob_id or is_pdo:
+        return f"$NODEID+0x{value - node_id:X}"
+    return str(value)
