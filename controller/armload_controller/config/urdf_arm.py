@@ -15,8 +15,9 @@ References:
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -24,16 +25,17 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from armload_controller.config.urdf_tree import UrdfJoint, UrdfTree, read_urdf_tree
 from armload_controller.control_errors import ConfigurationError
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.chain import Chain, pose_from_xyz_rpy
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters
 
 FEWEST_JOINTS, MOST_JOINTS = 4, 16
 STANDARD_FLANGES = ("tool0", "flange")
 """Names of the frame that tools are mounted to, the preferred one first."""
 STANDARD_GRAVITY_M_S2 = (0.0, 0.0, -9.81)
-_TURNING = ("revolute", "continuous")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,8 @@ class UrdfArm:
     """An arm of n joints as a URDF describes it; NaN where it does not say.
 
     Attributes:
+        file: Where it was read from, for messages.
+        sha256: Hash of the file and of the choice of base and flange.
         name: Of the robot.
         base: Link that the chain begins at.
         flange: Link that it ends at.
@@ -52,9 +56,13 @@ class UrdfArm:
         torque_max_nm: (n,) effort of `<limit>`.
         viscous_nm_s_rad: (n,) damping of `<dynamics>`.
         coulomb_nm: (n,) friction of `<dynamics>`.
+        links: Of each joint, what turns with it and with no later one, in its frame and with all joints outside the
+            chain at zero; None where no mass is given.
         other_joints: Movable joints of the file that are not of the chain.
     """
 
+    file: str
+    sha256: str
     name: str
     base: str
     flange: str
@@ -66,24 +74,18 @@ class UrdfArm:
     torque_max_nm: FloatArray
     viscous_nm_s_rad: FloatArray
     coulomb_nm: FloatArray
+    links: tuple[InertialParameters | None, ...]
     other_joints: tuple[str, ...]
 
-
-@dataclass(frozen=True, eq=False)
-class _Joint:
-    """One `<joint>`."""
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    mimics: str | None
-    element: ElementTree.Element
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
 
     @property
-    def turns(self) -> bool:
-        """Whether an arm may be made of it."""
-        return self.kind in _TURNING and self.mimics is None
+    def description(self) -> str:
+        """What the robot is, in a line."""
+        return f"from {Path(self.file).name}, {self.base} to {self.flange}"
 
 
 def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: str | None = None) -> UrdfArm:
@@ -113,24 +115,21 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
         ConfigurationError: the file is no URDF, a link does not exist or the choice is ambiguous (the candidates are
             listed), a joint of the chain is of a kind that is not supported, or their number is not 4 to 16.
     """
-    path = Path(path)
-    root = _parse(path)
-    joints = [_joint(path, i, element) for i, element in enumerate(root.findall("joint"))]
-    links = [str(element.get("name")) for element in root.findall("link")]
-    above = _parents(path, joints, links)
-    start = _base(path, base, links, above)
-    end = _flange(path, flange, start, links, above)
-    way = _way(path, start, end, above)
+    tree = read_urdf_tree(Path(path))
+    start = _base(tree, base)
+    end = _flange(tree, flange, start)
+    way = _way(tree, start, end)
     moving = [joint for joint in way if joint.kind != "fixed"]
-    _require_supported(path, moving, start, end)
-    chain = _chain(path, way, moving)
-    limits = np.array([_limits(path, joint) for joint in moving])
+    _require_supported(tree.path, moving, start, end)
+    limits = np.array([_limits(tree, joint) for joint in moving])
     named = {joint.name for joint in moving}
     return UrdfArm(
-        name=root.get("name") or path.stem,
+        file=str(path),
+        sha256=hashlib.sha256(f"{tree.sha256} {start} {end}".encode()).hexdigest(),
+        name=tree.name,
         base=start,
         flange=end,
-        chain=chain,
+        chain=_chain(tree, way, moving),
         joint_names=tuple(joint.name for joint in moving),
         position_min_rad=limits[:, 0],
         position_max_rad=limits[:, 1],
@@ -138,89 +137,37 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
         torque_max_nm=limits[:, 3],
         viscous_nm_s_rad=limits[:, 4],
         coulomb_nm=limits[:, 5],
-        other_joints=tuple(j.name for j in joints if j.kind != "fixed" and j.name not in named),
+        links=_links(tree, moving),
+        other_joints=tuple(j.name for j in tree.joints if j.kind != "fixed" and j.name not in named),
     )
 
 
-def _parse(path: Path) -> ElementTree.Element:
-    """The `<robot>` of a file."""
-    try:
-        root = ElementTree.fromstring(path.read_bytes())
-    except OSError as error:
-        raise ConfigurationError(str(path), "file", None, f"a URDF that can be read ({error.strerror})") from error
-    except (ElementTree.ParseError, LookupError, ValueError) as error:
-        raise ConfigurationError(
-            str(path), "XML", str(error), "a URDF; expand a xacro file first: `xacro arm.urdf.xacro > arm.urdf`"
-        ) from error
-    if root.tag != "robot":
-        raise ConfigurationError(str(path), "root element", root.tag, "<robot>, as every URDF has")
-    macros = [element.tag for element in root.iter() if "ros.org/wiki/xacro" in element.tag]
-    if macros:
-        raise ConfigurationError(
-            str(path), "xacro", macros[0].split("}")[-1], "no macros; expand them: `xacro arm.urdf.xacro > arm.urdf`"
-        )
-    return root
-
-
-def _joint(path: Path, index: int, element: ElementTree.Element) -> _Joint:
-    """One joint, with the links that it connects."""
-    name = element.get("name")
-    if not name:
-        raise ConfigurationError(str(path), f"joint {index + 1}, name", None, "a name")
-    ends = []
-    for tag in ("parent", "child"):
-        end = element.find(tag)
-        link = None if end is None else end.get("link")
-        if not link:
-            raise ConfigurationError(str(path), f"joint {name}, {tag}", None, f'<{tag} link="..."/>')
-        ends.append(link)
-    mimic = element.find("mimic")
-    mimics = None if mimic is None else mimic.get("joint") or "another"
-    return _Joint(name, element.get("type") or "", ends[0], ends[1], mimics, element)
-
-
-def _parents(path: Path, joints: list[_Joint], links: list[str]) -> dict[str, _Joint]:
-    """The joint above each link."""
-    above: dict[str, _Joint] = {}
-    for joint in joints:
-        if joint.child in above:
-            raise ConfigurationError(
-                str(path),
-                f"joint {joint.name}, child",
-                joint.child,
-                f"a link without a parent; {above[joint.child].name} is its parent already: a chain has no loops",
-            )
-        for link in (joint.parent, joint.child):
-            if link not in links:
-                raise ConfigurationError(str(path), f"joint {joint.name}, link", link, "one of the file's <link>s")
-        above[joint.child] = joint
-    return above
-
-
-def _base(path: Path, base: str | None, links: list[str], above: dict[str, _Joint]) -> str:
+def _base(tree: UrdfTree, base: str | None) -> str:
     """The link that the chain begins at."""
     if base is not None:
-        return _known(path, "--base", base, links)
-    roots = [link for link in links if link not in above]
+        return _known(tree, "--base", base)
+    roots = [link for link in tree.links if link not in tree.above]
     if len(roots) != 1:
-        raise ConfigurationError(str(path), "root link", roots, "one link without a parent; or name one with --base")
+        raise ConfigurationError(
+            str(tree.path), "root link", roots, "one link without a parent; or name one with --base"
+        )
     return roots[0]
 
 
-def _known(path: Path, option: str, link: str, links: list[str]) -> str:
+def _known(tree: UrdfTree, option: str, link: str) -> str:
     """A link that was asked for and exists."""
-    if link not in links:
-        raise ConfigurationError(str(path), option, link, f"one of its links: {', '.join(links)}")
+    if link not in tree.links:
+        raise ConfigurationError(str(tree.path), option, link, f"one of its links: {', '.join(tree.links)}")
     return link
 
 
-def _flange(path: Path, flange: str | None, base: str, links: list[str], above: dict[str, _Joint]) -> str:
+def _flange(tree: UrdfTree, flange: str | None, base: str) -> str:
     """The link that the chain ends at."""
     if flange is not None:
-        return _known(path, "--flange", flange, links)
+        return _known(tree, "--flange", flange)
     ends: dict[tuple[str, ...], list[str]] = {}
-    for link in links:
-        names = _turning_names(link, base, above)
+    for link in tree.links:
+        names = _turning_names(tree, link, base)
         if names is not None and len(names) >= FEWEST_JOINTS:
             ends.setdefault(names, []).append(link)
     longest = {
@@ -228,7 +175,7 @@ def _flange(path: Path, flange: str | None, base: str, links: list[str], above: 
     }
     if not longest:
         raise ConfigurationError(
-            str(path),
+            str(tree.path),
             "chain",
             None,
             f"at least {FEWEST_JOINTS} revolute joints in a row from {base!r}; begin elsewhere with --base",
@@ -239,19 +186,14 @@ def _flange(path: Path, flange: str | None, base: str, links: list[str], above: 
         if len(candidates) == 1 or standard:
             return standard[0] if standard else candidates[0]
     raise ConfigurationError(
-        str(path), "--flange", None, f"needed, because several links could be it: {', '.join(candidates)}"
+        str(tree.path), "--flange", None, f"needed, because several links could be it: {', '.join(candidates)}"
     )
 
 
-def _goes_on(names: tuple[str, ...], other: tuple[str, ...]) -> bool:
-    """Whether another chain is the same and longer."""
-    return len(other) > len(names) and other[: len(names)] == names
-
-
-def _turning_names(link: str, base: str, above: dict[str, _Joint]) -> tuple[str, ...] | None:
+def _turning_names(tree: UrdfTree, link: str, base: str) -> tuple[str, ...] | None:
     """Names of the joints from the base to a link; None where one is not revolute or the link is not below it."""
     names = []
-    for joint in _upwards(link, above):
+    for joint in tree.upwards(link):
         if link == base:
             break
         if joint.kind != "fixed":
@@ -262,32 +204,26 @@ def _turning_names(link: str, base: str, above: dict[str, _Joint]) -> tuple[str,
     return tuple(reversed(names)) if link == base else None
 
 
-def _upwards(link: str, above: dict[str, _Joint]) -> Iterator[_Joint]:
-    """The joints above a link, nearest first; a ring ends where it began."""
-    seen = set()
-    while link in above and link not in seen:
-        seen.add(link)
-        yield above[link]
-        link = above[link].parent
-
-
-def _way(path: Path, base: str, flange: str, above: dict[str, _Joint]) -> list[_Joint]:
+def _way(tree: UrdfTree, base: str, flange: str) -> list[UrdfJoint]:
     """All joints from the base to the flange."""
-    way: list[_Joint] = []
+    way: list[UrdfJoint] = []
     link = flange
-    for joint in _upwards(flange, above):
+    for joint in tree.upwards(flange):
         if link == base:
             break
         way.append(joint)
         link = joint.parent
     if link != base:
         raise ConfigurationError(
-            str(path), "--flange", flange, f"a link below {base!r}; above it are {', '.join(j.parent for j in way)}"
+            str(tree.path),
+            "--flange",
+            flange,
+            f"a link below {base!r}; above it are {', '.join(j.parent for j in way)}",
         )
     return way[::-1]
 
 
-def _require_supported(path: Path, moving: list[_Joint], base: str, flange: str) -> None:
+def _require_supported(path: Path, moving: Sequence[UrdfJoint], base: str, flange: str) -> None:
     """Refuse a chain that is not of 4 to 16 independent revolute joints."""
     for joint in moving:
         if joint.mimics is not None:
@@ -314,63 +250,60 @@ def _require_supported(path: Path, moving: list[_Joint], base: str, flange: str)
         )
 
 
-def _chain(path: Path, way: list[_Joint], moving: list[_Joint]) -> Chain:
+def _chain(tree: UrdfTree, way: Sequence[UrdfJoint], moving: Sequence[UrdfJoint]) -> Chain:
     """The chain, fixed joints folded."""
     placements, pose = [], np.eye(4)
     for joint in way:
-        origin = joint.element.find("origin")
-        values = [_numbers(path, joint, "origin", origin, key, (0.0, 0.0, 0.0)) for key in ("xyz", "rpy")]
-        pose = pose @ pose_from_xyz_rpy(values[0], values[1])
+        pose = pose @ tree.pose(f"joint {joint.name}", joint.element)
         if joint.kind != "fixed":
             placements.append(pose)
             pose = np.eye(4)
-    axes = [_numbers(path, joint, "axis", joint.element.find("axis"), "xyz", (1.0, 0.0, 0.0)) for joint in moving]
+    axes = [
+        tree.numbers(f"joint {joint.name}", "axis", joint.element.find("axis"), "xyz", (1.0, 0.0, 0.0))
+        for joint in moving
+    ]
     try:
         return Chain(np.array(placements), np.array(axes), pose, np.array(STANDARD_GRAVITY_M_S2))
     except ModelError as error:
-        raise ConfigurationError(str(path), "joints", [joint.name for joint in moving], str(error)) from error
+        raise ConfigurationError(str(tree.path), "joints", [joint.name for joint in moving], str(error)) from error
 
 
-def _limits(path: Path, joint: _Joint) -> tuple[float, float, float, float, float, float]:
+def _limits(tree: UrdfTree, joint: UrdfJoint) -> tuple[float, float, float, float, float, float]:
     """Lower and upper position, velocity, effort, damping, friction."""
+    owner = f"joint {joint.name}"
     limit, dynamics = joint.element.find("limit"), joint.element.find("dynamics")
     if joint.kind == "continuous":
         lower, upper = -math.inf, math.inf
     else:
-        lower, upper = (_number(path, joint, "limit", limit, key) for key in ("lower", "upper"))
-    velocity, effort = (_number(path, joint, "limit", limit, key) for key in ("velocity", "effort"))
-    damping, friction = (_number(path, joint, "dynamics", dynamics, key) for key in ("damping", "friction"))
+        lower, upper = (tree.number(owner, "limit", limit, key) for key in ("lower", "upper"))
+    velocity, effort = (tree.number(owner, "limit", limit, key) for key in ("velocity", "effort"))
+    damping, friction = (tree.number(owner, "dynamics", dynamics, key) for key in ("damping", "friction"))
     return lower, upper, velocity, effort, damping, friction
 
 
-def _number(path: Path, joint: _Joint, tag: str, element: ElementTree.Element | None, key: str) -> float:
-    """One attribute; NaN where it is not there."""
-    text = None if element is None else element.get(key)
-    if text is None:
-        return math.nan
-    return _floats(path, joint, tag, key, text, 1)[0]
+def _links(tree: UrdfTree, moving: Sequence[UrdfJoint]) -> tuple[InertialParameters | None, ...]:
+    """What turns with each joint of the chain, other joints at zero; None where no mass is given."""
+    place = {joint.name: i for i, joint in enumerate(moving)}
+    sums = np.zeros((len(moving), 10))
+    for name, element in tree.links.items():
+        inertial = element.find("inertial")
+        if inertial is None:
+            continue
+        pose = np.eye(4)
+        for joint in tree.upwards(name):
+            if joint.name in place:
+                sums[place[joint.name]] += _inertial(tree, f"link {name}", inertial, pose).theta
+                break
+            pose = tree.pose(f"joint {joint.name}", joint.element) @ pose
+    return tuple(InertialParameters(theta) if theta[0] > 0.0 else None for theta in sums)
 
 
-def _numbers(
-    path: Path,
-    joint: _Joint,
-    tag: str,
-    element: ElementTree.Element | None,
-    key: str,
-    default: tuple[float, float, float],
-) -> tuple[float, ...]:
-    """Three numbers of one attribute."""
-    text = None if element is None else element.get(key)
-    return default if text is None else _floats(path, joint, tag, key, text, 3)
-
-
-def _floats(path: Path, joint: _Joint, tag: str, key: str, text: str, count: int) -> tuple[float, ...]:
-    """Finite numbers of a text."""
-    try:
-        values = tuple(float(word) for word in text.split())
-    except ValueError:
-        values = ()
-    if len(values) != count or not all(math.isfinite(value) for value in values):
-        what = "a finite number" if count == 1 else f"{count} finite numbers"
-        raise ConfigurationError(str(path), f"joint {joint.name}, {tag} {key}", text, what)
-    return values
+def _inertial(tree: UrdfTree, owner: str, inertial: ElementTree.Element, pose: FloatArray) -> InertialParameters:
+    """An `<inertial>` in another frame, (4, 4) the pose of its link there."""
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    values = [tree.number(owner, "mass", mass, "value")]
+    values += [tree.number(owner, "inertia", inertia, key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]
+    kg, ixx, iyy, izz, ixy, ixz, iyz = np.nan_to_num(values)
+    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    body = InertialParameters.from_center_of_mass(float(kg), np.zeros(3), tensor)
+    return body.transformed(pose @ tree.pose(owner, inertial))

@@ -1,0 +1,201 @@
+"""A URDF as it stands: links, joints, and which joint is above which link. What makes an arm of it is `urdf_arm`.
+
+References:
+    URDF XML specification, ROS.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from armload_controller.control_errors import ConfigurationError
+from armload_core.arrays import FloatArray
+from armload_identification.model.chain import pose_from_xyz_rpy
+
+_TURNING = ("revolute", "continuous")
+_ORIGIN = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfJoint:
+    """One `<joint>`.
+
+    Attributes:
+        name: Its name.
+        kind: Its type, such as "revolute".
+        parent: The link above it.
+        child: The link below it.
+        mimics: The joint that it follows; None where it has a motor of its own.
+        element: All of it.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    mimics: str | None
+    element: ElementTree.Element
+
+    @property
+    def turns(self) -> bool:
+        """Whether an arm may be made of it."""
+        return self.kind in _TURNING and self.mimics is None
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfTree:
+    """One file.
+
+    Attributes:
+        path: The file.
+        sha256: Hash of its content.
+        name: Of the robot.
+        links: Element by name.
+        joints: As the file has them.
+        above: The joint above each link that has one.
+    """
+
+    path: Path
+    sha256: str
+    name: str
+    links: Mapping[str, ElementTree.Element]
+    joints: tuple[UrdfJoint, ...]
+    above: Mapping[str, UrdfJoint]
+
+    def upwards(self, link: str) -> Iterator[UrdfJoint]:
+        """The joints above a link, nearest first; a ring ends where it began."""
+        seen = set()
+        while link in self.above and link not in seen:
+            seen.add(link)
+            yield self.above[link]
+            link = self.above[link].parent
+
+    def pose(self, owner: str, element: ElementTree.Element) -> FloatArray:
+        """(4, 4) the `<origin>` of an element; the identity where it has none.
+
+        Args:
+            owner: What messages call the element.
+            element: Of a joint, an inertial or a geometry.
+
+        Raises:
+            ConfigurationError: no three finite numbers.
+        """
+        origin = element.find("origin")
+        values = [self.numbers(owner, "origin", origin, key, _ORIGIN) for key in ("xyz", "rpy")]
+        return pose_from_xyz_rpy(values[0], values[1])
+
+    def number(self, owner: str, tag: str, element: ElementTree.Element | None, key: str) -> float:
+        """One attribute of an element; NaN where either is not there.
+
+        Args:
+            owner: What messages call the joint or link that it belongs to.
+            tag: Name of the element.
+            element: The element.
+            key: Name of the attribute.
+
+        Raises:
+            ConfigurationError: no finite number.
+        """
+        text = None if element is None else element.get(key)
+        return math.nan if text is None else self._floats(owner, tag, key, text, 1)[0]
+
+    def numbers(
+        self,
+        owner: str,
+        tag: str,
+        element: ElementTree.Element | None,
+        key: str,
+        default: tuple[float, float, float],
+    ) -> tuple[float, ...]:
+        """Three numbers of one attribute; see `number`."""
+        text = None if element is None else element.get(key)
+        return default if text is None else self._floats(owner, tag, key, text, 3)
+
+    def _floats(self, owner: str, tag: str, key: str, text: str, count: int) -> tuple[float, ...]:
+        """Finite numbers of a text."""
+        try:
+            values = tuple(float(word) for word in text.split())
+        except ValueError:
+            values = ()
+        if len(values) != count or not all(math.isfinite(value) for value in values):
+            what = "a finite number" if count == 1 else f"{count} finite numbers"
+            raise ConfigurationError(str(self.path), f"{owner}, {tag} {key}", text, what)
+        return values
+
+
+def read_urdf_tree(path: Path) -> UrdfTree:
+    """Read a URDF.
+
+    Args:
+        path: The file, with its xacro macros expanded.
+
+    Raises:
+        ConfigurationError: it cannot be read, is no URDF, or its joints and links are no tree.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(str(path), "file", None, f"a URDF that can be read ({error.strerror})") from error
+    root = _parsed(path, data)
+    joints = tuple(_joint(path, i, element) for i, element in enumerate(root.findall("joint")))
+    links = {str(element.get("name")): element for element in root.findall("link")}
+    above = _above(path, joints, links)
+    return UrdfTree(path, hashlib.sha256(data).hexdigest(), root.get("name") or path.stem, links, joints, above)
+
+
+def _parsed(path: Path, data: bytes) -> ElementTree.Element:
+    """The `<robot>` of a file."""
+    try:
+        root = ElementTree.fromstring(data)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise ConfigurationError(
+            str(path), "XML", str(error), "a URDF; expand a xacro file first: `xacro arm.urdf.xacro > arm.urdf`"
+        ) from error
+    if root.tag != "robot":
+        raise ConfigurationError(str(path), "root element", root.tag, "<robot>, as every URDF has")
+    macros = [element.tag for element in root.iter() if "ros.org/wiki/xacro" in element.tag]
+    if macros:
+        raise ConfigurationError(
+            str(path), "xacro", macros[0].split("}")[-1], "no macros; expand them: `xacro arm.urdf.xacro > arm.urdf`"
+        )
+    return root
+
+
+def _joint(path: Path, index: int, element: ElementTree.Element) -> UrdfJoint:
+    """One joint, with the links that it connects."""
+    name = element.get("name")
+    if not name:
+        raise ConfigurationError(str(path), f"joint {index + 1}, name", None, "a name")
+    ends = []
+    for tag in ("parent", "child"):
+        end = element.find(tag)
+        link = None if end is None else end.get("link")
+        if not link:
+            raise ConfigurationError(str(path), f"joint {name}, {tag}", None, f'<{tag} link="..."/>')
+        ends.append(link)
+    mimic = element.find("mimic")
+    mimics = None if mimic is None else mimic.get("joint") or "another"
+    return UrdfJoint(name, element.get("type") or "", ends[0], ends[1], mimics, element)
+
+
+def _above(path: Path, joints: tuple[UrdfJoint, ...], links: Mapping[str, ElementTree.Element]) -> dict[str, UrdfJoint]:
+    """The joint above each link."""
+    above: dict[str, UrdfJoint] = {}
+    for joint in joints:
+        if joint.child in above:
+            raise ConfigurationError(
+                str(path),
+                f"joint {joint.name}, child",
+                joint.child,
+                f"a link without a parent; {above[joint.child].name} is its parent already: a chain has no loops",
+            )
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ConfigurationError(str(path), f"joint {joint.name}, link", link, "one of the file's <link>s")
+        above[joint.child] = joint
+    return above
