@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from armload_controller.config.robot import Robot
+from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.control_errors import ConfigurationError
 from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.model.chain import Chain
@@ -33,8 +33,8 @@ class ArmInUse:
     known: KnownArm | None
 
 
-def arm_in_use(robot: Robot, gains: FilePath | None, calibration: FilePath | None) -> ArmInUse:
-    """The robot's arm, calibrated where a file of gains or of a calibration is given.
+def arm_in_use(arm: MeasuredArm, gains: FilePath | None, calibration: FilePath | None) -> ArmInUse:
+    """The arm, calibrated where a file of gains or of a calibration is given.
 
     Raises:
         ConfigurationError: both files are given.
@@ -42,21 +42,20 @@ def arm_in_use(robot: Robot, gains: FilePath | None, calibration: FilePath | Non
         ModelError: it belongs to another arm.
     """
     if calibration is None:
-        return ArmInUse(robot.chain, transmission_of(robot, gains), None)
+        return ArmInUse(arm.chain, transmission_of(arm, gains), None)
     if gains is not None:
         raise ConfigurationError("command line", "--gains / --calibration", None, "one of the two")
     from armload_identification.files.calibration_file import read_calibration
 
-    arm = read_calibration(Path(calibration))
-    arm.require_arm(robot.chain, robot.drives.coupling)
-    transmission = arm.transmission(robot.drives.transmission)
-    return ArmInUse(arm.level(robot.chain), transmission, arm.known_arm(robot.chain))
+    known = read_calibration(Path(calibration))
+    known.require_arm(arm.chain, arm.transmission.coupling)
+    return ArmInUse(known.level(arm.chain), known.transmission(arm.transmission), known.known_arm(arm.chain))
 
 
-def transmission_of(robot: Robot, gains: FilePath | None) -> Transmission:
-    """The robot's transmission, with calibrated gains where a file of them is given."""
+def transmission_of(arm: MeasuredArm, gains: FilePath | None) -> Transmission:
+    """The arm's transmission, with calibrated gains where a file of them is given."""
     if gains is None:
-        return robot.drives.transmission
+        return arm.transmission
     from armload_identification.files.gains_file import read_gains
 
-    return read_gains(Path(gains), robot.drives.coupling)
+    return read_gains(Path(gains), arm.transmission.coupling)

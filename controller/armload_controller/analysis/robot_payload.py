@@ -10,7 +10,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
-from armload_controller.config.robot import Robot, load_robot
+from armload_controller.config.measured_arm import MeasuredArm
+from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_recordings import read_of
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
@@ -29,7 +30,7 @@ RunPair = tuple[Recording | FilePath, Recording | FilePath]
 """A loaded run, and one of the same motion without the payload."""
 
 
-def read_run(path: FilePath, robot: Robot | str | None = None) -> Recording:
+def read_run(path: FilePath, robot: MeasuredArm | str | None = None) -> Recording:
     """Read a recording.
 
     Args:
@@ -52,7 +53,7 @@ def read_run(path: FilePath, robot: Robot | str | None = None) -> Recording:
 
 
 def identify(
-    robot: Robot | str,
+    robot: MeasuredArm | str,
     loaded: Recording | FilePath,
     unloaded: Recording | FilePath | None = None,
     *,
@@ -67,7 +68,7 @@ def identify(
     """Identify the payload that one run carried and the other did not.
 
     Args:
-        robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
         loaded: Run with the payload.
         unloaded: Run of the same motion without it; may be left out with `body` or `calibration`.
         validation: A loaded and an unloaded run of another motion, to judge the result.
@@ -123,7 +124,7 @@ def identify(
 
 
 def validate(
-    robot: Robot | str,
+    robot: MeasuredArm | str,
     payload: PayloadResult | FilePath,
     loaded: Recording | FilePath,
     unloaded: Recording | FilePath,
@@ -135,7 +136,7 @@ def validate(
     """Judge a payload by a pair of runs that it was not identified from.
 
     Args:
-        robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
         payload: The payload, or its file.
         loaded: Run with the payload.
         unloaded: Run of the same motion without it.
@@ -163,7 +164,7 @@ def validate(
 
 
 def findings_from_files(
-    robot: Robot | str,
+    robot: MeasuredArm | str,
     payload: FilePath,
     *,
     fitted: RunPair | None = None,
@@ -175,7 +176,7 @@ def findings_from_files(
     """What files say of a payload, without identifying it again.
 
     Args:
-        robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
         payload: Payload file.
         fitted: The runs that it was identified from.
         validation: Runs that it was not identified from.
@@ -200,7 +201,9 @@ def findings_from_files(
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
 
 
-def _validated(findings: Findings, arm: Robot, used: ArmInUse, pair: RunPair, tolerance: Tolerance | None) -> Findings:
+def _validated(
+    findings: Findings, arm: MeasuredArm, used: ArmInUse, pair: RunPair, tolerance: Tolerance | None
+) -> Findings:
     """The same findings, judged by a pair of runs."""
     loaded, unloaded = (_run(arm, run) for run in pair)
     judged = payload_validation.validate(
@@ -210,12 +213,12 @@ def _validated(findings: Findings, arm: Robot, used: ArmInUse, pair: RunPair, to
     return replace(findings, content=replace(findings.content, validation=judged, validation_sources=sources))
 
 
-def _robot(robot: Robot | str) -> Robot:
-    return robot if isinstance(robot, Robot) else load_robot(robot)
+def _robot(robot: MeasuredArm | str) -> MeasuredArm:
+    return load_robot(robot) if isinstance(robot, str) else robot
 
 
-def _run(arm: Robot, run: Recording | FilePath) -> Recording:
-    return run if isinstance(run, Recording) else read_of(arm, Path(run))
+def _run(arm: MeasuredArm, run: Recording | FilePath) -> Recording:
+    return arm.own(run) if isinstance(run, Recording) else read_of(arm, Path(run))
 
 
 def _payload(payload: PayloadResult | FilePath) -> PayloadResult:

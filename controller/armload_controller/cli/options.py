@@ -8,6 +8,16 @@ from typing import Annotated
 import typer
 
 RobotArgument = Annotated[str, typer.Argument(metavar="ROBOT", help="A shipped robot, or the path of a robot's TOML.")]
+MaybeRobotArgument = Annotated[
+    str | None, typer.Argument(metavar="[ROBOT]", help="A shipped robot, or the path of a robot's TOML; or --urdf.")
+]
+UrdfOption = Annotated[
+    Path | None, typer.Option("--urdf", help="URDF of the arm, in place of ROBOT; recorded effort is joint torque.")
+]
+BaseOption = Annotated[str | None, typer.Option("--base", help="Link that the arm begins at; the root if not given.")]
+FlangeOption = Annotated[
+    str | None, typer.Option("--flange", help="Link that it ends at; needed where the URDF leaves a choice.")
+]
 InterfaceOption = Annotated[
     str | None, typer.Option("--interface", help="python-can interface, instead of the configured one.")
 ]

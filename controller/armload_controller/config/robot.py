@@ -21,7 +21,7 @@ from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.robot_strength import RobotStrength
 from armload_controller.config.tables.drive_tables import BusTable
 from armload_controller.config.tables.robot_file import RobotFile
-from armload_controller.control_errors import ConfigurationError
+from armload_controller.control_errors import CommissioningError, ConfigurationError
 from armload_controller.motion.motion_constraints import MotionConstraints
 from armload_controller.motion.obstacles import Obstacles
 from armload_identification.excitation.design_envelope import Envelope
@@ -31,6 +31,8 @@ from armload_identification.excitation.workspace import Workspace
 from armload_identification.identification_errors import IdentificationError, ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.signals.joint_torque import Transmission
 from armload_identification.storage.strict_toml import parse, read_text, validated
 
 
@@ -105,6 +107,24 @@ class Robot:
         """Columns of other programs' logs; None where the file has no `[log]`."""
         log = self.source.tables.log
         return None if log is None else log.csv_columns()
+
+    @property
+    def transmission(self) -> Transmission:
+        """How motor currents become joint torques."""
+        return self.drives.transmission
+
+    def own(self, recording: Recording) -> Recording:
+        """A recording as one of this arm; see `MeasuredArm`."""
+        path, name = recording.source.path, recording.source.run().get("robot", self.name)
+        if name != self.name:
+            raise CommissioningError(
+                f"{path} was recorded on {name}, not on {self.name}: give the robot it was recorded on, or its "
+                "recordings"
+            )
+        if set(self.joint_names) & set(recording.joint_names):
+            return recording.named_joints(self.joint_names)
+        check_joints(recording, self.n)
+        return recording
 
     @cached_property
     def drives(self) -> RobotDrives:

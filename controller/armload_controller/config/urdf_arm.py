@@ -28,9 +28,12 @@ import numpy as np
 from armload_controller.config.urdf_tree import UrdfJoint, UrdfTree, read_urdf_tree
 from armload_controller.control_errors import ConfigurationError
 from armload_core.arrays import FloatArray
-from armload_identification.identification_errors import ModelError
+from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.signals.joint_torque import Transmission
 
 FEWEST_JOINTS, MOST_JOINTS = 4, 16
 STANDARD_FLANGES = ("tool0", "flange")
@@ -48,7 +51,7 @@ class UrdfArm:
         name: Of the robot.
         base: Link that the chain begins at.
         flange: Link that it ends at.
-        chain: Kinematics; gravity along -z of the base.
+        chain: Kinematics; gravity along -z of the root, with the joints between root and base at zero.
         joint_names: From the base to the flange.
         position_min_rad: (n,) -inf for a continuous joint.
         position_max_rad: (n,) inf for a continuous joint.
@@ -87,6 +90,28 @@ class UrdfArm:
         """What the robot is, in a line."""
         return f"from {Path(self.file).name}, {self.base} to {self.flange}"
 
+    @property
+    def csv_columns(self) -> CsvColumns | None:
+        """None: a URDF says nothing of logs."""
+        return None
+
+    @property
+    def transmission(self) -> Transmission:
+        """What joints report is joint torque; a URDF knows no motors."""
+        return Transmission(np.ones(self.n), np.eye(self.n))
+
+    def own(self, recording: Recording) -> Recording:
+        """A recording as one of this arm; see `MeasuredArm`. Effort is joint torque."""
+        if recording.torque_nm is None:
+            raise RecordingError(
+                f"{recording.source.path}: no joint torque, only motor currents, and a URDF has no torque constants. "
+                "Make a robot file with `armload init` and give its joints gear_ratio and torque_constant_nm_a."
+            )
+        if recording.joint_names:
+            return recording.named_joints(self.joint_names)
+        check_joints(recording, self.n)
+        return recording
+
 
 def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: str | None = None) -> UrdfArm:
     """Read the arm between two links of a URDF.
@@ -101,7 +126,7 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
         >>> isinstance(arm, armload.UrdfArm), arm.base, arm.flange, len(arm.joint_names)
         (True, 'link_0', 'link_4', 4)
 
-    Its chain is what `PayloadFeedforward` takes.
+    `identify` and `validate` take it in place of a robot; its chain is what `PayloadFeedforward` takes.
 
     Args:
         path: The file, with its xacro macros expanded.
@@ -129,7 +154,7 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
         name=tree.name,
         base=start,
         flange=end,
-        chain=_chain(tree, way, moving),
+        chain=_chain(tree, way, moving, _gravity(tree, start)),
         joint_names=tuple(joint.name for joint in moving),
         position_min_rad=limits[:, 0],
         position_max_rad=limits[:, 1],
@@ -250,7 +275,7 @@ def _require_supported(path: Path, moving: Sequence[UrdfJoint], base: str, flang
         )
 
 
-def _chain(tree: UrdfTree, way: Sequence[UrdfJoint], moving: Sequence[UrdfJoint]) -> Chain:
+def _chain(tree: UrdfTree, way: Sequence[UrdfJoint], moving: Sequence[UrdfJoint], gravity: FloatArray) -> Chain:
     """The chain, fixed joints folded."""
     placements, pose = [], np.eye(4)
     for joint in way:
@@ -263,9 +288,17 @@ def _chain(tree: UrdfTree, way: Sequence[UrdfJoint], moving: Sequence[UrdfJoint]
         for joint in moving
     ]
     try:
-        return Chain(np.array(placements), np.array(axes), pose, np.array(STANDARD_GRAVITY_M_S2))
+        return Chain(np.array(placements), np.array(axes), pose, gravity)
     except ModelError as error:
         raise ConfigurationError(str(tree.path), "joints", [joint.name for joint in moving], str(error)) from error
+
+
+def _gravity(tree: UrdfTree, base: str) -> FloatArray:
+    """(3,) gravity in the base's axes: along -z of the root, with the joints between them at zero."""
+    pose = np.eye(4)
+    for joint in tree.upwards(base):
+        pose = tree.pose(f"joint {joint.name}", joint.element) @ pose
+    return np.asarray(pose[:3, :3].T @ STANDARD_GRAVITY_M_S2)
 
 
 def _limits(tree: UrdfTree, joint: UrdfJoint) -> tuple[float, float, float, float, float, float]:

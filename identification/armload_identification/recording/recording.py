@@ -39,6 +39,7 @@ class RecordingSource:
         attachments: Text of the attachments by name.
         truncated: The file ends in the middle of a record; what came before was read.
         joint_names: Names of the joints in the order of the columns; empty where the recording does not name them.
+        ignored_joints: Names of further joints of the file, which the arm does not have.
     """
 
     path: Path
@@ -50,6 +51,7 @@ class RecordingSource:
     attachments: Mapping[str, str] = field(default_factory=dict)
     truncated: bool = False
     joint_names: tuple[str, ...] = ()
+    ignored_joints: tuple[str, ...] = ()
 
     def run(self) -> dict[str, Any]:
         """The `run.json` attachment; empty where there is none.
@@ -150,7 +152,9 @@ class Recording(RowBlock):
                 f"{self.source.path}: no joint named {', '.join(absent)}; the recording has "
                 f"{', '.join(self.joint_names)}. Give the recording and the description of the same arm."
             )
-        return self.joints([self.joint_names.index(name) for name in names])
+        ignored = tuple(name for name in self.joint_names if name not in names)
+        run = self.joints([self.joint_names.index(name) for name in names])
+        return replace(run, source=replace(run.source, ignored_joints=self.source.ignored_joints + ignored))
 
     @classmethod
     def from_arrays(

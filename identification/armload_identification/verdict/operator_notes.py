@@ -75,6 +75,8 @@ def _on_recordings(runs: Sequence[Recording]) -> list[str]:
             notes.append(f"{name} recording: {source.rows_dropped} of {source.rows_read} rows dropped ({listed}).")
         if source.truncated:
             notes.append(f"{name} recording: the file ends early; what came before was used.")
+        if source.ignored_joints:
+            notes.append(f"{name} recording: not of this arm, and ignored: {', '.join(source.ignored_joints)}.")
     return notes
 
 

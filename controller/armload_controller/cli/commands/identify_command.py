@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.options import CalibrationOption, GainsOption, LoadedOption, RobotArgument
+from armload_controller.cli.given_arm import given_arm
+from armload_controller.cli.options import (
+    BaseOption,
+    CalibrationOption,
+    FlangeOption,
+    GainsOption,
+    LoadedOption,
+    MaybeRobotArgument,
+    UrdfOption,
+)
 from armload_controller.cli.output.findings_output import ReportOption, ValidationOption, finish, require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
@@ -19,11 +28,14 @@ if TYPE_CHECKING:
 
 
 def identify(
-    robot: RobotArgument,
     loaded: LoadedOption,
+    robot: MaybeRobotArgument = None,
     unloaded: Annotated[
         Path | None, typer.Option("--unloaded", help="Recording of the same motion without the payload.")
     ] = None,
+    urdf: UrdfOption = None,
+    base: BaseOption = None,
+    flange: FlangeOption = None,
     body: Annotated[
         Path | None, typer.Option("--body", help="Body file of `armload identify-body`, in place of --unloaded.")
     ] = None,
@@ -55,7 +67,7 @@ def identify(
         if file is not None:
             require_folder(file)
     findings = robot_payload.identify(
-        robot,
+        given_arm(robot, urdf, base, flange),
         loaded,
         unloaded,
         validation=validation,

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from armload_controller.cli.options import CalibrationOption, GainsOption, LoadedOption, RobotArgument, UnloadedOption
+from armload_controller.cli.given_arm import given_arm
+from armload_controller.cli.options import (
+    BaseOption,
+    CalibrationOption,
+    FlangeOption,
+    GainsOption,
+    LoadedOption,
+    UnloadedOption,
+    UrdfOption,
+)
 from armload_controller.cli.output.findings_output import ReportOption, finish
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
@@ -15,10 +23,18 @@ from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOpt
 
 
 def validate(
-    robot: RobotArgument,
-    payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file to judge (TOML).")],
+    arguments: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[ROBOT] PAYLOAD",
+            help="A shipped robot, or the path of a robot's TOML; left out with --urdf. Then the payload file (TOML).",
+        ),
+    ],
     loaded: LoadedOption,
     unloaded: UnloadedOption,
+    urdf: UrdfOption = None,
+    base: BaseOption = None,
+    flange: FlangeOption = None,
     report: ReportOption = None,
     gains: GainsOption = None,
     calibration: CalibrationOption = None,
@@ -29,11 +45,15 @@ def validate(
     from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
 
+    *robots, payload = arguments
+    if len(robots) > 1:
+        raise typer.BadParameter(f"expected ROBOT and PAYLOAD, found {' '.join(arguments)}")
+    arm = given_arm(robots[0] if robots else None, urdf, base, flange)
     if report is not None:
         require_folder(report)
     allowed = tolerance_of(tolerance)
     findings = robot_payload.validate(
-        robot, payload, loaded, unloaded, gains=gains, calibration=calibration, tolerance=allowed
+        arm, payload, loaded, unloaded, gains=gains, calibration=calibration, tolerance=allowed
     )
     finish(Screen(as_json=as_json), findings, payload=None, report=report, as_json=as_json)
     if findings.outcome is not None:

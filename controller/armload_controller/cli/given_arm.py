@@ -1,0 +1,38 @@
+"""The arm that a command is given: by name or file, or as a URDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from armload_controller.config.measured_arm import MeasuredArm
+
+
+def given_arm(robot: str | None, urdf: Path | None, base: str | None, flange: str | None) -> MeasuredArm:
+    """The arm of a ROBOT argument or of --urdf.
+
+    Args:
+        robot: Name or path of a robot's file.
+        urdf: Path of a URDF.
+        base: Link that the URDF's arm begins at.
+        flange: Link that it ends at.
+
+    Raises:
+        BadParameter: none of the two, both, or links without a URDF.
+        ConfigurationError: the file cannot be used.
+    """
+    from armload_controller.config.robot import load_robot
+    from armload_controller.config.urdf_arm import read_urdf_arm
+
+    if urdf is not None:
+        if robot is not None:
+            raise typer.BadParameter(f"ROBOT {robot!r} and --urdf {urdf} were given: give one of the two")
+        return read_urdf_arm(urdf, base, flange)
+    if base is not None or flange is not None:
+        raise typer.BadParameter("--base and --flange choose the arm in a URDF: give --urdf as well")
+    if robot is None:
+        raise typer.BadParameter("no arm: give ROBOT, a shipped robot or the path of its TOML, or --urdf arm.urdf")
+    return load_robot(robot)

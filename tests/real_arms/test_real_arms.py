@@ -1,0 +1,76 @@
+"""Twelve arms from the URDFs that their users have: the chain is Pinocchio's, and a payload on it is found.
+
+The files are those of PyPI's `example-robot-data` (440 MB), which `.ci/run` installs from `robots.lock` in an
+environment of its own. Base and flange are chosen by the options that a user has.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armload
+from tests.urdf_simulation import PinocchioArm
+
+FOLDER = Path(os.environ.get("ARMLOAD_EXAMPLE_ROBOTS", "not-given"))
+LIGHT_KG, USUAL_KG = 0.1, 1.0
+ARMS = {
+    "UR3": ("ur_description/urdf/ur3_robot.urdf", None, None, USUAL_KG),
+    "UR5": ("ur_description/urdf/ur5_robot.urdf", None, None, USUAL_KG),
+    "UR10": ("ur_description/urdf/ur10_robot.urdf", None, None, USUAL_KG),
+    "Panda": ("panda_description/urdf/panda.urdf", None, "panda_hand", USUAL_KG),
+    "Kinova": ("kinova_description/robots/kinova.urdf", None, "j2s6s200_end_effector", USUAL_KG),
+    "xArm7": ("xarm_description/urdf/xarm7.urdf", None, "link_eef", USUAL_KG),
+    "Z1": ("z1_description/urdf/z1.urdf", None, "link06", USUAL_KG),
+    "SO-100": ("so_arm_description/urdf/so100.urdf", None, "gripper", LIGHT_KG),
+    "SO-101": ("so_arm_description/urdf/so101.urdf", None, "gripper_link", LIGHT_KG),
+    "Baxter, left": ("baxter_description/urdf/baxter.urdf", None, "left_gripper", USUAL_KG),
+    "Tiago": ("tiago_description/robots/tiago.urdf", "torso_lift_link", "arm_tool_link", USUAL_KG),
+    "Talos, left": ("talos_data/robots/talos_left_arm.urdf", None, "wrist_left_ft_tool_link", USUAL_KG),
+}
+
+pytestmark = pytest.mark.skipif(
+    not FOLDER.is_dir(), reason="ARMLOAD_EXAMPLE_ROBOTS does not name the robots of example-robot-data"
+)
+
+
+@pytest.fixture(params=ARMS.values(), ids=ARMS, scope="module")
+def case(request):
+    """An arm of a URDF, Pinocchio's, and the payload's mass."""
+    file, base, flange, mass_kg = request.param
+    arm = armload.read_urdf_arm(FOLDER / file, base=base, flange=flange)
+    return arm, PinocchioArm(FOLDER / file, arm.joint_names, arm.base, arm.flange), mass_kg
+
+
+def test_the_chain_is_pinocchios(case):
+    arm, reference, _ = case
+    rng = np.random.default_rng(0)
+    for q in rng.uniform(-3.0, 3.0, (20, arm.n)):
+        np.testing.assert_allclose(arm.chain.forward(q)[-1], reference.flange_pose(q), atol=1e-9, rtol=0.0)
+
+
+def test_a_payload_is_found(case):
+    """Joints in another order, and one more than the arm has."""
+    arm, reference, mass_kg = case
+    center_m, size_m = np.array([0.02, -0.01, 0.05]), 0.08
+    inertia = mass_kg * size_m**2 / 6.0 * np.eye(3)
+    limits = arm.position_min_rad, arm.position_max_rad, arm.velocity_max_rad_s
+    loaded, empty = reference.runs(*limits, mass_kg, center_m, inertia)
+    order = np.random.default_rng(1).permutation(arm.n)
+
+    def recorded(run, name):
+        column = np.sin(run.time_s)[:, None]
+        return armload.Recording.from_arrays(
+            run.time_s,
+            np.hstack([run.position_rad[:, order], 0.02 * column]),
+            torque_nm=np.hstack([run.torque_nm[:, order], column]),
+            joint_names=[*(arm.joint_names[i] for i in order), "a finger"],
+            name=name,
+        )
+
+    found = armload.identify(arm, recorded(loaded, "loaded"), recorded(empty, "unloaded"))
+    assert found.payload.determined[:4].all(), found
+    assert found.payload.model.mass_kg == pytest.approx(mass_kg, rel=0.005)
+    np.testing.assert_allclose(found.payload.model.center_of_mass_m, center_m, atol=0.005)
+    assert any("ignored: a finger" in note for note in found.notes)

@@ -1,0 +1,104 @@
+"""`--urdf`: recordings of an arm that has a URDF and no file of armload's; the torque is Pinocchio's."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.motion.phase import Segment
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.files.payload_file import read_payload
+from tests.urdf_simulation import PinocchioArm
+
+NAMES = [f"j{i}" for i in range(1, 7)]
+MASS_KG, CENTER_M = 1.5, [0.03, -0.02, 0.06]
+
+
+def _joint(name, kind, parent, child, xyz="0 0 0", rpy="0 0 0"):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><limit lower="-2.5" upper="2.5" velocity="2" effort="100"/></joint>'
+    )
+
+
+URDF = (
+    '<robot name="six">'
+    + "".join(
+        f'<link name="{name}"><inertial><origin xyz="0 0 0.1"/><mass value="{mass}"/>'
+        '<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for name, mass in zip(["base", "l1", "l2", "l3", "l4", "l5", "l6"], [9, 5, 6, 4, 2, 1, 0.5], strict=True)
+    )
+    + '<link name="tool0"/><link name="left"/>'
+    + _joint("j1", "revolute", "base", "l1", "0 0 0.3")
+    + _joint("j2", "revolute", "l1", "l2", "0 0 0", "1.5708 0 0")
+    + _joint("j3", "revolute", "l2", "l3", "0.4 0 0")
+    + _joint("j4", "continuous", "l3", "l4", "0.1 0 0", "1.5708 0 0")
+    + _joint("j5", "revolute", "l4", "l5", "0 0 0.4", "-1.5708 0 0")
+    + _joint("j6", "revolute", "l5", "l6", "0 0 0", "1.5708 0 0")
+    + _joint("end", "fixed", "l6", "tool0", "0 0 0.1")
+    + _joint("finger", "prismatic", "tool0", "left")
+    + "</robot>"
+)
+
+
+def record(path, run, load, names, columns, current=False):
+    """A recording with the joints in another order, and a finger."""
+    n = len(names)
+    description = {"armload_version": "0", "robot": "somebody's", "load": load, "joints": list(names)}
+    statusword, missing = np.full(n, 0x0637, dtype=np.uint16), np.zeros(n, dtype=bool)
+    still = np.zeros(n)
+    with Recorder(path, {"run.json": json.dumps(description)}) as recorder:
+        for k, time_s in enumerate(run.time_s):
+            position, effort = (np.append(values[k], 0.0)[columns] for values in (run.position_rad, run.torque_nm))
+            measured = (effort, None) if current else (None, effort)
+            feedback = JointFeedback(k, time_s, position, None, *measured, statusword, missing)
+            recorder.write(feedback, JointCommand(position, still, still), Segment.PERIODS, None)
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """A URDF and two recordings of it."""
+    folder = tmp_path_factory.mktemp("urdf")
+    (folder / "six.urdf").write_text(URDF)
+    arm = PinocchioArm(folder / "six.urdf", NAMES, "base", "tool0")
+    lower, upper, speed = np.full(6, -2.5), np.full(6, 2.5), np.full(6, 2.0)
+    runs = arm.runs(lower, upper, speed, MASS_KG, CENTER_M, 0.002 * np.eye(3), seed=1)
+    columns = [6, 2, 0, 5, 1, 4, 3]
+    for load, run in zip(("loaded", "unloaded"), runs, strict=True):
+        record(folder / f"{load}.mcap", run, load, [[*NAMES, "finger"][i] for i in columns], columns)
+    return folder
+
+
+def pair(desk):
+    return "--loaded", desk / "loaded.mcap", "--unloaded", desk / "unloaded.mcap"
+
+
+def test_a_payload_is_found_with_joints_by_name(armload, desk):
+    out = desk / "payload.toml"
+    result = armload("identify", "--urdf", desk / "six.urdf", *pair(desk), "--output", out)
+    assert result.exit_code == 0, result.output
+    assert "ignored: finger" in result.output
+    found = read_payload(out)
+    assert found.model.mass_kg == pytest.approx(MASS_KG, rel=0.005)
+    np.testing.assert_allclose(found.model.center_of_mass_m, CENTER_M, atol=0.003)
+    judged = armload("validate", out, "--urdf", desk / "six.urdf", *pair(desk))
+    assert judged.exit_code == 0, judged.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["er50", "--urdf", "six.urdf"], "give one of the two"),
+        (["er50", "--flange", "tool0"], "give --urdf as well"),
+        ([], "no arm: give ROBOT"),
+        (["--urdf", "six.urdf", "--flange", "hand"], "--flange is 'hand'.*one of its links: base.*tool0"),
+    ],
+)
+def test_what_is_given_makes_one_arm(armload, desk, monkeypatch, words, message):
+    monkeypatch.chdir(desk)
+    monkeypatch.setenv("COLUMNS", "300")
+    result = armload("identify", *words, *pair(desk))
+    assert result.exit_code != 0
+    assert re.search(message, result.output + str(result.exception), re.DOTALL)

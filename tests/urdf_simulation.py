@@ -1,0 +1,108 @@
+"""An arm of a URDF as Pinocchio moves it: the flange's pose, and recordings empty and with a payload.
+
+Nothing of this project's kinematics or dynamics is used, so that what is compared with it is tested.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+RATE_HZ = 100.0
+PERIODS = 2
+HARMONICS = 5
+BASE_HZ = 0.1
+_RANGE_SHARE = 0.7
+_SPEED_SHARE = 0.7
+_FEW_RAD_S = 1.0
+"""Greatest speed where the file gives none, or one that no arm has."""
+_FRICTION_SHARE = 0.15
+_NOISE_SHARE = 0.005
+"""Of a joint's torque, root mean square: Coulomb friction, and noise of one sample."""
+
+
+@dataclass
+class SimulatedRun:
+    """One run: (N,) times, (N, n) positions and torques."""
+
+    time_s: np.ndarray
+    position_rad: np.ndarray
+    torque_nm: np.ndarray
+
+
+class PinocchioArm:
+    """The joints of some names, from base to flange; all others stand at zero."""
+
+    def __init__(self, path, joint_names, base, flange):
+        self.model = pin.buildModelFromUrdf(str(path))
+        self.joint_names, self.base, self.flange = tuple(joint_names), base, flange
+
+    def configuration(self, q, model=None):
+        """Pinocchio's configuration of joint angles in the order of the names."""
+        model = model or self.model
+        full = pin.neutral(model)
+        for name, angle in zip(self.joint_names, q, strict=True):
+            which = model.joints[model.getJointId(name)]
+            full[which.idx_q : which.idx_q + which.nq] = [angle] if which.nq == 1 else [np.cos(angle), np.sin(angle)]
+        return full
+
+    def flange_pose(self, q):
+        """(4, 4) the flange in the base."""
+        data = self.model.createData()
+        pin.framesForwardKinematics(self.model, data, self.configuration(q))
+        base, flange = (data.oMf[self.model.getFrameId(link, pin.FrameType.BODY)] for link in (self.base, self.flange))
+        return (base.inverse() * flange).homogeneous
+
+    def loaded(self, mass_kg, center_m, inertia_kg_m2):
+        """Pinocchio's model with a body on the flange."""
+        model = pin.Model(self.model)
+        frame = model.frames[model.getFrameId(self.flange, pin.FrameType.BODY)]
+        body = pin.Inertia(mass_kg, np.array(center_m), np.array(inertia_kg_m2))
+        model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
+        return model
+
+    def runs(self, lower, upper, speed, mass_kg, center_m, inertia_kg_m2, seed=0):
+        """An empty run and one with a payload, of one motion within the limits, with friction and noise.
+
+        Returns:
+            The loaded and the empty run.
+        """
+        rng = np.random.default_rng(seed)
+        q, dq, ddq = _motion(rng, lower, upper, speed)
+        order = [self.model.joints[self.model.getJointId(name)].idx_v for name in self.joint_names]
+        torques = []
+        for model in (self.loaded(mass_kg, center_m, inertia_kg_m2), self.model):
+            data = model.createData()
+            torque = np.empty_like(q)
+            moved = np.zeros((2, model.nv))
+            for k in range(len(q)):
+                moved[0, order], moved[1, order] = dq[k], ddq[k]
+                torque[k] = pin.rnea(model, data, self.configuration(q[k], model), moved[0], moved[1])[order]
+            torques.append(torque)
+        size = np.sqrt(np.mean(torques[1] ** 2, axis=0))
+        size = np.maximum(size, 0.05 * size.max())
+        friction = _FRICTION_SHARE * size * (np.tanh(dq / 0.01) + dq)
+        found = []
+        for torque in torques:
+            measured = np.tile(torque + friction, (PERIODS, 1))
+            measured += _NOISE_SHARE * size * rng.normal(size=measured.shape)
+            position = np.tile(q, (PERIODS, 1)) + 1e-5 * rng.normal(size=measured.shape)
+            found.append(SimulatedRun(np.arange(len(measured)) / RATE_HZ, position, measured))
+        return found
+
+
+def _motion(rng, lower, upper, speed):
+    """One period of a Fourier series: (N, n) positions, velocities, accelerations."""
+    lower, upper = np.maximum(lower, -np.pi), np.minimum(upper, np.pi)
+    fast = np.where((speed > 0.0) & (speed < np.pi), speed, _FEW_RAD_S)
+    w = 2.0 * np.pi * BASE_HZ * np.arange(1, HARMONICS + 1)
+    t = np.arange(round(RATE_HZ / BASE_HZ))[:, None] / RATE_HZ
+    a, b = rng.normal(size=(2, HARMONICS, len(lower))) / np.arange(1, HARMONICS + 1)[:, None]
+    sine, cosine = np.sin(w * t), np.cos(w * t)
+    q = sine @ a + cosine @ b
+    dq = (cosine * w) @ a - (sine * w) @ b
+    ddq = -(sine * w**2) @ a - (cosine * w**2) @ b
+    scale = np.minimum(
+        _RANGE_SHARE * 0.5 * (upper - lower) / np.abs(q).max(axis=0), _SPEED_SHARE * fast / np.abs(dq).max(axis=0)
+    )
+    return 0.5 * (lower + upper) + scale * q, scale * dq, scale * ddq
