@@ -12,6 +12,8 @@ from armload_core.arrays import FloatArray
 
 MOST_JOINTS: int
 """Joints of the longest chain that the kernels take."""
+MOST_JOINTS_OF_A_MESSAGE: int
+"""Numbers in an array of a recorded message that the kernels take."""
 BODY_PARAMETERS: int
 """Inertial parameters of a body."""
 BOX_NUMBERS: int
@@ -108,6 +110,26 @@ def clearance_slope_into(
 
 def sine_cosine_into(angle: FloatArray, sine: FloatArray, cosine: FloatArray, /) -> None:
     """Sine and cosine of (N, n) angles as the kernels compute them."""
+
+def joint_rows_into(
+    records: bytes, at: int, channels: bytes, arrays: int, joints: int, table: FloatArray, /
+) -> tuple[int, int, int]:
+    """Rows of numbers from the messages of an own recording, until something follows that is left to the caller.
+
+    That is a channel, a message that is not exactly what the recorder writes, one that is not whole, or a full table.
+    Records of other kinds and channels are passed over.
+
+    Args:
+        records: MCAP records, one behind the other.
+        at: Where in them to begin.
+        channels: Numbers of the topic's channels, two bytes each, low byte first.
+        arrays: Which arrays a row holds behind the position: 1 velocity_rad_s, 2 current_a, 4 torque_nm.
+        joints: Numbers in an array.
+        table: (N, 2 + joints (1 + arrays)) rows to fill: time_s, phase_s (NaN for null), position_rad, the arrays.
+
+    Returns:
+        Rows filled, messages passed over because their feedback is missing, and where the next record begins.
+    """
 
 def variants() -> list[str]:
     """Names of the instruction sets that the kernels are there for and this processor has; the first one is in use."""

@@ -2,6 +2,7 @@
 
 #include "batch.h"
 #include "chain.h"
+#include "joint_messages.h"
 #include "python_types.h"
 #include "servo_loops.h"
 
@@ -354,6 +355,9 @@ static PyObject *use_variant(PyObject *module, PyObject *name)
     return NULL;
 }
 
+PyDoc_STRVAR(joint_rows_doc, "joint_rows_into(records, at, channels, arrays, joints, table, /)\n--\n\n"
+                             "Rows of numbers from the messages of a recording.");
+
 static PyMethodDef FUNCTIONS[] = {
     {"regressor_into", FASTCALL(regressor_into), METH_FASTCALL, regressor_doc},
     {"body_regressor_into", FASTCALL(body_regressor_into), METH_FASTCALL, body_regressor_doc},
@@ -365,6 +369,7 @@ static PyMethodDef FUNCTIONS[] = {
     {"clearances_into", FASTCALL(clearances_into), METH_FASTCALL, clearances_doc},
     {"clearance_slope_into", FASTCALL(clearance_slope_into), METH_FASTCALL, clearance_slope_doc},
     {"sine_cosine_into", FASTCALL(sine_cosine_into), METH_FASTCALL, sine_cosine_doc},
+    {"joint_rows_into", joint_rows_into, METH_VARARGS, joint_rows_doc},
     {"variants", variants, METH_NOARGS, variants_doc},
     {"use_variant", use_variant, METH_O, use_variant_doc},
     {NULL, NULL, 0, NULL}};
@@ -389,6 +394,7 @@ static int fill_module(PyObject *module)
     ADD_ROW(STATES)
 #undef ADD_ROW
     if (PyModule_AddIntConstant(module, "MOST_JOINTS", MOST_JOINTS) < 0
+        || PyModule_AddIntConstant(module, "MOST_JOINTS_OF_A_MESSAGE", MOST_JOINTS_OF_A_MESSAGE) < 0
         || PyModule_AddIntConstant(module, "BODY_PARAMETERS", BODY_PARAMETERS) < 0
         || PyModule_AddIntConstant(module, "BOX_NUMBERS", BOX_NUMBERS) < 0
         || add_type(module, "PayloadTorque", &PAYLOAD_TORQUE_SPEC) < 0

@@ -17,6 +17,8 @@ from armload_identification.signals.joint_torque import Transmission, joint_torq
 from armload_identification.signals.load_signal import LoadSignal
 
 _MOVES_RAD: Final = 0.05
+_LOST_TO_MEANS: Final = 0.01
+"""Share of the motion's amplitude."""
 _FEEDS_ENERGY: Final = -0.3
 """Work over all turned-over energy below which a joint cannot be braked by friction."""
 _EXPLAINED: Final = 0.9
@@ -67,6 +69,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
     Raises:
         RecordingError: naming the joint and the remedy.
     """
+    _refuse_long_means(run)
     torque = joint_torque(run, transmission)
     measured = torque if run.effort is None else run.effort
     moves = np.ptp(run.position_rad, axis=0) > _MOVES_RAD
@@ -89,6 +92,23 @@ def check_run(run: Recording, transmission: Transmission) -> None:
             f"{run.source.path}: the torque of joint {joints} pushes along the motion on the whole, so the motors "
             "gain energy where friction should cost it. The sign of the current or torque is flipped: correct "
             "it in the configuration or the log."
+        )
+
+
+def _refuse_long_means(run: Recording) -> None:
+    """Refuse a run so long that its means take away from the motion: at f, (pi f T)^2 / 6 of the amplitude."""
+    if run.repeats is None or run.average is not None:
+        return
+    mean_s = float(np.median(np.diff(run.time_s)))
+    velocity = np.diff(run.position_rad, axis=0) / mean_s
+    change = np.mean(np.diff(velocity, axis=0) ** 2)
+    lost = float(change / max(float(np.mean(velocity**2)), 1e-300)) / 24.0
+    if lost > _LOST_TO_MEANS:
+        hours = (run.time_s[-1] - run.time_s[0]) / 3600.0
+        raise RecordingError(
+            f"{run.source.path}: {hours:.1f} h without a known excitation were reduced to means over "
+            f"{1e3 * mean_s:.0f} ms, which takes about {100.0 * lost:.0f} % from the motion's amplitude. "
+            "Give a part of it, such as --between 0s 600s."
         )
 
 

@@ -3,6 +3,9 @@
 A mean over T is its own anti-aliasing filter: its response has a zero at every multiple of 1/T, which is what would
 fold onto standstill. At 100 Hz, what would fold onto 0 to 8 Hz is damped by 21 dB or more, and 8 Hz itself by 0.1 dB;
 position and torque go through the same filter. Means do not overlap, so that white noise stays white.
+
+So that memory does not grow with the run, there are at most `MOST_MEANS`, 22 minutes at 10 ms: whenever there are more,
+two by two become one. `verdict.sanity` refuses means that are too long for the motion.
 """
 
 from __future__ import annotations
@@ -10,7 +13,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
@@ -19,6 +21,7 @@ from armload_identification.recording.reduction.repeated_values import RepeatCou
 from armload_identification.recording.row_block import RowBlock, joined
 
 INTERVAL_S: Final = 0.01
+MOST_MEANS: Final = 2**17
 _FULL: Final = 0.5
 """A mean over less than this share of the samples that it should have is left out: it belongs to another moment."""
 
@@ -28,15 +31,17 @@ class TimeAverager:
 
     Args:
         excitation: What the run follows, where that is known.
+        most_means: Means that are kept.
     """
 
-    def __init__(self, excitation: Excitation | None) -> None:
-        self._excitation = excitation
+    def __init__(self, excitation: Excitation | None, most_means: int = MOST_MEANS) -> None:
+        self._excitation, self._most_means = excitation, most_means
         self._samples = 0
         self._width_s = 0.0
         self._start_s = 0.0
         self._open: RowBlock | None = None
         self._means: list[RowBlock] = []
+        self._size = 0
         self._repeats: RepeatCounter | None = None
 
     def add(self, rows: RowBlock) -> None:
@@ -52,20 +57,18 @@ class TimeAverager:
             # Half an interval earlier, so that jitter moves no sample across an edge.
             self._start_s = float(rows.time_s[0]) - 0.5 * interval_s
         self._repeats.add(effort)
-        if self._samples == 1:
-            self._means.append(rows)
-            return
         rows = rows if self._open is None else joined([self._open, rows])
-        number = np.floor((rows.time_s - self._start_s) / self._width_s)
-        starts = np.concatenate([[0], np.flatnonzero(np.diff(number) != 0.0) + 1])
-        self._open = rows.rows(slice(int(starts[-1]), None))
-        if starts.size > 1:
-            self._means.append(self._averaged(rows, starts))
+        number = self._number(rows)
+        # Closed are whole pairs of stretches, so that two by two can become one at any time.
+        closed = int(np.searchsorted(number, number[-1] - number[-1] % 2))
+        self._open = rows.rows(slice(closed, None))
+        if closed:
+            self._keep(self._stretches(rows.rows(slice(0, closed))))
 
     def recording(self, source: RecordingSource) -> Recording:
         """The means as rows."""
         if self._open is not None:
-            self._means.append(self._averaged(self._open, np.array([0, self._open.size])))
+            self._keep(self._stretches(self._open))
             self._open = None
         rows = joined(self._means)
         return Recording(
@@ -80,21 +83,41 @@ class TimeAverager:
             repeats=None if self._repeats is None else self._repeats.result(),
         )
 
-    def _averaged(self, rows: RowBlock, edges: NDArray[np.intp]) -> RowBlock:
-        """Means between the edges."""
-        first, count = edges[:-1], np.diff(edges)
-        full = count >= _FULL * self._samples
-        end = int(edges[-1])
+    def _number(self, rows: RowBlock) -> FloatArray:
+        """Number of the stretch that each row lies in."""
+        return np.floor((rows.time_s - self._start_s) / self._width_s)
 
-        def mean(values: FloatArray) -> FloatArray:
-            size = count if values.ndim == 1 else count[:, None]
-            return np.asarray(np.add.reduceat(values[:end], first, axis=0) / size)[full]
+    def _keep(self, means: RowBlock) -> None:
+        """Add to the means; make two by two one where there are too many."""
+        self._means.append(means)
+        self._size += means.size
+        while self._size > self._most_means:
+            rows = joined(self._means)
+            self._means = [_averaged(rows, self._number(rows) // 2.0, 1.0)]
+            self._size = self._means[0].size
+            self._width_s *= 2.0
+            self._samples *= 2
 
-        return RowBlock(
-            time_s=mean(rows.time_s),
-            position_rad=mean(rows.position_rad),
-            velocity_rad_s=None,
-            current_a=None if rows.current_a is None else mean(rows.current_a),
-            torque_nm=None if rows.torque_nm is None else mean(rows.torque_nm),
-            phase_s=None if rows.phase_s is None else mean(rows.phase_s),
-        )
+    def _stretches(self, rows: RowBlock) -> RowBlock:
+        """Means of the stretches that rows lie in."""
+        return rows if self._samples == 1 else _averaged(rows, self._number(rows), _FULL * self._samples)
+
+
+def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:
+    """Means over rows of one number, where there are at least so many; the velocity is left out."""
+    first = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1])
+    count = np.diff(np.append(first, rows.size))
+    full = count >= fewest
+
+    def mean(values: FloatArray) -> FloatArray:
+        size = count if values.ndim == 1 else count[:, None]
+        return np.asarray(np.add.reduceat(values, first, axis=0) / size)[full]
+
+    return RowBlock(
+        time_s=mean(rows.time_s),
+        position_rad=mean(rows.position_rad),
+        velocity_rad_s=None,
+        current_a=None if rows.current_a is None else mean(rows.current_a),
+        torque_nm=None if rows.torque_nm is None else mean(rows.torque_nm),
+        phase_s=None if rows.phase_s is None else mean(rows.phase_s),
+    )

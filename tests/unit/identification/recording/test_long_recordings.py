@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +18,9 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
-from armload_identification.recording.recording import Recording, recording_of
+from armload_identification.recording.recording import Recording, RecordingSource, recording_of
 from armload_identification.recording.reduction.repeated_values import RepeatCounter, repeated_values
+from armload_identification.recording.reduction.time_average import TimeAverager
 from armload_identification.recording.row_block import RowBlock, joined
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 from armload_identification.signals.load_signal import load_signal
@@ -164,6 +167,41 @@ def test_means_over_10_ms_give_the_difference_of_two_long_runs(pinocchio_arm, tm
     assert (np.sqrt(np.mean(apart**2, axis=0)) < allowed).all()
 
 
+@pytest.mark.parametrize("interval_s", [0.002, 0.01])
+def test_means_become_longer_where_there_are_too_many(interval_s):
+    """Two by two, whatever the blocks: each is the mean of the samples of its stretch, holes left out."""
+    time_s = 5.0 + interval_s * np.arange(20_000)
+    time_s = np.delete(time_s, np.r_[3000:3700, 9001:9004])
+    position = np.column_stack([np.sin(time_s), np.cos(0.7 * time_s)])
+    rows = RowBlock(time_s, position, None, position**2, None, None)
+    averager = TimeAverager(None, most_means=600)
+    rng = np.random.default_rng(4)
+    edges = [0, *np.sort(rng.choice(np.arange(1, rows.size), 40, replace=False)), rows.size]
+    for first, end in itertools.pairwise(edges):
+        averager.add(rows.rows(slice(first, end)))
+    kept = averager.recording(RecordingSource(Path("x"), "", "made", 0, 0, {}))
+    assert 300 <= kept.size <= 600
+    width = float(np.median(np.diff(kept.time_s)))
+    assert width == pytest.approx(max(interval_s, 0.01) * 2.0 ** round(np.log2(width / max(interval_s, 0.01))))
+    number = np.floor((time_s - time_s[0] + 0.5 * interval_s) / width + 1e-9)
+    for stamp, mean in zip(kept.time_s, kept.current_a, strict=True):
+        inside = number == np.floor((stamp - time_s[0] + 0.5 * interval_s) / width)
+        if np.count_nonzero(inside) == round(width / interval_s):
+            np.testing.assert_allclose(mean, (position[inside] ** 2).mean(axis=0), atol=1e-9)
+            np.testing.assert_allclose(stamp, time_s[inside].mean(), atol=1e-9)
+    # Every sample but those beside a hole is in a mean.
+    assert kept.size >= np.unique(number).size - 4
+
+
+def test_means_that_are_too_long_for_the_motion_are_refused(pinocchio_arm):
+    time_s = 0.1 * np.arange(30_000)
+    position = np.outer(np.sin(time_s / 0.15), np.full(6, 0.3))
+    source = RecordingSource(Path("shift.csv"), "", "csv", 0, 0, {})
+    run = Recording(time_s, position, None, position, None, None, None, source, repeats=repeated_values(position))
+    with pytest.raises(RecordingError, match=r"0\.8 h .* means over 100 ms, .* 2 % .* --between 0s 600s"):
+        check_run(run, pinocchio_arm.transmission)
+
+
 def test_a_saturated_joint_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_path):
     run = runs[0]
     current = run.current_a.copy()
@@ -259,38 +297,41 @@ from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import motion_of
 
-rows, period = int(sys.argv[1]), 4000
+rows, period, periodic = int(sys.argv[1]), 4000, sys.argv[2] == "periodic"
 trajectory = FourierTrajectory(0.25, np.zeros(6), np.full((6, 2), 0.2), np.full((6, 2), 0.1))
 one = trajectory.evaluate(np.arange(1, period + 1) * 1e-3)
-rng = np.random.default_rng(1)
+noise = np.random.default_rng(1).normal(size=(2 * period, 6))
 
 
 class Endless:
     kind = "made"
-    attachments = {"excitation.toml": format_excitation(Excitation(trajectory, rows // period))}
+    attachments = {"excitation.toml": format_excitation(Excitation(trajectory, rows // period))} if periodic else {}
 
     def blocks(self, account):
         for first in range(0, rows, period):
             phase = (first + np.arange(1, period + 1)) * 1e-3
-            current = one.velocity_rad_s + rng.normal(size=(period, 6))
+            other = first // period * 7919 % period
+            current = one.velocity_rad_s + noise[other : other + period]
             account.rows_read += period
             yield RowBlock(100.0 + phase, one.position_rad, None, current, None, phase)
 
 
 file_reading.reader_of = lambda path, columns: Endless()
 run = file_reading.read_recording(Path("made"))
-motion = motion_of(run, Transmission(np.ones(6), np.eye(6)))
-assert motion.periods == rows // period, motion.periods
+if periodic:
+    motion = motion_of(run, Transmission(np.ones(6), np.eye(6)))
+    assert motion.periods == rows // period, motion.periods
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 
 
-def test_memory_does_not_grow_with_the_recording():
+@pytest.mark.parametrize("kind", ["periodic", "aperiodic"])
+def test_memory_does_not_grow_with_the_recording(kind):
     """In processes of their own; the rows come from a generator, reading and reducing them is what is measured."""
     peaks = []
     for rows in (200_000, 2_000_000):
         answer = subprocess.run(
-            [sys.executable, "-c", PEAK, str(rows)], capture_output=True, text=True, timeout=100, check=False
+            [sys.executable, "-c", PEAK, str(rows), kind], capture_output=True, text=True, timeout=100, check=False
         )
         assert answer.returncode == 0, answer.stderr
         peaks.append(int(answer.stdout))
