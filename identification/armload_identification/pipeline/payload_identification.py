@@ -23,6 +23,7 @@ from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.mass_center_covariance import mass_center_covariance
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
 from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.estimation.servo_sag import on_one_motion
 from armload_identification.estimation.uncertainty import Uncertainty, quantify, shifts_by
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.body_model import BodyModel
@@ -150,7 +151,7 @@ def _identified(
     if body is None:
         arm = unloaded_body(signal, chain, transmission.coupling) if known_arm is None else known_arm.fit
         body = arm.model
-        signal = signal.with_delay(body.torque_delay_s)
+        signal = on_one_motion(signal.with_delay(body.torque_delay_s), chain, body)
     regressor = payload_regressor(chain, *signal.states)
     fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior, arm)
     # Measured on the UR10e: with a calibrated arm this corrects the mass; with one pair's gains it corrects the mass

@@ -123,8 +123,8 @@ class LoadSignal:
 
     @cached_property
     def empty_arm(self) -> Motion:
-        """The unloaded torque on the loaded run's motion, with the difference's noise and holes."""
-        return replace(self.unloaded, states=self.states, valid=self.valid, averaged_noise_nm=self.averaged_noise_nm)
+        """The unloaded run, with the difference's noise and holes."""
+        return replace(self.unloaded, valid=self.valid, averaged_noise_nm=self.averaged_noise_nm)
 
     def with_delay(self, delay_s: float) -> LoadSignal:
         """The same torque with the motion that it belongs to.
