@@ -17,11 +17,12 @@ import numpy as np
 from armload_controller.config.robot import Robot, load_robot
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
-from armload_identification.pipeline.payload_identification import Identification, identify
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
+from armload_identification.pipeline.payload_identification import Identification
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.recording import Recording
 from benchmarks.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
+from benchmarks.calibrated import calibrated, identified_with
 from benchmarks.real_currents import FOLDER, MASS_KG
 from benchmarks.recordings import DriveScales, record
 from benchmarks.setups import Twin, twin_spec
@@ -148,22 +149,14 @@ def _pair_files(name: str) -> tuple[str, str]:
 
 
 def _calibrated(robot: Robot, runs: list[MountedRun], masses_kg: dict[str, float]) -> ArmCalibration:
-    return calibrate_arm(
-        runs,
-        {name: WeighedPayload(mass_kg) for name, mass_kg in masses_kg.items()},
-        robot.chain,
-        robot.drives.transmission,
-        robot=robot.name,
-        armload_version="benchmark",
-        configuration_sha256=robot.sha256,
-    )
+    weighed = {name: WeighedPayload(mass_kg) for name, mass_kg in masses_kg.items()}
+    return calibrated(runs, weighed, robot.chain, robot.drives.transmission)
 
 
 def _identified(
     robot: Robot, calibration: ArmCalibration, loaded: Recording, unloaded: Recording | None
 ) -> Identification:
-    level, transmission = calibration.level(robot.chain), calibration.transmission(robot.drives.transmission)
-    return identify(loaded, unloaded, level, transmission, arm=calibration.known_arm(robot.chain))
+    return identified_with(calibration, loaded, unloaded, robot.chain, robot.drives.transmission)
 
 
 def _judge_mass(tally: Tally, what: str, found: Identification, within: float) -> None:

@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from armload_controller.config.robot import load_robot
-from armload_identification.calibration.drive_gains import calibrate_gains
+from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.estimation.estimator_names import Estimator
-from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.pipeline.payload_identification import identify
 from benchmarks.bodies import ER50_PAYLOADS, PRBT_PAYLOADS
 from benchmarks.bound import bound_of, paper_deviation, paper_values
+from benchmarks.calibrated import calibrated_from_pair
 from benchmarks.paper import CRITERION
 from benchmarks.real_currents import FOLDER, MASS_KG, measured_pairs
 from benchmarks.setups import Twin, paper_motion, setup_of, shipped_motion
@@ -87,9 +87,9 @@ def _errors(pool: Executor, title: str, setups: Sequence[Setup]) -> None:
 def _real() -> None:
     robot = load_robot("ur10e")
     pairs = measured_pairs(robot)
-    known = KnownPayload(mass_kg=MASS_KG)
+    nominal, known = robot.drives.transmission, WeighedPayload(MASS_KG)
     gains = {
-        name: calibrate_gains(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission, known).transmission
+        name: calibrated_from_pair(pair.loaded, pair.unloaded, known, robot.chain, nominal).transmission(nominal)
         for name, pair in pairs.items()
     }
     print("\nUR10e, measured currents, gains calibrated on the other pair: mass error a, b; centres apart")

@@ -31,13 +31,14 @@ from armload_controller.session.commissioning import read_pair, record_half
 from armload_controller.session.feedforward_comparison import ComparisonRuns
 from armload_controller.session.run_session import Load, no_operator, run_session
 from armload_drivers.servos import JointServos
-from armload_identification.calibration.body_identification import identify_body
+from armload_identification.calibration.calibrate_arm import MountedRun
 from armload_identification.excitation.design import design
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.information import named_criterion
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import PayloadResult
 from armload_identification.pipeline.payload_identification import identify, payload_result
+from benchmarks.calibrated import calibrated
 
 ARMS = (("er50", "paper"), ("prbt", "block"))
 TARGET = {"er50": 75.0, "prbt": 65.0}
@@ -65,8 +66,8 @@ def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
             )
         pair = read_pair(robot, Path(folder), "identification")
         found = identify(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission)
-        body = identify_body([pair.unloaded], robot.chain, robot.drives.transmission)
-        return payload_result(found, "benchmark", robot.sha256), body.model
+        arm = calibrated([MountedRun(pair.unloaded, "")], {}, robot.chain, robot.drives.transmission)
+        return payload_result(found, "benchmark", robot.sha256), arm.body
 
 
 def _sweep(robot: Robot) -> Excitation:

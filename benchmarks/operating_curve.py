@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_drivers.simulation.plant_spec import RigidBody
-from armload_identification.calibration.drive_gains import calibrate_gains
-from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.agreement import Agreement, Known, Outcome, Tolerance, compare_known
 from benchmarks.bodies import ER50_PAYLOADS
+from benchmarks.calibrated import calibrated_from_pair
 from benchmarks.real_currents import FOLDER, MASS_KG, Pair, measured_pairs
 from benchmarks.recordings import record
 from benchmarks.setups import Twin, setup_of, shipped_motion
@@ -95,11 +95,11 @@ def run_measured(tally: Tally) -> None:
         return
     robot = load_robot("ur10e")
     pairs = measured_pairs(robot)
-    weighed = KnownPayload(mass_kg=MASS_KG)
+    weighed = WeighedPayload(MASS_KG)
     gains = {"nominal": robot.drives.transmission}
     for name, pair in pairs.items():
-        calibration = calibrate_gains(pair.loaded, pair.unloaded, robot.chain, robot.drives.transmission, weighed)
-        gains[f"pair {name}'s"] = calibration.transmission
+        found = calibrated_from_pair(pair.loaded, pair.unloaded, weighed, robot.chain, robot.drives.transmission)
+        gains[f"pair {name}'s"] = found.transmission(robot.drives.transmission)
     made: list[Commissioning] = []
     for label, transmission in gains.items():
         for name, pair in pairs.items():

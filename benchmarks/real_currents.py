@@ -9,14 +9,14 @@ import numpy as np
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.drive_gains import calibrate_gains
-from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 from armload_identification.model.regressor import payload_torque
 from armload_identification.pipeline.payload_identification import Identification, identify
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
+from benchmarks.calibrated import calibrated_from_pair
 from benchmarks.statistics import Census
 from benchmarks.verdict import Tally
 
@@ -81,13 +81,13 @@ def _calibrated(tally: Tally, robot: Robot, pairs: dict[str, Pair], census: Cens
     gains, results = {}, {}
     for name, other in (("a", "b"), ("b", "a")):
         weighed = pairs[other]
-        calibration = calibrate_gains(
-            weighed.loaded, weighed.unloaded, robot.chain, robot.drives.transmission, KnownPayload(mass_kg=MASS_KG)
+        calibration = calibrated_from_pair(
+            weighed.loaded, weighed.unloaded, WeighedPayload(MASS_KG), robot.chain, robot.drives.transmission
         )
-        gains[name] = calibration.transmission
+        gains[name] = calibration.transmission(robot.drives.transmission)
         results[name] = _identify(robot, pairs[name], gains[name], census)
         _row(f"calibrated on {other}", name, results[name])
-        share = " ".join(f"{ratio:.3f}" for ratio in calibration.gain_nm_a / calibration.nominal_nm_a)
+        share = " ".join(f"{ratio:.3f}" for ratio in calibration.gain_nm_a / calibration.nominal)
         undetermined = " ".join(str(joint + 1) for joint in np.flatnonzero(~calibration.determined)) or "none"
         print(f"    gains over nominal, calibrated on {other}: {share}; not determined: joint {undetermined}")
     for name, result in results.items():

@@ -19,16 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.drive_gains import calibrate_gains
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.estimation.estimator_names import Estimator
-from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import IdentificationError, PayloadFileError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
-from armload_identification.pipeline.payload_identification import Identification, identify, payload_result
+from armload_identification.pipeline.payload_identification import Identification, payload_result
 from armload_identification.recording.recording import Recording
 from armload_identification.signals.joint_torque import Transmission
+from benchmarks.calibrated import calibrated_from_pair, identified_with
 from benchmarks.recordings import DriveScales, record
 from benchmarks.steady_state import SteadyPeriod
 
@@ -37,7 +38,7 @@ _SEEDS_PER_TASK = 5
 
 @dataclass(frozen=True, eq=False)
 class CalibrationLoad:
-    """Another payload, weighed, that the gains are calibrated with before the payload is identified.
+    """Another payload, weighed, that the arm is calibrated with before the payload is identified.
 
     Attributes:
         loaded: The arm with it.
@@ -63,7 +64,7 @@ class Setup:
         periods: M of either run.
         gain_spread: Gain errors are uniform within this, one per axis and seed.
         noise_scale: Factor on noise and quantisation of the torque.
-        calibration: Payload that the gains are calibrated with; None takes them as they are.
+        calibration: Payload that the arm is calibrated with; None takes its gains as they are.
         estimator: How the payload is fitted.
     """
 
@@ -126,11 +127,11 @@ class Trial:
         return InertialParameters(self.theta)
 
 
-def pair(setup: Setup, seed: int) -> tuple[Recording, Recording, Transmission]:
-    """Loaded and unloaded recording of a seed, and the gains to identify with.
+def pair(setup: Setup, seed: int) -> tuple[Recording, Recording, ArmCalibration | None]:
+    """Loaded and unloaded recording of a seed, and the arm's calibration where the setup has one.
 
     Raises:
-        IdentificationError: the gains cannot be calibrated.
+        IdentificationError: the arm cannot be calibrated.
     """
     rng = setup.rng(seed)
     gain_error = setup.gain_spread * rng.uniform(-1.0, 1.0, setup.scales.n)
@@ -138,12 +139,13 @@ def pair(setup: Setup, seed: int) -> tuple[Recording, Recording, Transmission]:
     def run(period: SteadyPeriod) -> Recording:
         return record(period, setup.scales, setup.periods, rng, gain_error, setup.noise_scale)
 
-    transmission = setup.transmission
+    calibration = None
     if setup.calibration is not None:
-        known = KnownPayload.weighed(setup.calibration.truth)
+        truth = setup.calibration.truth
         heavy, empty = run(setup.calibration.loaded), run(setup.unloaded)
-        transmission = calibrate_gains(heavy, empty, setup.chain, transmission, known).transmission
-    return run(setup.loaded), run(setup.unloaded), transmission
+        known = WeighedPayload(truth.mass_kg, truth)
+        calibration = calibrated_from_pair(heavy, empty, known, setup.chain, setup.transmission)
+    return run(setup.loaded), run(setup.unloaded), calibration
 
 
 def identified(setup: Setup, seed: int) -> Identification:
@@ -152,8 +154,8 @@ def identified(setup: Setup, seed: int) -> Identification:
     Raises:
         IdentificationError: it was refused.
     """
-    loaded, unloaded, transmission = pair(setup, seed)
-    return identify(loaded, unloaded, setup.chain, transmission, estimator=setup.estimator)
+    loaded, unloaded, calibration = pair(setup, seed)
+    return identified_with(calibration, loaded, unloaded, setup.chain, setup.transmission, setup.estimator)
 
 
 def trial(setup: Setup, seed: int) -> Trial:

@@ -6,8 +6,6 @@ IdentificationError
  +-- EstimationError    data that do not determine what was asked
  +-- ExcitationError    no trajectory within the limits
  +-- FileError          a file of ours that cannot be used: file, key, the value found and what was expected
- |    +-- BodyFileError        a body.toml that is incomplete or inconsistent
- |    +-- GainsFileError       a gains.toml that is incomplete or inconsistent
  |    +-- CalibrationFileError an arm.calibration.toml that is incomplete or inconsistent
  |    +-- RunTableError        a table of an arm's runs that makes no sense
  |    +-- PayloadFileError     a payload.toml that is incomplete, inconsistent or physically impossible
@@ -56,14 +54,6 @@ class FileError(IdentificationError):
         self.key = key
         self.found = found
         self.expected = expected
-
-
-class BodyFileError(FileError):
-    """A body file that is incomplete or inconsistent."""
-
-
-class GainsFileError(FileError):
-    """A gains file that is incomplete or inconsistent."""
 
 
 class CalibrationFileError(FileError):

@@ -1,8 +1,7 @@
-"""One UR10e from twelve measured runs: leave one pair out, halves against each other, mistakes that are named."""
+"""One UR10e from twelve measured runs: leave one pair out, a mistake that is named. Halves: `make accuracy`."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -111,42 +110,17 @@ def test_the_two_mountings_have_one_centre_of_mass(left_out):
     assert first[2] == pytest.approx(second[2], abs=0.0025)
 
 
-def test_disjoint_halves_agree(robot, runs):
-    others = [run for key, run in runs.items() if "loaded" not in key]
-    for one, two in ((others[0::2], others[1::2]), (others[1::2], others[0::2])):
-        first, second = (
-            calibrated(robot, [*(runs[key] for key in pair_names(name)), *half])
-            for name, half in (("a", one), ("b", two))
-        )
-        apart = np.abs(np.log(first.gain_nm_a / second.gain_nm_a))
-        width = 1.96 * np.hypot(first.gain_deviation, second.gain_deviation)
-        assert (apart < width).all(), apart / width
-        assert (apart[1:3] < 0.004).all(), apart
-
-
-def test_mistakes_are_named(robot, runs, all_of_them):
-    def changed(name, mounting=None, **signals):
-        run = runs[name]
-        run = replace(run, recording=replace(run.recording, **signals))
-        run = run if mounting is None else replace(run, mounting=mounting)
-        return calibrated(robot, [run if key == name else other for key, other in runs.items()])
-
-    order = [0, 1, 2, 4, 3, 5]
-    run = runs["feb06_20s_5h.csv"].recording
-    exchanged = changed(
-        "feb06_20s_5h.csv",
-        position_rad=run.position_rad[:, order],
-        velocity_rad_s=run.velocity_rad_s[:, order],
-        current_a=run.current_a[:, order],
-    )
-    assert "joints 4 and 5 are exchanged" in dict(exchanged.left_out)["feb06_20s_5h.csv"]
-    forgotten = changed("loaded_b.csv", mounting="")
-    assert re.search(r"it carries 2\.(79|8)", dict(forgotten.left_out)["loaded_b.csv"])
-    geared = changed("feb05_20s_8h.csv", current_a=runs["feb05_20s_8h.csv"].recording.current_a * [1, 1, 1.2, 1, 1, 1])
-    assert "joint 3 reports 1.2" in dict(geared.left_out)["feb05_20s_8h.csv"]
-    for found in (exchanged, forgotten, geared):
-        assert len(found.left_out) == 1
-        assert (np.abs(np.log(found.gain_nm_a / all_of_them.gain_nm_a)) < 2.0 * all_of_them.gain_deviation).all()
+def test_a_wrong_gear_ratio_is_named(robot, runs, all_of_them):
+    """One run of five; the twelve together take four times as long."""
+    wrong = "feb05_20s_8h.csv"
+    few = [key for key in runs if "loaded" in key] + [wrong]
+    run = runs[wrong].recording
+    geared = replace(runs[wrong], recording=replace(run, current_a=run.current_a * [1, 1, 1.2, 1, 1, 1]))
+    found = calibrated(robot, [geared if key == wrong else runs[key] for key in few])
+    ((name, reason),) = found.left_out
+    assert name == wrong
+    assert "joint 3 reports 1.2" in reason
+    assert (np.abs(np.log(found.gain_nm_a / all_of_them.gain_nm_a)) < 2.0 * found.gain_deviation).all()
 
 
 def test_the_commands(armload, shared_data, tmp_path):
@@ -169,5 +143,4 @@ def test_the_commands(armload, shared_data, tmp_path):
         assert read_payload(payload).model.mass_kg == pytest.approx(WEIGHED_KG, rel=0.012)
     judged = armload("validate", "ur10e", payload, *pair, "--calibration", path)
     assert "shoulder_lift" in judged.output
-    both = armload("identify", "ur10e", *pair, "--calibration", path, "--gains", path)
-    assert both.exit_code == 1
+    assert "arm.calibration.toml" in read_payload(payload).provenance.calibration_sha256

@@ -1,4 +1,4 @@
-"""Gains calibrated on one mounting of a weighed mass and tried on the other: UR10e, measured currents."""
+"""An arm calibrated on one mounting of a weighed mass and tried on the other: UR10e, measured currents."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_identification.calibration.drive_gains import calibrate_gains
-from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.file_reading import read_recording
 
@@ -30,26 +29,40 @@ def pairs(robot, shared_data):
 
 
 @pytest.fixture(scope="module")
-def gains(robot, pairs):
-    known = KnownPayload(mass_kg=WEIGHED_KG)
-    return {name: calibrate_gains(*pair, robot.chain, robot.drives.transmission, known) for name, pair in pairs.items()}
-
-
-@pytest.fixture(scope="module")
-def crossed(robot, pairs, gains):
-    """Each pair, identified with the gains of the other."""
+def arms(robot, pairs):
+    """The arm by either pair alone, the least that a calibration can be made from."""
     return {
-        name: identify(*pairs[name], robot.chain, gains[other].transmission) for name, other in (("a", "b"), ("b", "a"))
+        name: calibrate_arm(
+            [MountedRun(loaded, "disc"), MountedRun(unloaded, "")],
+            {"disc": WeighedPayload(WEIGHED_KG)},
+            robot.chain,
+            robot.drives.transmission,
+            robot=robot.name,
+            armload_version="0",
+            configuration_sha256=robot.sha256,
+        )
+        for name, (loaded, unloaded) in pairs.items()
     }
 
 
-def test_the_two_calibrations_agree(gains):
-    for result in gains.values():
-        assert result.determined.tolist() == [False, True, True, True, True, True]
-    one, two = gains["a"], gains["b"]
+@pytest.fixture(scope="module")
+def crossed(robot, pairs, arms):
+    """Each pair, identified with the gains of the other."""
+    return {
+        name: identify(*pairs[name], robot.chain, arms[other].transmission(robot.drives.transmission))
+        for name, other in (("a", "b"), ("b", "a"))
+    }
+
+
+def test_the_two_calibrations_agree(arms):
+    for result in arms.values():
+        assert result.determined[1:].all()
+        # No payload pulls on an upright axis.
+        assert result.gain_half_width_95[0] > 0.04 * result.gain_nm_a[0]
+    one, two = arms["a"], arms["b"]
     apart = np.abs(one.gain_nm_a - two.gain_nm_a)
-    assert (apart <= 1.5 * np.hypot(one.half_width_95, two.half_width_95)).all()
-    np.testing.assert_allclose(one.load_friction[1:3], two.load_friction[1:3], atol=0.03)
+    assert (apart <= np.hypot(one.gain_half_width_95, two.gain_half_width_95)).all()
+    np.testing.assert_allclose(one.body.load_friction[1:3], two.body.load_friction[1:3], atol=0.03)
 
 
 def test_mass_within_0_7_percent_and_within_its_interval(crossed):
@@ -58,7 +71,6 @@ def test_mass_within_0_7_percent_and_within_its_interval(crossed):
         low, high = result.uncertainty.interval_95[0]
         assert low < WEIGHED_KG < high
         assert result.parameters.is_physical
-        assert any("joint 1 are nominal" in note for note in result.notes)
 
 
 def test_the_centre_of_mass_is_the_same_but_turned(crossed):

@@ -24,7 +24,7 @@ def identify_and_report(folder: Path) -> float:
     result.save("payload.toml")
     result.report(folder / "report.html")
     document = result.to_dict()
-    judged = armload.validate("er50", folder / "payload.toml", loaded, unloaded, gains="gains.toml")
+    judged = armload.validate("er50", folder / "payload.toml", loaded, unloaded, calibration="arm.calibration.toml")
     assert_type(judged, Findings)
     return float(document["payload"]["mass_kg"]) + judged.payload.model.mass_kg
 

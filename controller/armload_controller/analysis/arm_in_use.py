@@ -5,57 +5,66 @@ Readers of files are loaded where a file is given: most commands have none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_controller.control_errors import ConfigurationError
 from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.model.chain import Chain
 from armload_identification.signals.joint_torque import Transmission
+
+if TYPE_CHECKING:
+    from armload_identification.calibration.arm_calibration import ArmCalibration
 
 FilePath = str | PathLike[str]
 
 
 @dataclass(frozen=True, eq=False)
 class ArmInUse:
-    """The arm as a file of gains or of a calibration describes it.
+    """The arm as its configuration, or a calibration of it, describes it.
 
     Attributes:
         chain: Kinematics, and gravity as it pulls on a base that may not be level.
         transmission: Gains and coupling.
         known: The empty arm by its calibration; None without one.
+        calibration: What it was calibrated with; None without.
+        calibration_sha256: File name and hash of the calibration; empty without one.
     """
 
     chain: Chain
     transmission: Transmission
-    known: KnownArm | None
+    known: KnownArm | None = None
+    calibration: ArmCalibration | None = None
+    calibration_sha256: dict[str, str] = field(default_factory=dict)
 
 
-def arm_in_use(arm: MeasuredArm, gains: FilePath | None, calibration: FilePath | None) -> ArmInUse:
-    """The arm, calibrated where a file of gains or of a calibration is given.
+def arm_in_use(robot: MeasuredArm, calibration: FilePath | None = None) -> ArmInUse:
+    """The arm, calibrated where a calibration is given, or named in the robot's file.
+
+    Args:
+        robot: The arm.
+        calibration: Calibration file; it wins over the one that the robot's file names.
 
     Raises:
-        ConfigurationError: both files are given.
+        ConfigurationError: the robot's file names a calibration that is not there.
         CalibrationFileError: it cannot be used.
         ModelError: it belongs to another arm.
     """
-    if calibration is None:
-        return ArmInUse(arm.chain, transmission_of(arm, gains), None)
-    if gains is not None:
-        raise ConfigurationError("command line", "--gains / --calibration", None, "one of the two")
+    path = robot.calibration_file if calibration is None else Path(calibration)
+    if path is None:
+        return ArmInUse(robot.chain, robot.transmission)
+    import hashlib
+
     from armload_identification.files.calibration_file import read_calibration
 
-    known = read_calibration(Path(calibration))
-    known.require_arm(arm.chain, arm.transmission.coupling)
-    return ArmInUse(known.level(arm.chain), known.transmission(arm.transmission), known.known_arm(arm.chain))
-
-
-def transmission_of(arm: MeasuredArm, gains: FilePath | None) -> Transmission:
-    """The arm's transmission, with calibrated gains where a file of them is given."""
-    if gains is None:
-        return arm.transmission
-    from armload_identification.files.gains_file import read_gains
-
-    return read_gains(Path(gains), arm.transmission.coupling)
+    arm = read_calibration(path)
+    arm.require_arm(robot.chain, robot.transmission.coupling)
+    return ArmInUse(
+        chain=arm.level(robot.chain),
+        transmission=arm.transmission(robot.transmission),
+        known=arm.known_arm(robot.chain),
+        calibration=arm,
+        calibration_sha256={path.name: hashlib.sha256(path.read_bytes()).hexdigest()},
+    )

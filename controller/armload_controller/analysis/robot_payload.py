@@ -58,9 +58,7 @@ def identify(
     unloaded: Recording | FilePath | None = None,
     *,
     validation: RunPair | None = None,
-    gains: FilePath | None = None,
     calibration: FilePath | None = None,
-    body: FilePath | None = None,
     known: KnownPayload | None = None,
     estimator: Estimator = Estimator.FRICTION,
     tolerance: Tolerance | None = None,
@@ -70,11 +68,9 @@ def identify(
     Args:
         robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
         loaded: Run with the payload.
-        unloaded: Run of the same motion without it; may be left out with `body` or `calibration`.
+        unloaded: Run of the same motion without it; may be left out where the arm is calibrated.
         validation: A loaded and an unloaded run of another motion, to judge the result.
-        gains: Gains file of `armload calibrate-gains`, in place of the nominal gains.
-        calibration: Calibration file of `armload calibrate`, in place of the nominal gains.
-        body: Body file of `armload identify-body`, in place of the unloaded run.
+        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
         known: What is known of the payload beforehand.
         estimator: How to fit.
         tolerance: By how much the payload may be off; 2 % of its mass and 10 mm if not given.
@@ -84,7 +80,7 @@ def identify(
 
     Raises:
         RecordingError: recordings that do not fit the arm or each other, or cannot be right.
-        EstimationError: neither unloaded run nor body, or data that no payload explains.
+        EstimationError: neither unloaded run nor calibration, or data that no payload explains.
 
     Examples:
         >>> import armload
@@ -104,20 +100,12 @@ def identify(
         >>> result.report("report.html")
     """
     arm = _robot(robot)
-    used = arm_in_use(arm, gains, calibration)
+    used = arm_in_use(arm, calibration)
     run, empty = _run(arm, loaded), None if unloaded is None else _run(arm, unloaded)
-    model = None
-    if body is not None:
-        from armload_identification.calibration.body_identification import require_same_gains
-        from armload_identification.files.body_file import read_body
-
-        file = read_body(Path(body))
-        require_same_gains(file.gain_nm_a, run, used.transmission)
-        model = file.model
     identification = payload_identification.identify(
-        run, empty, used.chain, used.transmission, estimator=estimator, known=known, body=model, arm=used.known
+        run, empty, used.chain, used.transmission, estimator=estimator, known=known, arm=used.known
     )
-    payload = payload_result(identification, version("armload"), arm.sha256)
+    payload = payload_result(identification, version("armload"), arm.sha256, used.calibration_sha256)
     content = ReportContent.of_identification(identification)
     findings = Findings(arm, payload, content, version("armload"))
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
@@ -129,7 +117,6 @@ def validate(
     loaded: Recording | FilePath,
     unloaded: Recording | FilePath,
     *,
-    gains: FilePath | None = None,
     calibration: FilePath | None = None,
     tolerance: Tolerance | None = None,
 ) -> Findings:
@@ -140,8 +127,7 @@ def validate(
         payload: The payload, or its file.
         loaded: Run with the payload.
         unloaded: Run of the same motion without it.
-        gains: Gains file of `armload calibrate-gains`, in place of the nominal gains.
-        calibration: Calibration file of `armload calibrate`, in place of the nominal gains.
+        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
         tolerance: By how much the payload may be off; 2 % of its mass and 10 mm if not given.
 
     Returns:
@@ -160,7 +146,7 @@ def validate(
     """
     arm = _robot(robot)
     findings = Findings(arm, _payload(payload), ReportContent(), version("armload"))
-    return _validated(findings, arm, arm_in_use(arm, gains, calibration), (loaded, unloaded), tolerance)
+    return _validated(findings, arm, arm_in_use(arm, calibration), (loaded, unloaded), tolerance)
 
 
 def findings_from_files(
@@ -169,7 +155,6 @@ def findings_from_files(
     *,
     fitted: RunPair | None = None,
     validation: RunPair | None = None,
-    gains: FilePath | None = None,
     calibration: FilePath | None = None,
     tolerance: Tolerance | None = None,
 ) -> Findings:
@@ -180,8 +165,7 @@ def findings_from_files(
         payload: Payload file.
         fitted: The runs that it was identified from.
         validation: Runs that it was not identified from.
-        gains: Gains file of `armload calibrate-gains`, in place of the nominal gains.
-        calibration: Calibration file of `armload calibrate`, in place of the nominal gains.
+        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
         tolerance: By how much the payload may be off; 2 % of its mass and 10 mm if not given.
 
     Raises:
@@ -189,7 +173,7 @@ def findings_from_files(
         RecordingError: recordings that do not fit the arm or each other.
     """
     arm = _robot(robot)
-    used = arm_in_use(arm, gains, calibration)
+    used = arm_in_use(arm, calibration)
     result = _payload(payload)
     content = ReportContent()
     if fitted is not None:

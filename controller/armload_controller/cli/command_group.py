@@ -1,10 +1,17 @@
-"""A group of commands that shows a command's help without loading pydantic."""
+"""A group of commands that shows a command's help without loading pydantic, and names what replaced a command."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from typer.core import TyperGroup
+
+_ENDED: Final = {
+    "calibrate-gains": "`armload calibrate ROBOT RUNS --output FILE` calibrates the gains, from any runs of which one "
+    "carries a weighed payload",
+    "identify-body": "`armload calibrate ROBOT RUNS --output FILE` identifies the body too, from any runs",
+}
+"""What does the work of a command that is no longer there."""
 
 
 class CommandGroup(TyperGroup):
@@ -21,3 +28,9 @@ class CommandGroup(TyperGroup):
             if getattr(param, "is_flag", False) and param.default is None:
                 param.default = False
         return params
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command by its name; one that has ended names its successor."""
+        if args and args[0] in _ENDED:
+            ctx.fail(f"{args[0]} is no longer there: {_ENDED[args[0]]}.")
+        return super().resolve_command(ctx, args)

@@ -14,14 +14,12 @@ import typer
 
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.commands.calibrate_command import calibrate
-from armload_controller.cli.commands.calibrate_gains_command import calibrate_gains
 from armload_controller.cli.commands.commission_command import commission
 from armload_controller.cli.commands.compare_command import compare
 from armload_controller.cli.commands.design_command import design
 from armload_controller.cli.commands.drives_command import drives
 from armload_controller.cli.commands.export_command import export
 from armload_controller.cli.commands.feedforward_command import feedforward
-from armload_controller.cli.commands.identify_body_command import identify_body
 from armload_controller.cli.commands.identify_command import identify
 from armload_controller.cli.commands.report_command import report
 from armload_controller.cli.commands.simulate_command import simulate
@@ -42,8 +40,6 @@ for command in (
     report,
     compare,
     calibrate,
-    identify_body,
-    calibrate_gains,
     simulate,
     design,
     export,

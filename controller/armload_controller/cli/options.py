@@ -35,10 +35,9 @@ YesOption = Annotated[
         "--yes", help="Skip prompts. Never the slow round, nor the first question with a payload on a real arm."
     ),
 ]
-GainsOption = Annotated[
-    Path | None, typer.Option("--gains", help="Gains file of `armload calibrate-gains`, in place of nominal gains.")
-]
 CalibrationOption = Annotated[
     Path | None,
-    typer.Option("--calibration", help="Calibration file of `armload calibrate`, in place of nominal gains."),
+    typer.Option(
+        "--calibration", help="Calibration file of `armload calibrate`; else the one that the robot's file names."
+    ),
 ]

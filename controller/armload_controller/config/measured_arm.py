@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Protocol
 
 from armload_identification.model.chain import Chain
@@ -44,6 +45,10 @@ class MeasuredArm(Protocol):
     @property
     def csv_columns(self) -> CsvColumns | None:
         """Columns of other programs' logs; None where the arm's file does not say."""
+
+    @property
+    def calibration_file(self) -> Path | None:
+        """The calibration that the arm's file names; None where it names none."""
 
     def own(self, recording: Recording) -> Recording:
         """A recording as one of this arm: its joints, base first.

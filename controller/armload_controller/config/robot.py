@@ -89,6 +89,25 @@ class Robot:
         return self.source.chain
 
     @property
+    def calibration_file(self) -> Path | None:
+        """The calibration that the file names, relative to it; None where it names none.
+
+        Raises:
+            ConfigurationError: it is not there.
+        """
+        name = self.source.tables.robot.calibration
+        if name is None:
+            return None
+        path = self.source.folder / name
+        if not path.is_file():
+            raise self.source.refused(
+                "robot.calibration",
+                name,
+                f"no such file beside {self.file}; make it with `armload calibrate`, or take the key out",
+            )
+        return path
+
+    @property
     def has_bus(self) -> bool:
         """Whether the file has a `[bus]`; else the robot is known from logs only."""
         return self.source.tables.bus is not None

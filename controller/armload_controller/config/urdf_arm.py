@@ -96,6 +96,11 @@ class UrdfArm:
         return None
 
     @property
+    def calibration_file(self) -> None:
+        """None: a URDF names no calibration."""
+        return None
+
+    @property
     def transmission(self) -> Transmission:
         """What joints report is joint torque; a URDF knows no motors."""
         return Transmission(np.ones(self.n), np.eye(self.n))

@@ -1,4 +1,4 @@
-"""What the arm itself adds to a payload's torque, from its identified body (`body.toml`).
+"""What the arm itself adds to a payload's torque, by its calibration.
 
 Two amounts of it, to be fed forward beside the payload's J^T w:
 
@@ -15,7 +15,6 @@ from typing import Protocol
 
 import numpy as np
 
-from armload_controller.control_errors import ControlError
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.friction_columns import load_column
 from armload_identification.model.body_model import BodyModel, smooth_sign
@@ -23,11 +22,6 @@ from armload_identification.model.chain import Chain
 
 HOLDING_SHARE = 0.5
 """Share of a joint's Coulomb friction that holds it in place for certain."""
-_SAME_COUPLING = 1e-9
-
-
-class BodyRefused(ControlError):
-    """A body that is not this arm's."""
 
 
 class ArmTerm(Protocol):
@@ -35,23 +29,6 @@ class ArmTerm(Protocol):
 
     def torque_nm(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray) -> FloatArray:
         """(n,) torque to add to the payload's, at one state of (n,) each."""
-
-
-def require_body(body: BodyModel, chain: Chain, coupling: FloatArray) -> None:
-    """Refuse a body of another arm.
-
-    Args:
-        body: As it was read.
-        chain: The arm.
-        coupling: (n, n) C of its motors.
-
-    Raises:
-        BodyRefused: another number of joints, or other coupled motors.
-    """
-    if body.n != chain.n:
-        raise BodyRefused(f"the body has {body.n} joints, the robot {chain.n}: give the robot's own body")
-    if not np.allclose(body.coupling, coupling, atol=_SAME_COUPLING):
-        raise BodyRefused("the body's motors are coupled differently: identify it again with this configuration")
 
 
 def held_torque(body: BodyModel) -> FloatArray:

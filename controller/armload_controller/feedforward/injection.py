@@ -85,6 +85,8 @@ class FeedforwardPlugin:
         payload: The payload at its flange.
         cycle_s: Duration of a cycle.
         beside: What the arm itself adds; None adds the payload's torque alone.
+        commanded: (n, n) what drives whose gains are off are to be given for a torque, from the right; the torque
+            itself if not given.
 
     Raises:
         PayloadRefused: the payload's mass or centre of mass is not determined, or it belongs to another arm.
@@ -93,8 +95,15 @@ class FeedforwardPlugin:
     name = "feed-forward"
 
     def __init__(
-        self, chain: Chain, robot: str, payload: PayloadResult, cycle_s: float, beside: ArmTerm | None = None
+        self,
+        chain: Chain,
+        robot: str,
+        payload: PayloadResult,
+        cycle_s: float,
+        beside: ArmTerm | None = None,
+        commanded: FloatArray | None = None,
     ) -> None:
+        self._commanded = np.eye(chain.n) if commanded is None else commanded
         self._chain, self._robot, self._cycle_s, self._beside = chain, robot, cycle_s, beside
         self._beside_share = 0.0
         self._require(payload)
@@ -160,7 +169,7 @@ class FeedforwardPlugin:
         if self._beside is not None and self._joints.any():
             self._beside_share = min(1.0, self._beside_share + self._cycle_s / FADE_IN_S)
             torque = torque + self._beside_share * self._beside.torque_nm(q, dq, ddq, torque)
-        return self._joints * torque
+        return self._joints * (torque @ self._commanded)
 
     def _change(self, payload: InertialParameters, transition_s: float) -> None:
         """What is at the flange from now on; added at once only where torque is allowed, else with `allow`."""

@@ -156,10 +156,18 @@ class ComparisonRuns:
         robot: The arm.
         path: Its path.
         tried_nm: (n,) torque that is tried at standstill on every joint, where the payload's weight requires less.
+        commanded: (n, n) what the drives are to be given for a torque, from the right; the torque if not given.
     """
 
-    def __init__(self, robot: Robot, path: CheckedPath, tried_nm: FloatArray | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        path: CheckedPath,
+        tried_nm: FloatArray | None = None,
+        commanded: FloatArray | None = None,
+    ) -> None:
         self._robot, self._path = robot, path
+        self._commanded = np.eye(robot.n) if commanded is None else commanded
         self._tried_nm = np.zeros(robot.n) if tried_nm is None else tried_nm
         self._trajectory = path.excitation.trajectory
         grid_s = np.linspace(0.0, self._trajectory.period_s, 512)
@@ -267,6 +275,6 @@ class ComparisonRuns:
         """The feed-forward of a payload for this path, and the check that comes before it."""
         robot, cycle_s = self._robot, session.servos.cycle_s
         chain = robot.chain
-        added = FeedforwardPlugin(chain, robot.name, payload, cycle_s, beside)
+        added = FeedforwardPlugin(chain, robot.name, payload, cycle_s, beside, self._commanded)
         tried = np.maximum(tried_torque(chain, payload.model, self._path_rad), self._tried_nm)
         return CheckedFeedforward(added, OffsetCheck(robot.joint_names, robot.drives.transmission, tried, cycle_s))

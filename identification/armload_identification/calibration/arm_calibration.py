@@ -182,6 +182,17 @@ class ArmCalibration:
             )
         return replace(nominal, gain_nm_a=self.gain_nm_a, calibrated=self.determined, covariance=covariance)
 
+    def commanded(self, coupling: FloatArray) -> FloatArray:
+        """What drives that believe in nominal gains are to be given for a joint torque: tau C diag(k0 / k) C^-1.
+
+        Args:
+            coupling: (n, n) C of the motors.
+
+        Returns:
+            (n, n), to be multiplied by a torque from the left.
+        """
+        return np.asarray(coupling * (self.nominal / self.gain_nm_a) @ np.linalg.inv(coupling))
+
     def level(self, chain: Chain) -> Chain:
         """The chain under gravity as it pulls on a base that is not level.
 

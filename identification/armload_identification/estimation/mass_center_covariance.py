@@ -36,7 +36,7 @@ def mass_center_covariance(
         parameters: What is reported; derivatives are taken there.
         doubts_nm: (k, N, n) torque of one standard deviation of each systematic error but the gains'.
         torque_nm: (N, n) torque that was fitted.
-        transmission: The gains; None where the torque is not from currents.
+        transmission: The gains; None where none was applied.
 
     Returns:
         The covariance; directions that the data say nothing about are as good as infinitely wide.
@@ -56,7 +56,8 @@ def mass_center_covariance(
     if transmission is None:
         return MassCenterCovariance.of_measured(measured, freedom)
     gains = shifts_by(fit, transmission.gain_shares(torque_nm))[:, :10] @ slope.T
-    return MassCenterCovariance(measured, freedom, transmission.gain_nm_a, gains.T, transmission.deviation)
+    used = transmission.torque_gain if transmission.torque_calibrated else transmission.gain_nm_a
+    return MassCenterCovariance(measured, freedom, used, gains.T, transmission.covariance)
 
 
 def _blind(fit: Estimate, gradient: FloatArray, mass_kg: float) -> FloatArray:

@@ -250,11 +250,7 @@ def format_calibration(result: ArmCalibration) -> str:
         "[uncertainty]",
         f"covariance = {array(result.covariance)}",
         "",
-        *provenance_lines(
-            result.provenance.armload_version,
-            result.provenance.configuration_sha256,
-            result.provenance.recordings_sha256,
-        ),
+        *provenance_lines(result.provenance),
     ]
     return "\n".join(lines) + "\n"
 

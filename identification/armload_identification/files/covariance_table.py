@@ -7,6 +7,7 @@ from typing import Annotated, Final
 import numpy as np
 from pydantic import Field, model_validator
 
+from armload_core.arrays import FloatArray
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.storage import toml_text
 from armload_identification.storage.strict_toml import BadValue, NumberList, NumberRows, Table, require_shape
@@ -20,7 +21,7 @@ class _GainsTable(Table):
 
     gain_nm_a: NumberList
     slope: NumberRows
-    deviation: NumberList
+    covariance: NumberRows
 
 
 class CovarianceTable(Table):
@@ -33,12 +34,7 @@ class CovarianceTable(Table):
     @model_validator(mode="after")
     def _a_covariance(self) -> CovarianceTable:
         require_shape("mass_center", self.mass_center, (4, 4))
-        size = np.sqrt(np.abs(np.diag(self.mass_center)))
-        scaled = self.mass_center / np.maximum(np.outer(size, size), np.finfo(np.float64).tiny)
-        if not np.allclose(scaled, scaled.T, atol=_ROUNDING) or np.linalg.eigvalsh(scaled)[0] < -_ROUNDING:
-            raise BadValue(
-                "mass_center", self.mass_center.tolist(), "expected a covariance: symmetric, no eigenvalue below 0"
-            )
+        _require_covariance("mass_center", self.mass_center)
         return self
 
     @model_validator(mode="after")
@@ -46,9 +42,8 @@ class CovarianceTable(Table):
         if self.gains is not None:
             n = self.gains.gain_nm_a.size
             require_shape("gains.slope", self.gains.slope, (4, n))
-            require_shape("gains.deviation", self.gains.deviation, (n,))
-            if (self.gains.deviation < 0.0).any():
-                raise BadValue("gains.deviation", self.gains.deviation.tolist(), "expected numbers from 0 on")
+            require_shape("gains.covariance", self.gains.covariance, (n, n))
+            _require_covariance("gains.covariance", self.gains.covariance)
         return self
 
     def covariance(self) -> MassCenterCovariance:
@@ -57,7 +52,7 @@ class CovarianceTable(Table):
             return MassCenterCovariance.of_measured(self.mass_center, self.degrees_of_freedom)
         gains = self.gains
         return MassCenterCovariance(
-            self.mass_center, self.degrees_of_freedom, gains.gain_nm_a, gains.slope, gains.deviation
+            self.mass_center, self.degrees_of_freedom, gains.gain_nm_a, gains.slope, gains.covariance
         )
 
 
@@ -71,7 +66,8 @@ def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
         return []
     lines = [
         "# Of [mass, cx, cy, cz] in kg and m, without the share of the drive gains, which results obtained with the",
-        "# same gains have in common. slope: change of the four per change of the logarithm of each gain.",
+        "# same gains have in common. slope: change of the four per change of the logarithm of each gain; covariance:",
+        "# of these logarithms.",
         "[covariance]",
         f"mass_center = {toml_text.array(known.measured)}",
         f"degrees_of_freedom = {toml_text.number(known.freedom)}",
@@ -82,7 +78,15 @@ def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
             "[covariance.gains]",
             f"gain_nm_a = {toml_text.array(known.gain_nm_a)}",
             f"slope = {toml_text.array(known.gain_slope)}",
-            f"deviation = {toml_text.array(known.gain_deviation)}",
+            f"covariance = {toml_text.array(known.gain_covariance)}",
             "",
         ]
     return lines
+
+
+def _require_covariance(key: str, matrix: FloatArray) -> None:
+    """Refuse what no covariance can be."""
+    size = np.sqrt(np.abs(np.diag(matrix)))
+    scaled = matrix / np.maximum(np.outer(size, size), np.finfo(np.float64).tiny)
+    if not np.allclose(scaled, scaled.T, atol=_ROUNDING) or np.linalg.eigvalsh(scaled)[0] < -_ROUNDING:
+        raise BadValue(key, matrix.tolist(), "expected a covariance: symmetric, no eigenvalue below 0")

@@ -208,7 +208,6 @@ def format_payload(result: PayloadResult) -> str:
     )
     flags = ["true" if d else "false" for d in result.determined]
     model = dict(zip(_KEYS, values, strict=True))
-    provenance = result.provenance
     lines = [
         "# Inertia: tensor elements (ixy = -int xy dm) about the centre of mass, in the axes of the frame.",
         "[payload]",
@@ -232,7 +231,7 @@ def format_payload(result: PayloadResult) -> str:
         f"noise_nm = {toml_text.array(result.noise_nm)}",
         "",
         *covariance_lines(result.mass_center),
-        *provenance_lines(provenance.armload_version, provenance.configuration_sha256, provenance.recordings_sha256),
+        *provenance_lines(result.provenance),
     ]
     return "\n".join(lines) + "\n"
 

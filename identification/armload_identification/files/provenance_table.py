@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from pydantic import Field
+
 from armload_identification.model.payload import Provenance
 from armload_identification.storage import toml_text
 from armload_identification.storage.strict_toml import Table, Text
@@ -14,28 +16,32 @@ class ProvenanceTable(Table):
 
     armload_version: Text
     configuration_sha256: Text
+    calibration_sha256: dict[str, Text] = Field(default={})
     recordings_sha256: dict[str, Text]
 
     def provenance(self) -> Provenance:
         """As results carry it."""
-        return Provenance(self.armload_version, self.configuration_sha256, self.recordings_sha256)
+        return Provenance(
+            self.armload_version, self.configuration_sha256, self.recordings_sha256, self.calibration_sha256
+        )
 
 
-def provenance_lines(
-    armload_version: str, configuration_sha256: str, recordings_sha256: Mapping[str, str]
-) -> list[str]:
+def provenance_lines(provenance: Provenance) -> list[str]:
     """The lines of `[provenance]`.
 
     Args:
-        armload_version: Version of the program.
-        configuration_sha256: Hash of the robot's configuration.
-        recordings_sha256: Hash by name of the recording.
+        provenance: What the result was made from.
     """
-    return [
+    lines = [
         "[provenance]",
-        f"armload_version = {toml_text.text(armload_version)}",
-        f"configuration_sha256 = {toml_text.text(configuration_sha256)}",
-        "",
-        "[provenance.recordings_sha256]",
-        *(f"{toml_text.text(name)} = {toml_text.text(value)}" for name, value in recordings_sha256.items()),
+        f"armload_version = {toml_text.text(provenance.armload_version)}",
+        f"configuration_sha256 = {toml_text.text(provenance.configuration_sha256)}",
     ]
+    if provenance.calibration_sha256:
+        lines += ["", "[provenance.calibration_sha256]", *_hashes(provenance.calibration_sha256)]
+    return [*lines, "", "[provenance.recordings_sha256]", *_hashes(provenance.recordings_sha256)]
+
+
+def _hashes(files: Mapping[str, str]) -> list[str]:
+    """A line per file."""
+    return [f"{toml_text.text(name)} = {toml_text.text(value)}" for name, value in files.items()]

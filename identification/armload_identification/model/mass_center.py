@@ -23,16 +23,16 @@ class MassCenterCovariance:
     Attributes:
         measured: (4, 4) covariance without the gains' share.
         freedom: Degrees of freedom of `measured`; inf where it is known.
-        gain_nm_a: (n,) gains that the currents were multiplied by; of no length where no current was used.
+        gain_nm_a: (n,) gains that currents, or reported torques, were multiplied by; of no length without any.
         gain_slope: (4, n) change of the four per change of the logarithm of each gain.
-        gain_deviation: (n,) relative standard deviation of each gain.
+        gain_covariance: (n, n) of the logarithms of the gains.
     """
 
     measured: FloatArray
     freedom: float
     gain_nm_a: FloatArray
     gain_slope: FloatArray
-    gain_deviation: FloatArray
+    gain_covariance: FloatArray
 
     @classmethod
     def of_measured(cls, measured: FloatArray, freedom: float) -> MassCenterCovariance:
@@ -42,7 +42,7 @@ class MassCenterCovariance:
             measured: (4, 4) covariance.
             freedom: Its degrees of freedom.
         """
-        return cls(measured, freedom, np.zeros(0), np.zeros((4, 0)), np.zeros(0))
+        return cls(measured, freedom, np.zeros(0), np.zeros((4, 0)), np.zeros((0, 0)))
 
     @classmethod
     def from_intervals(cls, interval_95: FloatArray, mass_kg: float) -> MassCenterCovariance:
@@ -59,8 +59,7 @@ class MassCenterCovariance:
     @property
     def from_gains(self) -> FloatArray:
         """(4, 4) the gains' share."""
-        scaled = self.gain_slope * self.gain_deviation
-        return np.asarray(scaled @ scaled.T)
+        return np.asarray(self.gain_slope @ self.gain_covariance @ self.gain_slope.T)
 
     def same_gains_as(self, other: MassCenterCovariance) -> bool:
         """True where both were obtained with the same gains.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -173,11 +173,13 @@ class Provenance:
         armload_version: Version of the program.
         configuration_sha256: Hash of the robot's configuration file.
         recordings_sha256: File name and hash of each recording.
+        calibration_sha256: File name and hash of the arm's calibration; empty where there was none.
     """
 
     armload_version: str
     configuration_sha256: str
     recordings_sha256: dict[str, str]
+    calibration_sha256: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

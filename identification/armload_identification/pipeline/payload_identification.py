@@ -5,6 +5,7 @@ recordings -> torque difference -> weighted least squares -> intervals -> physic
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -14,7 +15,6 @@ from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.blows import struck_samples
-from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.estimators import fit_payload
 from armload_identification.estimation.friction_columns import FrictionDifference, unloaded_body
@@ -26,7 +26,6 @@ from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.servo_sag import on_one_motion
 from armload_identification.estimation.uncertainty import Uncertainty, quantify, shifts_by
 from armload_identification.identification_errors import EstimationError, ModelError
-from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
@@ -96,19 +95,17 @@ def identify(
     *,
     estimator: Estimator = Estimator.FRICTION,
     known: KnownPayload | None = None,
-    body: BodyModel | None = None,
     arm: KnownArm | None = None,
 ) -> Identification:
     """Identify the payload that one run carried and the other did not.
 
     Args:
         loaded: Run with the payload.
-        unloaded: Run of the same motion without it; None where a body is given instead.
+        unloaded: Run of the same motion without it; None where the arm is known instead.
         chain: The arm; the result is in its flange frame.
         transmission: Gains and coupling; used where the recordings hold currents.
         estimator: How the payload is fitted.
         known: What is known of it beforehand.
-        body: The empty arm, in place of the unloaded run.
         arm: The empty arm by a calibration, whose gains `transmission` has and whose level `chain` has: in place of the
             unloaded run, or beside it for what that run says of the arm less well.
 
@@ -117,16 +114,16 @@ def identify(
 
     Raises:
         RecordingError: recordings that do not fit the arm or each other, or cannot be right.
-        EstimationError: neither unloaded run nor body, or data that no payload explains.
+        EstimationError: neither unloaded run nor a known arm, or data that no payload explains.
 
     References:
-        Chen 2016, eqs. (8) to (12); the difference of runs in place of a body model, unless one is given.
+        Chen 2016, eqs. (8) to (12); the difference of runs in place of a body model, where there is an unloaded run.
     """
     if transmission.gain_nm_a.size != chain.n:
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
     # Matrices of a few dozen columns: threads would wait for each other, on a busy machine for minutes.
     with threadpool_limits(1):
-        return _identified(loaded, unloaded, chain, transmission, estimator, known, body, arm)
+        return _identified(loaded, unloaded, chain, transmission, estimator, known, arm)
 
 
 def _identified(
@@ -136,21 +133,19 @@ def _identified(
     transmission: Transmission,
     estimator: Estimator,
     known: KnownPayload | None,
-    body: BodyModel | None,
     known_arm: KnownArm | None,
 ) -> Identification:
     """What `identify` does."""
     runs = (loaded,) if unloaded is None else (loaded, unloaded)
     for run in runs:
         check_joints(run, chain.n)
-    if unloaded is None and known_arm is not None:
-        body = known_arm.fit.model
-    signal = _signal(loaded, unloaded, chain, transmission, body)
+    signal = _signal(loaded, unloaded, chain, transmission, known_arm)
     prior = None if known is None else known.prior()
-    arm: BodyFit | None = None
-    if body is None:
-        arm = unloaded_body(signal, chain, transmission.coupling) if known_arm is None else known_arm.fit
-        body = arm.model
+    empty = unloaded_body(signal, chain, transmission.coupling) if known_arm is None else known_arm.fit
+    # Of one run the known arm was taken away, and all its errors are among the doubts.
+    arm = None if unloaded is None else empty
+    body = empty.model
+    if unloaded is not None:
         signal = on_one_motion(signal.with_delay(body.torque_delay_s), chain, body)
     regressor = payload_regressor(chain, *signal.states)
     fit, friction = fit_payload(signal, regressor, chain, body, estimator, prior, arm)
@@ -195,21 +190,20 @@ def _identified(
 
 
 def _signal(
-    loaded: Recording, unloaded: Recording | None, chain: Chain, transmission: Transmission, body: BodyModel | None
+    loaded: Recording, unloaded: Recording | None, chain: Chain, transmission: Transmission, arm: KnownArm | None
 ) -> LoadSignal:
-    """Torque of the payload by the difference of runs, or by that of run and body."""
+    """Torque of the payload by the difference of runs, or by that of run and known arm."""
     if unloaded is not None:
-        if body is not None:
-            raise EstimationError("an unloaded recording and a body were given; one of the two takes the arm away")
         check_pair(loaded, unloaded, transmission)
         return load_signal(loaded, unloaded, transmission)
-    if body is None:
+    if arm is None:
         raise EstimationError(
             "no unloaded recording was given, and the arm's own torque is not known: it is many times the payload's. "
             "Record the same excitation without the payload and give that file as --unloaded, or calibrate the arm "
             "once with `armload calibrate` and give that file as --calibration."
         )
     check_run(loaded, transmission)
+    body = arm.fit.model
     motion = motion_of(loaded, transmission).with_delay(body.torque_delay_s)
     empty = body.torque(chain, *motion.states)
     return without_body(motion, empty)
@@ -240,7 +234,11 @@ def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
 
 
 def payload_result(
-    result: Identification, armload_version: str, configuration_sha256: str, frame: str = FLANGE
+    result: Identification,
+    armload_version: str,
+    configuration_sha256: str,
+    calibration_sha256: Mapping[str, str] | None = None,
+    frame: str = FLANGE,
 ) -> PayloadResult:
     """The content of a payload file.
 
@@ -248,6 +246,7 @@ def payload_result(
         result: What was identified.
         armload_version: Version of the program.
         configuration_sha256: Hash of the robot's configuration.
+        calibration_sha256: File name and hash of the arm's calibration, where there is one.
         frame: Name of the frame that the chain's flange is.
 
     Returns:
@@ -266,5 +265,6 @@ def payload_result(
             armload_version=armload_version,
             configuration_sha256=configuration_sha256,
             recordings_sha256=hashes_by_name(result.sources),
+            calibration_sha256=dict(calibration_sha256 or {}),
         ),
     )

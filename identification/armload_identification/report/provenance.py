@@ -88,7 +88,7 @@ def comparison_sentence(signal: LoadSignal) -> str:
     """
     if not signal.periods[1]:
         return (
-            "The torque of the payload is that of the loaded run minus that of the arm, which the body file predicts. "
+            "The torque of the payload is that of the loaded run minus that of the arm, as its calibration has it. "
             f"The noise is from {signal.noise_source}."
         )
     difference = (

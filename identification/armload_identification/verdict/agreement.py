@@ -225,8 +225,9 @@ def _from_gains(one: MassCenterCovariance, other: MassCenterCovariance) -> Float
     """(4, 4) the gains' share of the covariance of the difference."""
     if not one.same_gains_as(other):
         return one.from_gains + other.from_gains
-    unshared = (one.gain_slope - other.gain_slope) * np.maximum(one.gain_deviation, other.gain_deviation)
-    return np.asarray(unshared @ unshared.T)
+    unshared = one.gain_slope - other.gain_slope
+    covariance = max((one.gain_covariance, other.gain_covariance), key=np.trace)
+    return np.asarray(unshared @ covariance @ unshared.T)
 
 
 def _combined(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.uncertainty import derived
+from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters, PayloadResult
@@ -72,6 +73,33 @@ def known_payload(result: PayloadResult) -> Known:
     if covariance is None:
         covariance = MassCenterCovariance.from_intervals(result.interval_95[:4], result.model.mass_kg)
     return Known(result.model, covariance)
+
+
+def with_gains(known: Known, gain: FloatArray, covariance: FloatArray) -> Known:
+    """The same payload, had its runs been taken with other gains.
+
+    Mass and centre of mass move along the slopes that the payload's file has; inertia stays with the centre of mass.
+
+    Args:
+        known: As it was identified.
+        gain: (n,) the other gains.
+        covariance: (n, n) of their logarithms.
+
+    Raises:
+        ModelError: no gains were used, or those of another number of axes.
+    """
+    was = known.covariance
+    if was.gain_nm_a.shape != gain.shape:
+        raise ModelError(
+            f"the payload's file has the gains of {was.gain_nm_a.size} axes, the calibration those of {gain.size}; "
+            "identify the payload again with the calibration"
+        )
+    moved = was.gain_slope @ np.log(gain / was.gain_nm_a)
+    body = known.parameters
+    center = body.center_of_mass_m + moved[1:]
+    mass_kg = body.mass_kg + float(moved[0])
+    parameters = InertialParameters.from_center_of_mass(mass_kg, center, body.inertia_about_com)
+    return Known(parameters, replace(was, gain_nm_a=gain, gain_covariance=covariance))
 
 
 def remedy_for(

@@ -14,17 +14,25 @@ from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOpt
 def compare(
     payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file that was identified (TOML).")],
     cad: Annotated[Path, typer.Argument(metavar="CAD", help="Payload file with the true values (TOML).")],
+    calibration: Annotated[
+        Path | None,
+        typer.Option("--calibration", help="Calibration file of the arm: what its gains make of the payload."),
+    ] = None,
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare a payload with CAD: the verdict, and relative errors in the paper's convention."""
+    """Compare a payload with CAD: the verdict, and relative errors in the paper's convention.
+
+    The verdict is on mass and centre of mass; with a calibration, on what they are with its gains.
+    """
     from armload_controller.cli.output.cad_table import comparison_table
     from armload_controller.cli.output.result_documents import comparison_document
     from armload_controller.cli.screen import Screen
+    from armload_identification.files.calibration_file import read_calibration
     from armload_identification.files.payload_file import read_payload
     from armload_identification.verdict.agreement import compare_known
     from armload_identification.verdict.cad_comparison import compare as compare_payloads
-    from armload_identification.verdict.payload_verdict import known_payload
+    from armload_identification.verdict.payload_verdict import known_payload, with_gains
     from armload_identification.verdict.verdict_text import agreement_sentences
 
     allowed = tolerance_of(tolerance)
@@ -33,7 +41,13 @@ def compare(
     screen = Screen(as_json=as_json)
     screen.table(comparison_table(result))
     screen.result("inertia about the frame's origin, products as the paper has them: ixy = +int xy dm")
-    agreement = compare_known(known_payload(estimate), known_payload(truth), allowed)
+    judged = known_payload(estimate)
+    if calibration is not None:
+        arm = read_calibration(calibration)
+        judged = with_gains(judged, arm.gain_nm_a, arm.covariance[: arm.n, : arm.n])
+        center = " ".join(f"{value:.4f}" for value in judged.parameters.center_of_mass_m)
+        screen.result(f"with the gains of {calibration.name}: {judged.parameters.mass_kg:.4f} kg at {center} m")
+    agreement = compare_known(judged, known_payload(truth), allowed)
     show_verdict(screen, agreement.outcome, agreement_sentences(agreement, "CAD gives"))
     if as_json:
         print_document(comparison_document(result, agreement))

@@ -11,6 +11,7 @@ import typer
 
 from armload_controller.cli.options import (
     BitrateOption,
+    CalibrationOption,
     ChannelOption,
     CycleOption,
     InterfaceOption,
@@ -24,12 +25,12 @@ from armload_controller.motion.motion_control import MotionControl
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from armload_controller.analysis.arm_in_use import ArmInUse
     from armload_controller.config.robot import Robot
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.motion.checked_path import CheckedPath
     from armload_controller.session.feedforward_comparison import Comparison, ComparisonRuns
     from armload_controller.session.run_session import Operator, ServosFactory
-    from armload_identification.model.body_model import BodyModel
     from armload_identification.model.payload import InertialParameters, PayloadResult
 
 IDENTIFIED, IDEAL = "identified payload", "true payload"
@@ -46,10 +47,7 @@ def feedforward(
     excitation: Annotated[
         Path | None, typer.Option(help="Trajectory to run; the robot's validation excitation if not given.")
     ] = None,
-    body: Annotated[
-        Path | None,
-        typer.Option("--body", help="Body file of `armload identify-body`: the arm's own torque is added too."),
-    ] = None,
+    calibration: CalibrationOption = None,
     mounted: Annotated[
         str | None, typer.Option("--mounted", help="Payload on the simulated flange, by its name in the configuration.")
     ] = None,
@@ -62,15 +60,19 @@ def feedforward(
     yes: YesOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Add a payload's torque, and the arm's, to the drives' own (60B2), after trying it at standstill.
+    """Add a payload's torque to the drives' own (60B2), after trying it at standstill; compare with the arm's as well.
+
+    With a calibration of the arm, torque is scaled to what its drives make of it, and the comparison has two runs more:
+    with the friction that the payload causes in the gears, and with all of the arm's own torque.
 
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque, as for `commission`.
     """
+    from armload_controller.analysis.arm_in_use import arm_in_use
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.output.result_documents import feedforward_document
     from armload_controller.cli.screen import Screen, attended
     from armload_controller.config.robot import load_robot
-    from armload_controller.feedforward.body_torque import held_torque, require_body
+    from armload_controller.feedforward.body_torque import held_torque
     from armload_controller.feedforward.injection import PayloadRefused
     from armload_controller.feedforward.payload_use import why_not_usable
     from armload_controller.session.arm_access import open_arm, require_rules
@@ -79,7 +81,6 @@ def feedforward(
     from armload_controller.session.run_session import Consent, Load, Operator, run_session
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.servos import JointServos
-    from armload_identification.files.body_file import read_body
     from armload_identification.files.payload_file import read_payload
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
@@ -94,10 +95,15 @@ def feedforward(
     if problem is not None:
         raise PayloadRefused(f"{payload}: {problem}")
     path = _checked_path(arm, excitation)
-    model = None if body is None else read_body(body).model
-    if model is not None:
-        require_body(model, arm.chain, arm.drives.coupling)
-    runs = ComparisonRuns(arm, path, None if model is None else held_torque(model))
+    used = arm_in_use(arm, calibration)
+    known = used.calibration
+    model = None if known is None else known.body
+    runs = ComparisonRuns(
+        arm,
+        path,
+        None if model is None else held_torque(model),
+        None if known is None else known.commanded(arm.drives.coupling),
+    )
 
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
@@ -112,7 +118,7 @@ def feedforward(
             if as_json:
                 print_document(feedforward_document(arm.name, verdict, [], None))
             return
-        comparisons, verdict = _compare(arm, runs, result, model, open_servos, operator)
+        comparisons, verdict = _compare(arm, runs, result, used, open_servos, operator)
     for comparison in comparisons:
         screen.table(comparison_table(comparison))
     draw(comparisons, arm.name, picture)
@@ -140,7 +146,7 @@ def _compare(
     arm: Robot,
     runs: ComparisonRuns,
     payload: PayloadResult,
-    body: BodyModel | None,
+    used: ArmInUse,
     open_servos: ServosFactory,
     operator: Operator,
 ) -> tuple[list[Comparison], OffsetVerdict]:
@@ -150,7 +156,8 @@ def _compare(
     from armload_controller.session.feedforward_comparison import FollowingRun
     from armload_controller.session.run_session import Load, run_session
 
-    in_this_process, chain = arm.bus.interface == VIRTUAL, arm.chain
+    in_this_process = arm.bus.interface == VIRTUAL
+    body = None if used.calibration is None else used.calibration.body
     empty: FollowingRun | None = None
     if in_this_process:
         with run_session(arm, Load.UNLOADED, open_servos, operator) as session:
@@ -161,7 +168,7 @@ def _compare(
         operator.display.step(_account(verdict))
         results = {IDENTIFIED: fed}
         if body is not None:
-            for label, term in ((FRICTION, LoadFriction(chain, body)), (ARM, ArmTorque(chain, body))):
+            for label, term in ((FRICTION, LoadFriction(used.chain, body)), (ARM, ArmTorque(used.chain, body))):
                 results[label], _ = runs.with_feedforward(session, payload, f"loaded, {label}", verdict, term)
         if in_this_process:
             truth = arm.simulation.payload(arm.simulation.payload_name)

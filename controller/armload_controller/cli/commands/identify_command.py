@@ -12,7 +12,6 @@ from armload_controller.cli.options import (
     BaseOption,
     CalibrationOption,
     FlangeOption,
-    GainsOption,
     LoadedOption,
     MaybeRobotArgument,
     UrdfOption,
@@ -36,13 +35,9 @@ def identify(
     urdf: UrdfOption = None,
     base: BaseOption = None,
     flange: FlangeOption = None,
-    body: Annotated[
-        Path | None, typer.Option("--body", help="Body file of `armload identify-body`, in place of --unloaded.")
-    ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Payload file (TOML) to write.")] = None,
     report: ReportOption = None,
     validation: ValidationOption = None,
-    gains: GainsOption = None,
     calibration: CalibrationOption = None,
     mass_kg: Annotated[float | None, typer.Option(help="The payload was weighed.")] = None,
     center_of_mass_m: Annotated[
@@ -59,7 +54,7 @@ def identify(
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
-    """Identify a payload from a recording with it and one without it, or from the calibrated arm or its body."""
+    """Identify a payload from a recording with it and one without it, or from the former and a calibrated arm."""
     from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
 
@@ -72,9 +67,7 @@ def identify(
         unloaded,
         validation=validation,
         tolerance=tolerance_of(tolerance),
-        gains=gains,
         calibration=calibration,
-        body=body,
         known=_known(mass_kg, center_of_mass_m, cad, cad_share),
         estimator=estimator,
     )

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from armload_controller.cli.options import CalibrationOption, GainsOption, RobotArgument
+from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.findings_output import ValidationOption, finish, require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
@@ -23,7 +23,6 @@ def report(
         typer.Option(metavar="LOADED UNLOADED", help="Recordings that the payload was identified from."),
     ] = None,
     validation: ValidationOption = None,
-    gains: GainsOption = None,
     calibration: CalibrationOption = None,
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
@@ -38,7 +37,6 @@ def report(
         payload,
         fitted=identified,
         validation=validation,
-        gains=gains,
         calibration=calibration,
         tolerance=tolerance_of(tolerance),
     )

@@ -11,7 +11,6 @@ from armload_controller.cli.options import (
     BaseOption,
     CalibrationOption,
     FlangeOption,
-    GainsOption,
     LoadedOption,
     UnloadedOption,
     UrdfOption,
@@ -36,7 +35,6 @@ def validate(
     base: BaseOption = None,
     flange: FlangeOption = None,
     report: ReportOption = None,
-    gains: GainsOption = None,
     calibration: CalibrationOption = None,
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
@@ -52,9 +50,7 @@ def validate(
     if report is not None:
         require_folder(report)
     allowed = tolerance_of(tolerance)
-    findings = robot_payload.validate(
-        arm, payload, loaded, unloaded, gains=gains, calibration=calibration, tolerance=allowed
-    )
+    findings = robot_payload.validate(arm, payload, loaded, unloaded, calibration=calibration, tolerance=allowed)
     finish(Screen(as_json=as_json), findings, payload=None, report=report, as_json=as_json)
     if findings.outcome is not None:
         raise typer.Exit(exit_status(findings.outcome))

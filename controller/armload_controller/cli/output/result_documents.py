@@ -12,11 +12,9 @@ from typing import Any
 
 from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
-from armload_core.arrays import FloatArray
 from armload_drivers.bring_up.drive_check import Check
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
 from armload_identification.calibration.arm_calibration import ArmCalibration, Effort
-from armload_identification.calibration.drive_gains import GainCalibration
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.results.findings_document import agreement_fields, numbers
 from armload_identification.verdict.agreement import Agreement
@@ -25,29 +23,6 @@ from armload_identification.verdict.cad_comparison import Comparison
 
 def _document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
     return {"schema": f"armload/{kind}/1", "armload_version": version("armload"), **fields}
-
-
-def gains_document(robot: str, joint_names: Sequence[str], result: GainCalibration, output: Path) -> dict[str, Any]:
-    """Calibrated beside nominal gains."""
-    rows = zip(
-        joint_names,
-        numbers(result.nominal_nm_a),
-        numbers(result.gain_nm_a),
-        numbers(result.half_width_95),
-        result.determined.tolist(),
-        strict=True,
-    )
-    joints = [
-        {
-            "name": name,
-            "nominal_nm_a": nominal,
-            "gain_nm_a": gain if known else None,
-            "half_width_95_nm_a": width if known else None,
-            "determined": known,
-        }
-        for name, nominal, gain, width, known in rows
-    ]
-    return _document("gains", {"robot": robot, "joints": joints, "files": {"gains": str(output)}})
 
 
 def calibration_document(
@@ -84,45 +59,6 @@ def calibration_document(
             "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
             "warnings": list(result.warnings),
             "files": {"calibration": str(output)},
-        },
-    )
-
-
-def body_document(
-    robot: str,
-    joint_names: Sequence[str],
-    base_parameters: tuple[int, int],
-    used: tuple[FloatArray, FloatArray, FloatArray],
-    checked: tuple[FloatArray, FloatArray, FloatArray] | None,
-    output: Path,
-) -> dict[str, Any]:
-    """The empty arm's torque and what its body leaves of it.
-
-    Args:
-        robot: Name of the arm.
-        joint_names: Names of its joints.
-        base_parameters: How many there are, and how many the runs determine.
-        used: (n,) torque, error and noise on the runs used.
-        checked: The same on a run that was not used.
-        output: The body file.
-    """
-
-    def joints(columns: tuple[FloatArray, FloatArray, FloatArray]) -> list[dict[str, Any]]:
-        rows = zip(joint_names, *(numbers(column) for column in columns), strict=True)
-        return [
-            {"name": name, "torque_rms_nm": torque, "error_rms_nm": error, "noise_nm": noise}
-            for name, torque, error, noise in rows
-        ]
-
-    return _document(
-        "body",
-        {
-            "robot": robot,
-            "base_parameters": base_parameters[0],
-            "determined": base_parameters[1],
-            "joints": joints(used),
-            "check": None if checked is None else joints(checked),
-            "files": {"body": str(output)},
         },
     )
 

@@ -27,6 +27,7 @@ class RobotTable(Table):
     description: str
     rated_payload_kg: Positive
     gravity_m_s2: Vector3
+    calibration: str | None = None
 
 
 class ExcitationTable(Table):

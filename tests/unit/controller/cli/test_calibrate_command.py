@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from importlib import resources
+from pathlib import Path
+
 import pytest
 
+from armload_controller.analysis.arm_in_use import arm_in_use
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_runs import is_run_table, read_runs
-from armload_identification.identification_errors import CalibrationFileError, ModelError, RunTableError
+from armload_controller.control_errors import ConfigurationError
+from armload_identification.identification_errors import CalibrationFileError, RunTableError
 
 
 @pytest.fixture
@@ -57,4 +62,27 @@ def test_a_calibration_that_is_none_is_refused(armload, tmp_path):
     wrong.write_text("[arm]\n")
     result = armload("identify", "ur10e", "--loaded", wrong, "--calibration", wrong)
     assert result.exit_code == 1
-    assert isinstance(result.exception, (CalibrationFileError, ModelError, Exception))
+    assert isinstance(result.exception, CalibrationFileError)
+    assert "arm.toml" in str(result.exception)
+
+
+@pytest.mark.parametrize("ended", ["calibrate-gains", "identify-body"])
+def test_what_has_ended_names_its_successor(armload, ended):
+    result = armload(ended, "er50", "run.mcap")
+    assert result.exit_code == 2
+    assert "`armload calibrate" in result.output
+
+
+def test_a_robots_file_names_its_calibration_and_the_command_line_wins(tmp_path):
+    text = (Path(str(resources.files("armload_configs"))) / "ur10e.toml").read_text()
+    own = tmp_path / "own.toml"
+    own.write_text(text.replace("[robot]\n", '[robot]\ncalibration = "arm.calibration.toml"\n', 1))
+    robot = load_robot(str(own))
+    with pytest.raises(ConfigurationError, match=r"own\.toml: robot\.calibration .*armload calibrate"):
+        arm_in_use(robot)
+    (tmp_path / "arm.calibration.toml").write_text("[arm]\n")
+    with pytest.raises(CalibrationFileError, match=r"arm\.calibration\.toml"):
+        arm_in_use(robot)
+    with pytest.raises(CalibrationFileError, match=r"other\.toml"):
+        arm_in_use(robot, tmp_path / "other.toml")
+    assert arm_in_use(load_robot("ur10e")).calibration is None

@@ -66,8 +66,8 @@ def test_the_payloads_share_of_the_following_error_falls(compared, folder):
 
 
 @pytest.fixture(scope="module")
-def with_body(armload, folder):
-    """The comparison with the arm's body as `identify-body` finds it."""
+def calibrated(armload, folder):
+    """The comparison with the arm as its own empty run calibrates it."""
     robot = load_robot("prbt")
     with simulated_arm(robot, Load.UNLOADED) as servos, Recorder(folder / "empty.mcap", recorded_with(folder)) as kept:
         servos.connect()
@@ -77,11 +77,11 @@ def with_body(armload, folder):
             read_excitation(folder / "long.toml"), robot.motion_constraints, 0.01, file="long.toml", key="excitation"
         )
         run_leg(cycle, path, path.measured, lambda done: None)
-    found = armload("identify-body", "prbt", folder / "empty.mcap", "-o", folder / "body.toml")
+    found = armload("calibrate", "prbt", folder / "empty.mcap", "-o", folder / "arm.toml")
     assert found.exit_code == 0, found.output
     words = ["feedforward", "prbt", folder / "payload.toml", "--compare", "--mounted", "block"]
-    words += ["--body", folder / "body.toml"]
-    result = armload(*words, "--excitation", folder / "sweep.toml", "--picture", folder / "body.svg")
+    words += ["--calibration", folder / "arm.toml"]
+    result = armload(*words, "--excitation", folder / "sweep.toml", "--picture", folder / "arm.svg")
     assert result.exit_code == 0, result.output
     return result.output
 
@@ -93,9 +93,9 @@ def recorded_with(folder):
     }
 
 
-def test_with_a_body_the_arms_own_torque_is_a_third_curve(with_body, folder):
-    assert "What the payload adds to the following error, RMS over time" in with_body
-    first, second = with_body.split("Following error beyond the servo's lag, RMS over time")
+def test_with_a_calibration_the_arms_own_torque_is_a_third_curve(calibrated, folder):
+    assert "What the payload adds to the following error, RMS over time" in calibrated
+    first, second = calibrated.split("Following error beyond the servo's lag, RMS over time")
     for text, columns in ((first, 3), (second, 3)):
         for joint in range(1, 7):
             (row,) = [line for line in text.splitlines() if f"prbt_joint_{joint} " in line and "% less" in line]
@@ -103,15 +103,14 @@ def test_with_a_body_the_arms_own_torque_is_a_third_curve(with_body, folder):
     (row,) = [line for line in second.splitlines() if "prbt_joint_3" in line and "% less" in line]
     payload, _, arm = (float(share) for share in re.findall(r"(-?[\d.]+) % less", row))
     assert arm > payload + 10.0
-    assert "no torque is added on" not in with_body
-    assert "payload and arm: " in (folder / "body.svg").read_text()
+    assert "no torque is added on" not in calibrated
+    assert "payload and arm: " in (folder / "arm.svg").read_text()
 
 
-def test_a_body_of_another_arm_is_refused_before_anything_moves(armload, folder, with_body):
-    words = ["feedforward", "er50", folder / "payload.toml", "--body", folder / "body.toml"]
-    result = armload(*words)
+def test_a_calibration_of_another_arm_is_refused_before_anything_moves(armload, folder, calibrated):
+    result = armload("feedforward", "er50", folder / "payload.toml", "--calibration", folder / "arm.toml")
     assert result.exit_code == 1
-    assert "coupled differently" in str(result.exception)
+    assert "an arm of other kinematics" in str(result.exception)
 
 
 def test_the_offset_is_tried_and_what_is_left_out_is_said(compared):

@@ -15,16 +15,13 @@ from armload_controller.cli.main import app
 from armload_controller.cli.output.result_documents import (
     calibration_document,
     feedforward_document,
-    gains_document,
     nodes_document,
 )
 from armload_controller.feedforward.offset_check import OffsetVerdict
-from armload_controller.feedforward.payload_feedforward import NOTHING
 from armload_controller.session.feedforward_comparison import Comparison, Measure
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_identification.calibration.arm_calibration import Effort
-from armload_identification.calibration.drive_gains import GainCalibration
 
 PAGE = Path(__file__).resolve().parents[4] / "controller" / "JSON.md"
 COMMON = {"schema", "armload_version"}
@@ -65,7 +62,6 @@ COMMANDS = {
     "identify": "identify er50 --loaded {l1} --unloaded {u1} --validation {l2} {u2} -o {out}/p.toml --report {out}/r",
     "validate": "validate er50 {payload} --loaded {l2} --unloaded {u2}",
     "report": "report er50 {payload} --identified {l1} {u1} --validation {l2} {u2} -o {out}/again.html",
-    "identify-body": "identify-body er50 {u1} --check {u2} -o {out}/body.toml",
     "compare": "compare {payload} {payload}",
     "export": "export {payload} --robot er50 --format urdf -o {out}",
     "design": "design prbt -o {out}/path.toml --restarts 1 --harmonics 2 --period-s 5",
@@ -95,7 +91,6 @@ def document(armload, recorded_er50, tmp_path_factory):
 def made():
     """Documents of commands that take long or need a bus."""
     joints, ones = ("a", "b"), np.ones(2)
-    gains = GainCalibration(ones, ones, np.array([True, False]), ones, np.eye(2), NOTHING, ones, ones, ones, ())
     offset = OffsetVerdict(joints, ones, np.array([1.0, 0.2]), np.array([0.01, 9.0]), 4)
     errors = np.full((5, 2), 0.01)
     compared = Comparison(Measure.ADDED, joints, np.arange(5.0), errors, {"fed": 0.1 * errors}, np.array([9.0, 0.1]))
@@ -113,17 +108,15 @@ def made():
     )
     return [
         calibration_document("arm", joints, arm, Path("arm.toml")),
-        gains_document("arm", joints, gains, Path("gains.toml")),
         feedforward_document("arm", offset, [compared], Path("picture.svg")),
         nodes_document("socketcan", "can0", [node]),
     ]
 
 
 def test_what_is_not_determined_has_no_number():
-    calibrated, gains, fed, _ = made()
+    calibrated, fed, _ = made()
     assert [joint["gain"] for joint in calibrated["joints"]] == [1.0, None]
     assert [run["mounting"] for run in calibrated["runs"]] == [None, "m"]
-    assert [joint["gain_nm_a"] for joint in gains["joints"]] == [1.0, None]
     assert [joint["gain"] for joint in fed["offset"]] == [1.0, None]
     assert fed["comparisons"][0]["joints"][0]["reduction"] == {"fed": pytest.approx(0.9)}
     assert [joint["carries_weight"] for joint in fed["comparisons"][0]["joints"]] == [True, False]

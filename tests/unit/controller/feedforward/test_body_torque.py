@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_controller.feedforward.body_torque import ArmTorque, BodyRefused, LoadFriction, held_torque, require_body
+from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction, held_torque
 from armload_controller.motion.checked_path import check_path
 from armload_controller.session.arm_access import simulated_arm
 from armload_controller.session.feedforward_comparison import ComparisonRuns, Measure, beyond_lag, rms
@@ -77,14 +77,6 @@ def test_at_standstill_there_is_weight_and_no_friction():
 
 def test_what_is_tried_is_held_by_friction():
     assert (held_torque(BODY) < BODY.coulomb_nm).all()
-
-
-def test_another_arms_body_is_refused():
-    require_body(BODY, CHAIN, np.eye(6))
-    with pytest.raises(BodyRefused, match="6 joints, the robot 3"):
-        require_body(BODY, CHAIN.head(3), np.eye(3))
-    with pytest.raises(BodyRefused, match="coupled differently"):
-        require_body(BODY, CHAIN, np.eye(6) + np.diag(np.full(5, 0.02), -1))
 
 
 def test_the_lag_is_taken_off_and_what_is_no_lag_is_left():

@@ -95,6 +95,16 @@ def test_the_torque_is_the_payloads_where_the_arm_is(connected_servos, cycles):
     assert error_nm(delay_s) < 0.2 * min(error_nm(delay_s + half) for half in (-0.5 * CYCLE_S, 0.5 * CYCLE_S))
 
 
+def test_drives_whose_gains_are_off_are_given_what_becomes_the_torque(connected_servos):
+    scale = np.diag([1.0, 0.9, 1.0, 1.0, 1.1, 1.0])
+    scaled = FeedforwardPlugin(ROBOT.chain, "prbt", payload(), CYCLE_S, commanded=scale)
+    scaled.allow(ALL)
+    _, plain = run(connected_servos(6, CYCLE_S), plugin())
+    _, torque = run(connected_servos(6, CYCLE_S), scaled)
+    assert (np.abs(plain).max(axis=0)[[1, 4]] > 1.0).all()
+    np.testing.assert_allclose(torque, plain @ scale, atol=1e-9)
+
+
 def test_joints_that_were_not_found_usable_get_nothing(connected_servos):
     usable = np.array([False, True, True, False, True, False])
     _, torque = run(connected_servos(6, CYCLE_S), plugin(joints=usable))

@@ -167,6 +167,14 @@ def test_whole_periods_and_reported_torque_are_calibrated_too(pinocchio_arm, nom
     assert payload.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
 
 
+def test_drives_are_given_what_their_gains_make_the_torque(result, nominal):
+    """Their currents times nominal gains is what they believe in; through the coupling it is another joint torque."""
+    torque = np.array([[10.0, -5.0, 3.0, 2.0, 1.0, 0.5]])
+    commanded = torque @ result.commanded(nominal.coupling)
+    current = (commanded @ nominal.coupling) / nominal.gain_nm_a
+    np.testing.assert_allclose(result.transmission(nominal).joint_torque(current), torque, rtol=1e-12)
+
+
 def test_a_base_that_is_not_level_is_found(pinocchio_arm, nominal, weighed):
     """Tilting gravity turns the whole arm: the runs are made by an arm whose gravity leans."""
     tilt = np.radians([0.6, -0.4])

@@ -54,7 +54,7 @@ def test_gains_stand_apart_as_slopes(regressor, pinocchio_arm):
         change = (InertialParameters(again.theta).values - InertialParameters(fit.theta).values)[:4] / 5e-4
         np.testing.assert_allclose(known.gain_slope[:, axis], change, rtol=0.01, atol=1e-3)
     np.testing.assert_array_equal(known.gain_nm_a, transmission.gain_nm_a)
-    np.testing.assert_array_equal(known.gain_deviation, transmission.deviation)
+    np.testing.assert_array_equal(known.gain_covariance, transmission.covariance)
     # All gains together are the scale: the mass follows it and the centre of mass stays.
     np.testing.assert_allclose(known.gain_slope.sum(axis=1), [fit.theta[0], 0, 0, 0], atol=1e-6)
 

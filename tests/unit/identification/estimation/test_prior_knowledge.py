@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.calibration.drive_gains import GainCalibration
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.files.gains_file import format_gains, parse_gains, read_gains, write_gains
 from armload_identification.files.payload_file import format_payload, parse_payload
-from armload_identification.identification_errors import GainsFileError, PayloadFileError
+from armload_identification.identification_errors import PayloadFileError
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.signals.joint_torque import Transmission
@@ -120,53 +118,3 @@ def test_two_frames_are_not_compared():
     other = paper_payload(1.0, [0, 0, 0.1], np.array([0.1, 0.1, 0.1, 0, 0, 0]), "flange")
     with pytest.raises(PayloadFileError, match="one frame"):
         compare(one, other)
-
-
-@pytest.fixture
-def calibration():
-    return GainCalibration(
-        gain_nm_a=np.array([12.1, 10.0]),
-        half_width_95=np.array([0.1, 0.4]),
-        determined=np.array([True, False]),
-        nominal_nm_a=np.array([11.9, 10.0]),
-        coupling=np.eye(2),
-        payload=InertialParameters.from_center_of_mass(1.0, [0, 0, 0], np.eye(3)),
-        load_friction=np.zeros(2),
-        viscous_nm_s_rad=np.zeros(2),
-        residual_rms_nm=np.zeros(2),
-        sources=(),
-    )
-
-
-def test_a_gains_file_gives_back_the_transmission(calibration, tmp_path):
-    write_gains(tmp_path / "gains.toml", calibration, "0.1.0", "c" * 64)
-    back = read_gains(tmp_path / "gains.toml", np.eye(2))
-    wanted = calibration.transmission
-    np.testing.assert_array_equal(back.gain_nm_a, wanted.gain_nm_a)
-    np.testing.assert_array_equal(back.calibrated, [True, False])
-    np.testing.assert_allclose(back.deviation, wanted.deviation, rtol=1e-12)
-    assert back.deviation[0] == pytest.approx(0.1 / 12.1 / 1.96, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("told = [1.0, 0.0]", "told = [1.0]", "gains.told is"),
-        ("gain_nm_a = [12.1", "gain_nm_a = [-12.1", "numbers above 0"),
-        ("[gains]", "[gains]\nspeed = 1", "gains.speed is 1"),
-        ("half_width_95_nm_a = [0.1", "half_width_95_nm_a = [-0.1", "from 0 on"),
-    ],
-)
-def test_a_wrong_gains_file_is_refused_by_key(calibration, old, new, said):
-    text = format_gains(calibration, "0.1.0", "c" * 64)
-    assert old in text
-    with pytest.raises(GainsFileError, match=said):
-        parse_gains(text.replace(old, new, 1), np.eye(2))
-
-
-def test_gains_of_another_arm_are_refused(calibration, tmp_path):
-    text = format_gains(calibration, "0.1.0", "c" * 64)
-    with pytest.raises(GainsFileError, match="3 finite numbers"):
-        parse_gains(text, np.eye(3))
-    with pytest.raises(GainsFileError, match="cannot be read"):
-        read_gains(tmp_path / "none.toml", np.eye(2))

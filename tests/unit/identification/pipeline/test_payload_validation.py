@@ -150,7 +150,7 @@ def test_a_payload_file_of_an_older_version_is_judged_by_its_intervals(measured,
 
 def test_the_file_keeps_the_covariance(payload, pinocchio_arm):
     again = parse_payload(format_payload(payload))
-    for name in ("measured", "freedom", "gain_nm_a", "gain_slope", "gain_deviation"):
+    for name in ("measured", "freedom", "gain_nm_a", "gain_slope", "gain_covariance"):
         np.testing.assert_array_equal(getattr(again.mass_center, name), getattr(payload.mass_center, name))
     assert again.mass_center.same_gains_as(payload.mass_center)
     np.testing.assert_array_equal(again.mass_center.gain_nm_a, pinocchio_arm.transmission.gain_nm_a)
@@ -161,8 +161,8 @@ def test_the_file_keeps_the_covariance(payload, pinocchio_arm):
     [
         ("degrees_of_freedom = ", "degrees_of_freedom = -", "covariance.degrees_of_freedom .* greater than 0"),
         ("mass_center = [\n    [", "mass_center = [\n    [-", "covariance.mass_center .* no eigenvalue below 0"),
-        ("deviation = [0.0, ", "deviation = [", "covariance.gains.deviation .* 6 finite numbers"),
-        ("deviation = [0.0, ", "deviation = [-0.5, ", "covariance.gains.deviation .* from 0 on"),
+        ("covariance = [\n    [0.0, ", "covariance = [\n    [", "covariance.gains.covariance"),
+        ("covariance = [\n    [0.0, ", "covariance = [\n    [-0.5, ", "gains.covariance .* no eigenvalue below 0"),
         ("[covariance]", "[covariance]\nsize = 4", "covariance.size .*no such key"),
     ],
 )

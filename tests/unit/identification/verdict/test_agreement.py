@@ -17,6 +17,7 @@ from armload_identification.verdict.agreement import (
     compare_known,
     length_needed,
 )
+from armload_identification.verdict.payload_verdict import with_gains
 
 pytestmark = pytest.mark.pure
 
@@ -142,25 +143,49 @@ def test_the_sign_is_that_of_what_was_measured():
     assert result.tolerance_kg == pytest.approx(0.2)
 
 
-def with_gains(values, gain, slope, deviation=0.02):
+def by_gains(values, gain, slope, correlation=0.0):
+    """A payload by gains that are known to 2 %."""
     n = len(gain)
+    covariance = 0.02**2 * ((1.0 - correlation) * np.eye(n) + correlation)
     return Known(
-        payload(values),
-        MassCenterCovariance(COVARIANCE, np.inf, np.asarray(gain), np.asarray(slope), np.full(n, deviation)),
+        payload(values), MassCenterCovariance(COVARIANCE, np.inf, np.asarray(gain), np.asarray(slope), covariance)
     )
 
 
 def test_gains_in_common_count_by_what_they_do_differently():
     slope = np.array([[9.0, 1.0], [0.0, 0.05], [0.01, 0.0], [0.0, 0.0]])
     other = slope + np.outer([0.5, 0, 0, 0], [1, 0])
-    one = with_gains(TRUE, [100.0, 50.0], slope)
-    same = compare_known(one, with_gains(TRUE, [100.0, 50.0], other), Tolerance())
+    one = by_gains(TRUE, [100.0, 50.0], slope)
+    same = compare_known(one, by_gains(TRUE, [100.0, 50.0], other), Tolerance())
     none = compare_known(known(TRUE), known(TRUE), Tolerance())
     np.testing.assert_allclose(same.covariance[0, 0] - none.covariance[0, 0], (0.02 * 0.5) ** 2)
     np.testing.assert_allclose(same.covariance[1:, 1:], none.covariance[1:, 1:])
-    apart = compare_known(one, with_gains(TRUE, [100.0, 51.0], other), Tolerance())
+    apart = compare_known(one, by_gains(TRUE, [100.0, 51.0], other), Tolerance())
     expected = 0.02**2 * (slope @ slope.T + other @ other.T)
     np.testing.assert_allclose(apart.covariance - none.covariance, expected, atol=1e-12)
+
+
+def test_gains_that_err_together_count_together():
+    """Two gains that can only be wrong by the same share leave what the payload weighs on one of them alone unknown."""
+    slope = np.array([[6.0, 4.0], [0.1, -0.1], [0.0, 0.0], [0.0, 0.0]])
+    none = compare_known(known(TRUE), known(TRUE), Tolerance())
+    together = compare_known(by_gains(TRUE, [100.0, 50.0], slope, 1.0), known(TRUE), Tolerance())
+    extra = together.covariance - none.covariance
+    np.testing.assert_allclose(extra[0, 0], (0.02 * 10.0) ** 2)
+    np.testing.assert_allclose(extra[1, 1], 0.0, atol=1e-12)
+
+
+def test_a_payload_moves_with_its_gains():
+    slope = np.array([[6.0, 4.0], [0.1, -0.1], [0.0, 0.0], [0.0, 0.0]])
+    was = by_gains(TRUE, [100.0, 50.0], slope)
+    gain, covariance = np.array([102.0, 50.0]), 1e-6 * np.eye(2)
+    now = with_gains(was, gain, covariance)
+    np.testing.assert_allclose(now.values - was.values, slope[:, 0] * np.log(1.02), atol=1e-12)
+    np.testing.assert_allclose(now.parameters.inertia_about_com, was.parameters.inertia_about_com, atol=1e-12)
+    assert now.covariance.same_gains_as(by_gains(TRUE, gain, slope).covariance)
+    np.testing.assert_allclose(now.covariance.from_gains, 1e-6 * slope @ slope.T)
+    with pytest.raises(ModelError, match="gains of 0 axes"):
+        with_gains(known(TRUE), gain, covariance)
 
 
 def test_the_length_needed_makes_the_tolerance_just_noticeable():
@@ -179,7 +204,7 @@ def test_the_length_needed_makes_the_tolerance_just_noticeable():
 
 def test_what_no_length_would_show_is_put_down_to_gains_or_floor():
     slope = np.array([[9.0], [0.0], [0.0], [0.0]])
-    far = with_gains(TRUE, [100.0], slope), with_gains(TRUE, [120.0], slope)
+    far = by_gains(TRUE, [100.0], slope), by_gains(TRUE, [120.0], slope)
     assert length_needed(*far, Tolerance()) == LengthNeeded(np.inf, gains_limit=True)
     assert length_needed(known(TRUE), known(TRUE), Tolerance(0.001, 0.01)) == LengthNeeded(np.inf, gains_limit=False)
 

@@ -1,0 +1,68 @@
+"""An arm calibrated from recordings, and payloads identified with it, as `armload calibrate` and `identify` do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.estimation.estimator_names import Estimator
+from armload_identification.model.chain import Chain
+from armload_identification.pipeline.payload_identification import Identification, identify
+from armload_identification.recording.recording import Recording
+from armload_identification.signals.joint_torque import Transmission
+
+
+def calibrated(
+    runs: Sequence[MountedRun], weighed: Mapping[str, WeighedPayload], chain: Chain, transmission: Transmission
+) -> ArmCalibration:
+    """The arm from its runs.
+
+    Args:
+        runs: All of them.
+        weighed: What is known of the payloads, by mounting.
+        chain: The arm.
+        transmission: Nominal gains, and coupling.
+    """
+    return calibrate_arm(
+        runs,
+        weighed,
+        chain,
+        transmission,
+        robot="benchmark",
+        armload_version="benchmark",
+        configuration_sha256="0" * 64,
+    )
+
+
+def calibrated_from_pair(
+    loaded: Recording, unloaded: Recording, payload: WeighedPayload, chain: Chain, transmission: Transmission
+) -> ArmCalibration:
+    """The arm from two runs of one motion, with and without a weighed payload."""
+    runs = [MountedRun(loaded, "weighed"), MountedRun(unloaded, "")]
+    return calibrated(runs, {"weighed": payload}, chain, transmission)
+
+
+def identified_with(
+    calibration: ArmCalibration | None,
+    loaded: Recording,
+    unloaded: Recording | None,
+    chain: Chain,
+    transmission: Transmission,
+    estimator: Estimator = Estimator.FRICTION,
+) -> Identification:
+    """A payload, with the arm as it was calibrated; without a calibration by its nominal gains.
+
+    Raises:
+        IdentificationError: it was refused.
+    """
+    if calibration is None:
+        return identify(loaded, unloaded, chain, transmission, estimator=estimator)
+    return identify(
+        loaded,
+        unloaded,
+        calibration.level(chain),
+        calibration.transmission(transmission),
+        estimator=estimator,
+        arm=calibration.known_arm(chain),
+    )
