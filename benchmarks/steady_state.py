@@ -1,6 +1,6 @@
 """One period of an excitation as the simulated arm drives it when it has driven it before: MuJoCo, without noise.
 
-The arm is streamed as in a commissioning: setpoints from `plan_run` in the drives' counts, latched at SYNC and
+The arm is streamed as in a commissioning: setpoints from `plan_leg` in the drives' counts, latched at SYNC and
 reached one cycle later, through the servo loops of the plant. The first period is thrown away, the second kept;
 how far the two are apart is kept with it. Noise, quantisation of torque and gain errors are added per seed by
 `recordings`, which is exact for the first two. A gain error leaves the motion as it is within the loops'
@@ -29,7 +29,7 @@ import armload_drivers.simulation.servo_loops
 import armload_identification.excitation.fourier
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.phase import Segment
-from armload_controller.motion.setpoints import plan_path, plan_run
+from armload_controller.motion.setpoints import plan_leg, plan_measured
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.drive_units import ArmUnits
@@ -158,11 +158,10 @@ def _simulate(spec: PlantSpec, streaming: Streaming, trajectory: FourierTrajecto
     """Stream two periods and keep the second."""
     arm, n = streaming.arm, len(spec.joints)
     cycle_s, units = arm.cycle_s, ArmUnits(arm)
-    start = trajectory.evaluate(0.0).position_rad
-    plant = ArmPlant(replace(spec, start_position_rad=start))
+    plan = plan_leg(plan_measured(Excitation(trajectory, 2), streaming.limits, cycle_s), cycle_s)
+    plant = ArmPlant(replace(spec, start_position_rad=plan.position_rad[0]))
     for axis in range(n):
         plant.set_powered(axis, True)
-    plan = plan_run(start, plan_path(Excitation(trajectory, 2), streaming.limits, cycle_s), streaming.limits, cycle_s)
     rows = np.flatnonzero([segment is Segment.PERIODS for segment in plan.segment])
     cycles = rows.size // 2
     nothing = np.zeros(n)

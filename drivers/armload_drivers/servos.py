@@ -6,7 +6,8 @@ one exception: `current_a` is the current of each MOTOR, because torque constant
 business.
 
 The life of an arm: `connect` -> `enable` -> `exchange` ... -> `stop` -> `disable` -> `close`. `close` is allowed
-from every state and leaves the arm without torque, standing.
+from every state and leaves the arm without torque, standing. While no drive is enabled, `standing_rad` says where the
+arm stands.
 """
 
 from __future__ import annotations
@@ -83,6 +84,14 @@ class JointServos(Protocol):
 
         Raises:
             DriverError: naming node, joint and step.
+        """
+
+    def standing_rad(self) -> FloatArray:
+        """(n,) where the joints stand, connected and not enabled.
+
+        Raises:
+            StateError: not connected, or enabled.
+            DriverError: a drive does not say.
         """
 
     def enable(self) -> JointFeedback:

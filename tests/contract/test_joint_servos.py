@@ -116,6 +116,17 @@ def test_connecting_energises_nothing(rig):
     assert rig.plant.position_rad == pytest.approx(START_AXIS_RAD)
 
 
+def test_it_says_where_the_arm_stands_before_it_is_enabled(rig):
+    with pytest.raises(StateError):
+        rig.servos.standing_rad()
+    rig.servos.connect()
+    assert rig.servos.standing_rad() == pytest.approx(rig.start_rad, abs=rig.count_rad)
+    assert not any(rig.plant.powered)
+    rig.servos.enable()
+    with pytest.raises(StateError):
+        rig.servos.standing_rad()
+
+
 def test_enabling_holds_the_measured_position(rig):
     feedback = rig.enable()
     assert all(rig.plant.powered)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import version
 from math import ceil, floor, inf
 from multiprocessing import get_context
@@ -16,6 +17,8 @@ from typing import Any, Final, Literal
 
 from armload_controller.config.robot import Robot, load_robot, shipped_robots
 from armload_controller.control_errors import ControlError
+from armload_controller.motion.pace import reduced_pace
+from armload_controller.motion.paths import PLANNED_SPEED_M_S, bound_phase
 from armload_controller.motion.setpoints import CYCLE_ROUNDING
 from armload_identification.excitation import design as excitation_design
 from armload_identification.excitation.design import DesignResult
@@ -51,7 +54,7 @@ class UnstreamablePeriod(ControlError):
 
 @dataclass(frozen=True, eq=False)
 class DesignedExcitation:
-    """An excitation with what was found of it; printed, it is two lines.
+    """An excitation with what was found of it; printed, it is three lines.
 
     Attributes:
         arm: The arm that it is for.
@@ -88,10 +91,24 @@ class DesignedExcitation:
             values = getattr(room, key)
             joint = int(values.argmin())
             found[key] = (self.arm.joint_names[joint], float(values[joint]))
-        if room.clearance_m:
-            name = min(room.clearance_m, key=lambda pair: room.clearance_m[pair])
-            found["clearance_m"] = (name, float(room.clearance_m[name]))
+        for key in ("clearance_m", "speed_m_s"):
+            named = getattr(room, key)
+            if named:
+                name = min(named, key=named.__getitem__)
+                found[key] = (name, float(named[name]))
         return found
+
+    @cached_property
+    def speed_m_s(self) -> float:
+        """What no point of the arm exceeds at full speed."""
+        return float(self.arm.limits.points.greatest_on(self.result.trajectory).max())
+
+    @cached_property
+    def slow_round_s(self) -> float:
+        """How long the slow round before it lasts, in which no point exceeds `paths.PLANNED_SPEED_M_S`."""
+        path = self.result.trajectory
+        paced, _ = reduced_pace(path, bound_phase(path, self.arm.limits.motion), self.arm.limits.points)
+        return paced.pace.lasts_s
 
     def to_dict(self) -> dict[str, Any]:
         """The figures as numbers, texts, lists and dictionaries: the schema `armload/design/1`."""
@@ -108,6 +125,8 @@ class DesignedExcitation:
             "periods": self.periods,
             "harmonics": int(result.trajectory.harmonics),
             "seed": result.seed,
+            "speed_m_s": self.speed_m_s,
+            "slow_round_s": self.slow_round_s,
             "nearest": {key: {"name": name, "room": room} for key, (name, room) in self.nearest().items()},
         }
 
@@ -119,13 +138,16 @@ class DesignedExcitation:
             "acceleration_rad_s2": ("acceleration ", "rad/s2"),
             "torque_nm": ("torque ", "N m"),
             "clearance_m": ("", "m"),
+            "speed_m_s": ("", "m/s"),
         }
         nearest = [f"{name} {words[key][0]}{room:.3g} {words[key][1]}" for key, (name, room) in self.nearest().items()]
         result = self.result
         return (
             f"{result.criterion} cost {result.cost:.4g}, cond(Phi) {result.condition_number:.3g}, {result.rank} of 10 "
             f"parameters can be determined, {self.periods} periods of {result.trajectory.period_s:g} s\n"
-            f"within every limit at any time; nearest: {', '.join(nearest)}"
+            f"within every limit at any time; nearest: {', '.join(nearest)}\n"
+            f"no point of the arm is faster than {self.speed_m_s:.2f} m/s; the slow round takes "
+            f"{self.slow_round_s:.0f} s at {PLANNED_SPEED_M_S:.3f} m/s at most"
         )
 
     def _excitation(self, output: str) -> Excitation:

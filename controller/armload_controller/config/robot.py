@@ -220,6 +220,7 @@ class Robot:
             self.limits.excitation.reduced(position_margin_rad, rate_share),
             self.strength.limits(torque_share),
             self.workspace,
+            self.limits.speed,
         )
 
     @cached_property
@@ -231,7 +232,13 @@ class Robot:
         """
         limits = self.limits
         return MotionConstraints(
-            limits.motion, limits.following_speed_rad_s, self.strength.limits_if_stated, self.obstacles
+            self.sha256,
+            limits.motion,
+            limits.following_speed_rad_s,
+            self.strength.limits_if_stated,
+            self.obstacles,
+            limits.points,
+            limits.speed,
         )
 
     def require_complete_for_real_arm(self) -> None:

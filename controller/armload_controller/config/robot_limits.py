@@ -10,6 +10,7 @@ from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.tables.joint_table import JointTable
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
+from armload_identification.excitation.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.design_envelope import ExcitationLimits
 
 
@@ -53,6 +54,18 @@ class RobotLimits:
     def following_speed_rad_s(self) -> FloatArray:
         """(n,) speed at which the following error reaches its window; inf where the drive's lag is not known."""
         return np.array([_speed_at_following_error(joint) for joint in self.source.tables.joints])
+
+    @property
+    def points(self) -> ArmPoints:
+        """The points of the arm whose speed is limited; the tool centre point is the flange without a `[tool]`."""
+        tool = self.source.tables.tool
+        return ArmPoints(self.source.chain, np.zeros(3) if tool is None else np.array(tool.xyz_m))
+
+    @property
+    def speed(self) -> SpeedLimit | None:
+        """What none of these points exceeds at full speed; None where the file sets no limit."""
+        limits = self.source.tables.limits
+        return None if limits is None else SpeedLimit(self.points, limits.tcp_speed_m_s)
 
     @property
     def torque_max_nm(self) -> FloatArray:

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from armload_controller.control_errors import MotionError
+from armload_controller.control_errors import ControlError, MotionError
 from armload_controller.cycle.monitors import LateCycle
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep, PluginHost, PluginTiming
 from armload_controller.cycle.safety import DECISIONS, PathDeviation, StopStep, cause_of
@@ -72,6 +72,14 @@ class Cycle:
         """What each plug-in cost so far."""
         return self._host.timings
 
+    def standing_rad(self) -> FloatArray:
+        """(n,) where the arm stands; it has no torque.
+
+        Raises:
+            DriverError: a drive does not say.
+        """
+        return self._servos.standing_rad()
+
     @contextmanager
     def powered(self) -> Iterator[PoweredArm]:
         """Enable the arm; leaving the block brings it to rest and disables it, whatever happened in there.
@@ -104,7 +112,13 @@ def require_going(control: MotionControl) -> None:
     """
     stop = control.goal.stop
     if stop is not None:
-        raise MotionError(f"Nothing was switched on: {cause_of(stop).value}: {stop}", ()) from stop
+        raise not_switched_on(stop) from stop
+
+
+def not_switched_on(error: ControlError) -> MotionError:
+    """The error about a motion that was not begun."""
+    cause = cause_of(error)
+    return MotionError(f"Nothing was switched on: {cause.value}: {error}. Next: {DECISIONS[cause].advice}.", ())
 
 
 class PoweredArm:

@@ -5,10 +5,11 @@ which refuses an excitation that anywhere, at any speed up to the planned one an
 
     breaks a joint's limit of position, velocity, acceleration or jerk, or fills its following-error window,
     requires more torque than a joint has, for the arm alone or with its heaviest payload,
-    touches an obstacle of the workspace, or brings collision meshes too close to each other.
+    touches an obstacle of the workspace, or brings collision meshes too close to each other,
+    moves a point of the arm faster than the robot's file allows, or in the slow round faster than reduced speed.
 
-The way onto a path is straight in joint space and begins wherever the arm stands, so it is checked in the same way when
-that is known, on its own line: `CheckedPath.approach_from`.
+The way onto a path begins wherever the arm stands, so it is checked in the same way when that is known, on its own
+straight stretches: `CheckedPath.approach_from`.
 """
 
 from __future__ import annotations
@@ -16,14 +17,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Never, final
 
+import numpy as np
+
 from armload_controller.control_errors import ConfigurationError
+from armload_controller.motion.joint_limits import check_setpoints
 from armload_controller.motion.motion_constraints import MotionConstraints
-from armload_controller.motion.path_checks import require_joint_limits, torque_objection
-from armload_controller.motion.paths import BlockedWay
+from armload_controller.motion.path_checks import (
+    greatest_speed_m_s,
+    require_joint_limits,
+    require_reduced_speed,
+    require_tcp_speed,
+    torque_objection,
+)
+from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
 from armload_controller.motion.phase import Leg
-from armload_controller.motion.setpoints import plan_approach, plan_legs
+from armload_controller.motion.setpoints import plan_approach, plan_measured, plan_slow
+from armload_controller.motion.way_round import find_way
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
+
+STANDING_RAD = 1e-9
+"""An arm that is this close to where it is to go is there."""
+SAG_RAD = 0.01
+"""So far a joint may sink or spring while it gets torque and its brake opens."""
 
 
 @final
@@ -51,12 +67,14 @@ class CheckedPath:
     Attributes:
         excitation: Path and number of periods.
         constraints: What it was checked against.
-        slow: One period at a quarter of the speed.
+        cycle_s: Time between setpoints that it was checked for.
+        slow: One period at reduced speed.
         measured: Ramp up, whole periods, ramp down; begins where the slow round ends.
     """
 
     excitation: Excitation
     constraints: MotionConstraints
+    cycle_s: float
     slow: CheckedLeg
     measured: CheckedLeg
 
@@ -69,27 +87,82 @@ class CheckedPath:
         leg = self.measured.leg
         return leg.path.evaluate(leg.start_s).position_rad
 
-    def approach_from(self, position_rad: FloatArray) -> CheckedLeg | None:
-        """The straight way from where the arm stands to where the legs begin; None where it is there already.
+    @property
+    def slow_round_s(self) -> float:
+        """How long the slow round lasts, ramps and pauses left out."""
+        return self.slow.leg.end_s - self.slow.leg.start_s
+
+    @property
+    def slow_speed_m_s(self) -> float:
+        """Greatest speed of any point of the arm in the slow round."""
+        return greatest_speed_m_s(self.slow.leg, self.constraints.points)
+
+    def approach_from(self, position_rad: FloatArray) -> tuple[CheckedLeg, ...]:
+        """The way from where the arm stands to where the legs begin: straight, else by via points.
 
         Args:
             position_rad: (n,) where it stands.
 
+        Returns:
+            The stretches, each from rest to rest; none where it is there already.
+
         Raises:
             LimitViolation: the arm stands beyond a joint's limit.
-            BlockedWay: something would be touched on the way, or a joint is too weak for it.
+            BlockedWay: on every way that was found something would be touched, or a joint is too weak for it.
         """
+        if np.abs(self.start_rad - position_rad).max() < STANDING_RAD:
+            return ()
         constraints = self.constraints
-        line = plan_approach(position_rad, self.start_rad, constraints.limits)
-        if line is None:
+        limits, points = constraints.limits, constraints.points
+        still = np.zeros_like(position_rad)
+        check_setpoints(position_rad, still, still, limits)
+
+        def objection(begin_rad: FloatArray, end_rad: FloatArray) -> str | None:
+            touched = constraints.obstacles.objection_on_line(begin_rad, end_rad)
+            if touched is not None:
+                return touched
+            if np.array_equal(begin_rad, end_rad):
+                return torque_objection(LinePath(begin_rad, end_rad, 1.0), PhaseLimits(0.0, 0.0), constraints)
+            line = LinePath.within(begin_rad, end_rad, limits, points)
+            return torque_objection(line, line.phase_limits(limits), constraints)
+
+        legs, begin_rad = [], position_rad
+        for end_rad in find_way(position_rad, self.start_rad, limits, objection):
+            line = LinePath.within(begin_rad, end_rad, limits, points)
+            leg = plan_approach(line, limits)
+            require_joint_limits(line.bounds(), leg.bounds, constraints)
+            require_reduced_speed(leg, points)
+            legs.append(_checked_leg(leg))
+            begin_rad = end_rad
+        return tuple(legs)
+
+    def back_to(self, stood_rad: FloatArray, position_rad: FloatArray) -> CheckedLeg | None:
+        """The way back to where the arm stood before it got torque and its brakes opened, where the approach begins.
+
+        It is that short that nothing but the joints' limits is checked: the arm has just come this way by itself.
+
+        Args:
+            stood_rad: (n,) where it stood.
+            position_rad: (n,) where it is now.
+
+        Raises:
+            LimitViolation: the arm stands beyond a joint's limit.
+            BlockedWay: it has moved by more than `SAG_RAD`.
+        """
+        moved = np.abs(position_rad - stood_rad)
+        if moved.max() < STANDING_RAD:
             return None
-        require_joint_limits(line.path.bounds(), line.bounds, constraints)
-        objection = torque_objection(line.path, line.bounds, constraints)
-        if objection is None:
-            objection = constraints.obstacles.objection_on_line(position_rad, self.start_rad)
-        if objection is not None:
-            raise BlockedWay(f"the straight way {objection}")
-        return _checked_leg(line)
+        constraints = self.constraints
+        joint = int(moved.argmax())
+        if not moved[joint] <= SAG_RAD:
+            raise BlockedWay(
+                f"{constraints.limits.joint_names[joint]} moved by {moved[joint]:.4f} rad while the arm got torque, "
+                f"{SAG_RAD} rad allowed: the way that was checked begins elsewhere"
+            )
+        line = LinePath.within(position_rad, stood_rad, constraints.limits, constraints.points)
+        leg = plan_approach(line, constraints.limits)
+        require_joint_limits(line.bounds(), leg.bounds, constraints)
+        return _checked_leg(leg)
 
 
 def check_path(
@@ -105,7 +178,7 @@ def check_path(
         key: Its key or option there.
 
     Raises:
-        LimitViolation: a joint's limit is broken.
+        LimitViolation: a joint's limit is broken, or the limit of the arm's speed.
         InfeasibleMotion: no ramp onto the path within the limits, or a period that is no whole number of cycles.
         ConfigurationError: the excitation is another arm's, touches something, or requires more torque than a joint
             has.
@@ -114,10 +187,12 @@ def check_path(
     n = len(limits.joint_names)
     if path.n != n:
         raise ConfigurationError(file, key, f"a path of {path.n} joints", f"one of this arm's {n} joints")
-    legs = plan_legs(excitation, limits, cycle_s)
-    phase = legs.measured.bounds
-    require_joint_limits(path.bounds(), phase, constraints)
-    objection = torque_objection(path, phase, constraints)
+    measured = plan_measured(excitation, limits, cycle_s)
+    require_joint_limits(path.bounds(), measured.bounds, constraints)
+    require_tcp_speed(path, constraints)
+    slow = plan_slow(excitation, measured, constraints.points)
+    require_reduced_speed(slow, constraints.points)
+    objection = torque_objection(path, measured.bounds, constraints)
     if objection is not None:
         raise ConfigurationError(
             file, key, f"a path that {objection}", "one designed for this arm and its heaviest payload"
@@ -129,8 +204,9 @@ def check_path(
     for name, value in (
         ("excitation", excitation),
         ("constraints", constraints),
-        ("slow", _checked_leg(legs.slow)),
-        ("measured", _checked_leg(legs.measured)),
+        ("cycle_s", cycle_s),
+        ("slow", _checked_leg(slow)),
+        ("measured", _checked_leg(measured)),
     ):
         object.__setattr__(checked, name, value)
     return checked

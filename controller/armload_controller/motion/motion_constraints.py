@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.obstacles import Obstacles
 from armload_core.arrays import FloatArray
+from armload_identification.excitation.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.joint_strength import TorqueLimits
 
 
@@ -15,15 +16,21 @@ class MotionConstraints:
     """Constraints of one arm of n joints in its workspace.
 
     Attributes:
+        robot_sha256: Hash of the file that they come from; what is checked against them is for that robot.
         limits: Position, velocity, acceleration and jerk limits, and following-error windows.
         following_speed_rad_s: (n,) speed at which a servo's lag fills its following-error window; inf where the lag
             is not known.
         torque: What the joints can give, and what the arm and its heaviest payload require; None where the robot's
             file specifies neither.
         obstacles: What the arm must not touch.
+        points: Of the arm, whose speed is limited.
+        speed: What none of them exceeds at full speed; None where the file sets no limit.
     """
 
+    robot_sha256: str
     limits: MotionLimits
     following_speed_rad_s: FloatArray
     torque: TorqueLimits | None
     obstacles: Obstacles
+    points: ArmPoints
+    speed: SpeedLimit | None

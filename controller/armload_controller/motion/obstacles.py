@@ -38,7 +38,8 @@ class Obstacles:
         """The obstacle that a clearance (K,) of zero or less belongs to, in words."""
         if not clearance_m.size or clearance_m.min() > 0.0:
             return None
-        return f"comes within {clearance_m.min():.3f} m of {self.workspace.names[int(clearance_m.argmin())]!r}"
+        part, other = self.workspace.between[int(clearance_m.argmin())]
+        return f"brings {part} within {clearance_m.min():.3f} m of {other}"
 
 
 def _too_close(meshes: Meshes, distance_m: float, between: str) -> str | None:

@@ -6,6 +6,7 @@ With V, A, J the greatest derivatives of the path to its phase, a phase rate r f
     velocity V        acceleration A + V alpha        jerk J + 3 A alpha + V beta        following error V lag
 
 Torque is linear in the phase acceleration and in r^2, so its greatest value is at r = 0 or 1 and dr/dt = +-alpha.
+The speed of a point of the arm is linear in r.
 """
 
 from __future__ import annotations
@@ -14,13 +15,17 @@ import numpy as np
 
 from armload_controller.motion.joint_limits import RELATIVE_TOLERANCE, LimitViolation, check_setpoints
 from armload_controller.motion.motion_constraints import MotionConstraints
-from armload_controller.motion.paths import LinePath, Path, PhaseLimits
+from armload_controller.motion.paths import REDUCED_SPEED_M_S, LinePath, PhaseLimits
+from armload_controller.motion.phase import Leg
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.fourier import FourierBounds, FourierState
+from armload_identification.excitation.cartesian_speed import ArmPoints
+from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
 from armload_identification.excitation.joint_strength import TorqueLimits
 
 RAMP_SAMPLES = 1024
 """Samples of a period, for each harmonic, at which the torque of ramps is computed."""
+SPEED_SAMPLES = 2048
+"""Samples of a leg at which the speed of the arm's points is computed."""
 LINE_STEP_RAD = 0.01
 """Greatest way of any joint between two samples of a straight line."""
 
@@ -51,7 +56,36 @@ def require_joint_limits(reach: FourierBounds, phase: PhaseLimits, constraints: 
             raise LimitViolation(limits.joint_names[worst], quantity, value, float(bound[worst]), unit)
 
 
-def torque_objection(path: Path, phase: PhaseLimits, constraints: MotionConstraints) -> str | None:
+def greatest_speed_m_s(leg: Leg, points: ArmPoints) -> float:
+    """Greatest speed of any point of the arm on a leg, from samples."""
+    return float(_point_speeds(leg, points).max())
+
+
+def require_reduced_speed(leg: Leg, points: ArmPoints) -> None:
+    """Check that no point of the arm exceeds reduced speed on a leg.
+
+    From samples; that there is no more between them is how such legs are planned, with a reserve (`pace`, `paths`).
+
+    Raises:
+        LimitViolation: naming the point and its speed.
+    """
+    _require_speed(_point_speeds(leg, points), points, REDUCED_SPEED_M_S)
+
+
+def require_tcp_speed(path: FourierTrajectory, constraints: MotionConstraints) -> None:
+    """Check the Cartesian speed of a path at its full rate, between samples too, where the robot's file limits it.
+
+    Raises:
+        LimitViolation: naming the point and its speed.
+    """
+    limit = constraints.speed
+    if limit is not None:
+        _require_speed(limit.points.greatest_on(path), limit.points, limit.speed_m_s)
+
+
+def torque_objection(
+    path: FourierTrajectory | LinePath, phase: PhaseLimits, constraints: MotionConstraints
+) -> str | None:
     """The joint that is too weak for arm and heaviest payload somewhere on a path, in words; None where none is."""
     torque = constraints.torque
     if torque is None:
@@ -85,3 +119,16 @@ def _greatest(torque: TorqueLimits, state: FourierState, alpha: float) -> FloatA
         for ramp in (-alpha, alpha)
     ]
     return np.asarray(np.max(demands, axis=0))
+
+
+def _point_speeds(leg: Leg, points: ArmPoints) -> FloatArray:
+    """(P,) greatest speed of each point on a leg."""
+    state = leg.path.evaluate(np.linspace(leg.start_s, leg.end_s, SPEED_SAMPLES))
+    return np.asarray(leg.rate * points.speeds(state.position_rad, state.velocity_rad_s).max(axis=0))
+
+
+def _require_speed(speed_m_s: FloatArray, points: ArmPoints, bound_m_s: float) -> None:
+    """Refuse a point that is too fast."""
+    worst = int(np.argmax(speed_m_s))
+    if not speed_m_s[worst] <= bound_m_s * (1.0 + RELATIVE_TOLERANCE):
+        raise LimitViolation(points.names[worst], "speed", float(speed_m_s[worst]), bound_m_s, "m/s")

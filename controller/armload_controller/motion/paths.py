@@ -5,11 +5,14 @@ so that the arm is never anywhere but on a path that was checked:
 
     dq/dt   = q'(s) r
     d2q/dt2 = q''(s) r^2 + q'(s) dr/dt
+
+A slow round has a path of its own, over a phase that lasts longer where the arm would be fast: see `pace`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,12 +20,19 @@ from numpy.typing import ArrayLike
 from armload_controller.control_errors import ControlError
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
+from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
 
+REDUCED_SPEED_M_S = 0.25
+"""What no point of the arm exceeds on approaches and slow rounds: reduced speed of ISO 10218-1."""
+PLANNED_SPEED_M_S = 0.98 * REDUCED_SPEED_M_S
+"""What they are planned with; a servo may overshoot its setpoints."""
 APPROACH_SHARE = 0.25
 """Share of the velocity, acceleration and jerk limits that the way onto a path uses."""
 RAMP_ACCELERATION_SHARE = 0.95
 """Share of a joint's acceleration limit that path and ramp together use."""
+_LINE_SAMPLES = 512
+"""Samples of a straight line at which the speed of the arm's points is computed."""
 SHORTEST_RAMP_S = 0.5
 """A phase ramp lasts at least about this long, however strong the arm."""
 
@@ -50,7 +60,7 @@ class LinePath:
     Attributes:
         start_rad: (n,) where the phase is 0.
         goal_rad: (n,) where it is `duration_s`.
-        duration_s: Time at the full rate; the fastest joint is then at its share of its speed limit.
+        duration_s: Time at the full rate.
     """
 
     start_rad: FloatArray
@@ -58,11 +68,30 @@ class LinePath:
     duration_s: float
 
     @classmethod
-    def within(cls, start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits) -> LinePath:
-        """The line whose full rate is `APPROACH_SHARE` of the slowest joint's speed limit."""
-        distance = np.abs(goal_rad - start_rad)
-        duration_s = float((distance / (APPROACH_SHARE * limits.velocity_max_rad_s)).max())
-        return cls(start_rad, goal_rad, duration_s)
+    def within(cls, start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits, points: ArmPoints) -> LinePath:
+        """The line whose full rate is the greatest that `APPROACH_SHARE` and `PLANNED_SPEED_M_S` allow.
+
+        Args:
+            start_rad: (n,) where it begins.
+            goal_rad: (n,) where it ends.
+            limits: Of the joints.
+            points: Of the arm, none of which is to be fast.
+        """
+        way = goal_rad - start_rad
+        duration_s = float((np.abs(way) / (APPROACH_SHARE * limits.velocity_max_rad_s)).max())
+        fastest_m_s = cls(start_rad, goal_rad, duration_s).greatest_speed_m_s(points)
+        return cls(start_rad, goal_rad, duration_s * max(1.0, fastest_m_s / PLANNED_SPEED_M_S))
+
+    def greatest_speed_m_s(self, points: ArmPoints) -> float:
+        """What no point of the arm exceeds at the full rate, between samples too."""
+        rates = np.zeros((4, len(self.start_rad)))
+        rates[0] = np.abs(self.goal_rad - self.start_rad) / self.duration_s
+
+        def motion(times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+            state = self.evaluate(times_s)
+            return state.position_rad, state.velocity_rad_s
+
+        return float(points.greatest_between(motion, rates, self.duration_s, _LINE_SAMPLES).max())
 
     def bounds(self) -> FourierBounds:
         """Range and greatest derivatives to the phase, each (n,)."""
@@ -87,8 +116,11 @@ class LinePath:
         return FourierState(self.start_rad + speed * phase, speed + nothing, nothing, nothing)
 
 
-Path = FourierTrajectory | LinePath
-"""Joint positions over the phase."""
+class Path(Protocol):
+    """Joint positions over the phase."""
+
+    def evaluate(self, t_s: ArrayLike, /) -> FourierState:
+        """Position and derivatives to the phase; (n,) for one phase, (N, n) for N."""
 
 
 def bound_phase(path: FourierTrajectory, limits: MotionLimits) -> PhaseLimits:

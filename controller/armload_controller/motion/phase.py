@@ -18,8 +18,6 @@ from ruckig import (
 
 from armload_controller.motion.paths import InfeasibleMotion, Path, PhaseLimits
 
-SLOW_RATE = 0.25
-"""Phase rate of the first round of a new path or with a new load."""
 GRID_TRIES = 6
 """Grid points that a ramp onto the grid may end on; the soonest is taken."""
 GRID_PATIENCE_CYCLES = 25

@@ -1,7 +1,7 @@
 """Setpoints: the legs of a run, plans of uninterrupted motions, and the last instance before the drives.
 
-    approach    straight in joint space from where the arm stands to where the path begins
-    slow round  one period at a quarter of the speed; it begins and ends where the ramp up begins
+    approach    straight in joint space from where the arm stands to where the path begins, or by via points
+    slow round  one period at a quarter of the rate or less; it begins and ends where the ramp up begins
     measured    ramp up, whole periods at rate 1, ramp down
 
 `RuckigFollower` is the last instance before the drives: it passes a feasible reference through unchanged
@@ -26,15 +26,15 @@ from ruckig import (
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.leg_interpolator import LegInterpolator, along
 from armload_controller.motion.motion_control import MotionControl
+from armload_controller.motion.pace import reduced_pace
 from armload_controller.motion.paths import InfeasibleMotion, LinePath, bound_phase
-from armload_controller.motion.phase import SLOW_RATE, Leg, PhaseState, Segment, ramp_to_rate
+from armload_controller.motion.phase import Leg, PhaseState, Segment, ramp_to_rate
 from armload_core.arrays import FloatArray
+from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import Excitation
 
 CYCLE_ROUNDING = 1e-6
 """Share of a cycle by which a period may differ from a whole number of cycles."""
-STANDING_RAD = 1e-9
-"""An arm that is this close to where it is to go is there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,26 +63,8 @@ class MotionPlan:
         return len(self.segment)
 
 
-@dataclass(frozen=True, slots=True)
-class RunLegs:
-    """What is run of one excitation, the ways onto it left out.
-
-    Attributes:
-        slow: One period at a quarter of the speed.
-        measured: Ramp up, whole periods, ramp down; begins where the slow round ends.
-    """
-
-    slow: Leg
-    measured: Leg
-
-    @property
-    def start_rad(self) -> FloatArray:
-        """(n,) where both begin."""
-        return self.measured.path.evaluate(self.measured.start_s).position_rad
-
-
-def plan_legs(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> RunLegs:
-    """The legs of one excitation.
+def plan_measured(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> Leg:
+    """Ramp up, whole periods, ramp down.
 
     Args:
         excitation: Path and number of periods.
@@ -101,18 +83,24 @@ def plan_legs(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> R
         )
     bounds = bound_phase(path, limits)
     lead_in_s = ramp_to_rate(PhaseState(0.0, 0.0, 0.0), 1.0, bounds, cycle_s).end.phase_s
-    end_s = excitation.periods * path.period_s
-    return RunLegs(
-        slow=Leg(path, bounds, -lead_in_s, path.period_s - lead_in_s, SLOW_RATE, Segment.SLOW),
-        measured=Leg(path, bounds, -lead_in_s, end_s, 1.0, Segment.PERIODS),
-    )
+    return Leg(path, bounds, -lead_in_s, excitation.periods * path.period_s, 1.0, Segment.PERIODS)
 
 
-def plan_approach(start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits) -> Leg | None:
-    """The way from one position to another, straight in joint space; None where the arm is there already."""
-    if np.abs(goal_rad - start_rad).max() < STANDING_RAD:
-        return None
-    line = LinePath.within(start_rad, goal_rad, limits)
+def plan_slow(excitation: Excitation, measured: Leg, points: ArmPoints) -> Leg:
+    """One period at reduced speed; it begins and ends where the measured leg begins.
+
+    Args:
+        excitation: Path and number of periods.
+        measured: What `plan_measured` made of it.
+        points: Of the arm, none of which is to be fast.
+    """
+    paced, bounds = reduced_pace(excitation.trajectory, measured.bounds, points)
+    start_s = paced.pace.phase_of(measured.start_s)
+    return Leg(paced, bounds, start_s, start_s + paced.pace.lasts_s, 1.0, Segment.SLOW)
+
+
+def plan_approach(line: LinePath, limits: MotionLimits) -> Leg:
+    """The way from one position to another, straight in joint space."""
     return Leg(line, line.phase_limits(limits), 0.0, line.duration_s, 1.0, Segment.APPROACH)
 
 
@@ -123,36 +111,6 @@ def plan_leg(leg: Leg, cycle_s: float) -> MotionPlan:
     states = [state for state, _ in rows]
     s, rate, acceleration = np.array([(x.phase_s, x.rate, x.acceleration_1_s) for x in states]).T
     return MotionPlan(*along(leg.path, states), s, rate, acceleration, tuple(segment for _, segment in rows))
-
-
-def plan_path(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> MotionPlan:
-    """Ramp up, whole periods, ramp down: everything but the way there and the slow round.
-
-    Args:
-        excitation: Path and number of periods.
-        limits: Of the joints.
-        cycle_s: Time between setpoints.
-
-    Raises:
-        InfeasibleMotion: no ramp within the limits, or a period that is no whole number of cycles.
-    """
-    return plan_leg(plan_legs(excitation, limits, cycle_s).measured, cycle_s)
-
-
-def plan_run(start_rad: FloatArray, on_path: MotionPlan, limits: MotionLimits, cycle_s: float) -> MotionPlan:
-    """The way to where a path plan begins, and the plan itself.
-
-    Args:
-        start_rad: (n,) position the arm stands at.
-        on_path: What `plan_path` made.
-        limits: Of the joints.
-        cycle_s: Time between setpoints.
-
-    Raises:
-        InfeasibleMotion: no approach within the limits.
-    """
-    approach = plan_approach(start_rad, on_path.position_rad[0], limits)
-    return on_path if approach is None else _join(plan_leg(approach, cycle_s), on_path)
 
 
 class RuckigFollower:
@@ -195,15 +153,3 @@ class RuckigFollower:
             np.array(self._output.new_velocity),
             np.array(self._output.new_acceleration),
         )
-
-
-def _join(first: MotionPlan, second: MotionPlan) -> MotionPlan:
-    return MotionPlan(
-        np.vstack([first.position_rad, second.position_rad]),
-        np.vstack([first.velocity_rad_s, second.velocity_rad_s]),
-        np.vstack([first.acceleration_rad_s2, second.acceleration_rad_s2]),
-        np.concatenate([first.phase_s, second.phase_s]),
-        np.concatenate([first.phase_rate, second.phase_rate]),
-        np.concatenate([first.phase_acceleration_1_s, second.phase_acceleration_1_s]),
-        first.segment + second.segment,
-    )

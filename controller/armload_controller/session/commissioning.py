@@ -84,6 +84,8 @@ def _record(
         "simulated": session.servos.simulated,
         "cycle_hz": 1 / session.servos.cycle_s,
         "created": created,
+        "slow_round_s": path.slow_round_s,
+        "slow_round_speed_m_s": path.slow_speed_m_s,
     }
     attachments = {
         CONFIGURATION_ATTACHMENT: robot.text,

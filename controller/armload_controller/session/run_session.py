@@ -17,13 +17,15 @@ from typing import Protocol, TypeVar
 
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import CommissioningError
-from armload_controller.cycle.control_cycle import Cycle, PoweredArm, require_going
+from armload_controller.cycle.control_cycle import Cycle, PoweredArm, not_switched_on, require_going
 from armload_controller.cycle.monitors import CycleSummary, FollowingMonitor, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.torque_gate import TorqueGate
 from armload_controller.motion.checked_path import CheckedLeg, CheckedPath
+from armload_controller.motion.joint_limits import LimitViolation
 from armload_controller.motion.motion_control import MotionControl
+from armload_controller.motion.paths import BlockedWay
 from armload_drivers.servos import JointServos
 
 BAR = 1000
@@ -179,9 +181,10 @@ class RunSession:
             What was counted in the slow round and the run.
 
         Raises:
-            CommissioningError: the operator does not agree.
+            CommissioningError: the path was checked for another arm or cycle, or the operator does not agree.
             MotionError: the motion was stopped.
         """
+        self._require_own(path)
         monitor = self._monitor()
         cycle = self._cycle([*([] if recorder is None else [recorder]), monitor, self._window(), *plugins])
         display, consent = self._operator.display, self._operator.consent
@@ -223,6 +226,22 @@ class RunSession:
         with self._cycle([self._monitor(), self._window(), *plugins]).powered() as arm:
             return work(arm)
 
+    def _require_own(self, path: CheckedPath) -> None:
+        """Refuse a path that was checked against other limits than this arm's, or for other cycles.
+
+        Raises:
+            CommissioningError: it was.
+        """
+        if path.constraints.robot_sha256 != self._robot.sha256:
+            raise CommissioningError(
+                f"this path was not checked for {self._robot.name} as {self._robot.file} has it: check it again"
+            )
+        if path.cycle_s != self.servos.cycle_s:
+            raise CommissioningError(
+                f"this path was checked for cycles of {path.cycle_s * 1e3:g} ms, the drives run at "
+                f"{self.servos.cycle_s * 1e3:g} ms: check it again"
+            )
+
     def _cycle(self, plugins: Sequence[CyclePlugin]) -> Cycle:
         """A cycle of this arm."""
         gate = TorqueGate(self._robot.limits.added_torque_max_nm, self.servos.cycle_s)
@@ -244,7 +263,7 @@ def run_leg(
     progress: Callable[[int], None],
     before: Callable[[PoweredArm], None] | None = None,
 ) -> None:
-    """Power the arm, go to where a path begins, run one of its legs, power off.
+    """Go to where a path begins and run one of its legs; the way there is checked before the arm gets torque.
 
     Args:
         cycle: Of a connected arm that is disabled.
@@ -254,12 +273,17 @@ def run_leg(
         before: Called with the arm standing where the leg begins.
 
     Raises:
-        MotionError: the motion was stopped; nothing has moved where the way to the path is not free.
+        MotionError: the motion was stopped; nothing was switched on where no way to the path is free.
     """
+    stood_rad = cycle.standing_rad()
+    try:
+        approach = path.approach_from(stood_rad)
+    except (BlockedWay, LimitViolation) as error:
+        raise not_switched_on(error) from error
     with cycle.powered() as arm:
-        approach = path.approach_from(arm.position_rad)
-        if approach is not None:
-            arm.follow(approach, lambda share: progress(0))
+        back = path.back_to(stood_rad, arm.position_rad)
+        for way in (*([] if back is None else [back]), *approach):
+            arm.follow(way, lambda share: progress(0))
         if before is not None:
             before(arm)
         arm.follow(leg, lambda share: progress(round(BAR * share)))

@@ -18,6 +18,7 @@ from enum import Enum, auto
 
 import can
 
+from armload_core.arrays import FloatArray
 from armload_drivers.bring_up.drive_bring_up import DriveReport, arm_setups, arm_with, is_simulation, master_node_id
 from armload_drivers.bus.bus_link import BusErrors, BusLink
 from armload_drivers.bus.bus_scan import require_no_strangers
@@ -128,6 +129,17 @@ class CanopenServos:
                 setup.require_alive()
 
     # Life ----------------------------------------------------------------------------------------------------
+
+    def standing_rad(self) -> FloatArray:
+        """(n,) where the joints stand, by SDO.
+
+        Raises:
+            StateError: not connected, or enabled or stopped.
+            ServoTimeout: a drive does not answer.
+            BusError: the bus failed.
+        """
+        self._require(_Phase.CONNECTED)
+        return self._cycle.units.joint_position_rad([setup.read_position() for setup in self._setups])
 
     def enable(self) -> JointFeedback:
         """Bring every drive to OPERATION ENABLED, holding the position it has now.

@@ -20,6 +20,7 @@ from enum import Enum, auto
 import numpy as np
 from numpy.typing import NDArray
 
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_moves
 from armload_drivers.cia402.drive_units import ArmUnits, RawAxes
@@ -124,6 +125,17 @@ class FakeServos:
         self._cycle = 0
         self._missed[:] = 0
         self._life = _Life.CONNECTED
+
+    def standing_rad(self) -> FloatArray:
+        """(n,) where the joints stand.
+
+        Raises:
+            StateError: Not connected, or enabled.
+        """
+        if self._life is not _Life.CONNECTED:
+            raise StateError("the servos must be connected and disabled to say where they stand")
+        raw = self._reported(self._plant.sample(self.cycle_s))
+        return self._units.joint_position_rad(raw.position_counts)
 
     def enable(self) -> JointFeedback:
         """Power every axis where it stands.

@@ -45,8 +45,8 @@ def rate_bounds(trajectory: FourierTrajectory) -> FloatArray:
     return np.array([reach.velocity_max_rad_s, reach.acceleration_max_rad_s2, jerk, highest * jerk])
 
 
-def point_speed(chain: Chain, rates: FloatArray, link: int, lever_m: float) -> float:
-    """Greatest speed of a point that is fixed in a link.
+def point_rates(chain: Chain, rates: FloatArray, link: int, lever_m: float) -> FloatArray:
+    """Greatest speed of a point that is fixed in a link, and of its first three derivatives.
 
     Args:
         chain: The arm.
@@ -55,11 +55,13 @@ def point_speed(chain: Chain, rates: FloatArray, link: int, lever_m: float) -> f
         lever_m: Distance of the point from the joint frame's origin.
 
     Returns:
-        Speed in m/s.
+        (4,) in m/s, m/s2, m/s3, m/s4.
     """
     angular = _angular(chain, rates)
-    speed = sum(_offset(chain, j) * angular[j][0] for j in range(link))
-    return float(speed + lever_m * angular[link][0])
+    total = _fixed(lever_m, angular[link])
+    for j in range(link):
+        total = total + _fixed(_offset(chain, j), angular[j])
+    return np.asarray(total[1:])
 
 
 def torque_curvature(dynamics: ArmDynamics, rates: FloatArray) -> FloatArray:

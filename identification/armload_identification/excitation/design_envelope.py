@@ -1,11 +1,11 @@
-"""Everything that a motion must stay within: the joints' ranges and rates, their torque, and the workspace.
+"""Everything that a motion must stay within: the joints' ranges and rates, their torque, the workspace, and speed.
 
 Every limit is a row k of one form, the relative excess
 
     e_k(t) <= 0,   e_k = |value - centre| / room - 1   or   (keep - clearance) / CLEARANCE_SCALE_M,
 
 so that an optimiser need not know what it means. `worst` bounds every row for all times, between the samples too;
-the proofs are in `fourier` (joints), `strength` (torque) and `workspace` (clearances).
+the proofs are in `fourier` (joints), `joint_strength` (torque), `workspace` (clearances) and `cartesian_speed`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.excitation.cartesian_speed import SpeedLimit
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.joint_strength import TorqueLimits
 from armload_identification.excitation.limit_margins import LimitMargins
@@ -102,6 +103,7 @@ class Envelope:
         joints: Ranges and rates of the joints.
         torque: What the joints can give, and what arm and payload require.
         workspace: What the arm must not touch.
+        speed: What no point of the arm exceeds; None where nothing limits it.
 
     Raises:
         ExcitationError: numbers of joints that differ.
@@ -110,6 +112,7 @@ class Envelope:
     joints: ExcitationLimits
     torque: TorqueLimits
     workspace: Workspace
+    speed: SpeedLimit | None = None
     _centre: FloatArray = field(init=False, repr=False)
     _room: FloatArray = field(init=False, repr=False)
     _available: FloatArray = field(init=False, repr=False)
@@ -137,7 +140,7 @@ class Envelope:
     @property
     def rows(self) -> int:
         """K, how many limits there are."""
-        return (_ORDERS + self.torque.cases) * self.n + len(self.workspace.names)
+        return self._splits[2] + (0 if self.speed is None else len(self.speed.points.names))
 
     def excess(self, states: FloatArray) -> FloatArray:
         """Relative excess over every limit, at or below zero inside.
@@ -151,7 +154,7 @@ class Envelope:
         joints = np.abs(states - self._centre) / self._room - 1.0
         torque = self.torque.demand(*states[:3]) / self._available - 1.0
         clearance = (self.workspace.keep_m - self.workspace.clearances(states[0])) / CLEARANCE_SCALE_M
-        return np.concatenate([*joints, torque, clearance], axis=1)
+        return np.concatenate([*joints, torque, clearance, *self._speed_excess(states)], axis=1)
 
     def slope(self, weight: FloatArray, states: FloatArray) -> FloatArray:
         """Derivative of the weighted sum of all excesses by the states.
@@ -163,10 +166,12 @@ class Envelope:
         Returns:
             (4, N, n).
         """
-        joints, torque, clearance = np.split(weight, [_ORDERS * self.n, (_ORDERS + self.torque.cases) * self.n], axis=1)
+        joints, torque, clearance, speed = self._parts(weight)
         slope = np.stack(np.split(joints, _ORDERS, axis=1)) * np.sign(states - self._centre) / self._room
         slope[:3] += self.torque.slope(torque / self._available, *states[:3])
         slope[0] -= self.workspace.slope(clearance / CLEARANCE_SCALE_M, states[0])
+        if self.speed is not None:
+            slope[:2] += self.speed.points.slope(speed / self.speed.speed_m_s, states[0], states[1])
         return np.asarray(slope)
 
     def worst(self, trajectory: FourierTrajectory) -> FloatArray:
@@ -184,7 +189,8 @@ class Envelope:
         joints = (sizes / self._room[:, 0] - 1.0).ravel()
         torque = self.torque.greatest(trajectory) / self._available - 1.0
         clearance = (self.workspace.keep_m - self.workspace.least(trajectory)) / CLEARANCE_SCALE_M
-        return np.concatenate([joints, torque, clearance])
+        fast = () if self.speed is None else (self.speed.points.greatest_on(trajectory) / self.speed.speed_m_s - 1.0,)
+        return np.concatenate([joints, torque, clearance, *fast])
 
     def margins(self, trajectory: FourierTrajectory) -> LimitMargins:
         """Room that a trajectory leaves at any time, between samples too.
@@ -193,11 +199,30 @@ class Envelope:
             trajectory: One period of the motion.
         """
         worst = self.worst(trajectory)
-        joints, torque, clearance = np.split(worst, [_ORDERS * self.n, (_ORDERS + self.torque.cases) * self.n])
+        joints, torque, clearance, fast = self._parts(worst)
         room = -joints.reshape(_ORDERS, -1) * self._room[:, 0]
         in_torque = (-torque * self._available).reshape(self.torque.cases, -1).min(axis=0)
         nearest: dict[str, float] = {}
         for name, excess in zip(self.workspace.names, clearance, strict=True):
             distance_m = float(self.workspace.keep_m - excess * CLEARANCE_SCALE_M)
             nearest[name] = min(nearest.get(name, np.inf), distance_m)
-        return LimitMargins(room[0], room[1], room[2], room[3], in_torque, nearest)
+        limit = self.speed
+        slower = {} if limit is None else dict(zip(limit.points.names, -fast * limit.speed_m_s, strict=True))
+        speed_m_s = {name: float(value) for name, value in slower.items()}
+        return LimitMargins(room[0], room[1], room[2], room[3], in_torque, nearest, speed_m_s)
+
+    @property
+    def _splits(self) -> tuple[int, int, int]:
+        """Where the rows of torque, of clearances and of speed begin."""
+        torque = _ORDERS * self.n
+        clearance = torque + self.torque.cases * self.n
+        return torque, clearance, clearance + len(self.workspace.names)
+
+    def _parts(self, rows: FloatArray) -> list[FloatArray]:
+        """Rows (..., K) of joints, torque, clearances and speed."""
+        return np.split(rows, self._splits, axis=-1)
+
+    def _speed_excess(self, states: FloatArray) -> tuple[FloatArray, ...]:
+        """(N, P) where speed is limited."""
+        limit = self.speed
+        return () if limit is None else (limit.points.speeds(states[0], states[1]) / limit.speed_m_s - 1.0,)

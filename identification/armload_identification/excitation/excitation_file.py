@@ -60,7 +60,7 @@ class _DesignTable(Table):
 
 
 class _MarginsTable(Table):
-    """Room to each limit, per joint, and to each obstacle."""
+    """Room to each limit, per joint, to each obstacle, and to the limit of speed per point of the arm."""
 
     position_rad: NumberList
     velocity_rad_s: NumberList
@@ -68,9 +68,11 @@ class _MarginsTable(Table):
     jerk_rad_s3: NumberList
     torque_nm: NumberList
     clearance_m: dict[str, float] = Field(default={})
+    speed_m_s: dict[str, float] = Field(default={})
 
 
-_MARGINS = tuple(name for name in _MarginsTable.model_fields if name != "clearance_m")
+_NAMED = ("clearance_m", "speed_m_s")
+_MARGINS = tuple(name for name in _MarginsTable.model_fields if name not in _NAMED)
 """Those of one number per joint."""
 
 
@@ -122,9 +124,7 @@ def parse_excitation(content: str, source: str = "excitation") -> Excitation:
         table.periods,
         {} if design is None else design.model_dump(exclude={"history"}),
         () if design is None or design.history is None else tuple(design.history.tolist()),
-        None
-        if margins is None
-        else LimitMargins(**{name: getattr(margins, name) for name in _MARGINS}, clearance_m=margins.clearance_m),
+        None if margins is None else LimitMargins(**{name: getattr(margins, name) for name in (*_MARGINS, *_NAMED)}),
     )
 
 
@@ -173,9 +173,10 @@ def _margin_lines(margins: LimitMargins) -> list[str]:
     """`[margins]`, rounded down to six digits."""
     rows = ["# room left at any time, within what the design may use of each limit", "[margins]"]
     rows += [f"{name} = [{', '.join(_rounded_down(v) for v in getattr(margins, name))}]" for name in _MARGINS]
-    if margins.clearance_m:
-        near = {toml_text.text(name): _rounded_down(value) for name, value in margins.clearance_m.items()}
-        rows.append(f"clearance_m = {toml_text.inline(near)}")
+    for key in _NAMED:
+        if room := getattr(margins, key):
+            near = {toml_text.text(name): _rounded_down(value) for name, value in room.items()}
+            rows.append(f"{key} = {toml_text.inline(near)}")
     return rows
 
 

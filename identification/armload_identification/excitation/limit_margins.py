@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from armload_core.arrays import FloatArray
 
@@ -21,6 +21,7 @@ class LimitMargins:
         torque_nm: (n,) to the torque limit, in the worst case of load and speed.
         clearance_m: Distance from each obstacle, and between links that are kept apart, by name; what is to be kept
             of it included.
+        speed_m_s: Room to the limit of the arm's speed, by point; nothing where speed is not limited.
     """
 
     position_rad: FloatArray
@@ -29,8 +30,10 @@ class LimitMargins:
     jerk_rad_s3: FloatArray
     torque_nm: FloatArray
     clearance_m: dict[str, float]
+    speed_m_s: dict[str, float] = field(default_factory=dict)
 
     @property
     def smallest(self) -> float:
         """The smallest number of all; above 0 where the motion is strictly feasible."""
-        return min(*(float(getattr(self, name).min()) for name in _ARRAYS), *self.clearance_m.values())
+        named = (*self.clearance_m.values(), *self.speed_m_s.values())
+        return min(*(float(getattr(self, name).min()) for name in _ARRAYS), *named)

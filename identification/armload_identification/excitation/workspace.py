@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from armload_core import kernels
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.derivative_bounds import point_speed, rate_bounds
+from armload_identification.excitation.derivative_bounds import point_rates, rate_bounds
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
@@ -101,6 +101,7 @@ class Workspace:
         apart: Pairs of links, as `Sphere.link`, whose spheres must not touch each other.
         keep_m: Distance that a motion is to keep from everything.
         names: (K,) what each clearance is a distance from.
+        between: (K,) the part of the arm that each clearance belongs to, and what it is a distance from, in words.
 
     Raises:
         ModelError: a link that the arm does not have, a size not above 0, a normal that is no unit vector, an
@@ -114,6 +115,7 @@ class Workspace:
     apart: tuple[tuple[int, int], ...] = ()
     keep_m: float = 0.0
     names: tuple[str, ...] = field(init=False)
+    between: tuple[tuple[str, str], ...] = field(init=False)
     _packed: tuple[IntArray, FloatArray, FloatArray, IntArray, FloatArray, IntArray, IntArray] = field(
         init=False, repr=False
     )
@@ -130,6 +132,9 @@ class Workspace:
         ]
         names = [self.half_spaces[k].name for _, k in meets[0]] + [self.boxes[k].name for _, k in meets[1]]
         names += [f"{self._link(self.spheres[a].link)} to {self._link(self.spheres[b].link)}" for a, b in pairs]
+        between = [(s, repr(self.half_spaces[k].name)) for s, k in meets[0]]
+        between += [(s, repr(self.boxes[k].name)) for s, k in meets[1]]
+        between += [(a, self._part(b)) for a, b in pairs]
         for name in {o.name for o in self._obstacles} | {f"{self._link(a)} to {self._link(b)}" for a, b in self.apart}:
             if name not in names:
                 raise ModelError(f"workspace: nothing can ever touch {name!r}; give the links named there a sphere")
@@ -145,6 +150,8 @@ class Workspace:
             np.array(pairs, dtype=np.int64).reshape(-1, 2),
         )
         object.__setattr__(self, "names", tuple(names))
+        words = tuple((self._part(sphere), other) for sphere, other in between)
+        object.__setattr__(self, "between", words)
         object.__setattr__(self, "_packed", packed)
 
     def centres(self, q: FloatArray) -> FloatArray:
@@ -245,7 +252,7 @@ class Workspace:
     def _speed(self, sphere: Sphere, rates: FloatArray) -> float:
         """Greatest speed of a sphere's centre in m/s."""
         lever_m = float(np.linalg.norm(self._in_link(sphere)))
-        return point_speed(self.chain, rates, min(sphere.link, self.chain.n), lever_m)
+        return float(point_rates(self.chain, rates, min(sphere.link, self.chain.n), lever_m)[0])
 
     def _in_link(self, sphere: Sphere) -> FloatArray:
         """(3,) centre in the link's joint frame, a tool's in the last one's."""
@@ -268,6 +275,11 @@ class Workspace:
     def _link(self, link: int) -> str:
         """What a message calls a link."""
         return "base" if link == 0 else "tool" if link == self.chain.n + 1 else f"link {link}"
+
+    def _part(self, sphere: int) -> str:
+        """What a sentence calls the link that a sphere is fixed in."""
+        link = self.spheres[sphere].link
+        return self._link(link) if 0 < link <= self.chain.n else f"the {self._link(link)}"
 
     def _require_sense(self) -> None:
         """Refuse what no arm and no cell can have."""

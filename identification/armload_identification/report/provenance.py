@@ -77,7 +77,19 @@ def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
         f"{excitation.periods} periods of {trajectory.period_s:g}{NO_BREAK}s"
     )
     command = excitation.design.get("command")
-    return f"{planned}, designed by “{command}”." if command else f"{planned}."
+    return (f"{planned}, designed by “{command}”." if command else f"{planned}.") + _slow_round(source)
+
+
+def _slow_round(source: RecordingSource | None) -> str:
+    """What the recording says of the slow round before the motion."""
+    run = {} if source is None else source.run()
+    lasted_s, speed_m_s = run.get("slow_round_s"), run.get("slow_round_speed_m_s")
+    if not isinstance(lasted_s, float) or not isinstance(speed_m_s, float):
+        return ""
+    return (
+        f" The slow round before it took {numeral(lasted_s, 0)}{NO_BREAK}s; no point of the arm was planned faster "
+        f"than {numeral(speed_m_s, 3)}{NO_BREAK}m/s."
+    )
 
 
 def comparison_sentence(signal: LoadSignal) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
-from armload_controller.motion.setpoints import Segment, plan_path, plan_run
+from armload_controller.motion.setpoints import Segment, plan_leg, plan_measured
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -47,12 +47,10 @@ def setup(cache):
 
 def streamed(spec, periods):
     """(N, n) position, and what the drives tell of their effort, over whole periods; through FakeServos."""
-    start = TRAJECTORY.evaluate(0.0).position_rad
-    servos = FakeServos(ARM, ArmPlant(replace(spec, start_position_rad=start)))
+    plan = plan_leg(plan_measured(Excitation(TRAJECTORY, periods), STREAMING.limits, ARM.cycle_s), ARM.cycle_s)
+    servos = FakeServos(ARM, ArmPlant(replace(spec, start_position_rad=plan.position_rad[0])))
     servos.connect()
     servos.enable()
-    path = plan_path(Excitation(TRAJECTORY, periods), STREAMING.limits, ARM.cycle_s)
-    plan = plan_run(start, path, STREAMING.limits, ARM.cycle_s)
     nothing = np.zeros(ROBOT.n)
     kept = []
     for row, segment in enumerate(plan.segment):

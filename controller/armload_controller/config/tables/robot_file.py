@@ -30,6 +30,18 @@ class RobotTable(Table):
     calibration: str | None = None
 
 
+class ToolTable(Table):
+    """What is on the flange when the arm moves, for its speed."""
+
+    xyz_m: Vector3
+
+
+class LimitsTable(Table):
+    """Limits of the arm as a whole."""
+
+    tcp_speed_m_s: Positive
+
+
 class ExcitationTable(Table):
     """Excitation files beside this one."""
 
@@ -56,6 +68,8 @@ class RobotFile(Table):
     robot: RobotTable
     kinematics: KinematicsTable
     transmission: TransmissionTable | None = None
+    tool: ToolTable | None = None
+    limits: LimitsTable | None = None
     expected_payload: PayloadTable | None = None
     heaviest_payload: PayloadTable | None = None
     payload_set: dict[str, PayloadTable] = Field(default={})

@@ -13,7 +13,7 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.path_checks import require_joint_limits, torque_objection
-from armload_controller.motion.setpoints import plan_legs
+from armload_controller.motion.setpoints import plan_measured
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.files.payload_file import write_payload
@@ -47,7 +47,7 @@ def folder(tmp_path_factory):
 def test_nothing_but_the_floor_speaks_against_the_probe():
     robot = load_robot("prbt")
     constraints = robot.motion_constraints
-    phase = plan_legs(Excitation(PROBE, 1), constraints.limits, 1 / robot.bus.cycle_hz).measured.bounds
+    phase = plan_measured(Excitation(PROBE, 1), constraints.limits, 1 / robot.bus.cycle_hz).bounds
     require_joint_limits(PROBE.bounds(), phase, constraints)
     assert torque_objection(PROBE, phase, constraints) is None
 
@@ -75,8 +75,8 @@ def refuses(result, key):
     """Refused for the floor, naming the path, with nothing opened."""
     assert result.exit_code == 1, result.output
     assert isinstance(result.exception, ConfigurationError)
-    assert re.search(rf"{key} is \"a path that comes within -0\.2\d* m of 'floor'\"", str(result.exception)), (
-        result.exception
-    )
+    assert re.search(
+        rf"{key} is \"a path that brings the tool within -0\.2\d* m of 'floor'\"", str(result.exception)
+    ), result.exception
     assert "connecting" not in result.output
     assert "slow round" not in result.output

@@ -21,6 +21,7 @@ from armload_controller.motion.setpoints import plan_leg
 from armload_controller.session.run_session import run_leg
 from armload_drivers.driver_errors import BusError, CommandError, ServoFault, ServoTimeout
 from armload_drivers.servos import JointFeedback
+from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
@@ -58,7 +59,8 @@ CHAIN = Chain.from_origins(
 
 def constraints(workspace):
     """The limits above in a workspace; nothing is known of torque and of the servos' lag."""
-    return MotionConstraints(LIMITS, np.full(N, np.inf), None, Obstacles(workspace))
+    points = ArmPoints(CHAIN, np.zeros(3))
+    return MotionConstraints("none", LIMITS, np.full(N, np.inf), None, Obstacles(workspace), points, None)
 
 
 PATH = check_path(EXCITATION, constraints(Workspace(CHAIN)), CYCLE_S, file="test", key="excitation")
@@ -115,7 +117,8 @@ def run(tmp_path):
 
 def first_of(segment):
     """Setpoints sent before a segment of the measured leg begins."""
-    approach = plan_leg(PATH.approach_from(START).leg, CYCLE_S)
+    (leg,) = PATH.approach_from(START)
+    approach = plan_leg(leg.leg, CYCLE_S)
     return len(approach) - 1 + plan_leg(PATH.measured.leg, CYCLE_S).segment.index(segment) - 1
 
 
@@ -130,8 +133,29 @@ def test_a_way_that_is_not_free_is_not_gone(connected_servos, run):
     workspace = Workspace(CHAIN, (Sphere(2, np.zeros(3), 0.01),), (wall,))
     path = check_path(EXCITATION, constraints(workspace), CYCLE_S, file="test", key="excitation")
     servos = connected_servos(N, CYCLE_S)
-    with pytest.raises(MotionError, match=r"the way to the beginning is not free.*-0\.01. m of 'wall'") as raised:
+    expected = r"Nothing was switched on: the way to the beginning is not free.*link 2 within -0\.01. m of 'wall'"
+    with pytest.raises(MotionError, match=expected) as raised:
         run(servos, path=path)
+    assert cause_of(raised.value.__cause__) is Cause.BLOCKED
+    assert servos.log == []
+
+
+def test_an_arm_that_sinks_a_little_while_it_gets_torque_goes_back_first(connected_servos, run):
+    servos = connected_servos(N, CYCLE_S)
+    stood = START + np.array([0.0, 2e-3])
+    servos.standing_rad = lambda: stood
+    run(servos)
+    sent = np.array([command.position_rad for command in servos.sent])
+    back = int(np.abs(sent - stood).max(axis=1).argmin())
+    assert np.abs(sent[back] - stood).max() < 1e-9
+    np.testing.assert_allclose(sent[: back + 1, 0], START[0], atol=1e-9)
+
+
+def test_an_arm_that_moves_far_while_it_gets_torque_goes_nowhere(connected_servos, run):
+    servos = connected_servos(N, CYCLE_S)
+    servos.standing_rad = lambda: START + np.array([0.0, 0.02])
+    with pytest.raises(MotionError, match=r"elbow moved by 0\.0200 rad while the arm got torque") as raised:
+        run(servos)
     assert cause_of(raised.value.__cause__) is Cause.BLOCKED
     assert all((command.position_rad == START).all() for command in servos.sent)
     assert servos.log[-2:] == ["stop", "disable"]
@@ -182,7 +206,7 @@ def test_nothing_leaves_that_is_a_tenth_of_a_milliradian_off_the_path(connected_
     servos = connected_servos(N, CYCLE_S)
     cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
     leg = replace(PATH.measured.leg, path=Bumped(0.105, step_rad * (np.arange(N) == joint)))
-    legs = PATH.approach_from(START), as_if_checked(leg)
+    legs = *PATH.approach_from(START), as_if_checked(leg)
     if stops:
         with pytest.raises(MotionError, match="off the checked path"):
             follow_all(cycle, legs)
@@ -248,7 +272,7 @@ def test_a_setpoint_beyond_a_limit_stops_before_it_is_sent(connected_servos):
     narrow = replace(LIMITS, position_max_rad=np.array([highest - 0.01, 2.0]))
     servos = connected_servos(N, CYCLE_S)
     cycle = Cycle(servos, narrow, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
-    legs = PATH.approach_from(START), PATH.measured
+    legs = *PATH.approach_from(START), PATH.measured
     with pytest.raises(MotionError, match=r"base: position .* is beyond the limit of") as caught:
         follow_all(cycle, legs)
     assert cause_of(caught.value.__cause__) is Cause.LIMIT

@@ -14,11 +14,13 @@ from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.checked_path import CheckedLeg, CheckedPath, check_path
 from armload_controller.motion.joint_limits import LimitViolation
 from armload_controller.motion.obstacles import Obstacles
-from armload_controller.motion.path_checks import require_joint_limits, torque_objection
+from armload_controller.motion.path_checks import require_joint_limits, require_reduced_speed, torque_objection
 from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
 from armload_controller.motion.setpoints import plan_leg
+from armload_identification.excitation.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.fourier import Excitation, FourierBounds, FourierTrajectory
-from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
+from armload_identification.excitation.workspace import Box, HalfSpace, Sphere, Workspace
+from armload_identification.model.chain import pose_from_xyz_rpy
 
 ROBOT = load_robot("prbt")
 CYCLE_S = 0.01
@@ -66,7 +68,7 @@ def reaches(**changes):
 
 
 class CloseMeshes:
-    """Collision meshes that come within a distance of each other, on a path or on a line."""
+    """Collision meshes that come within a distance of each other, on a path or on a line, but not at its ends."""
 
     keep_m = least_m = 0.05
 
@@ -77,7 +79,7 @@ class CloseMeshes:
         return self.on_path_m, "hand to table"
 
     def nearest_on_line(self, start_rad, goal_rad):
-        return self.on_line_m, "hand to table"
+        return 1.0 if np.array_equal(start_rad, goal_rad) else self.on_line_m, "hand to table"
 
 
 # What cannot be made any other way ------------------------------------------------------------------------------
@@ -104,7 +106,7 @@ def test_nobody_but_the_checks_makes_what_may_be_commanded():
 def test_what_was_checked_is_what_is_run():
     path = checked()
     assert path.measured.leg.path is SWING
-    assert path.slow.leg.path is SWING
+    assert path.slow.leg.path.path is SWING
     np.testing.assert_allclose(plan_leg(path.measured.leg, CYCLE_S).position_rad[0], path.start_rad, atol=1e-12)
     np.testing.assert_allclose(plan_leg(path.slow.leg, CYCLE_S).position_rad[0], path.start_rad, atol=1e-12)
 
@@ -216,7 +218,7 @@ def test_arm_and_heaviest_payload_and_both_directions_of_a_ramp_count():
 def test_a_path_in_the_floor_is_refused():
     probe = replace(SWING, offset_rad=np.array([0.0, 2.2, 0.3, 0.0, 0.5, 0.0]))
     with pytest.raises(
-        ConfigurationError, match=r"excitation\.probe is \"a path that comes within -0\.2\d+ m of 'floor'\""
+        ConfigurationError, match=r"excitation\.probe is \"a path that brings the tool within -0\.2\d+ m of 'floor'\""
     ):
         checked(trajectory=probe)
     checked(replace(CONSTRAINTS, obstacles=FREE), probe)
@@ -232,7 +234,8 @@ def test_a_path_on_which_meshes_come_too_close_is_refused():
 
 
 def test_the_way_is_straight_from_where_the_arm_stands():
-    leg = checked().approach_from(STANDING).leg
+    (stretch,) = checked().approach_from(STANDING)
+    leg = stretch.leg
     assert isinstance(leg.path, LinePath)
     plan = plan_leg(leg, CYCLE_S)
     np.testing.assert_allclose(plan.position_rad[[0, -1]], [STANDING, checked().start_rad], atol=1e-9)
@@ -240,7 +243,7 @@ def test_the_way_is_straight_from_where_the_arm_stands():
 
 def test_there_is_no_way_where_the_arm_stands_already():
     path = checked()
-    assert path.approach_from(path.start_rad + 1e-12) is None
+    assert path.approach_from(path.start_rad + 1e-12) == ()
 
 
 def test_an_arm_that_stands_beyond_its_limits_is_not_moved():
@@ -254,26 +257,96 @@ def test_a_way_that_a_joint_is_too_weak_for_is_not_gone():
     available = CONSTRAINTS.torque.available_nm.copy()
     available[1] = 60.0  # the weight takes 10 N m where the path is and 87 N m where the arm stands
     weak = replace(CONSTRAINTS, torque=replace(CONSTRAINTS.torque, available_nm=available))
-    with pytest.raises(BlockedWay, match=rf"straight way asks .* N m of {LIMITS.joint_names[1]}, which has 60 N m"):
+    with pytest.raises(BlockedWay, match=rf"where it stands, asks .* N m of {LIMITS.joint_names[1]}, which has 60 N m"):
         checked(weak).approach_from(STANDING)
 
 
-def test_a_way_through_an_obstacle_is_not_gone():
-    """The path is clear of the wall, and so is where the arm stands: only the way between is not."""
-    reaching = replace(SWING, offset_rad=np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
-    start = checked(trajectory=reaching).start_rad
-    standing = start + np.array([np.pi - 0.6, 0.0, 0.0, 0.0, 0.0, 0.0])
-    assert LIMITS.position_min_rad[0] < standing[0] < LIMITS.position_max_rad[0]
-    tool = Sphere(N + 1, np.zeros(3), 0.02)
-    positions = [ROBOT.chain.forward(start + share * (standing - start))[-1][:3, 3] for share in (0.0, 0.5, 1.0)]
+REACHING = replace(SWING, offset_rad=np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
+TURNED = np.array([np.pi - 0.6, 0.0, 0.0, 0.0, 0.0, 0.0])
+TOOL = Sphere(N + 1, np.zeros(3), 0.02)
+
+
+def tool_at(configuration):
+    return ROBOT.chain.forward(configuration)[-1][:3, 3]
+
+
+def test_where_the_straight_way_is_not_free_the_arm_goes_round():
+    """The path is clear of the wall, and so is where the arm stands: only the straight way between is not."""
+    start = checked(trajectory=REACHING).start_rad
+    standing = start + TURNED
+    positions = [tool_at(start + share * TURNED) for share in (0.0, 0.5, 1.0)]
     away = positions[1] - 0.5 * (positions[0] + positions[2])
     normal = -away / np.linalg.norm(away)
     wall = HalfSpace("wall", normal, normal @ positions[1] + 0.05, (N + 1,))
-    walled = replace(CONSTRAINTS, obstacles=Obstacles(Workspace(ROBOT.chain, (tool,), (wall,))))
-    path = checked(walled, reaching)
-    assert path.approach_from(start + 0.01) is not None
-    with pytest.raises(BlockedWay, match=r"straight way comes within -0\.\d+ m of 'wall'"):
+    walled = replace(CONSTRAINTS, obstacles=Obstacles(Workspace(ROBOT.chain, (TOOL,), (wall,))))
+    path = checked(walled, REACHING)
+    assert len(path.approach_from(start + 0.01)) == 1
+    legs = path.approach_from(standing)
+    assert 2 <= len(legs) <= 4
+    plans = [plan_leg(stretch.leg, CYCLE_S) for stretch in legs]
+    way = np.vstack([plan.position_rad for plan in plans])
+    np.testing.assert_allclose(way[[0, -1]], [standing, start], atol=1e-9)
+    assert np.abs(np.diff(way, axis=0)).max() <= LIMITS.velocity_max_rad_s.max() * CYCLE_S
+    assert min(normal @ tool_at(q) for q in way) > wall.offset_m + TOOL.radius_m
+    assert all(plan.velocity_rad_s[[0, -1]] == pytest.approx(0.0, abs=1e-9) for plan in plans)
+    again = path.approach_from(standing)
+    assert [stretch.leg.path.goal_rad.tolist() for stretch in again] == [s.leg.path.goal_rad.tolist() for s in legs]
+
+
+def test_where_no_way_is_free_the_refusal_says_what_is_in_it():
+    """A slab through the base that the tool would have to pass, however it goes."""
+    start = checked(trajectory=REACHING).start_rad
+    across = tool_at(start + 0.5 * TURNED) * [1.0, 1.0, 0.0]
+    slab = Box(
+        "slab",
+        pose_from_xyz_rpy([0.0, 0.0, 0.0], [0.0, 0.0, np.arctan2(across[1], across[0])]),
+        np.array([9.0, 0.05, 9.0]),
+        (N + 1,),
+    )
+    path = checked(replace(CONSTRAINTS, obstacles=Obstacles(Workspace(ROBOT.chain, (TOOL,), (), (slab,)))), REACHING)
+    with pytest.raises(BlockedWay, match=r"straight way brings the tool within -0\.\d+ m of 'slab'.*no way round"):
+        path.approach_from(start + TURNED)
+
+
+def test_an_arm_that_stands_in_an_obstacle_is_not_moved():
+    start = checked(trajectory=REACHING).start_rad
+    standing = start + TURNED
+    box = Box("crate", pose_from_xyz_rpy(tool_at(standing), [0.0, 0.0, 0.0]), np.full(3, 0.1), (N + 1,))
+    path = checked(replace(CONSTRAINTS, obstacles=Obstacles(Workspace(ROBOT.chain, (TOOL,), (), (box,)))), REACHING)
+    with pytest.raises(BlockedWay, match=r"the arm, where it stands, brings the tool within -0\.\d+ m of 'crate'"):
         path.approach_from(standing)
+
+
+# Speed ----------------------------------------------------------------------------------------------------------
+
+
+def reaching_points(tool_m=0.2):
+    return replace(CONSTRAINTS, points=ArmPoints(ROBOT.chain, np.array([0.0, 0.0, tool_m])))
+
+
+def test_no_point_of_the_arm_is_fast_on_the_slow_round_and_on_the_way_to_it():
+    constraints = reaching_points()
+    trajectory = ROBOT.excitations["identification"].trajectory
+    path = check_path(Excitation(trajectory, 2), constraints, CYCLE_S, file="my.toml", key="probe")
+    for stretch in (path.slow, *path.approach_from(STANDING)):
+        plan = plan_leg(stretch.leg, CYCLE_S)
+        assert constraints.points.speeds(plan.position_rad, plan.velocity_rad_s).max() <= 0.245 + 1e-9
+    assert path.slow_speed_m_s == pytest.approx(0.245, abs=1e-3)
+    assert path.slow_round_s < 60.0
+
+
+def test_a_leg_faster_than_reduced_speed_is_not_passed():
+    path = checked()
+    with pytest.raises(LimitViolation, match=r"speed 0\.\d+ m/s is beyond the limit of 0\.2500 m/s"):
+        require_reduced_speed(path.measured.leg, ArmPoints(ROBOT.chain, np.array([0.0, 0.0, 0.5])))
+
+
+def test_a_path_faster_than_the_file_allows_is_refused():
+    points = CONSTRAINTS.points
+    fastest = float(points.greatest_on(SWING).max())
+    checked(replace(CONSTRAINTS, speed=SpeedLimit(points, 1.001 * fastest)))
+    with pytest.raises(LimitViolation, match=r"joint 6: speed .* is beyond the limit"):
+        checked(replace(CONSTRAINTS, speed=SpeedLimit(points, 0.99 * fastest)))
 
 
 def test_a_way_on_which_meshes_come_too_close_is_not_gone():

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 from armload_controller.motion.joint_limits import MotionLimits, check_setpoints
-from armload_controller.motion.paths import InfeasibleMotion, bound_phase
+from armload_controller.motion.paths import InfeasibleMotion, LinePath, bound_phase
 from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import (
     RuckigFollower,
     plan_approach,
     plan_leg,
-    plan_legs,
-    plan_path,
-    plan_run,
+    plan_measured,
+    plan_slow,
 )
+from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.model.chain import Chain
 
 N = 3
 CYCLE_S = 0.004
@@ -30,6 +31,15 @@ LIMITS = MotionLimits(
     following_error_rad=np.full(N, 0.1),
 )
 START = np.array([0.5, -0.5, 1.0])
+SMALL = Chain.from_origins(
+    np.array([[0.0, 0.0, 0.1]] * N),
+    np.zeros((N, 3)),
+    np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    np.eye(4),
+    np.array([0.0, 0.0, -9.81]),
+)
+SMALL_POINTS = ArmPoints(SMALL, np.zeros(3))
+"""Of an arm so small that none of its points is ever fast."""
 
 
 @pytest.fixture
@@ -41,12 +51,16 @@ def excitation():
 
 @pytest.fixture
 def plan(excitation):
-    return plan_run(START, plan_path(excitation, LIMITS, CYCLE_S), LIMITS, CYCLE_S)
+    return plan_leg(plan_measured(excitation, LIMITS, CYCLE_S), CYCLE_S)
+
+
+def approach():
+    return plan_leg(plan_approach(LinePath.within(START, np.zeros(N), LIMITS, SMALL_POINTS), LIMITS), CYCLE_S)
 
 
 def test_segments_come_in_order_and_periods_are_whole(plan, excitation):
     order = [s for i, s in enumerate(plan.segment) if i == 0 or s is not plan.segment[i - 1]]
-    assert order == [Segment.APPROACH, Segment.RAMP_UP, Segment.PERIODS, Segment.RAMP_DOWN]
+    assert order == [Segment.RAMP_UP, Segment.PERIODS, Segment.RAMP_DOWN]
     assert plan.segment.count(Segment.PERIODS) == round(excitation.duration_s / CYCLE_S)
 
 
@@ -56,7 +70,7 @@ def test_plan_respects_every_limit(plan):
 
 def test_plan_is_one_motion_from_rest_to_rest(plan):
     """Velocity is the derivative of position, acceleration of velocity, across every seam."""
-    position = np.vstack([START, plan.position_rad])
+    position = np.vstack([plan.position_rad[:1], plan.position_rad])
     velocity = np.vstack([np.zeros(N), plan.velocity_rad_s])
     step = np.diff(position, axis=0) / CYCLE_S
     assert np.abs(step - (velocity[1:] + velocity[:-1]) / 2).max() < 1e-3
@@ -73,7 +87,7 @@ def test_measured_periods_lie_on_the_excitation(plan, excitation):
 
 
 def test_ruckig_passes_a_feasible_plan_through_unchanged(plan):
-    follower = RuckigFollower(START, LIMITS, CYCLE_S)
+    follower = RuckigFollower(plan.position_rad[0], LIMITS, CYCLE_S)
     worst = 0.0
     for i in range(len(plan)):
         position, _, _ = follower.follow(plan.position_rad[i], plan.velocity_rad_s[i], plan.acceleration_rad_s2[i])
@@ -93,27 +107,24 @@ def test_ruckig_turns_a_jump_into_a_limited_motion():
 
 
 def test_the_slow_round_ends_at_rest_where_the_measured_ramp_begins(excitation):
-    legs = plan_legs(excitation, LIMITS, CYCLE_S)
-    slow, measured = plan_leg(legs.slow, CYCLE_S), plan_leg(legs.measured, CYCLE_S)
+    measured_leg = plan_measured(excitation, LIMITS, CYCLE_S)
+    leg = plan_slow(excitation, measured_leg, SMALL_POINTS)
+    slow, measured = plan_leg(leg, CYCLE_S), plan_leg(measured_leg, CYCLE_S)
     assert set(slow.segment) == {Segment.SLOW}
     np.testing.assert_allclose(slow.position_rad[[0, -1]], measured.position_rad[[0, 0]], atol=1e-9)
     assert np.abs(slow.velocity_rad_s[[0, -1]]).max() < 1e-9
-    assert 0.249 < slow.phase_rate.max() <= 0.25
+    assert 0.999 < slow.phase_rate.max() <= 1.0
     assert slow.phase_rate.min() >= -1e-9
-    assert slow.phase_s[-1] - slow.phase_s[0] == pytest.approx(excitation.trajectory.period_s)
+    assert slow.phase_s[-1] - slow.phase_s[0] == pytest.approx(4.0 * excitation.trajectory.period_s)
 
 
 def test_the_approach_is_straight_and_at_a_quarter_of_the_limits():
-    approach = plan_leg(plan_approach(START, np.zeros(N), LIMITS), CYCLE_S)
-    along = approach.position_rad @ START / (START @ START)
-    np.testing.assert_allclose(approach.position_rad, along[:, None] * START, atol=1e-12)
+    plan = approach()
+    along = plan.position_rad @ START / (START @ START)
+    np.testing.assert_allclose(plan.position_rad, along[:, None] * START, atol=1e-12)
     quarter = [LIMITS.velocity_max_rad_s, LIMITS.acceleration_max_rad_s2]
-    for motion, limit in zip((approach.velocity_rad_s, approach.acceleration_rad_s2), quarter, strict=True):
+    for motion, limit in zip((plan.velocity_rad_s, plan.acceleration_rad_s2), quarter, strict=True):
         assert (np.abs(motion) / limit).max() == pytest.approx(0.25, abs=0.01)
-
-
-def test_there_is_no_approach_where_the_arm_stands_already():
-    assert plan_approach(START, START + 1e-12, LIMITS) is None
 
 
 def test_excitation_that_uses_up_the_acceleration_is_refused(excitation):
@@ -125,4 +136,4 @@ def test_excitation_that_uses_up_the_acceleration_is_refused(excitation):
 
 def test_period_that_is_no_whole_number_of_cycles_is_refused(excitation):
     with pytest.raises(InfeasibleMotion, match="whole number of cycles"):
-        plan_path(excitation, LIMITS, 0.0043)
+        plan_measured(excitation, LIMITS, 0.0043)

@@ -24,6 +24,21 @@ def checked():
     return check_path(Excitation(SWING, 1), CONSTRAINTS, 0.01, file=ROBOT.file, key="swing")
 
 
+@pytest.mark.parametrize(
+    ("changes", "cycle_s", "text"),
+    [
+        ({"robot_sha256": "0" * 64}, 0.01, r"was not checked for prbt as prbt\.toml has it"),
+        ({}, 0.005, r"was checked for cycles of 5 ms, the drives run at 10 ms"),
+    ],
+)
+def test_a_path_that_was_checked_for_another_arm_or_cycle_is_not_run(opened, changes, cycle_s, text):
+    other = replace(CONSTRAINTS, **changes)
+    path = check_path(Excitation(SWING, 1), other, cycle_s, file=ROBOT.file, key="swing")
+    with opened() as (session, servos), pytest.raises(CommissioningError, match=text):
+        session.run(path, "run")
+    assert servos.log == ["connect"]
+
+
 class Segments:
     """Plug-in that keeps which parts of a run were commanded."""
 

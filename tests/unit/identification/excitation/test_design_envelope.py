@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from armload_identification.excitation.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope, ExcitationLimits
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.joint_strength import TorqueLimits
@@ -35,6 +36,7 @@ def envelope(any_arm, any_body) -> Envelope:
         JOINTS,
         TorqueLimits.from_body(chain, body, any_body(rng), np.array([200.0, 150.0, 80.0])),
         Workspace(chain, spheres, (floor,), (), ((0, 4), (1, 3))),
+        SpeedLimit(ArmPoints(chain, np.array([0.1, 0.0, 0.2])), 0.8),
     )
 
 
@@ -77,7 +79,9 @@ def test_margins_are_the_room_in_si_units(envelope):
         of_name = [c for c, other in zip(clearances, envelope.workspace.names, strict=True) if other == name]
         assert min(of_name) - 0.0125 <= value <= min(of_name)
     assert room.smallest == min(
-        *(getattr(room, name).min() for name in room.__slots__ if name != "clearance_m"), *room.clearance_m.values()
+        *(getattr(room, name).min() for name in room.__slots__ if name not in ("clearance_m", "speed_m_s")),
+        *room.clearance_m.values(),
+        *room.speed_m_s.values(),
     )
 
 
@@ -97,10 +101,11 @@ def test_a_distance_to_keep_is_part_of_the_limit_and_of_the_clearance_told(envel
     path, free = trajectory(3, 0.1), envelope.workspace
     kept = Workspace(free.chain, free.spheres, free.half_spaces, free.boxes, free.apart, keep_m=0.05)
     wider = Envelope(envelope.joints, envelope.torque, kept)
-    rows = len(free.names)
-    np.testing.assert_allclose(wider.worst(path)[-rows:], envelope.worst(path)[-rows:] + 0.05 / CLEARANCE_SCALE_M)
+    begin = envelope.rows - len(free.names) - len(envelope.speed.points.names)
+    rows = slice(begin, begin + len(free.names))
+    np.testing.assert_allclose(wider.worst(path)[rows], envelope.worst(path)[rows] + 0.05 / CLEARANCE_SCALE_M)
     at = states(path, np.linspace(0.0, 3.0, 5))
-    np.testing.assert_allclose(wider.excess(at)[:, -rows:], envelope.excess(at)[:, -rows:] + 0.05 / CLEARANCE_SCALE_M)
+    np.testing.assert_allclose(wider.excess(at)[:, rows], envelope.excess(at)[:, rows] + 0.05 / CLEARANCE_SCALE_M)
     assert wider.margins(path).clearance_m == pytest.approx(envelope.margins(path).clearance_m)
 
 

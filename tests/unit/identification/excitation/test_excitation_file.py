@@ -56,6 +56,7 @@ MARGINS = LimitMargins(
     np.array([70.0, 80.0, 90.0]),
     np.array([123.4567891, 1e-5, -2.3456789]),
     {"floor": 0.25, "link 1 to tool": 0.0301239},
+    {"joint 3": 0.4, "tool centre point": 0.12345678},
 )
 
 
@@ -63,6 +64,7 @@ def test_a_file_tells_how_the_design_went_and_what_room_is_left():
     got = parse_excitation(format_excitation(Excitation(trajectory(), 3, DESIGN, (0.0212345678, 0.004), MARGINS)))
     assert got.history == (0.021235, 0.004)
     assert got.margins.clearance_m == {"floor": 0.25, "link 1 to tool": 0.0301239}
+    assert got.margins.speed_m_s == {"joint 3": 0.4, "tool centre point": 0.123456}
     np.testing.assert_array_equal(got.margins.position_rad, MARGINS.position_rad)
     np.testing.assert_array_equal(got.margins.velocity_rad_s, MARGINS.velocity_rad_s)
     # rounded to six digits, and never up

@@ -1,0 +1,204 @@
+"""The pace of a slow round: a path run through at a rate that varies along it, so that no point of the arm is fast.
+
+The slowness w = du/ds is a cubic B-spline over the path's own phase s, periodic as the path is; its coefficients are
+raised until it is nowhere less than what the speed of the arm's points needs. The new phase u is its integral, and
+
+    q(u) = q(s(u))      ds/du = 1/w      d2s/du2 = -w'/w^3      d3s/du3 = (3 w'^2 - w w'')/w^5
+
+with w' = dw/ds. Run at any rate of u up to 1, s moves at ds/du at most. What s does then,
+
+    |ds/dt| <= g      |d2s/dt2| <= S_2 + g alpha      |d3s/dt3| <= S_3 + 3 S_2 alpha + g beta
+
+with g, S_2, S_3 the greatest derivatives of s to u and alpha, beta what the phase u may do, is kept within what the
+path's phase may do: whatever was checked for the path holds on the slow round.
+
+Between the samples, h apart: w'' is linear between two knots and so greatest at one of its ends; w' is at most
+|w''| h / 2 above its samples, and w at most |w''| h^2 / 8 below.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armload_controller.motion.paths import PLANNED_SPEED_M_S, PhaseLimits
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.cartesian_speed import ArmPoints
+from armload_identification.excitation.fourier import FourierState, FourierTrajectory
+
+SLOW_RATE = 0.25
+"""Greatest rate of the first round of a new path or with a new load."""
+_SAMPLES = 2048
+"""Samples of a period at which the speed of the arm's points is computed."""
+_MOST_KNOTS, _FEWEST_KNOTS = 256, 8
+_SHARE = 0.5
+"""What a pace that varies may take of the phase's acceleration and jerk; ramps, pauses and stops have the rest."""
+_ROUNDS = 50
+"""So often are coefficients raised at most; four rounds are usual."""
+_OVER = 1.0 + 1e-6
+_NEWTON_STEPS = 6
+_BASIS = np.array([[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]) / 6.0
+"""Powers of the place between two knots, by row, that each of the four coefficients about it contributes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pace:
+    """A periodic slowness, and the phase that it makes of a path's.
+
+    Attributes:
+        period_s: Period of the path.
+        slowness: (K,) coefficients of the spline, the k-th greatest at knot k + 2.
+    """
+
+    period_s: float
+    slowness: FloatArray
+    _powers: FloatArray = field(init=False, repr=False)
+    _begins_s: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        powers = (_BASIS @ np.stack([np.roll(self.slowness, 3 - m) for m in range(4)])).T
+        whole = powers @ (1.0 / np.arange(1, 5)) * self._knot_s
+        object.__setattr__(self, "_powers", powers)
+        object.__setattr__(self, "_begins_s", np.concatenate([[0.0], np.cumsum(whole)]))
+
+    @property
+    def lasts_s(self) -> float:
+        """Time of a period at full rate."""
+        return float(self._begins_s[-1])
+
+    def bounds(self, samples: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Least slowness, and greatest sizes of its derivatives, from each sample of a period to the next.
+
+        Args:
+            samples: How many; a multiple of the number of knots.
+
+        Returns:
+            (samples,) each: w, |w'| and |w''|.
+        """
+        knots = len(self.slowness)
+        x = np.arange(samples // knots + 1) / (samples // knots)
+        p0, p1, p2, p3 = self._powers.T[:, :, None]
+        step_s = self.period_s / samples
+        w = p0 + x * (p1 + x * (p2 + x * p3))
+        slope = np.abs(p1 + x * (2.0 * p2 + x * 3.0 * p3)) / self._knot_s
+        bend = np.abs(2.0 * p2 + 6.0 * x * p3) / self._knot_s**2
+        second = np.maximum(bend[:, 1:], bend[:, :-1])
+        first = np.maximum(slope[:, 1:], slope[:, :-1]) + second * step_s / 2.0
+        least = np.minimum(w[:, 1:], w[:, :-1]) - second * step_s**2 / 8.0
+        return least.ravel(), first.ravel(), second.ravel()
+
+    @property
+    def rates(self) -> tuple[float, float, float]:
+        """What the derivatives of the path's phase never exceed: g, S_2 and S_3."""
+        w, first, second = self.bounds(_SAMPLES)
+        return (
+            float((1.0 / w).max()),
+            float((first / w**3).max()),
+            float((3.0 * first**2 / w**5 + second / w**4).max()),
+        )
+
+    def within(self, bounds: PhaseLimits) -> PhaseLimits | None:
+        """What the new phase may do, so that the path's keeps to its own bounds; None where the pace alone does not."""
+        g, second, third = self.rates
+        if second > _SHARE * bounds.acceleration_1_s:
+            return None
+        acceleration = (bounds.acceleration_1_s - second) / g
+        varying = third + 3.0 * second * acceleration
+        if varying > _SHARE * bounds.jerk_1_s2:
+            return None
+        return PhaseLimits(acceleration, (bounds.jerk_1_s2 - varying) / g)
+
+    def phase_of(self, path_s: float) -> float:
+        """The new phase of a place on the path."""
+        turns, rest = divmod(path_s, self.period_s)
+        knot = min(int(rest / self._knot_s), len(self.slowness) - 1)
+        x = rest / self._knot_s - knot
+        within = self._knot_s * float(self._powers[knot] @ (x ** np.arange(1, 5) / np.arange(1, 5)))
+        return float(turns * self.lasts_s + self._begins_s[knot] + within)
+
+    def evaluate(self, phase_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The path's phase, and its first three derivatives to the new one.
+
+        Args:
+            phase_s: (N,) or a single one.
+        """
+        turns = np.floor(phase_s / self.lasts_s)
+        rest = phase_s - turns * self.lasts_s
+        knot = np.clip(np.searchsorted(self._begins_s, rest, side="right") - 1, 0, len(self.slowness) - 1)
+        p0, p1, p2, p3 = np.moveaxis(self._powers[knot], -1, 0)
+        wanted = (rest - self._begins_s[knot]) / self._knot_s
+        x = wanted / p0
+        for _ in range(_NEWTON_STEPS):
+            integral = x * (p0 + x * (p1 / 2.0 + x * (p2 / 3.0 + x * p3 / 4.0)))
+            x = x - (integral - wanted) / (p0 + x * (p1 + x * (p2 + x * p3)))
+        w = p0 + x * (p1 + x * (p2 + x * p3))
+        slope = (p1 + x * (2.0 * p2 + x * 3.0 * p3)) / self._knot_s
+        bend = (2.0 * p2 + 6.0 * x * p3) / self._knot_s**2
+        path_s = turns * self.period_s + (knot + x) * self._knot_s
+        return path_s, 1.0 / w, -slope / w**3, (3.0 * slope**2 - w * bend) / w**5
+
+    @property
+    def _knot_s(self) -> float:
+        return self.period_s / len(self.slowness)
+
+
+@dataclass(frozen=True, eq=False)
+class PacedPath:
+    """A path over a phase that lasts longer where the arm would be fast.
+
+    Attributes:
+        path: The path over its own phase.
+        pace: How the two phases belong together.
+    """
+
+    path: FourierTrajectory
+    pace: Pace
+
+    def evaluate(self, t_s: ArrayLike) -> FourierState:
+        """Position and derivatives to the new phase; (n,) for one, (N, n) for N."""
+        s, first, second, third = self.pace.evaluate(np.asarray(t_s, dtype=np.float64))
+        state = self.path.evaluate(s)
+        g, h, k = (np.asarray(derivative)[..., None] for derivative in (first, second, third))
+        v, a, j = state.velocity_rad_s, state.acceleration_rad_s2, state.jerk_rad_s3
+        return FourierState(state.position_rad, v * g, a * g**2 + v * h, j * g**3 + 3.0 * a * g * h + v * k)
+
+
+def reduced_pace(path: FourierTrajectory, bounds: PhaseLimits, points: ArmPoints) -> tuple[PacedPath, PhaseLimits]:
+    """The quickest pace found at which no point of the arm exceeds `PLANNED_SPEED_M_S`, nor the rate `SLOW_RATE`.
+
+    Args:
+        path: The path.
+        bounds: What its phase may do.
+        points: Of the arm.
+
+    Returns:
+        The path at that pace, and what its phase may do.
+    """
+    fastest = points.greatest_in_period(path, _SAMPLES).max(axis=1)
+    needed = np.maximum(1.0 / SLOW_RATE, fastest / PLANNED_SPEED_M_S)
+    knots = _MOST_KNOTS
+    while knots >= _FEWEST_KNOTS:
+        pace = _above(needed, path.period_s, knots)
+        phase = None if pace is None else pace.within(bounds)
+        if pace is not None and phase is not None:
+            return PacedPath(path, pace), phase
+        knots //= 2
+    constant = Pace(path.period_s, np.full(_FEWEST_KNOTS, needed.max()))
+    g = constant.rates[0]
+    return PacedPath(path, constant), PhaseLimits(bounds.acceleration_1_s / g, bounds.jerk_1_s2 / g)
+
+
+def _above(needed: FloatArray, period_s: float, knots: int) -> Pace | None:
+    """A pace that is nowhere quicker than needed (samples,); None where raising its coefficients does not end."""
+    slowness = np.roll(needed[:: len(needed) // knots], -2)
+    for _ in range(_ROUNDS):
+        pace = Pace(period_s, slowness)
+        missing = (needed / pace.bounds(len(needed))[0]).reshape(knots, -1).max(axis=1)
+        if missing.max() <= 1.0:
+            return pace
+        # The middle two of the four coefficients about an interval have most of the weight.
+        raised = np.maximum(np.roll(missing, -1), np.roll(missing, -2))
+        slowness = slowness * np.maximum(raised * _OVER, 1.0)
+    return None

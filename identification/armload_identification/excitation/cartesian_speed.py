@@ -1,0 +1,203 @@
+"""How fast points of an arm move: its elbow, its wrist, its flange and its tool centre point.
+
+A point p that turns with the first m joints, of axes z_j through o_j in the base frame, moves at
+
+    v = sum_{j <= m} z_j x (p - o_j) dq_j
+
+and for k <= m its velocity changes with a joint's position by
+
+    dv/dq_k = z_k x sum_{k <= j <= m} z_j x (p - o_j) dq_j  +  w_{k-1} x (z_k x (p - o_k))
+
+with w_k = sum_{j <= k} z_j dq_j, the angular velocity of link k.
+
+Between the samples. A vector whose second derivative never exceeds B is nowhere further than B h^2 / 8 from the
+straight line between two samples h apart, and nowhere on that line longer than at its longer end. Hence
+
+    |v(t)| <= max(|v(t_j)|, |v(t_j+1)|) + B h^2 / 8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.derivative_bounds import point_rates, rate_bounds
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.model.chain import Chain
+
+_SAMPLES = 4096
+"""Intervals of a period that the greatest speed is bounded on."""
+_APART_M = 1e-6
+"""Points of one link that are closer than this are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPoints:
+    """The points of an arm whose speed is looked at: the origin of every joint frame that moves, flange and tool.
+
+    Attributes:
+        chain: The arm.
+        tool_m: (3,) tool centre point in the flange frame.
+        names: (P,) what messages call the points.
+    """
+
+    chain: Chain
+    tool_m: FloatArray
+    names: tuple[str, ...] = field(init=False)
+    _link: tuple[int, ...] = field(init=False, repr=False)
+    _in_link: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        chain = self.chain
+        last = chain.n
+        flange = chain.flange
+        tool = flange[:3, :3] @ self.tool_m + flange[:3, 3]
+        # The origin of joint k + 1 is fixed in link k.
+        points = [(f"joint {k + 1}", k, chain.placement[k, :3, 3]) for k in range(1, last)]
+        points += [("flange", last, flange[:3, 3]), ("tool centre point", last, tool)]
+        kept = [
+            (name, link, at)
+            for number, (name, link, at) in enumerate(points)
+            if not any(
+                link == other and np.abs(at - there).max() < _APART_M for _, other, there in points[number + 1 :]
+            )
+        ]
+        object.__setattr__(self, "names", tuple(name for name, _, _ in kept))
+        object.__setattr__(self, "_link", tuple(link for _, link, _ in kept))
+        object.__setattr__(self, "_in_link", np.array([at for _, _, at in kept]))
+
+    def speeds(self, q: FloatArray, dq: FloatArray) -> FloatArray:
+        """Speed of every point.
+
+        Args:
+            q: (N, n) joint positions in rad.
+            dq: (N, n) joint velocities in rad/s.
+
+        Returns:
+            (N, P) in m/s.
+        """
+        axes, levers = self._axes_and_levers(q)
+        return np.stack([_length(_velocity(axes, lever, dq)[:, 0]) for lever in levers], axis=1)
+
+    def slope(self, weight: FloatArray, q: FloatArray, dq: FloatArray) -> FloatArray:
+        """Derivative of the weighted sum of all speeds by positions and velocities.
+
+        Args:
+            weight: (N, P) weight of each speed.
+            q: (N, n) joint positions in rad.
+            dq: (N, n) joint velocities in rad/s.
+
+        Returns:
+            (2, N, n) by position and by velocity.
+        """
+        axes, levers = self._axes_and_levers(q)
+        turning = np.cumsum(axes * dq[:, :, None], axis=1)
+        before = turning - axes * dq[:, :, None]
+        slope = np.zeros((2, *q.shape))
+        for point, lever in enumerate(levers):
+            m = lever.shape[1]
+            column = np.cross(axes[:, :m], lever)
+            outward = _velocity(axes, lever, dq)
+            velocity = outward[:, 0]
+            direction = velocity / np.maximum(_length(velocity), np.finfo(float).tiny)[:, None]
+            direction = direction * weight[:, point, None]
+            turned = np.cross(axes[:, :m], outward) + np.cross(before[:, :m], column)
+            slope[0, :, :m] += np.einsum("ijk,ik->ij", turned, direction)
+            slope[1, :, :m] += np.einsum("ijk,ik->ij", column, direction)
+        return slope
+
+    def greatest_on(self, trajectory: FourierTrajectory) -> FloatArray:
+        """(P,) what no point is faster than anywhere on a trajectory, between samples too, in m/s."""
+        return np.asarray(self.greatest_in_period(trajectory, _SAMPLES).max(axis=0))
+
+    def greatest_in_period(self, trajectory: FourierTrajectory, samples: int) -> FloatArray:
+        """(samples, P) as `greatest_between`, along one period."""
+
+        def motion(times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+            state = trajectory.evaluate(times_s)
+            return state.position_rad, state.velocity_rad_s
+
+        return self.greatest_between(motion, rate_bounds(trajectory), trajectory.period_s, samples)
+
+    def greatest_between(
+        self,
+        motion: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+        rates: FloatArray,
+        duration_s: float,
+        samples: int,
+    ) -> FloatArray:
+        """What no point is faster than, from each sample of a motion to the next.
+
+        Args:
+            motion: Positions and velocities (N, n) at times (N,).
+            rates: (4, n) what the joints' derivatives never exceed, as `derivative_bounds.rate_bounds` has them.
+            duration_s: From 0 to here.
+            samples: How many intervals of equal length.
+
+        Returns:
+            (samples, P) in m/s.
+        """
+        speed = self.speeds(*motion(np.linspace(0.0, duration_s, samples + 1)))
+        between = np.maximum(speed[:-1], speed[1:])
+        bend = np.array(
+            [
+                point_rates(self.chain, rates, link, float(np.linalg.norm(at)))[2]
+                for link, at in zip(self._link, self._in_link, strict=True)
+            ]
+        )
+        return np.asarray(between + bend * (duration_s / samples) ** 2 / 8.0)
+
+    def _axes_and_levers(self, q: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
+        """Axes (N, n, 3), and for every point its distance (N, m, 3) from the origins of the m joints that move it."""
+        origins, axes, rotations = _frames(self.chain, q)
+        levers = []
+        for link, at in zip(self._link, self._in_link, strict=True):
+            point = origins[:, link - 1] + rotations[:, link - 1] @ at
+            levers.append(point[:, None] - origins[:, :link])
+        return axes, levers
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedLimit:
+    """What no point of an arm exceeds.
+
+    Attributes:
+        points: The points.
+        speed_m_s: The limit.
+    """
+
+    points: ArmPoints
+    speed_m_s: float
+
+
+def _frames(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Origins (N, n, 3), axes (N, n, 3) and orientations (N, n, 3, 3) of the joint frames."""
+    count, n = q.shape
+    origins, axes, rotations = np.empty((count, n, 3)), np.empty((count, n, 3)), np.empty((count, n, 3, 3))
+    origin, rotation = np.zeros((count, 3)), np.broadcast_to(np.eye(3), (count, 3, 3))
+    for i in range(n):
+        placement, (x, y, z) = chain.placement[i], chain.axis[i]
+        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        turn = placement[:3, :3] @ np.hstack([np.eye(3), across, across @ across])
+        sine, cosine = np.sin(q[:, i])[:, None, None], np.cos(q[:, i])[:, None, None]
+        origin = origin + rotation @ placement[:3, 3]
+        fixed, first, second = np.split((rotation.reshape(-1, 3) @ turn).reshape(count, 3, 9), 3, axis=2)
+        rotation = fixed + sine * first + (1.0 - cosine) * second
+        origins[:, i], rotations[:, i] = origin, rotation
+        axes[:, i] = rotation @ chain.axis[i]
+    return origins, axes, rotations
+
+
+def _velocity(axes: FloatArray, lever: FloatArray, dq: FloatArray) -> FloatArray:
+    """(N, m, 3) velocity of a point that each joint and those beyond it give it; the first is all of it."""
+    m = lever.shape[1]
+    each = np.cross(axes[:, :m], lever) * dq[:, :m, None]
+    return np.asarray(np.cumsum(each[:, ::-1], axis=1)[:, ::-1])
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    """(N,) lengths of (N, 3)."""
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))

@@ -1,0 +1,94 @@
+"""The pace of a slow round: the same path, never above a quarter of the rate nor reduced speed, and no slower."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from armload_controller.config.robot import load_robot
+from armload_controller.motion.pace import Pace, reduced_pace
+from armload_controller.motion.paths import PLANNED_SPEED_M_S, PhaseLimits, bound_phase
+from armload_identification.excitation.cartesian_speed import ArmPoints
+
+ROBOT = load_robot("er50")
+PATH = ROBOT.excitations["identification"].trajectory
+POINTS = ArmPoints(ROBOT.chain, np.array([0.0, 0.0, 0.2]))
+BOUNDS = bound_phase(PATH, ROBOT.limits.motion)
+PACED, PHASE = reduced_pace(PATH, BOUNDS, POINTS)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.floats(1.0, 50.0), min_size=8, max_size=8), st.floats(-50.0, 50.0))
+def test_the_new_phase_and_the_paths_belong_together(slowness, path_s):
+    pace = Pace(3.0, np.array(slowness))
+    phase_s = pace.phase_of(path_s)
+    found, rate, _, _ = pace.evaluate(np.array(phase_s))
+    assert float(found) == pytest.approx(path_s, abs=1e-9)
+    assert min(slowness) * (1 - 1e-9) <= 1.0 / float(rate) <= max(slowness) * (1 + 1e-9)
+    assert pace.phase_of(path_s + 3.0) - phase_s == pytest.approx(pace.lasts_s)
+
+
+@pytest.mark.parametrize("order", range(3))
+def test_derivatives_to_the_new_phase_are_those_of_finite_differences(order):
+    names = ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3")
+    phase_s = np.linspace(-20.0, 150.0, 301)
+    step = 1e-4
+    ahead, behind = (getattr(PACED.evaluate(phase_s + side * step), names[order]) for side in (1.0, -1.0))
+    expected = getattr(PACED.evaluate(phase_s), names[order + 1])
+    np.testing.assert_allclose((ahead - behind) / (2.0 * step), expected, atol=1e-5)
+
+
+def test_the_arm_is_nowhere_on_another_path():
+    s, *_ = PACED.pace.evaluate(np.linspace(0.0, PACED.pace.lasts_s, 1001))
+    assert np.all(np.diff(s) > 0.0)
+    assert (s[0], s[-1]) == pytest.approx((0.0, PATH.period_s))
+    np.testing.assert_array_equal(
+        PACED.evaluate(50.0).position_rad, PATH.evaluate(PACED.pace.evaluate(50.0)[0]).position_rad
+    )
+
+
+def test_no_point_is_fast_and_the_rate_is_a_quarter_at_most():
+    phase_s = np.linspace(0.0, PACED.pace.lasts_s, 20001)
+    state = PACED.evaluate(phase_s)
+    speed = POINTS.speeds(state.position_rad, state.velocity_rad_s).max(axis=1)
+    rate = PACED.pace.evaluate(phase_s)[1]
+    assert speed.max() <= PLANNED_SPEED_M_S
+    assert rate.max() <= 0.25
+    # It is at one of the two limits nearly all the time: no rounder than the joints' limits ask for.
+    assert np.mean((speed > 0.95 * PLANNED_SPEED_M_S) | (rate > 0.95 * 0.25)) > 0.8
+
+
+def test_the_paths_phase_keeps_to_its_bounds_whatever_the_new_phase_does():
+    """At the worst of the new phase's own speed, acceleration and jerk, everywhere on the round."""
+    _, g, second, third = PACED.pace.evaluate(np.linspace(0.0, PACED.pace.lasts_s, 20001))
+    alpha, beta = PHASE.acceleration_1_s, PHASE.jerk_1_s2
+    assert (np.abs(second) + g * alpha).max() <= BOUNDS.acceleration_1_s
+    assert (np.abs(third) + 3.0 * np.abs(second) * alpha + g * beta).max() <= BOUNDS.jerk_1_s2
+    assert (second.max(), third.max()) <= PACED.pace.rates[1:]
+
+
+def test_where_the_joints_allow_no_varying_pace_it_is_a_constant_one():
+    tight = PhaseLimits(0.01 * BOUNDS.acceleration_1_s, 1e-4 * BOUNDS.jerk_1_s2)
+    paced, phase = reduced_pace(PATH, tight, POINTS)
+    _, g, second, third = paced.pace.evaluate(np.linspace(0.0, paced.pace.lasts_s, 101))
+    assert np.ptp(g) < 1e-12
+    assert np.abs([second, third]).max() < 1e-9
+    assert g[0] * phase.acceleration_1_s == pytest.approx(tight.acceleration_1_s)
+    assert paced.pace.lasts_s > PACED.pace.lasts_s
+
+
+def test_an_arm_that_is_never_fast_goes_at_a_quarter():
+    slow = replace(PATH, base_frequency_hz=0.02 * PATH.base_frequency_hz)
+    paced, _ = reduced_pace(slow, bound_phase(slow, ROBOT.limits.motion), POINTS)
+    assert paced.pace.lasts_s == pytest.approx(4.0 * slow.period_s)
+
+
+@pytest.mark.parametrize(("name", "most_s"), [("er50", 95.0), ("prbt", 45.0)])
+def test_the_shipped_arms_rounds_are_short(name, most_s):
+    robot = load_robot(name)
+    for excitation in robot.excitations.values():
+        path = excitation.trajectory
+        paced, _ = reduced_pace(path, bound_phase(path, robot.limits.motion), robot.limits.points)
+        assert paced.pace.lasts_s < most_s
