@@ -15,12 +15,14 @@ import pytest
 
 from armload_drivers.cia402.arm_settings import Identity, VendorEffort
 from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.object_dictionary import DataType, NmtState
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import (
     BusError,
     DriverError,
     ForeignMaster,
+    MissingSafety,
     SdoRefused,
     ServoError,
     ServoFault,
@@ -197,12 +199,13 @@ class Requests:
         return self.verdict if now == self.step else None
 
 
+SAFETY = {f"making sure that the drive {of.value.title}": of for of in Safety}
 STEPS = [
-    "looking for the node", "identifying", "checking the mode", "reading the scaling", "setting supervision",
-    "setting the cycle", "mapping the receive PDO 1", "mapping the transmit PDO 1", "switching unused PDOs off",
-    "setting the setpoint time-out", "selecting the mode", "setting limits", "reading the name",
+    "looking for the node", "identifying", "checking the mode", "reading the scaling", "setting the cycle",
+    "looking for the objects of its PDOs", "mapping the receive PDO 1", "mapping the transmit PDO 1",
+    "switching unused PDOs off", "selecting the mode", *SAFETY, "setting the heartbeat to watch", "reading the name",
 ]  # fmt: skip
-LATER = ["presetting the target", "checking for faults", "setting the heartbeat to watch"]
+LATER = ["presetting the target", "checking for faults"]
 HARMLESS = {"looking for the node", "reading the name"}
 """A node that answers with an abort is there, and a name is nothing to fail for."""
 
@@ -227,6 +230,13 @@ def test_an_abort_or_a_timeout_at_every_step(fault_arm, arm_settings, step, verd
     arm = fault_arm(settings, traits={3: DriveTraits(on_request=requests)})
     requests.setup = arm.servos._setups[1]
     kind = ServoTimeout if verdict == SILENCE else SdoRefused
+    if step in SAFETY and verdict != SILENCE:
+        if SAFETY[step] is Safety.DISABLE_REACTION:
+            arm.servos.connect()
+            return
+        with pytest.raises(MissingSafety, match=SAFETY[step].key):
+            arm.servos.connect()
+        return
     if step in HARMLESS and not (step == "reading the name" and verdict == SILENCE):
         arm.servos.connect()
         arm.servos.enable()

@@ -8,9 +8,9 @@ import can
 import numpy as np
 import pytest
 
-from armload_drivers.bring_up.drive_objects import SAFETY
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, OperationMode
+from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.state_machine import State, decode
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import (
@@ -449,33 +449,97 @@ def accepting(settings, *names):
 
 def test_what_a_drive_lacks_is_reported(virtual_arm, arm_settings):
     lacks = frozenset({0x1029, 0x6007, 0x605A, 0x6076, 0x607E, 0x608F})
-    arm = virtual_arm(accepting(arm_settings(), "6007", "605A"), traits={3: DriveTraits(absent=lacks)})
+    arm = virtual_arm(accepting(arm_settings(), "master_lost", "quick_stop"), traits={3: DriveTraits(absent=lacks)})
     arm.servos.connect()
     reports = {report.node_id: report for report in arm.servos.reports}
     assert {int(text[:4], 16) for text in reports[3].missing} == lacks
+    assert {finding.of for finding in reports[3].safety if finding.way is None} == {
+        Safety.MASTER_LOST,
+        Safety.QUICK_STOP,
+    }
     assert reports[2].missing == ()
+    assert all(finding.way is not None for finding in reports[2].safety)
     assert reports[2].name == "armload simulated drive, joint_2"
 
 
-SAFETY_OBJECTS = sorted(SAFETY)
+WITHOUT = {
+    Safety.TORQUE_LIMIT: {0x6072},
+    Safety.MASTER_LOST: {0x6007, 0x1029},
+    Safety.SETPOINTS_LOST: {0x1006},
+    Safety.QUICK_STOP: {0x605A},
+    Safety.FAULT_REACTION: {0x605E},
+    Safety.FOLLOWING_ERROR: {0x6065},
+    Safety.POSITION_LIMITS: {0x607D},
+    Safety.DRIVE_LOST: {0x1017},
+}
+"""Objects without which a simulated drive has no way to a property; its RPDO's timer is taken as well."""
 
 
-@pytest.mark.parametrize("index", SAFETY_OBJECTS, ids=[f"{index:04X}" for index in SAFETY_OBJECTS])
-def test_a_drive_without_what_safety_rests_on_is_refused_unless_accepted_by_name(virtual_arm, arm_settings, index):
-    traits = {3: DriveTraits(absent=frozenset({index}))}
-    arm = virtual_arm(traits=traits)
-    with pytest.raises(MissingSafety, match=SAFETY[index]) as raised:
+def no_timer(request):
+    """The event timer of an RPDO is not there."""
+    return 0x0609_0011 if request[1:4] == b"\x00\x14\x05" else None
+
+
+def lacking(of):
+    return {3: DriveTraits(absent=frozenset(WITHOUT[of]), on_request=no_timer if of is Safety.SETPOINTS_LOST else None)}
+
+
+@pytest.mark.parametrize("of", WITHOUT, ids=[of.key for of in WITHOUT])
+def test_a_drive_without_what_safety_rests_on_is_refused_unless_accepted_by_name(virtual_arm, arm_settings, of):
+    arm = virtual_arm(accepting(arm_settings(), "disable_reaction"), traits=lacking(of))
+    with pytest.raises(MissingSafety) as raised:
         arm.servos.connect()
     assert (raised.value.node_id, raised.value.joint) == (3, "joint_3")
-    assert f'accept_missing = ["{index:04X}"]' in str(raised.value)
+    assert of.value.lost in str(raised.value)
+    assert of.value.remedy in str(raised.value)
+    names = ", ".join(f'"{name}"' for name in sorted(["disable_reaction", of.key]))
+    assert f"accept_missing = [{names}]" in str(raised.value), "what was accepted before is kept"
     assert not any(arm.plant.powered)
 
-    accepted = virtual_arm(accepting(arm_settings(), f"{index:04X}"), traits=traits)
-    accepted.servos.connect()
+    accepted = virtual_arm(accepting(arm_settings(), of.key), traits=lacking(of))
+    move(accepted, enabled(accepted), 60)
+    accepted.servos.close()
+
+
+def test_only_the_reaction_to_disabling_has_a_way_that_needs_nothing_of_the_drive(virtual_arm):
+    assert set(Safety) - set(WITHOUT) == {Safety.DISABLE_REACTION}
+    arm = virtual_arm(traits={3: DriveTraits(absent=frozenset({0x605B, 0x605C}))})
+    arm.servos.connect()
+    (finding,) = (found for found in arm.servos.reports[1].safety if found.of is Safety.DISABLE_REACTION)
+    assert finding.found == "this master removes torque at standstill only"
+    assert [reason for _, reason in finding.obstacles] == ["no 605B"]
+
+
+def test_a_drive_that_is_held_by_its_brake_after_a_quick_stop_needs_one(virtual_arm, arm_settings):
+    """605A takes 2 and not 6."""
+
+    def not_six(request):
+        return 0x0609_0030 if request[:6] == b"\x2b\x5a\x60\x00\x06\x00" else None
+
+    arm = virtual_arm(traits={3: DriveTraits(on_request=not_six)})
+    arm.servos.connect()
+    (finding,) = (found for found in arm.servos.reports[1].safety if found.of is Safety.QUICK_STOP)
+    assert finding.found == "605A = 2 (ramp, then held by the brake)"
+    without_brake = virtual_arm(arm_settings(has_brake=False), traits={3: DriveTraits(on_request=not_six)})
+    with pytest.raises(MissingSafety, match="the axis has no brake"):
+        without_brake.servos.connect()
+
+
+def test_an_object_that_does_not_keep_what_is_written_is_no_way(virtual_arm):
+    """A drive that confirms every write and keeps its old value: the first way is not met, and the second is."""
+    arm = virtual_arm(traits={3: DriveTraits(forgets=frozenset({0x6007, 0x6072}))})
+    arm.servos.connect()
+    found = {finding.of: finding for finding in arm.servos.reports[1].safety}
+    assert found[Safety.MASTER_LOST].found.startswith("1029 = 0")
+    assert found[Safety.MASTER_LOST].obstacles[0][1] == "6007 reads 1 after 3 was written"
+    assert found[Safety.TORQUE_LIMIT].found == "6072 = max_torque_permille", "it has the value already"
+    arm = virtual_arm(traits={3: DriveTraits(forgets=frozenset({0x607D}))})
+    with pytest.raises(MissingSafety, match=r"position_limits: .*607D:1 reads -2147483648 after -?\d+ was written"):
+        arm.servos.connect()
 
 
 def test_a_drive_that_stops_without_605a_ends_without_torque(virtual_arm, arm_settings):
-    arm = virtual_arm(accepting(arm_settings(), "605A"), traits={3: DriveTraits(absent=frozenset({0x605A}))})
+    arm = virtual_arm(accepting(arm_settings(), "quick_stop"), traits={3: DriveTraits(absent=frozenset({0x605A}))})
     start = enabled(arm)
     move(arm, start, 20)
     arm.servos.stop()

@@ -13,6 +13,7 @@ from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.driver_errors import BusOverload, DescriptionError
 from armload_identification.signals.joint_torque import Transmission
 
@@ -96,8 +97,12 @@ class RobotDrives:
         for drive in self.settings.drives:
             if not drive.has_brake:
                 found.append(f"{drive.joint} has no brake: it falls when torque is removed")
-            if drive.accept_missing:
-                found.append(f"{drive.joint} may lack {', '.join(sorted(drive.accept_missing))} (accept_missing)")
+            found += [
+                f"{drive.joint}: {Safety[name.upper()].value.lost} (accepted: {name})"
+                for name in sorted(drive.accept_missing)
+            ]
+            if drive.torque_limit_in_drive:
+                found.append(f"{drive.joint}: its torque limit is in the drive and cannot be read")
         return tuple(found)
 
     def require_identities(self) -> None:

@@ -6,9 +6,9 @@ here that a drive maps no torque offset need not find out at the cell.
 
 from __future__ import annotations
 
-from armload_drivers.bring_up.drive_objects import SAFETY
 from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.drive_safety import Safety, has_a_way
 from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_image import drive_image
 
@@ -24,12 +24,11 @@ def description_gaps(drive: DriveSettings) -> tuple[str, ...]:
         for entry in layout.entries
         if (gap := _unmappable(described, layout.direction, entry))
     ]
-    known = {key >> 8 for key in described.objects}
-    accepted = {int(name, 16) for name in drive.accept_missing}
     gaps += [
-        f"{described.source} has no {index:04X}: {reason}; see accept_missing"
-        for index, reason in SAFETY.items()
-        if index not in known | accepted
+        f"{described.source} has no object for {of.key}: {of.value.lost}; see accept_missing"
+        for of in Safety
+        if of.key not in drive.accept_missing
+        and not has_a_way(of, drive, lambda entry: described.find(entry) is not None)
     ]
     return tuple(gaps)
 

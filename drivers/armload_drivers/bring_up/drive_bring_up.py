@@ -15,20 +15,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from armload_drivers.bring_up.drive_dialogue import DriveDialogue
-from armload_drivers.bring_up.drive_objects import (
-    DriveObjects,
-    write_cycle,
-    write_limits,
-    write_setpoint_timeout,
-    write_supervision,
-)
+from armload_drivers.bring_up.drive_objects import DriveObjects, write_cycle
+from armload_drivers.bring_up.drive_securing import require_safety, secure
 from armload_drivers.bring_up.pdo_setup import map_pdo, switch_others_off
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, ArmSettings, DriveSettings, Identity
+from armload_drivers.cia402.drive_safety import SafetyFinding, SafetyValues
 from armload_drivers.cia402.drive_scale import ReportedScale, resolve
 from armload_drivers.cia402.drive_units import ArmUnits, AxisUnits
+from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_image import DriveImage, drive_image
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import (
@@ -51,7 +48,9 @@ class DriveReport:
         identity: 1018, as reported.
         supported_modes: 6502.
         polarity: 607E; 0 where not reported.
-        missing: Objects that the drive does not have, or does not let be written, in words.
+        missing: Objects that the drive does not have, or that cannot hold what they should, in words.
+        safety: What was found of every property that safety rests on; empty before it was looked at.
+        device_type: 1000; its upper half says more of the device than that it is a CiA 402 drive.
     """
 
     joint: str
@@ -61,6 +60,8 @@ class DriveReport:
     supported_modes: int
     polarity: int
     missing: tuple[str, ...]
+    safety: tuple[SafetyFinding, ...]
+    device_type: int
 
 
 class DriveSetup(DriveDialogue):
@@ -83,7 +84,9 @@ class DriveSetup(DriveDialogue):
         super().__init__(drive, arm, image=image, sdo=sdo, timeouts=timeouts, master_node_id=master_node_id)
         self._objects = DriveObjects(sdo)
         self._identity = Identity(None, None)
-        self._modes = self._polarity = 0
+        self._modes = self._polarity = self._device_type = 0
+        self._rated_current_a: float | None = None
+        self._safety: tuple[SafetyFinding, ...] = ()
 
     def identify_before_reset(self) -> None:
         """Know who is there before anything is sent that changes something; only reads.
@@ -136,9 +139,12 @@ class DriveSetup(DriveDialogue):
             ServoError: an SDO failed.
         """
         self._sdo.step = "identifying"
-        profile = self._sdo.read(od.DEVICE_TYPE) & 0xFFFF
-        if profile != od.DEVICE_TYPE_SERVO & 0xFFFF:
-            raise self._wrong(f"device profile {profile} instead of 402", "Another kind of device has this node id")
+        self._device_type = device_type = self._sdo.read(od.DEVICE_TYPE)
+        if not od.is_drive(device_type):
+            raise self._wrong(
+                f"device type 0x{device_type:08X} is of device profile {device_type & 0xFFFF} instead of 402",
+                "Another kind of device has this node id",
+            )
         self._identity = found = Identity(
             self._sdo.read(od.VENDOR_ID),
             self._sdo.read_if_there(od.PRODUCT_CODE),
@@ -158,6 +164,11 @@ class DriveSetup(DriveDialogue):
                 )
         return found
 
+    @property
+    def device_type(self) -> int:
+        """1000, as reported when the drive was identified; 0 before."""
+        return self._device_type
+
     def _wanted_identity(self) -> Identity:
         """The identity required of 1018: the configuration's, else the description's; never its exact revision."""
         configured, described = self.settings.identity, self.settings.description
@@ -172,7 +183,6 @@ class DriveSetup(DriveDialogue):
         return (
             ("modes", self._check_mode),
             ("scaling", self._read_scale),
-            ("supervision", lambda: write_supervision(self._objects, self._arm)),
             ("cycle", lambda: write_cycle(self._objects, self._arm)),
             ("PDOs", self._write_pdos),
             ("mode", self._select_mode),
@@ -193,16 +203,18 @@ class DriveSetup(DriveDialogue):
             step()
         return self._polarity
 
-    def write_limits(self, units: ArmUnits, axis: int) -> None:
-        """What needs the units of the whole arm, because motors may be coupled; then the drive is judged.
+    def secure(self, units: ArmUnits) -> None:
+        """What safety rests on: it needs the units of the whole arm, because motors may be coupled.
 
         Raises:
-            MissingSafety: the drive lacks what safety rests on.
-            SdoRefused: a necessary object was refused.
+            MissingSafety: the drive lacks some of it, and the configuration does not accept that.
+            ServoError: the drive does not answer.
         """
-        write_limits(self._objects, self.settings, units, axis)
-        self._sdo.step = "judging what the drive lacks"
-        self._objects.require_safety(self.settings)
+        values = SafetyValues.of(self.settings, self._arm, units, self._master_node_id, self._rated_current_a)
+        self._safety = secure(self._objects, values)
+        # Verified; the watch itself begins with the cycle.
+        self.watch_master(on=False)
+        require_safety(self._objects, values, self._safety)
 
     def report(self) -> DriveReport:
         """What was found."""
@@ -214,6 +226,8 @@ class DriveSetup(DriveDialogue):
             supported_modes=self._modes,
             polarity=self._polarity,
             missing=tuple(str(entry) for entry in self._objects.missing),
+            safety=self._safety,
+            device_type=self._device_type,
         )
 
     def read_units(self) -> AxisUnits:
@@ -253,13 +267,14 @@ class DriveSetup(DriveDialogue):
         self._sdo.step = "reading the scaling"
         read, optional = self._objects.read, self._sdo.read_if_there
         self._polarity = read(od.POLARITY) or 0
-        torque_mnm, current_ma = read(od.RATED_TORQUE_MNM), optional(od.RATED_CURRENT_MA)
+        torque, current_ma = read(od.RATED_TORQUE_MNM), optional(od.RATED_CURRENT_MA)
+        self._rated_current_a = None if current_ma is None else current_ma * 1e-3
         reported = ReportedScale(
             increments_per_motor_turn=_ratio(read(od.ENCODER_INCREMENTS), read(od.ENCODER_REVOLUTIONS)),
             gear_ratio=_ratio(read(od.GEAR_MOTOR_REVOLUTIONS), read(od.GEAR_SHAFT_REVOLUTIONS)),
             feed_per_shaft_turn=_ratio(optional(od.FEED), optional(od.FEED_SHAFT_REVOLUTIONS)),
-            rated_torque_nm=None if torque_mnm is None else torque_mnm * 1e-3,
-            rated_current_a=None if current_ma is None else current_ma * 1e-3,
+            rated_torque_nm=None if torque is None else torque * self.settings.rated_torque_unit_nm,
+            rated_current_a=self._rated_current_a,
         )
         try:
             self.settings = resolve(self.settings, reported)
@@ -268,6 +283,7 @@ class DriveSetup(DriveDialogue):
 
     def _write_pdos(self) -> None:
         """Map the PDOs of each direction and switch the others off."""
+        self._require_mapped_objects()
         for layout in self._image.layouts:
             self._sdo.step = f"mapping the {layout.direction.name.lower()} PDO {layout.number + 1}"
             map_pdo(self._sdo, layout)
@@ -275,7 +291,30 @@ class DriveSetup(DriveDialogue):
         for direction in od.PdoDirection:
             used = sum(layout.direction is direction for layout in self._image.layouts)
             switch_others_off(self._sdo, direction, used)
-        write_setpoint_timeout(self._objects, self._arm)
+
+    def _require_mapped_objects(self) -> None:
+        """Requires that the drive has what its PDOs are to carry, in the size that the configuration expects."""
+        self._sdo.step = "looking for the objects of its PDOs"
+        for entry in [entry for layout in self._image.layouts for entry in layout.entries]:
+            bits = self._sdo.bits_if_there(entry)
+            if bits is None:
+                raise self._wrong(f"the drive has no {entry}", self._instead_of(entry))
+            if bits != entry.type.bits:
+                remedy = "The configuration expects another type: see the maker's manual"
+                if entry.key == od.TORQUE_OFFSET.key:
+                    remedy = f"Set torque_offset_bits = {bits}"
+                raise self._wrong(f"{entry} has {bits} bits instead of {entry.type.bits}", remedy)
+
+    def _instead_of(self, entry: Entry) -> str:
+        """What the configuration can do without an object."""
+        if entry.key == od.TORQUE_OFFSET.key:
+            return "Set torque_offset = false; feed-forward is then refused on this drive"
+        for other, name in ((od.TORQUE_ACTUAL, "torque"), (od.CURRENT_ACTUAL, "current")):
+            if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL} and entry is not other and self._sdo.has(other):
+                return f'It has {other}: set feedback = "{name}"'
+        if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL}:
+            return "Name the maker's object for current or torque: effort_object"
+        return "A joint needs it: another mode or another drive is required"
 
     def _select_mode(self) -> None:
         """Write 6060 and wait for 6061."""

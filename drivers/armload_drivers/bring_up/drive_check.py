@@ -20,6 +20,7 @@ from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.bus_scan import require_no_strangers
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, Identity
+from armload_drivers.cia402.drive_safety import SafetyFinding
 from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.state_machine import POWERED, State
@@ -47,7 +48,7 @@ class Check:
         node_id: Node id.
         step: What was checked.
         verdict: How it ended.
-        detail: What is missing or wrong, and what to do; empty where all is well.
+        detail: What was found, or what is missing or wrong and what to do.
     """
 
     joint: str
@@ -57,7 +58,35 @@ class Check:
     detail: str
 
 
-def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -> list[Check]:
+@dataclass(frozen=True, slots=True)
+class DriveSafety:
+    """What safety rests on, as found on one drive.
+
+    Attributes:
+        joint: Name of the joint.
+        node_id: Node id.
+        findings: One per property.
+    """
+
+    joint: str
+    node_id: int
+    findings: tuple[SafetyFinding, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ArmCheck:
+    """What bring-up would say of an arm's drives.
+
+    Attributes:
+        steps: Every step on every drive, joint by joint.
+        safety: What safety rests on, per drive that was looked at.
+    """
+
+    steps: tuple[Check, ...]
+    safety: tuple[DriveSafety, ...] = ()
+
+
+def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -> ArmCheck:
     """Everything of bring-up short of enabling, every step of every drive.
 
     Raises:
@@ -72,26 +101,28 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
     strangers = _strangers(link, arm, limits)
     if None in known:
         rows += [_row(setup, "reset", Verdict.NOT_DONE, _AT_WORK) for setup in setups]
-        return _by_joint(rows, arm) + strangers
+        return ArmCheck((*_by_joint(rows, arm), *strangers))
     sound = [
         _check_alone(setup, link, limits, rows) if is_known else False
         for setup, is_known in zip(setups, known, strict=True)
     ]
     if not all(sound):
         what = "needs the scale of every drive, and not all are in order"
-        rows += [_row(setup, "limits", Verdict.NOT_DONE, what) for setup in setups]
-        return _by_joint(rows, arm) + strangers
+        rows += [_row(setup, "safety", Verdict.NOT_DONE, what) for setup in setups]
+        return ArmCheck((*_by_joint(rows, arm), *strangers))
     units = ArmUnits(arm_with(arm, setups), [setup.report().polarity for setup in setups])
-    for axis, setup in enumerate(setups):
+    safety = []
+    for setup in setups:
         try:
-            setup.write_limits(units, axis)
+            setup.secure(units)
         except ServoError as error:
-            rows.append(_row(setup, "limits", Verdict.WRONG, str(error)))
-            continue
-        missing = setup.report().missing
-        rows.append(_row(setup, "limits", Verdict.OK, ""))
-        rows += [_row(setup, "objects", Verdict.MISSING, name) for name in missing]
-    return _by_joint(rows, arm) + strangers
+            rows.append(_row(setup, "safety", Verdict.WRONG, str(error)))
+        else:
+            rows.append(_row(setup, "safety", Verdict.OK, ""))
+        report = setup.report()
+        safety.append(DriveSafety(report.joint, report.node_id, report.safety))
+        rows += [_row(setup, "objects", Verdict.MISSING, name) for name in report.missing]
+    return ArmCheck((*_by_joint(rows, arm), *strangers), tuple(safety))
 
 
 def _strangers(link: BusLink, arm: ArmSettings, limits: Timeouts) -> list[Check]:
@@ -129,7 +160,7 @@ def _identify(setup: DriveSetup, rows: list[Check]) -> bool | None:
     if _is_anonymous(setup, found):
         rows.append(_row(setup, "identity", Verdict.NOT_DONE, _name_it(found)))
         return False
-    rows.append(_row(setup, "identity", Verdict.OK, ""))
+    rows.append(_row(setup, "identity", Verdict.OK, f"device type 0x{setup.device_type:08X}"))
     return True
 
 

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 import time
 
-from armload_drivers.bring_up.drive_objects import HEARTBEAT_TOLERANCE
 from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
-from armload_drivers.cia402.drive_units import milliseconds
+from armload_drivers.cia402.drive_safety import master_watch
 from armload_drivers.cia402.emergency import describe
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_image import DriveImage, temperature_entry
@@ -131,18 +130,19 @@ class DriveDialogue:
         """Write the fresh actual position to the target, and no torque offset; returns the position."""
         self._sdo.step = "presetting the target"
         counts = self._sdo.read(od.POSITION_ACTUAL)
-        for entry in self._image.rpdo.entries:
+        offset = self._image.offset
+        for entry in (*self._image.rpdo.entries, *(offset.entries if offset else ())):
             if entry is od.TARGET_POSITION or entry is od.INTERPOLATION_SETPOINT:
                 self._sdo.write(entry, counts)
-            elif entry is od.TORQUE_OFFSET:
+            elif entry.key == od.TORQUE_OFFSET.key:
                 self._sdo.write(entry, 0)
         return counts
 
     def watch_master(self, *, on: bool) -> None:
         """Have the drive watch the master's heartbeat, or not."""
         self._sdo.step = "setting the heartbeat to watch"
-        time_ms = milliseconds(HEARTBEAT_TOLERANCE * self._arm.heartbeat_s) if on else 0
-        self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, self._master_node_id << 16 | time_ms)
+        watch = master_watch(self._master_node_id, self._arm.heartbeat_s) if on else 0
+        self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, watch)
 
     def reset_fault(self) -> State:
         """Reset a fault by SDO, by a bounded number of rising edges; nothing is enabled.

@@ -1,65 +1,33 @@
-"""Objects of one drive written before it is enabled: supervision, limits, the cycle.
+"""Objects of one drive written and read back before it is enabled, and the cycle.
 
-What a drive lacks, or does not let be written, is collected in words. Where safety rests on an object, a drive
-without it is refused unless its configuration accepts that by name (`accept_missing`): then other means
-must stop the arm.
+What a drive lacks, or does not let be written, is collected. What safety rests on is in `cia402.drive_safety`, and is
+written by `drive_securing`.
 
 References:
-    CiA 301, 7.5.2; CiA 402-2, 8 (device control) and 10.
+    CiA 301, 7.5.2; CiA 402-2, 10.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
+import math
 
-from armload_drivers.bus.sdo_channel import SdoChannel
+from armload_drivers.bus.sdo_channel import READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
-from armload_drivers.cia402.drive_units import ArmUnits, interpolation_time, microseconds, milliseconds
-from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
-from armload_drivers.driver_errors import MissingSafety
-
-HEARTBEAT_TOLERANCE = 2.5
-"""A heartbeat is overdue after this many periods, on both sides."""
-
-QUICK_STOP_AND_STAY = 6
-"""605A: slow down on the quick stop ramp and stay in QUICK STOP ACTIVE, with torque on."""
-SLOW_DOWN_FIRST = 1
-"""605B, 605C, 605D: slow down on the ramp before the torque goes, or before holding."""
-FAULT_REACTION_RAMP = 2
-"""605E: slow down on the quick stop ramp, then remove torque."""
-ABORT_BY_QUICK_STOP = 3
-"""6007: a lost master is answered with a quick stop."""
-PRE_OPERATIONAL_ON_ERROR = 0
-"""1029: a lost master also ends PDO communication, so that late frames set nothing in motion."""
-FOLLOWING_ERROR_TIMEOUT_S = 0.02
-"""6066: a following error outside its window for so long is a fault."""
-
-SAFETY: Mapping[int, str] = MappingProxyType(
-    {
-        0x1016: "the drive does not notice that its master died",
-        0x1017: "the master notices a lost drive by its missing feedback only",
-        0x6007: "what the drive does when it loses its master is not known",
-        0x605A: "how the drive carries out a quick stop is not known",
-        0x605E: "how the drive stops after a fault is not known",
-        0x6065: "the drive does not stop when it cannot follow",
-        0x607D: "the drive does not know the joint's limits",
-        0x6072: "the drive does not limit its torque",
-    }
-)
-"""Objects that safety rests on, and what their absence means."""
+from armload_drivers.cia402.arm_settings import ArmSettings
+from armload_drivers.cia402.drive_units import interpolation_time, microseconds
+from armload_drivers.cia402.object_dictionary import Entry
+from armload_drivers.driver_errors import SdoRefused
 
 
 class DriveObjects:
-    """Writes to one drive, and what it turned out to lack.
+    """Reads and writes of one drive, and what it turned out to lack.
 
     Args:
         sdo: SDO access to it; its `step` names what is being done.
 
     Attributes:
         sdo: Likewise.
-        missing: Objects that the drive does not have, or does not let be written.
+        missing: Objects that the drive does not have, or that cannot hold what they should.
     """
 
     def __init__(self, sdo: SdoChannel) -> None:
@@ -70,57 +38,39 @@ class DriveObjects:
         """Read an object that not every drive has."""
         value = self.sdo.read_if_there(entry)
         if value is None:
-            self.missing.append(entry)
+            self.miss(entry)
         return value
 
-    def write(self, entry: Entry, value: int) -> None:
-        """Write an object that not every drive has."""
-        if not self.sdo.write_if_there(entry, value):
+    def miss(self, entry: Entry) -> None:
+        """Note that an object is missing."""
+        if entry not in self.missing:
             self.missing.append(entry)
 
-    def require_safety(self, drive: DriveSettings) -> None:
-        """Refuse a drive that lacks what safety rests on and was not accepted so.
+    def hold(self, entry: Entry, value: int) -> str:
+        """Write an object and read it back; one that has the value already need not be writable.
 
-        Raises:
-            MissingSafety: naming every such object, what follows from it, and how it is accepted.
+        Returns:
+            Why it does not hold the value, in words; empty where it does.
         """
-        lacking = {entry.index for entry in self.missing if entry.index in SAFETY}
-        refused = sorted(lacking - {int(name, 16) for name in drive.accept_missing})
-        if refused:
-            reasons = "; ".join(f"{index:04X} ({SAFETY[index]})" for index in refused)
-            names = ", ".join(f'"{index:04X}"' for index in refused)
-            raise MissingSafety(
-                drive.node_id,
-                drive.joint,
-                self.sdo.step,
-                f"the drive lacks objects that safety rests on: {reasons}",
-                f"Make sure by other means that the arm stops, then say so: accept_missing = [{names}]",
-            )
-
-
-def write_supervision(drive: DriveObjects, arm: ArmSettings) -> None:
-    """Heartbeats, and what the drive does when it is left alone, is stopped or fails."""
-    drive.sdo.step = "setting supervision"
-    drive.write(od.HEARTBEAT_PRODUCER_MS, milliseconds(arm.heartbeat_s))
-    drive.write(od.HEARTBEAT_CONSUMER, 0)
-    drive.write(od.COMMUNICATION_ERROR_BEHAVIOUR, PRE_OPERATIONAL_ON_ERROR)
-    drive.write(od.ABORT_CONNECTION_OPTION, ABORT_BY_QUICK_STOP)
-    drive.write(od.QUICK_STOP_OPTION, QUICK_STOP_AND_STAY)
-    for entry in (od.SHUTDOWN_OPTION, od.DISABLE_OPTION, od.HALT_OPTION):
-        drive.write(entry, SLOW_DOWN_FIRST)
-    drive.write(od.FAULT_REACTION_OPTION, FAULT_REACTION_RAMP)
-
-
-def write_limits(drive: DriveObjects, settings: DriveSettings, units: ArmUnits, axis: int) -> None:
-    """Following error window, position limits and greatest torque."""
-    drive.sdo.step = "setting limits"
-    counts_per_rad = abs(units.axes[axis].counts_per_rad)
-    lower, upper = units.position_limits_counts(axis)
-    drive.write(od.FOLLOWING_ERROR_WINDOW, round(settings.following_error_rad * counts_per_rad))
-    drive.write(od.FOLLOWING_ERROR_TIMEOUT_MS, milliseconds(FOLLOWING_ERROR_TIMEOUT_S))
-    drive.write(od.POSITION_LIMIT_MIN, lower)
-    drive.write(od.POSITION_LIMIT_MAX, upper)
-    drive.write(od.MAX_TORQUE, settings.max_torque_permille)
+        name = f"{entry.index:04X}" + (f":{entry.subindex}" if entry.subindex else "")
+        refused: SdoRefused | None = None
+        try:
+            self.sdo.write(entry, value)
+        except SdoRefused as refusal:
+            refused = refusal
+        try:
+            found = self.sdo.read_if_there(entry)
+        except SdoRefused as refusal:
+            return f"{name} cannot be read back (0x{refusal.abort_code:08X})"
+        if found is None:
+            return f"no {name}"
+        if found == value:
+            return ""
+        if refused is None:
+            return f"{name} reads {found} after {value} was written"
+        if refused.abort_code == READ_ONLY:
+            return f"{name} is {found}, cannot be written, and is to be {value}"
+        return f"{name} is {found}, and {value} was refused (0x{refused.abort_code:08X})"
 
 
 def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
@@ -129,11 +79,11 @@ def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
     A drive that produces SYNC itself is configured not to. 1019 may change only while 1006 is 0.
 
     Raises:
-        ServoError: the configuration asks for a SYNC counter, and the drive has none.
+        ServoError: the configuration asks for a SYNC counter and the drive has none, or the drive interpolates over
+            another time than the cycle.
     """
     sdo = drive.sdo
     sdo.step = "setting the cycle"
-    value, exponent = interpolation_time(arm.cycle_s)
     if sdo.read_if_there(od.SYNC_COB_ID) not in {None, od.SYNC_DEFAULT_COB_ID}:
         sdo.write(od.SYNC_COB_ID, od.SYNC_DEFAULT_COB_ID)
     counter = sdo.read_if_there(od.SYNC_COUNTER_OVERFLOW)
@@ -142,13 +92,22 @@ def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
     if counter is not None and counter != arm.sync_counter:
         sdo.write_if_there(od.CYCLE_PERIOD_US, 0)
         sdo.write(od.SYNC_COUNTER_OVERFLOW, arm.sync_counter)
-    drive.write(od.CYCLE_PERIOD_US, microseconds(arm.cycle_s))
-    drive.write(od.INTERPOLATION_TIME, value)
-    drive.write(od.INTERPOLATION_EXPONENT, exponent)
+    if drive.hold(od.CYCLE_PERIOD_US, microseconds(arm.cycle_s)):
+        drive.miss(od.CYCLE_PERIOD_US)
+    _set_interpolation(drive, arm.cycle_s)
 
 
-def write_setpoint_timeout(drive: DriveObjects, arm: ArmSettings) -> None:
-    """How long the drive waits for setpoints (event timer of the RPDO)."""
-    drive.sdo.step = "setting the setpoint time-out"
-    overdue_s = max(arm.heartbeat_s, (arm.max_missing_cycles + 1) * arm.cycle_s)
-    drive.write(PdoDirection.RECEIVE.timer_entry(0), milliseconds(overdue_s))
+def _set_interpolation(drive: DriveObjects, cycle_s: float) -> None:
+    """60C2; a drive that has it must interpolate over the cycle."""
+    sdo = drive.sdo
+    value, exponent = interpolation_time(cycle_s)
+    for entry, wanted in ((od.INTERPOLATION_TIME, value), (od.INTERPOLATION_EXPONENT, exponent)):
+        if drive.hold(entry, wanted):
+            drive.miss(entry)
+    found, power = sdo.read_if_there(od.INTERPOLATION_TIME), sdo.read_if_there(od.INTERPOLATION_EXPONENT)
+    if found is not None and power is not None and not math.isclose(found * 10.0**power, cycle_s, rel_tol=1e-6):
+        period_s = found * 10.0**power
+        remedy = f"Set cycle_hz = {1 / period_s:g}" if period_s > 0 else "Set it with the maker's tool"
+        raise sdo.failure(
+            f"the drive interpolates over {period_s:g} s (60C2) and does not take the cycle of {cycle_s:g} s", remedy
+        )

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import can
 
 from armload_drivers.bring_up.drive_bring_up import DriveSetup, arm_setups
-from armload_drivers.bring_up.drive_objects import SAFETY
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.bus_scan import NODE_IDS, scan
 from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback, Identity
+from armload_drivers.cia402.drive_safety import Safety, has_a_way
+from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_image import effort_entry
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
@@ -33,7 +34,7 @@ class FoundNode:
         name: 1008; empty where not reported.
         identity: 1018.
         modes: Numbers of the modes of 6502.
-        missing: Objects that safety rests on and that the drive lacks, as "6007".
+        missing: Names of the properties that safety rests on and that the drive has no object for.
     """
 
     node_id: int
@@ -46,7 +47,7 @@ class FoundNode:
     @property
     def is_drive(self) -> bool:
         """Whether it follows CiA 402."""
-        return self.device_type is not None and self.device_type & 0xFFFF == od.DEVICE_TYPE_SERVO & 0xFFFF
+        return self.device_type is not None and od.is_drive(self.device_type)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +113,13 @@ def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNo
     """What one node reports about itself."""
     sdo.step = "scanning"
     modes = sdo.read_if_there(od.SUPPORTED_MODES) or 0
-    entries = {entry.index: entry for entry in _SAFETY_ENTRIES}
+    there: dict[int, bool] = {}
+
+    def is_there(entry: Entry) -> bool:
+        if entry.key not in there:
+            there[entry.key] = sdo.has(entry)
+        return there[entry.key]
+
     return FoundNode(
         node_id=node_id,
         device_type=device_type,
@@ -121,20 +128,8 @@ def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNo
             sdo.read_if_there(od.VENDOR_ID), sdo.read_if_there(od.PRODUCT_CODE), sdo.read_if_there(od.REVISION)
         ),
         modes=tuple(number + 1 for number in range(32) if modes >> number & 1),
-        missing=tuple(f"{index:04X}" for index in sorted(SAFETY) if sdo.read_if_there(entries[index]) is None),
+        missing=tuple(of.key for of in Safety if not has_a_way(of, None, is_there)),
     )
-
-
-_SAFETY_ENTRIES = (
-    od.HEARTBEAT_CONSUMER,
-    od.HEARTBEAT_PRODUCER_MS,
-    od.ABORT_CONNECTION_OPTION,
-    od.QUICK_STOP_OPTION,
-    od.FAULT_REACTION_OPTION,
-    od.FOLLOWING_ERROR_WINDOW,
-    od.POSITION_LIMIT_MIN,
-    od.MAX_TORQUE,
-)
 
 
 def show(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None, listen_s: float = LISTEN_S) -> ArmStatus:

@@ -1,15 +1,22 @@
 """PDO parameters of a real drive: written in the prescribed order, read back and compared.
 
+Not every drive lets all of it be written. A mapping that is already as wanted is left alone; a COB-ID that cannot be
+written and is right is enough, and the mapping is then changed with its count at 0, as drives of the older standard
+want it. What is fixed otherwise is refused, with what is there and what is needed.
+
 References:
     CiA 301, 7.5.2.36 (order of writes when a mapping changes).
 """
 
 from __future__ import annotations
 
-from armload_drivers.bus.sdo_channel import SdoChannel
+from armload_drivers.bus.sdo_channel import READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.object_dictionary import PdoDirection
+from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_image import PdoLayout
+from armload_drivers.driver_errors import SdoRefused, ServoError
+
+_MOST_PDOS = 512
 
 
 def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
@@ -21,26 +28,35 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
 
     Raises:
         SdoRefused: the drive does not take the mapping.
-        ServoError: it accepts the value and reads back another.
+        ServoError: its COB-ID or its mapping is fixed to another, or it accepts a value and reads back another.
     """
     direction, number = layout.direction, layout.number
     cob_id, count = direction.cob_id_entry(number), direction.count_entry(number)
-    entries = [
+    # Bit 30 (no remote request) is kept: some drives refuse a TPDO without it.
+    present = sdo.read(cob_id)
+    word = layout.cob_id | present & od.PDO_NO_RTR
+    free = _write(sdo, cob_id, word | od.PDO_DISABLED)
+    if not free and present != word:
+        raise sdo.failure(
+            f"{cob_id} is 0x{present:08X}, which is not this node's 0x{word:08X}, and cannot be written",
+            "Give the COB-IDs of this node with the maker's tool, or give the drive the node id that they belong to",
+        )
+    wanted = [
         (direction.map_entry(number, position), entry.mapping) for position, entry in enumerate(layout.entries, start=1)
     ]
-    # Bit 30 (no remote request) is kept: some drives refuse a TPDO without it.
-    word = layout.cob_id | sdo.read(cob_id) & od.PDO_NO_RTR
-    final = [
-        *entries,
-        (count, len(entries)),
-        (direction.type_entry(number), od.PDO_SYNCHRONOUS),
-        (cob_id, word),
-    ]
-    sdo.write(cob_id, word | od.PDO_DISABLED)
-    sdo.write(count, 0)
-    for entry, value in final:
-        sdo.write(entry, value)
-    for entry, value in final:
+    if _mapped(sdo, direction, number) != [value for _, value in wanted]:
+        done = _write(sdo, count, 0) and all(_write(sdo, entry, value) for entry, value in wanted)
+        if not (done and _write(sdo, count, len(wanted))):
+            raise _fixed(sdo, layout)
+    kind = direction.type_entry(number)
+    if sdo.read(kind) != od.PDO_SYNCHRONOUS and not _write(sdo, kind, od.PDO_SYNCHRONOUS):
+        raise sdo.failure(
+            f"{kind} is {sdo.read(kind)} and cannot be written; {od.PDO_SYNCHRONOUS} is needed (with every SYNC)",
+            "Set it with the maker's tool",
+        )
+    if free:
+        sdo.write(cob_id, word)
+    for entry, value in [*wanted, (count, len(wanted)), (kind, od.PDO_SYNCHRONOUS), (cob_id, word)]:
         found = sdo.read(entry)
         if found != value:
             raise sdo.failure(
@@ -49,14 +65,49 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
             )
 
 
+def _write(sdo: SdoChannel, entry: Entry, value: int) -> bool:
+    """Write an object; False where it cannot be written at all."""
+    try:
+        sdo.write(entry, value)
+    except SdoRefused as refusal:
+        if refusal.abort_code == READ_ONLY:
+            return False
+        raise
+    return True
+
+
+def _mapped(sdo: SdoChannel, direction: PdoDirection, number: int) -> list[int]:
+    """What a PDO carries now, as mapping parameters."""
+    count = sdo.read(direction.count_entry(number))
+    return [sdo.read(direction.map_entry(number, position)) for position in range(1, count + 1)]
+
+
+def _fixed(sdo: SdoChannel, layout: PdoLayout) -> ServoError:
+    """Error about a mapping that cannot be written."""
+    there = ", ".join(f"{word >> 16:04X}:{word >> 8 & 0xFF}" for word in _mapped(sdo, layout.direction, layout.number))
+    needed = ", ".join(f"{entry.index:04X}:{entry.subindex}" for entry in layout.entries)
+    return sdo.failure(
+        f"the mapping is fixed to {there or 'nothing'}; needed are {needed}",
+        "A drive whose mapping is fixed can be used only where it carries these objects in this order",
+    )
+
+
 def switch_others_off(sdo: SdoChannel, direction: PdoDirection, used: int) -> None:
     """Disable the PDOs of a direction behind the first `used`, where there are any: they would load the bus.
 
     Raises:
         SdoRefused: the drive does not let them be disabled.
+        ServoError: it lets none of their parameters be written, and they would be sent.
     """
-    for number in range(used, od.PDO_COUNT):
+    for number in range(used, _MOST_PDOS):
         entry = direction.cob_id_entry(number)
         word = sdo.read_if_there(entry)
-        if word is not None and not word & od.PDO_DISABLED:
-            sdo.write(entry, word | od.PDO_DISABLED)
+        if word is None and number >= od.PDO_COUNT:
+            return
+        if word is None or word & od.PDO_DISABLED or _write(sdo, entry, word | od.PDO_DISABLED):
+            continue
+        if not _write(sdo, direction.count_entry(number), 0) and direction is PdoDirection.TRANSMIT:
+            raise sdo.failure(
+                f"{entry} is 0x{word:08X} and cannot be written, and its mapping is fixed",
+                "This PDO would load the bus: switch it off with the maker's tool",
+            )

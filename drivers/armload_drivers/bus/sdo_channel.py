@@ -21,7 +21,8 @@ from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
 _MISSING = frozenset({0x0602_0000, 0x0609_0011})
 """Aborts that mean: this drive does not have the object (or the sub-index)."""
 
-_READ_ONLY = 0x0601_0002
+READ_ONLY = 0x0601_0002
+"""Abort that means: the object cannot be written."""
 
 POLL_S = 5e-3
 """Between two reads of an object that is expected to reach a value."""
@@ -121,6 +122,23 @@ class SdoChannel:
                 return None
             raise
 
+    def bits_if_there(self, entry: Entry) -> int | None:
+        """Size of an object as the node sends it; None where it does not have it. Raises as `read`."""
+        try:
+            return 8 * len(self._transfer(entry, None))
+        except SdoRefused as refusal:
+            if refusal.abort_code in _MISSING:
+                return None
+            raise
+
+    def has(self, entry: Entry) -> bool:
+        """Whether the node has an object, readable or not."""
+        try:
+            self.read(entry)
+        except SdoRefused as refusal:
+            return refusal.abort_code not in _MISSING
+        return True
+
     def read_real_if_there(self, entry: Entry) -> float | None:
         """Value of an integer or a floating-point object as a number; None where the node does not have it."""
         if not entry.type.is_real:
@@ -156,7 +174,7 @@ class SdoChannel:
         try:
             self.write(entry, value)
         except SdoRefused as refusal:
-            if refusal.abort_code in _MISSING or refusal.abort_code == _READ_ONLY:
+            if refusal.abort_code in _MISSING or refusal.abort_code == READ_ONLY:
                 return False
             raise
         return True

@@ -77,6 +77,7 @@ class CanopenCycle:
         )
         self._heartbeat_due_s = self._looked_s = 0.0
         self._fade: OffsetFade | None = None
+        self._offset_frames = [(node, node.offset_message) for node in nodes if node.offset_message is not None]
 
     def begin(self) -> None:
         """Start the nodes and begin to count periods; what arrived before is over."""
@@ -122,6 +123,8 @@ class CanopenCycle:
                 node.offset_permille = permille
         for node in nodes:
             link.send(node.prepare(now_s))
+        for node, message in self._offset_frames:
+            link.send(node.prepare_offset(message))
         if now_s >= self._heartbeat_due_s:
             link.send(self._heartbeat)
             self._heartbeat_due_s = now_s + self._heartbeat_s

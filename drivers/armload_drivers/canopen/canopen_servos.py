@@ -14,6 +14,7 @@ The bus stays the caller's: open it before, close it after `close`.
 
 from __future__ import annotations
 
+import math
 from enum import Enum, auto
 
 import can
@@ -28,6 +29,7 @@ from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
+from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.cia402.object_dictionary import NmtCommand
 from armload_drivers.cia402.process_image import drive_image
@@ -110,9 +112,12 @@ class CanopenServos:
         identities = [setup.check_identity() for setup in self._setups]
         polarities = [setup.configure() for setup in self._setups]
         units = ArmUnits(arm_with(self._arm, self._setups), polarities)
-        for axis, setup in enumerate(self._setups):
-            setup.write_limits(units, axis)
+        for setup in self._setups:
+            setup.secure(units)
         self.reports = tuple(setup.report() for setup in self._setups)
+        for node, report in zip(self._nodes, self.reports, strict=True):
+            if any(finding.of is Safety.DRIVE_LOST and finding.way is None for finding in report.safety):
+                node.heartbeat_limit_s = math.inf
         self._running = CanopenCycle(self._arm, self._nodes, self._link, self._sync, self._master_node_id, units)
         self.simulated = all(map(is_simulation, identities))
         self._phase = _Phase.CONNECTED

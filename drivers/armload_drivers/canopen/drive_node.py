@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import can
 
-from armload_drivers.bring_up.drive_objects import HEARTBEAT_TOLERANCE
 from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.sync_sources import SyncSource
 from armload_drivers.cia402 import emergency
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode
-from armload_drivers.cia402.object_dictionary import NmtState
+from armload_drivers.cia402.drive_safety import HEARTBEAT_TOLERANCE
+from armload_drivers.cia402.object_dictionary import NmtState, PdoDirection
 from armload_drivers.cia402.process_image import DriveImage
 from armload_drivers.cia402.state_machine import MasterMachine, State
 from armload_drivers.driver_errors import ServoError, ServoFault, ServoTimeout, StatuswordError, TransitionError
@@ -42,6 +42,7 @@ class DriveNode:
         settings: Its settings.
         machine: Its power state.
         message: The RPDO.
+        offset_message: The RPDO that carries the torque offset alone; None where `message` carries it, or none does.
         target_counts: Target position of the next RPDO.
         offset_permille: Torque offset of the next RPDO.
         position_counts: Last actual position.
@@ -51,6 +52,7 @@ class DriveNode:
         booted: Whether a boot-up message came.
         boots: How many of them came.
         lost: Whether it was reported to the caller as not answering.
+        heartbeat_limit_s: Its heartbeat may be away for so long.
         wrong_frames: Feedback frames of the wrong length; they count as missing.
     """
 
@@ -70,24 +72,30 @@ class DriveNode:
         self.message = can.Message(
             arbitration_id=image.rpdo.cob_id, data=bytes(image.rpdo.length), is_extended_id=False
         )
+        self.offset_message: can.Message | None = None
+        if image.offset is not None:
+            self.offset_message = can.Message(
+                arbitration_id=image.offset.cob_id, data=bytes(image.offset.length), is_extended_id=False
+            )
+            self._pack_offset = image.offset.format.pack_into
         self.target_counts = 0
         self.offset_permille = 0
         self.position_counts = 0
         self.effort = 0
         self.arrived = 0
-        self.expected = len(image.layouts) - 1
+        self.expected = sum(layout.direction is PdoDirection.TRANSMIT for layout in image.layouts)
         self.booted = False
         self.lost = False
         self.wrong_frames = 0
         self._sync = sync
-        self._heartbeat_limit_s = HEARTBEAT_TOLERANCE * heartbeat_s
+        self.heartbeat_limit_s = HEARTBEAT_TOLERANCE * heartbeat_s
         self._max_missing = max_missing_cycles
         self._still_rad = STANDSTILL_RAD_S * cycle_s
         self._still_counts = 0.0
         self._pack = image.rpdo.format.pack_into
         self._unpack = image.tpdo.format.unpack
         self._length = image.tpdo.length
-        self._with_offset = drive.torque_offset
+        self._with_offset = drive.torque_offset and image.offset is None
         self._interpolates = drive.mode is OperationMode.INTERPOLATED_POSITION
         self._frame = b""
         self._effort_frame = b""
@@ -187,6 +195,11 @@ class DriveNode:
             self._pack(self.message.data, 0, word, self.target_counts)
         return self.message
 
+    def prepare_offset(self, message: can.Message) -> can.Message:
+        """The RPDO of this cycle that carries the torque offset alone."""
+        self._pack_offset(message.data, 0, self.offset_permille)
+        return message
+
     def evaluate(self, now_s: float) -> None:
         """Take over this cycle's feedback, or count it as missing."""
         if self.arrived < self.expected:
@@ -259,7 +272,7 @@ class DriveNode:
                 f"no feedback for {self._missing} cycles",
                 f"Is the drive supplied and its cable sound? Allowed are {self._max_missing} (max_missing_cycles)",
             )
-        if now_s - self._heard_s > self._heartbeat_limit_s:
+        if now_s - self._heard_s > self.heartbeat_limit_s:
             self.lost = True
             return self._timeout(
                 step,

@@ -42,6 +42,8 @@ class ForeignTraffic:
             self._accuse(link, od.SYNC_DEFAULT_COB_ID, "produces SYNC as well")
         for node in nodes:
             self._accuse(link, node.message.arbitration_id, f"sends setpoints to {node.settings.joint}")
+            if node.offset_message is not None:
+                self._accuse(link, node.offset_message.arbitration_id, f"sends torque offsets to {node.settings.joint}")
             self._note_requests(link, node.settings.node_id)
 
     def forget(self) -> None:

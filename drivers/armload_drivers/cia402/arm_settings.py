@@ -12,7 +12,7 @@ from enum import Enum, IntEnum
 
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.device_description import DeviceDescription
-from armload_drivers.cia402.object_dictionary import DataType
+from armload_drivers.cia402.object_dictionary import DataType, Entry
 
 
 class OperationMode(IntEnum):
@@ -66,6 +66,21 @@ class TemperatureObject:
 
 
 @dataclass(frozen=True, slots=True)
+class VendorSetting:
+    """A vendor's object that gives the drive a property that safety rests on; see `drive_safety`.
+
+    Attributes:
+        entry: The object.
+        value: What it must hold.
+        meets: Name of the property.
+    """
+
+    entry: Entry
+    value: int
+    meets: str
+
+
+@dataclass(frozen=True, slots=True)
 class Identity:
     """Identity object 1018; None matches anything."""
 
@@ -101,9 +116,13 @@ class DriveSettings:
         torque_offset: The drive takes a torque offset (60B2); two of eight products read do not.
         gear_ratio: Motor turns per axis turn, for drives that know nothing of their gear.
         vendor_effort: The vendor's object for the effort; the standard's where None.
-        accept_missing: Objects that safety rests on and that this drive may lack all the same, as "6007".
+        accept_missing: Properties that safety rests on and that this drive may lack all the same, by name.
         description: The vendor's device description, where there is one.
         temperature: The vendor's object for a temperature, where one is shown.
+        torque_limit_in_drive: `max_torque_permille` is set in the drive by other means, and nobody can read it.
+        vendor_settings: Vendor's objects that give properties that safety rests on.
+        torque_offset_bits: Size of 60B2, 16 or 32.
+        rated_torque_unit_nm: What one unit of 6076 means, in N m.
     """
 
     joint: str
@@ -125,6 +144,10 @@ class DriveSettings:
     accept_missing: frozenset[str] = frozenset()
     description: DeviceDescription | None = None
     temperature: TemperatureObject | None = None
+    torque_limit_in_drive: bool = False
+    vendor_settings: tuple[VendorSetting, ...] = ()
+    torque_offset_bits: int = 16
+    rated_torque_unit_nm: float = 1e-3
 
 
 @dataclass(frozen=True, slots=True)

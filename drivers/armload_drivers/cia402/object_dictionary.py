@@ -134,6 +134,7 @@ FOLLOWING_ERROR_WINDOW = Entry(0x6065, 0, "following error window", _T.U32)
 FOLLOWING_ERROR_TIMEOUT_MS = Entry(0x6066, 0, "following error time out", _T.U16)
 VELOCITY_ACTUAL = Entry(0x606C, 0, "velocity actual value", _T.I32, _A.RO, _M.TPDO)
 MAX_TORQUE = Entry(0x6072, 0, "max torque", _T.U16)
+MAX_CURRENT = Entry(0x6073, 0, "max current", _T.U16)
 RATED_CURRENT_MA = Entry(0x6075, 0, "motor rated current", _T.U32, _A.RO)
 RATED_TORQUE_MNM = Entry(0x6076, 0, "motor rated torque", _T.U32, _A.RO)
 TORQUE_ACTUAL = Entry(0x6077, 0, "torque actual value", _T.I16, _A.RO, _M.TPDO)
@@ -150,6 +151,8 @@ GEAR_SHAFT_REVOLUTIONS = Entry(0x6091, 2, "gear ratio, shaft revolutions", _T.U3
 FEED = Entry(0x6092, 1, "feed constant, feed", _T.U32, _A.RO)
 FEED_SHAFT_REVOLUTIONS = Entry(0x6092, 2, "feed constant, shaft revolutions", _T.U32, _A.RO)
 TORQUE_OFFSET = Entry(0x60B2, 0, "torque offset", _T.I16, _A.RW, _M.RPDO)
+TORQUE_OFFSET_32 = Entry(0x60B2, 0, "torque offset", _T.I32, _A.RW, _M.RPDO)
+"""As some makers have it."""
 INTERPOLATION_SETPOINT = Entry(0x60C1, 1, "interpolation data record, 1st set-point", _T.I32, _A.RW, _M.RPDO)
 INTERPOLATION_TIME = Entry(0x60C2, 1, "interpolation time period value", _T.U8)
 INTERPOLATION_EXPONENT = Entry(0x60C2, 2, "interpolation time index", _T.I8)
@@ -157,6 +160,12 @@ FOLLOWING_ERROR_ACTUAL = Entry(0x60F4, 0, "following error actual value", _T.I32
 
 DEVICE_TYPE_SERVO = 0x0002_0192
 """Device profile 402 (0x192), servo drive."""
+
+
+def is_drive(device_type: int) -> bool:
+    """Whether 1000 is that of a CiA 402 drive: its low 16 bits decide, the rest says which kind of drive."""
+    return device_type & 0xFFFF == DEVICE_TYPE_SERVO & 0xFFFF
+
 
 PDO_DISABLED = 0x8000_0000
 """Bit 31 of a PDO's COB-ID: the PDO does not exist."""

@@ -5,8 +5,8 @@ Every drive has one RPDO and one TPDO, both synchronous:
     RPDO1  6040 controlword (2), 607A target position or 60C1:1 set-point (4), 60B2 torque offset (2)
     TPDO1  6041 statusword (2), 6064 position actual (4), 6078 current or 6077 torque actual (2)
 
-Drives without 60B2 get an RPDO of six bytes. Where a vendor's object for the effort has 32 bits, a frame cannot
-hold it beside the other two: it travels in TPDO2, on its own.
+Drives without 60B2 get an RPDO of six bytes. Where 60B2 or a vendor's object for the effort has 32 bits, a frame cannot
+hold it beside the other two: it travels on its own, in RPDO2 or TPDO2.
 """
 
 from __future__ import annotations
@@ -56,17 +56,19 @@ class DriveImage:
         rpdo: Setpoints.
         tpdo: Feedback.
         effort: Feedback of the effort, where `tpdo` has no room for it.
+        offset: Torque offset, where `rpdo` has no room for it.
     """
 
     rpdo: PdoLayout
     tpdo: PdoLayout
     effort: PdoLayout | None = None
+    offset: PdoLayout | None = None
 
     @property
     def layouts(self) -> tuple[PdoLayout, ...]:
         """All of them."""
-        both = (self.rpdo, self.tpdo)
-        return both if self.effort is None else (*both, self.effort)
+        each = (self.rpdo, self.offset, self.tpdo, self.effort)
+        return tuple(layout for layout in each if layout is not None)
 
 
 def target_entry(mode: OperationMode) -> Entry:
@@ -74,6 +76,11 @@ def target_entry(mode: OperationMode) -> Entry:
     if mode is OperationMode.INTERPOLATED_POSITION:
         return od.INTERPOLATION_SETPOINT
     return od.TARGET_POSITION
+
+
+def offset_entry(drive: DriveSettings) -> Entry:
+    """Object that takes the torque offset."""
+    return od.TORQUE_OFFSET if drive.torque_offset_bits == od.TORQUE_OFFSET.type.bits else od.TORQUE_OFFSET_32
 
 
 def effort_entry(drive: DriveSettings) -> Entry:
@@ -99,15 +106,24 @@ def _layout(direction: PdoDirection, number: int, node_id: int, entries: list[En
 
 def drive_image(drive: DriveSettings) -> DriveImage:
     """PDOs of a configured drive."""
-    setpoints = [od.CONTROLWORD, target_entry(drive.mode)]
-    if drive.torque_offset:
-        setpoints.append(od.TORQUE_OFFSET)
-    feedback, effort = [od.STATUSWORD, od.POSITION_ACTUAL], effort_entry(drive)
-    rpdo = _layout(PdoDirection.RECEIVE, 0, drive.node_id, setpoints)
-    if sum(entry.type.bits for entry in (*feedback, effort)) <= MAX_PDO_BITS:
-        return DriveImage(rpdo, _layout(PdoDirection.TRANSMIT, 0, drive.node_id, [*feedback, effort]))
-    return DriveImage(
-        rpdo,
-        _layout(PdoDirection.TRANSMIT, 0, drive.node_id, feedback),
-        _layout(PdoDirection.TRANSMIT, 1, drive.node_id, [effort]),
+    receive, rpdo2 = _split(
+        PdoDirection.RECEIVE,
+        drive.node_id,
+        [od.CONTROLWORD, target_entry(drive.mode)],
+        offset_entry(drive) if drive.torque_offset else None,
     )
+    transmit, tpdo2 = _split(
+        PdoDirection.TRANSMIT, drive.node_id, [od.STATUSWORD, od.POSITION_ACTUAL], effort_entry(drive)
+    )
+    return DriveImage(receive, transmit, effort=tpdo2, offset=rpdo2)
+
+
+def _split(
+    direction: PdoDirection, node_id: int, always: list[Entry], last: Entry | None
+) -> tuple[PdoLayout, PdoLayout | None]:
+    """One PDO, and another for the last entry where a frame has no room for it."""
+    if last is None:
+        return _layout(direction, 0, node_id, always), None
+    if sum(entry.type.bits for entry in (*always, last)) <= MAX_PDO_BITS:
+        return _layout(direction, 0, node_id, [*always, last]), None
+    return _layout(direction, 0, node_id, always), _layout(direction, 1, node_id, [last])

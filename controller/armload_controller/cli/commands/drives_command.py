@@ -67,8 +67,8 @@ def check_command(
     cycle_hz: CycleOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Everything of bring-up short of enabling, as a table per joint. Resets and configures the nodes it knows."""
-    from armload_controller.cli.output.drive_result_tables import check_table
+    """Everything of bring-up short of enabling, and what safety rests on. Resets and configures the nodes it knows."""
+    from armload_controller.cli.output.drive_result_tables import check_table, safety_table
     from armload_controller.cli.output.result_documents import checks_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
@@ -77,12 +77,15 @@ def check_command(
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     screen = Screen(as_json=as_json)
     with _bus_of(arm) as bus:
-        rows = check(arm.drives.settings, bus)
+        found = check(arm.drives.settings, bus)
+    rows = found.steps
     screen.table(check_table(rows))
+    if found.safety:
+        screen.table(safety_table(found.safety))
     wrong = sum(row.verdict in {Verdict.WRONG, Verdict.NOT_DONE} for row in rows)
     missing = sum(row.verdict is Verdict.MISSING for row in rows)
     if as_json:
-        print_document(checks_document(arm.name, rows))
+        print_document(checks_document(arm.name, found))
     screen.result(f"{len(rows) - wrong - missing} ok, {missing} missing, {wrong} wrong or not done")
     if wrong:
         sys.exit(EXIT_WRONG)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.markup import escape
 from rich.table import Table
 
-from armload_drivers.bring_up.drive_check import Check, Verdict
+from armload_drivers.bring_up.drive_check import Check, DriveSafety, Verdict
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
+from armload_drivers.cia402.drive_safety import SafetyFinding
 from armload_drivers.cia402.emergency import describe
 
 MODE_NAMES = {1: "PP", 3: "PV", 4: "PT", 6: "HM", 7: "IP", 8: "CSP", 9: "CSV", 10: "CST"}
@@ -33,7 +36,7 @@ def _hexadecimal(number: int | None) -> str:
     return "-" if number is None else f"0x{number:08X}"
 
 
-def check_table(rows: list[Check]) -> Table:
+def check_table(rows: Sequence[Check]) -> Table:
     """One row per step and joint."""
     table = Table(title="bring-up, short of enabling")
     for heading in ("joint", "node", "step", "", "what"):
@@ -42,6 +45,29 @@ def check_table(rows: list[Check]) -> Table:
         verdict = f"[{_COLOURS[row.verdict]}]{row.verdict.value}[/]"
         table.add_row(row.joint, str(row.node_id), row.step, verdict, escape(row.detail))
     return table
+
+
+def safety_table(drives: Sequence[DriveSafety]) -> Table:
+    """One row per property and joint: what gives it, or what is lost without it and what a person must do."""
+    table = Table(title="what safety rests on")
+    for heading in ("joint", "the drive ...", "", "by"):
+        table.add_column(heading, overflow="fold")
+    for drive in drives:
+        for number, finding in enumerate(drive.findings):
+            joint = f"{drive.joint} ({drive.node_id})" if not number else ""
+            table.add_row(joint, escape(finding.of.value.title), *_safety_cells(finding), end_section=False)
+        table.add_section()
+    return table
+
+
+def _safety_cells(finding: SafetyFinding) -> tuple[str, str]:
+    """Verdict and explanation of one property."""
+    if finding.way is not None:
+        return "[green]ok[/]", escape(f"{finding.way.text}: {finding.way.verified}")
+    what = f"{finding.found}. Lost: {finding.of.value.lost}. {finding.of.value.remedy}"
+    if finding.accepted:
+        return "[yellow]accepted[/]", escape(what)
+    return "[red]missing[/]", escape(f'{what}. Then name "{finding.of.key}" in accept_missing')
 
 
 def status_table(status: ArmStatus) -> Table:

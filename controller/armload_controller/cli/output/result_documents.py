@@ -12,7 +12,7 @@ from typing import Any
 
 from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
-from armload_drivers.bring_up.drive_check import Check
+from armload_drivers.bring_up.drive_check import ArmCheck
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
 from armload_identification.calibration.arm_calibration import ArmCalibration, Effort
 from armload_identification.model.payload import PARAMETER_NAMES
@@ -98,8 +98,8 @@ def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> 
     return _document("nodes", {"interface": interface, "channel": channel, "nodes": nodes})
 
 
-def checks_document(robot: str, rows: Sequence[Check]) -> dict[str, Any]:
-    """The steps of a bring-up short of enabling."""
+def checks_document(robot: str, found: ArmCheck) -> dict[str, Any]:
+    """The steps of a bring-up short of enabling, and what safety rests on."""
     checks = [
         {
             "joint": row.joint,
@@ -108,9 +108,30 @@ def checks_document(robot: str, rows: Sequence[Check]) -> dict[str, Any]:
             "verdict": row.verdict.value,
             "detail": row.detail,
         }
-        for row in rows
+        for row in found.steps
     ]
-    return _document("checks", {"robot": robot, "checks": checks})
+    safety = [
+        {
+            "joint": drive.joint,
+            "node_id": drive.node_id,
+            "properties": [
+                {
+                    "property": finding.of.key,
+                    "title": finding.of.value.title,
+                    "way": None if finding.way is None else finding.way.text,
+                    "verified": None if finding.way is None else finding.way.verified,
+                    "accepted": finding.accepted,
+                    "refused": finding.refused,
+                    "obstacles": [{"way": way, "reason": reason} for way, reason in finding.obstacles],
+                    "lost": finding.of.value.lost,
+                    "remedy": finding.of.value.remedy,
+                }
+                for finding in drive.findings
+            ],
+        }
+        for drive in found.safety
+    ]
+    return _document("checks", {"robot": robot, "checks": checks, "safety": safety})
 
 
 def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:

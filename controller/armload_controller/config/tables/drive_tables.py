@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import string
+import re
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
@@ -19,11 +19,14 @@ from armload_drivers.cia402.arm_settings import (
     OperationMode,
     TemperatureObject,
     VendorEffort,
+    VendorSetting,
 )
 from armload_drivers.cia402.device_description import DeviceDescription
-from armload_drivers.cia402.object_dictionary import DataType
+from armload_drivers.cia402.drive_safety import SAFETY_KEYS, property_of
+from armload_drivers.cia402.object_dictionary import DataType, Entry
 from armload_identification.storage.strict_toml import BadValue, Table
 
+_OBJECT = re.compile("[0-9A-Fa-f]{4}")
 _EFFORT_TYPES = {"i16": DataType.I16, "i32": DataType.I32}
 _NUMBER_TYPES = {
     "i8": DataType.I8, "u8": DataType.U8, "i16": DataType.I16, "u16": DataType.U16, "i32": DataType.I32,
@@ -103,6 +106,30 @@ class TemperatureObjectTable(Table):
     celsius_per_unit: Positive
 
 
+class VendorSettingTable(Table):
+    """A vendor's object that gives the drive a property that safety rests on: written, and read back."""
+
+    index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
+    subindex: Annotated[int, Field(ge=0, le=254)]
+    type: Literal["i8", "u8", "i16", "u16", "i32", "u32"]
+    value: int
+    meets: str
+
+    @model_validator(mode="after")
+    def _fits(self) -> VendorSettingTable:
+        least, greatest = _NUMBER_TYPES[self.type].bounds
+        if not least <= self.value <= greatest:
+            raise BadValue("value", self.value, f"expected {least} to {greatest}, what {self.type} holds")
+        if self.meets not in SAFETY_KEYS:
+            raise BadValue("meets", self.meets, f"expected one of {', '.join(SAFETY_KEYS)}")
+        return self
+
+    def setting(self) -> VendorSetting:
+        """As the driver layer takes it."""
+        entry = Entry(self.index, self.subindex, "vendor's setting", _NUMBER_TYPES[self.type])
+        return VendorSetting(entry, self.value, self.meets)
+
+
 class DriveTable(Table):
     """One joint's drive. A scale that is left out is read from the drive."""
 
@@ -116,9 +143,13 @@ class DriveTable(Table):
     following_error_rad: Positive
     following_lag_s: Positive | None = None
     has_brake: bool
+    torque_limit_in_drive: bool = False
     torque_offset: bool = True
+    torque_offset_bits: Literal[16, 32] = 16
+    rated_torque_unit_nm: Positive = 1e-3
     effort_object: EffortObjectTable | None = None
     temperature_object: TemperatureObjectTable | None = None
+    vendor_settings: list[VendorSettingTable] = Field(default=[])
     accept_missing: list[str] = Field(default=[])
     description: str | None = None
     identity: IdentityTable | None = None
@@ -132,8 +163,10 @@ class DriveTable(Table):
                 key = "a_per_unit" if self.feedback == "current" else "nm_per_unit"
                 raise ValueError(f'feedback = "{self.feedback}" needs effort_object.{key}')
         for name in self.accept_missing:
-            if len(name) != 4 or not set(name) <= set(string.hexdigits):
-                raise ValueError(f'accept_missing names objects by four hexadecimal digits, as "6007", not {name!r}')
+            if name not in SAFETY_KEYS:
+                of = property_of(int(name, 16)) if _OBJECT.fullmatch(name) else None
+                meant = "" if of is None else f'; {name.upper()} belongs to "{of.key}"'
+                raise BadValue("accept_missing", name, f"expected names of {', '.join(SAFETY_KEYS)}{meant}")
         return self
 
     def missing_scale(self) -> str | None:
@@ -175,9 +208,13 @@ class DriveTable(Table):
             torque_offset=self.torque_offset,
             gear_ratio=gear_ratio,
             vendor_effort=self._vendor_effort(),
-            accept_missing=frozenset(name.upper() for name in self.accept_missing),
+            accept_missing=frozenset(self.accept_missing),
             description=description,
             temperature=self._temperature(),
+            torque_limit_in_drive=self.torque_limit_in_drive,
+            vendor_settings=tuple(table.setting() for table in self.vendor_settings),
+            torque_offset_bits=self.torque_offset_bits,
+            rated_torque_unit_nm=self.rated_torque_unit_nm,
         )
 
     def _identity(self) -> Identity:

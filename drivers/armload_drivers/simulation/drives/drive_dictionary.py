@@ -11,7 +11,7 @@ from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, DriveSettin
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_units import AxisUnits, milliseconds
 from armload_drivers.cia402.object_dictionary import Access, DataType, Entry
-from armload_drivers.cia402.process_image import effort_entry, temperature_entry
+from armload_drivers.cia402.process_image import effort_entry, offset_entry, temperature_entry
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.simulation.drives.sdo_server import Dictionary
 
@@ -39,6 +39,7 @@ class DriveTraits:
         polarity: 607E after a reset.
         modes: Modes that 6502 offers; the configured one where None.
         absent: Indices of objects that the drive lacks.
+        forgets: Indices of objects that confirm every write and keep their value.
         description: The maker's description that it serves exactly; identity, device type and modes are then those of
             the description where it gives them.
         boot_message: Sends a boot-up message after a reset.
@@ -53,6 +54,7 @@ class DriveTraits:
     polarity: int = 0
     modes: frozenset[int] | None = None
     absent: frozenset[int] = frozenset()
+    forgets: frozenset[int] = frozenset()
     description: DeviceDescription | None = None
     boot_message: bool = True
     takes_mode: bool = True
@@ -125,7 +127,7 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         (od.VELOCITY_ACTUAL, 0),
         (od.MAX_TORQUE, settings.max_torque_permille),
         (od.RATED_CURRENT_MA, round(rated_current * 1e3)),
-        (od.RATED_TORQUE_MNM, round(abs(units.torque_nm_per_permille) * 1e6)),
+        (od.RATED_TORQUE_MNM, round(abs(units.torque_nm_per_permille) * 1e3 / settings.rated_torque_unit_nm)),
         (od.TORQUE_ACTUAL, 0),
         (od.CURRENT_ACTUAL, 0),
         (od.TARGET_POSITION, 0),
@@ -140,7 +142,7 @@ def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: floa
         _count(0x6091, 2),
         (od.GEAR_MOTOR_REVOLUTIONS, 1),
         (od.GEAR_SHAFT_REVOLUTIONS, 1),
-        (od.TORQUE_OFFSET, 0),
+        (offset_entry(settings), 0),
         _count(0x60C1, 1),
         (od.INTERPOLATION_SETPOINT, 0),
         _count(0x60C2, 2),

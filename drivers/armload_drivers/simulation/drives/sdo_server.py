@@ -65,6 +65,7 @@ class Dictionary:
         allowed: Values that a write may have, by key; all that the type holds where there is none.
         vetoes: Called with the new value before a write by SDO; raises `SdoAbort` to refuse it.
         reactions: Called after a write by SDO.
+        forgets: Indices of objects that confirm every write and keep their value.
         complete: All entries are there: one that is added from now on is not found by SDO, and the device keeps its
             value.
     """
@@ -75,6 +76,7 @@ class Dictionary:
     allowed: dict[int, Collection[int]] = field(default_factory=dict)
     vetoes: dict[int, Callable[[int], None]] = field(default_factory=dict)
     reactions: dict[int, Callable[[], None]] = field(default_factory=dict)
+    forgets: Collection[int] = ()
     complete: bool = False
 
     def add(self, entry: Entry, value: int | str) -> None:
@@ -127,6 +129,8 @@ class Dictionary:
             raise SdoAbort(Abort.VALUE_RANGE)
         if key in self.vetoes:
             self.vetoes[key](value)
+        if index in self.forgets:
+            return
         self.values[key] = value
         if key in self.reactions:
             self.reactions[key]()

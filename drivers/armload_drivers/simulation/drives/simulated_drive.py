@@ -111,6 +111,7 @@ class SimulatedDrive:
             for direction in PdoDirection
         )
         dictionary.remove(self._traits.absent)
+        dictionary.forgets = self._traits.forgets
         self._frames = [bytearray(8) for _ in self.tpdos]
         self._heartbeat_due_s: float | None = None
         self._master_overdue_s: float | None = None

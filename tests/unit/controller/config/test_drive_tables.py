@@ -70,8 +70,8 @@ def test_a_vendors_object_for_a_temperature(edited):
 
 
 def test_what_a_drive_may_lack_is_named(edited):
-    settings = drive(edited("has_brake = true", 'has_brake = true\naccept_missing = ["605a", "6007"]'))
-    assert settings.accept_missing == {"605A", "6007"}
+    settings = drive(edited("has_brake = true", 'has_brake = true\naccept_missing = ["quick_stop", "master_lost"]'))
+    assert settings.accept_missing == {"quick_stop", "master_lost"}
 
 
 def test_a_device_description_beside_the_file(edited):
@@ -87,7 +87,12 @@ def test_the_bus(edited):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("has_brake = true", 'has_brake = true\naccept_missing = ["6007h"]', "four hexadecimal digits"),
+        (
+            "has_brake = true",
+            'has_brake = true\naccept_missing = ["brakes"]',
+            "expected names of torque_limit, master_lost",
+        ),
+        ("has_brake = true", 'has_brake = true\naccept_missing = ["605a"]', '605A belongs to "quick_stop"'),
         ("has_brake = true", 'has_brake = true\ndescription = "missing.eds"', "cannot be read"),
         ("has_brake = true", 'has_brake = true\ndescription = "broken.eds"', "no section describes an object"),
         (

@@ -130,13 +130,13 @@ def test_a_real_arm_needs_a_file_that_tells_what_may_happen(named, pattern, key)
 
 
 def test_what_the_configuration_admits_to_is_told(named):
-    path = named((r"has_brake = true", "has_brake = false"), key=f'{KEY}\naccept_missing = ["6007"]')
+    path = named((r"has_brake = true", "has_brake = false"), key=f'{KEY}\naccept_missing = ["master_lost"]')
     told = load_robot(str(path)).drives.weak_points
     assert told[:2] == (
         "prbt_joint_1 has no brake: it falls when torque is removed",
-        "prbt_joint_1 may lack 6007 (accept_missing)",
+        "prbt_joint_1: what the drive does when it loses its master is not known (accepted: master_lost)",
     )
-    assert not load_robot("prbt").drives.weak_points
+    assert not load_robot("er50").drives.weak_points
 
 
 def test_a_foreign_drive_is_refused_before_anything_is_written(bench):

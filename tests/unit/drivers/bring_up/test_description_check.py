@@ -6,9 +6,9 @@ import pytest
 
 from armload_drivers.bring_up.description_check import description_gaps
 from armload_drivers.bring_up.description_file import read_description
-from armload_drivers.bring_up.drive_objects import SAFETY
 from armload_drivers.cia402.arm_settings import EffortFeedback, OperationMode, VendorEffort
 from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription
+from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.object_dictionary import Access, DataType, Mappable
 
 MAPPED = {0x6040: 16, 0x607A: 32, 0x60B2: 16, 0x6041: 16, 0x6064: 32, 0x6078: 16}
@@ -21,7 +21,11 @@ def description(changes=()):
         index << 8: DescribedObject(index, 0, "", types[bits], Access.RW, Mappable.BOTH)
         for index, bits in MAPPED.items()
     }
-    objects |= {index << 8: DescribedObject(index, 0, "", DataType.I16, Access.RW, Mappable.NO) for index in SAFETY}
+    settings = [setting.entry for of in Safety for way in of.value.ways for setting in way.settings]
+    objects |= {
+        entry.key: DescribedObject(entry.index, entry.subindex, "", DataType.I16, Access.RW, Mappable.NO)
+        for entry in settings
+    }
     for index, change in dict(changes).items():
         found = objects.pop(index << 8)
         if change is not None:
@@ -48,7 +52,11 @@ def test_a_drive_that_offers_all_has_no_gaps(drive):
         (0x60B2, None, "has no 60B2:0 torque offset, which a PDO is to carry"),
         (0x60B2, {"mappable": Mappable.TPDO}, "lets no PDO carry 60B2:0"),
         (0x6064, {"type": DataType.I16}, "gives 6064:0 position actual value 16 bits instead of 32"),
-        (0x6007, None, "has no 6007: what the drive does when it loses its master is not known; see accept_missing"),
+        (
+            0x605A,
+            None,
+            "has no object for quick_stop: how the drive carries out a quick stop is not known; see accept_missing",
+        ),
     ],
 )
 def test_what_it_does_not_offer_is_named(drive, index, change, words):
@@ -59,8 +67,8 @@ def test_what_it_does_not_offer_is_named(drive, index, change, words):
 
 
 def test_what_the_configuration_does_without_is_no_gap(drive):
-    lacking = description({0x60B2: None, 0x6007: None})
-    accepting = drive(description=lacking, torque_offset=False, accept_missing=frozenset({"6007"}))
+    lacking = description({0x60B2: None, 0x605A: None})
+    accepting = drive(description=lacking, torque_offset=False, accept_missing=frozenset({"quick_stop"}))
     assert description_gaps(accepting) == ()
 
 

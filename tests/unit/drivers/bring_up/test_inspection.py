@@ -12,6 +12,7 @@ import pytest
 from armload_drivers.bring_up.drive_check import Verdict, check, reset
 from armload_drivers.bring_up.inspection import find_nodes, show
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, TemperatureObject
+from armload_drivers.cia402.drive_safety import Safety
 from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
@@ -70,7 +71,7 @@ def only_read(frames):
 
 
 def test_scan_finds_everybody_and_only_reads(bench):
-    rig = bench({3: DriveTraits(absent=frozenset({0x6007, 0x1008}), modes=frozenset({7, 8}))})
+    rig = bench({3: DriveTraits(absent=frozenset({0x605A, 0x1008}), modes=frozenset({7, 8}))})
     rig.frames()
     nodes = find_nodes(rig.bus, LIMITS)
     assert [node.node_id for node in nodes] == [2, 3, 5]
@@ -78,7 +79,7 @@ def test_scan_finds_everybody_and_only_reads(bench):
     first, second, _ = nodes
     assert first.name == "armload simulated drive, joint_2"
     assert (first.identity.vendor_id, first.modes, first.missing) == (SIMULATION_IDENTITY.vendor_id, (8,), ())
-    assert (second.name, second.modes, second.missing) == ("", (7, 8), ("6007",))
+    assert (second.name, second.modes, second.missing) == ("", (7, 8), ("quick_stop",))
     assert only_read(rig.frames())
 
 
@@ -93,31 +94,33 @@ def test_check_goes_on_after_what_is_wrong(bench):
         3: DriveTraits(takes_mode=False),
         5: DriveTraits(identity=Identity(1, 2)),
     })  # fmt: skip
-    rows = check(rig.arm, rig.bus, LIMITS)
+    rows = check(rig.arm, rig.bus, LIMITS).steps
     wrong = {(row.node_id, row.step) for row in rows if row.verdict is Verdict.WRONG}
     assert wrong == {(3, "mode"), (5, "identity")}
     assert [row.node_id for row in rows] == sorted(row.node_id for row in rows)
-    assert {row.step for row in rows if row.verdict is Verdict.NOT_DONE} == {"limits"}
+    assert {row.step for row in rows if row.verdict is Verdict.NOT_DONE} == {"safety"}
     assert any("6061" in row.detail for row in rows)
     assert not any(rig.plant.powered)
 
 
 def test_check_reports_what_is_missing_and_what_must_not_be(bench):
-    rig = bench({2: DriveTraits(absent=frozenset({0x1029})), 3: DriveTraits(absent=frozenset({0x6007}))})
-    rows = check(rig.arm, rig.bus, LIMITS)
-    missing = [(row.node_id, row.detail) for row in rows if row.verdict is Verdict.MISSING]
-    assert missing == [(2, "1029:1 communication error behaviour")]
-    refused = [row for row in rows if row.verdict is Verdict.WRONG]
-    assert [(row.node_id, row.step) for row in refused] == [(3, "limits")]
+    rig = bench({2: DriveTraits(absent=frozenset({0x1029})), 3: DriveTraits(absent=frozenset({0x605A}))})
+    found = check(rig.arm, rig.bus, LIMITS)
+    missing = [(row.node_id, row.detail) for row in found.steps if row.verdict is Verdict.MISSING]
+    assert missing == [(2, "1029:1 communication error behaviour"), (3, "605A:0 quick stop option code")]
+    refused = [row for row in found.steps if row.verdict is Verdict.WRONG]
+    assert [(row.node_id, row.step) for row in refused] == [(3, "safety")]
     assert "accept_missing" in refused[0].detail
+    assert [[f.of for f in drive.findings if f.refused] for drive in found.safety] == [[], [Safety.QUICK_STOP], []]
+    assert [len(drive.findings) for drive in found.safety] == [len(Safety)] * 3
 
 
 def test_check_of_an_arm_in_order_and_of_one_that_is_not_there(bench):
     rig = bench()
-    assert {row.verdict for row in check(rig.arm, rig.bus, LIMITS)} == {Verdict.OK}
+    assert {row.verdict for row in check(rig.arm, rig.bus, LIMITS).steps} == {Verdict.OK}
     for node in (2, 3, 5):
         rig.drives.switch_off(node)
-    rows = check(rig.arm, rig.bus, LIMITS)
+    rows = check(rig.arm, rig.bus, LIMITS).steps
     assert [row.step for row in rows if row.verdict is Verdict.WRONG] == ["answers"] * 3
 
 
@@ -125,7 +128,7 @@ def test_check_keeps_away_from_a_drive_that_carries_torque(bench):
     rig = bench()
     energise(rig, 3)
     rig.frames()
-    rows = check(rig.arm, rig.bus, LIMITS)
+    rows = check(rig.arm, rig.bus, LIMITS).steps
     assert [row.detail for row in rows if row.verdict is Verdict.WRONG and "carries torque" in row.detail]
     assert {row.step for row in rows if row.verdict is Verdict.NOT_DONE} == {"reset"}
     assert only_read(rig.frames()), "no drive of the arm is reset or written to"
@@ -135,12 +138,12 @@ def test_check_keeps_away_from_a_drive_that_carries_torque(bench):
 def test_check_reports_a_drive_that_the_configuration_does_not_name(bench):
     rig = bench()
     fewer = replace(rig.arm, drives=rig.arm.drives[:2], coupling=np.eye(2))
-    wrong = [row for row in check(fewer, rig.bus, LIMITS) if row.verdict is not Verdict.OK]
+    wrong = [row for row in check(fewer, rig.bus, LIMITS).steps if row.verdict is not Verdict.OK]
     assert [(row.node_id, row.step) for row in wrong] == [(5, "other drives")]
     assert "other_nodes" in wrong[0].detail
     assert not [
         row
-        for row in check(replace(fewer, other_nodes=frozenset({5})), rig.bus, LIMITS)
+        for row in check(replace(fewer, other_nodes=frozenset({5})), rig.bus, LIMITS).steps
         if row.verdict is Verdict.WRONG
     ]
 
@@ -148,7 +151,7 @@ def test_check_reports_a_drive_that_the_configuration_does_not_name(bench):
 def test_check_writes_to_no_real_drive_that_nobody_named(bench, arm_settings):
     rig = bench({3: DriveTraits(identity=REAL)}, arm_settings(identity=Identity(None, None)))
     rig.frames()
-    rows = check(rig.arm, rig.bus, LIMITS)
+    rows = check(rig.arm, rig.bus, LIMITS).steps
     anonymous = [row for row in rows if row.step == "identity" and row.verdict is Verdict.NOT_DONE]
     assert [row.node_id for row in anonymous] == [3]
     assert "identity = { vendor_id = 0x000002DC, product_code = 0x12345678 }" in anonymous[0].detail
@@ -160,7 +163,7 @@ def test_check_writes_to_no_real_drive_that_nobody_named(bench, arm_settings):
 def test_check_of_a_real_arm_that_the_file_names(bench, arm_settings):
     traits = dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL))
     rig = bench(traits, arm_settings(identity=REAL))
-    assert {row.verdict for row in check(rig.arm, rig.bus, LIMITS)} == {Verdict.OK}
+    assert {row.verdict for row in check(rig.arm, rig.bus, LIMITS).steps} == {Verdict.OK}
 
 
 def test_show_only_reads(bench):

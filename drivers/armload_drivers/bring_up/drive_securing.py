@@ -1,0 +1,71 @@
+"""What safety rests on, written to one drive and read back, by the table of `cia402.drive_safety`."""
+
+from __future__ import annotations
+
+from armload_drivers.bring_up.drive_objects import DriveObjects
+from armload_drivers.cia402.drive_safety import Safety, SafetyFinding, SafetyValues, Way, acceptance, settings_of
+from armload_drivers.driver_errors import MissingSafety
+
+
+def secure(drive: DriveObjects, values: SafetyValues) -> tuple[SafetyFinding, ...]:
+    """Give a drive every property by the first of its ways that is met. Nothing is refused here.
+
+    Raises:
+        ServoError: the drive does not answer.
+    """
+    return tuple(_secure_one(drive, of, values) for of in Safety)
+
+
+def _secure_one(drive: DriveObjects, of: Safety, values: SafetyValues) -> SafetyFinding:
+    """One property."""
+    drive.sdo.step = f"making sure that the drive {of.value.title}"
+    accepted = of.key in values.drive.accept_missing
+    obstacles: list[tuple[str, str]] = []
+    for way in of.value.ways:
+        reason = _try(drive, way, of, values)
+        if not reason:
+            return SafetyFinding(of, way, accepted, tuple(obstacles))
+        obstacles.append((way.text, reason))
+    return SafetyFinding(of, None, accepted, tuple(obstacles))
+
+
+def _try(drive: DriveObjects, way: Way, of: Safety, values: SafetyValues) -> str:
+    """Why a way is not met; empty where it is."""
+    reason = way.condition(values)
+    if reason:
+        return reason
+    settings = settings_of(way, of, values.drive)
+    if way.by_vendor and not settings:
+        return "the configuration names no object of the maker's (vendor_settings)"
+    optional = [setting for setting in settings if setting.optional]
+    for setting in settings:
+        reason = drive.hold(setting.entry, setting.wanted(values))
+        if not reason:
+            continue
+        drive.miss(setting.entry)
+        if setting not in optional:
+            return reason
+    return ""
+
+
+def require_safety(drive: DriveObjects, values: SafetyValues, findings: tuple[SafetyFinding, ...]) -> None:
+    """Refuse a drive that lacks what safety rests on and was not accepted so.
+
+    Raises:
+        MissingSafety: naming every such property, what follows from it, what to do, and how it is accepted.
+    """
+    refused = tuple(finding for finding in findings if finding.refused)
+    if not refused:
+        return
+    settings = values.drive
+    reasons = "; ".join(f"{finding.of.key}: {finding.of.value.lost} ({finding.found})" for finding in refused)
+    remedies = ". ".join(dict.fromkeys(finding.of.value.remedy for finding in refused if finding.of.value.remedy))
+    drive.sdo.step = "judging what the drive lacks"
+    raise MissingSafety(
+        settings.node_id,
+        settings.joint,
+        drive.sdo.step,
+        f"the drive lacks what safety rests on: {reasons}",
+        f"{remedies}. Where the arm stops by other means that you have tried, say so: "
+        f"{acceptance(tuple(finding.of for finding in refused), settings)}",
+    )

@@ -1,0 +1,455 @@
+"""What safety rests on in a drive: properties, and the ways in which drives have them. One table, no bus.
+
+Rules of this file:
+- A drive has a property by the first of its ways that is met. A way is met where its condition holds and every object
+  reads back as wanted; an object that cannot be written and has the wanted value already counts as set.
+- A property without a way is refused, unless the drive's configuration accepts that by the property's name
+  (`accept_missing`). A maker's profile accepts nothing: that is the integrator's decision.
+- What one maker's drive does instead is an object of that maker's in the configuration (`vendor_settings`), which names
+  the property that it gives. It is written and read back like any other.
+
+References:
+    CiA 301, 7.5.2.6 (1006), 7.5.2.13 (1016), 7.5.2.14 (1017), 7.5.2.26 (1029), 7.5.2.35 (event timer);
+    CiA 402-2, 8 (6007, 605A to 605E), 607D, 6065, 6066, 6072, 6073, 6075.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
+from armload_drivers.cia402.drive_scale import RATING_TOLERANCE
+from armload_drivers.cia402.drive_units import ArmUnits, microseconds, milliseconds
+from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
+
+HEARTBEAT_TOLERANCE = 2.5
+"""A heartbeat is overdue after this many periods, on both sides."""
+
+QUICK_STOP_AND_STAY = 6
+"""605A: slow down on the quick stop ramp and stay in QUICK STOP ACTIVE, with torque on."""
+QUICK_STOP_AND_LEAVE = 2
+"""605A: slow down on the quick stop ramp, then SWITCH ON DISABLED: the brake takes the axis."""
+SLOW_DOWN_FIRST = 1
+"""605B, 605C, 605D: slow down on the ramp before the torque goes, or before holding."""
+FAULT_REACTION_RAMP = 2
+"""605E: slow down on the quick stop ramp, then remove torque."""
+FAULT_REACTION_SLOW_DOWN = 1
+"""605E: slow down on the slow down ramp, then remove torque."""
+ABORT_BY_QUICK_STOP = 3
+"""6007: a lost master is answered with a quick stop."""
+PRE_OPERATIONAL_ON_ERROR = 0
+"""1029: a lost master also ends PDO communication, so that late frames set nothing in motion."""
+FOLLOWING_ERROR_TIMEOUT_S = 0.02
+"""6066: a following error outside its window for so long is a fault."""
+
+_RPDO_TIMER = PdoDirection.RECEIVE.timer_entry(0)
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyValues:
+    """What the objects of one drive are to hold, in their units.
+
+    Attributes:
+        drive: The drive.
+        heartbeat_ms: 1017.
+        master_watch: 1016: node id of the master, and when its heartbeat is overdue.
+        setpoint_timeout_ms: Event timer of the RPDO.
+        sync_period_us: 1006.
+        following_error_counts: 6065.
+        position_min_counts: 607D:1.
+        position_max_counts: 607D:2.
+        rated_current_a: 6075 as the drive reports it; None where it does not.
+    """
+
+    drive: DriveSettings
+    heartbeat_ms: int
+    master_watch: int
+    setpoint_timeout_ms: int
+    sync_period_us: int
+    following_error_counts: int
+    position_min_counts: int
+    position_max_counts: int
+    rated_current_a: float | None
+
+    @classmethod
+    def of(
+        cls, drive: DriveSettings, arm: ArmSettings, units: ArmUnits, master_node_id: int, rated_current_a: float | None
+    ) -> SafetyValues:
+        """The values of one drive of an arm.
+
+        Args:
+            drive: The drive, its scale complete.
+            arm: The arm.
+            units: Of the whole arm, because motors may be coupled.
+            master_node_id: Whose heartbeat the drive is to watch.
+            rated_current_a: 6075 as the drive reports it.
+        """
+        axis = [other.node_id for other in arm.drives].index(drive.node_id)
+        lower, upper = units.position_limits_counts(axis)
+        return cls(
+            drive=drive,
+            heartbeat_ms=milliseconds(arm.heartbeat_s),
+            master_watch=master_watch(master_node_id, arm.heartbeat_s),
+            setpoint_timeout_ms=milliseconds(max(arm.heartbeat_s, (arm.max_missing_cycles + 1) * arm.cycle_s)),
+            sync_period_us=microseconds(arm.cycle_s),
+            following_error_counts=round(drive.following_error_rad * abs(units.axes[axis].counts_per_rad)),
+            position_min_counts=lower,
+            position_max_counts=upper,
+            rated_current_a=rated_current_a,
+        )
+
+
+def master_watch(master_node_id: int, heartbeat_s: float) -> int:
+    """1016 that watches the master's heartbeat."""
+    return master_node_id << 16 | milliseconds(HEARTBEAT_TOLERANCE * heartbeat_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One object and the value that it is to hold.
+
+    Attributes:
+        entry: The object.
+        wanted: Its value.
+        optional: A drive without it has the property all the same.
+    """
+
+    entry: Entry
+    wanted: Callable[[SafetyValues], int]
+    optional: bool = False
+
+
+def _holds(value: int) -> Callable[[SafetyValues], int]:
+    """The same value for every drive."""
+    return lambda values: value
+
+
+def _always(_: SafetyValues) -> str:
+    """A condition that holds."""
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One way in which a drive can have a property.
+
+    Attributes:
+        text: What gives the property.
+        verified: How that is verified.
+        settings: Objects that must hold their values.
+        reads: Objects that the condition needs.
+        condition: Why the way is not open to a drive; empty where it is.
+        by_vendor: The settings are the maker's own, from the configuration.
+    """
+
+    text: str
+    verified: str
+    settings: tuple[Setting, ...] = ()
+    reads: tuple[Entry, ...] = ()
+    condition: Callable[[SafetyValues], str] = _always
+    by_vendor: bool = False
+
+
+def _rated_current_known(values: SafetyValues) -> str:
+    """6073 is per mille of 6075, so 6075 must be known."""
+    reported, configured = values.rated_current_a, values.drive.rated_current_a
+    if not reported:
+        return "6075 reports no rated current"
+    if configured is not None and not math.isclose(reported, configured, rel_tol=RATING_TOLERANCE):
+        return f"6075 reports {reported:g} A, the configuration {configured:g} A"
+    return ""
+
+
+def _torque_limit_set(values: SafetyValues) -> str:
+    """The configuration says so."""
+    return "" if values.drive.torque_limit_in_drive else "the configuration does not say torque_limit_in_drive = true"
+
+
+def _has_brake(values: SafetyValues) -> str:
+    """A brake holds the axis when the torque goes."""
+    return "" if values.drive.has_brake else "the axis has no brake"
+
+
+def _vendor(what: str) -> Way:
+    """The maker's own objects."""
+    return Way(f"the maker's object for {what} (`vendor_settings`)", "reads back as configured", by_vendor=True)
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyProperty:
+    """One property that safety rests on.
+
+    Attributes:
+        title: What the drive does.
+        lost: What is lost without it.
+        remedy: What a person must do before the property may be accepted as missing.
+        ways: How drives have it, the first that is met counts.
+    """
+
+    title: str
+    lost: str
+    remedy: str
+    ways: tuple[Way, ...]
+
+
+_READ_BACK = "reads back as written"
+_WATCH = Setting(od.HEARTBEAT_CONSUMER, lambda values: values.master_watch)
+_PRE_OPERATIONAL = _holds(PRE_OPERATIONAL_ON_ERROR)
+
+
+class Safety(Enum):
+    """The properties; their names in lower case are what `accept_missing` takes."""
+
+    TORQUE_LIMIT = SafetyProperty(
+        "limits its torque",
+        "the drive does not limit its torque",
+        "Set the limit with the maker's tool, check it there, and say torque_limit_in_drive = true",
+        (
+            Way(
+                "6072 = max_torque_permille",
+                _READ_BACK,
+                (Setting(od.MAX_TORQUE, lambda values: values.drive.max_torque_permille),),
+            ),
+            Way(
+                "6073 = max_torque_permille, of the rated current (6075)",
+                "reads back as written; 6075 reports a current, the configured one where there is one",
+                (Setting(od.MAX_CURRENT, lambda values: values.drive.max_torque_permille),),
+                (od.RATED_CURRENT_MA,),
+                _rated_current_known,
+            ),
+            _vendor("the limit"),
+            Way(
+                "a limit set in the drive (`torque_limit_in_drive = true`)",
+                "by whoever says so: nothing is read, and the operator is asked on a real arm",
+                condition=_torque_limit_set,
+            ),
+        ),
+    )
+    MASTER_LOST = SafetyProperty(
+        "stops when its master is lost",
+        "what the drive does when it loses its master is not known",
+        "Set its reaction to a lost heartbeat with the maker's tool; pull the bus cable in slow motion: it must stop",
+        (
+            Way(
+                "6007 = 3 (quick stop), with the master's heartbeat watched (1016) and, where it is there, 1029 = 0",
+                _READ_BACK,
+                (
+                    _WATCH,
+                    Setting(od.ABORT_CONNECTION_OPTION, _holds(ABORT_BY_QUICK_STOP)),
+                    Setting(od.COMMUNICATION_ERROR_BEHAVIOUR, _PRE_OPERATIONAL, optional=True),
+                ),
+            ),
+            Way(
+                "1029 = 0 (PRE-OPERATIONAL), with the master's heartbeat watched (1016)",
+                "reads back as written; how an axis stops that leaves OPERATIONAL, its manual says",
+                (_WATCH, Setting(od.COMMUNICATION_ERROR_BEHAVIOUR, _PRE_OPERATIONAL)),
+            ),
+            _vendor("a lost master"),
+        ),
+    )
+    SETPOINTS_LOST = SafetyProperty(
+        "stops when SYNC or setpoints are missing",
+        "an axis that gets no setpoints any more, while the master's heartbeat goes on, is stopped by the master only",
+        "Set its watch over SYNC or RPDO with the maker's tool; then end SYNC in slow motion: it must stop",
+        (
+            Way(
+                "event timer of the RPDO (1400:5)",
+                _READ_BACK,
+                (Setting(_RPDO_TIMER, lambda values: values.setpoint_timeout_ms),),
+            ),
+            Way(
+                "SYNC period (1006)",
+                "reads back as written; how many missing SYNCs it lets pass, its manual says",
+                (Setting(od.CYCLE_PERIOD_US, lambda values: values.sync_period_us),),
+            ),
+            _vendor("missing setpoints"),
+        ),
+    )
+    QUICK_STOP = SafetyProperty(
+        "slows down on a quick stop, and the axis is held",
+        "how the drive carries out a quick stop is not known",
+        "Look up in its manual what a quick stop does, or set it with the maker's tool; then try one in slow motion",
+        (
+            Way(
+                "605A = 6 (ramp, then held with torque)",
+                _READ_BACK,
+                (Setting(od.QUICK_STOP_OPTION, _holds(QUICK_STOP_AND_STAY)),),
+            ),
+            Way(
+                "605A = 2 (ramp, then held by the brake)",
+                "reads back as written; the axis has a brake",
+                (Setting(od.QUICK_STOP_OPTION, _holds(QUICK_STOP_AND_LEAVE)),),
+                condition=_has_brake,
+            ),
+            _vendor("the quick stop"),
+        ),
+    )
+    FAULT_REACTION = SafetyProperty(
+        "slows down on a fault before its torque goes",
+        "how the drive stops after a fault is not known",
+        "Look up in its manual how it stops after a fault, or set it with the maker's tool",
+        (
+            Way(
+                "605E = 2 (quick stop ramp)",
+                _READ_BACK,
+                (Setting(od.FAULT_REACTION_OPTION, _holds(FAULT_REACTION_RAMP)),),
+            ),
+            Way(
+                "605E = 1 (slow down ramp)",
+                _READ_BACK,
+                (Setting(od.FAULT_REACTION_OPTION, _holds(FAULT_REACTION_SLOW_DOWN)),),
+            ),
+            _vendor("the fault reaction"),
+        ),
+    )
+    DISABLE_REACTION = SafetyProperty(
+        "slows down before its torque is removed on command",
+        "another master that disables a moving axis lets it fall into its brake",
+        "",
+        (
+            Way(
+                "605B = 1 and 605C = 1 (ramp first), and 605D = 1 where it is there",
+                _READ_BACK,
+                (
+                    Setting(od.SHUTDOWN_OPTION, _holds(SLOW_DOWN_FIRST)),
+                    Setting(od.DISABLE_OPTION, _holds(SLOW_DOWN_FIRST)),
+                    Setting(od.HALT_OPTION, _holds(SLOW_DOWN_FIRST), optional=True),
+                ),
+            ),
+            Way(
+                "this master removes torque at standstill only",
+                "the axis has stood for some cycles, by its position (6064)",
+            ),
+        ),
+    )
+    FOLLOWING_ERROR = SafetyProperty(
+        "stops when it cannot follow",
+        "the drive does not stop when it cannot follow",
+        "Set the following error window with the maker's tool",
+        (
+            Way(
+                "6065 = following_error_rad, and 6066 where it is there",
+                _READ_BACK,
+                (
+                    Setting(od.FOLLOWING_ERROR_WINDOW, lambda values: values.following_error_counts),
+                    Setting(
+                        od.FOLLOWING_ERROR_TIMEOUT_MS,
+                        _holds(milliseconds(FOLLOWING_ERROR_TIMEOUT_S)),
+                        optional=True,
+                    ),
+                ),
+            ),
+            _vendor("the following error"),
+        ),
+    )
+    POSITION_LIMITS = SafetyProperty(
+        "keeps to the joint's limits",
+        "the drive does not know the joint's limits",
+        "Set the position limits with the maker's tool, or rely on limit switches that you have tried",
+        (
+            Way(
+                "607D = the joint's limits",
+                _READ_BACK,
+                (
+                    Setting(od.POSITION_LIMIT_MIN, lambda values: values.position_min_counts),
+                    Setting(od.POSITION_LIMIT_MAX, lambda values: values.position_max_counts),
+                ),
+            ),
+            _vendor("the joint's limits"),
+        ),
+    )
+    DRIVE_LOST = SafetyProperty(
+        "is missed when it is gone",
+        "the master notices a lost drive by its missing feedback only",
+        "Nothing can be set; the other axes stop max_missing_cycles later",
+        (
+            Way(
+                "heartbeat (1017)", _READ_BACK, (Setting(od.HEARTBEAT_PRODUCER_MS, lambda values: values.heartbeat_ms),)
+            ),
+        ),
+    )
+
+    @property
+    def key(self) -> str:
+        """Its name in `accept_missing` and in results."""
+        return self.name.lower()
+
+
+SAFETY_KEYS = tuple(item.key for item in Safety)
+
+
+def property_of(index: int) -> Safety | None:
+    """The property that an object of the standard gives; None where it gives none."""
+    for of in Safety:
+        if any(setting.entry.index == index for way in of.value.ways for setting in way.settings):
+            return of
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyFinding:
+    """What was found of one property on one drive.
+
+    Attributes:
+        of: The property.
+        way: The way that is met; None where none is.
+        accepted: The configuration accepts that it is missing.
+        obstacles: Why each way before that one is not met, as pairs of its text and the reason.
+    """
+
+    of: Safety
+    way: Way | None
+    accepted: bool
+    obstacles: tuple[tuple[str, str], ...]
+
+    @property
+    def refused(self) -> bool:
+        """Whether the drive may not be moved because of it."""
+        return self.way is None and not self.accepted
+
+    @property
+    def found(self) -> str:
+        """What gives the property, or why nothing does, in words."""
+        if self.way is not None:
+            return self.way.text
+        return "; ".join(dict.fromkeys(reason for _, reason in self.obstacles))
+
+
+def settings_of(way: Way, of: Safety, drive: DriveSettings) -> tuple[Setting, ...]:
+    """The objects of a way on one drive, the maker's own included."""
+    if not way.by_vendor:
+        return way.settings
+    return tuple(
+        Setting(setting.entry, _holds(setting.value)) for setting in drive.vendor_settings if setting.meets == of.key
+    )
+
+
+def has_a_way(of: Safety, drive: DriveSettings | None, is_there: Callable[[Entry], bool]) -> bool:
+    """Whether a drive can have a property, judged by which objects are there; nothing is read or written.
+
+    Args:
+        of: The property.
+        drive: Its configuration; None where it has none, and the objects of the standard alone count.
+        is_there: Whether the drive has an object.
+    """
+    for way in of.value.ways:
+        if way.by_vendor:
+            if drive is not None and settings_of(way, of, drive):
+                return True
+        elif way.settings:
+            entries = [setting.entry for setting in way.settings if not setting.optional]
+            if all(map(is_there, (*entries, *way.reads))):
+                return True
+        elif way.condition is _always or (drive is not None and drive.torque_limit_in_drive):
+            return True
+    return False
+
+
+def acceptance(refused: tuple[Safety, ...], drive: DriveSettings) -> str:
+    """The line of the configuration that accepts what is missing, and what was accepted before."""
+    names = sorted(drive.accept_missing | {item.key for item in refused})
+    return "accept_missing = [" + ", ".join(f'"{name}"' for name in names) + "]"

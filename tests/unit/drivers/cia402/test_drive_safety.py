@@ -1,0 +1,47 @@
+"""The table of what safety rests on in a drive, without a bus."""
+
+from pathlib import Path
+
+import pytest
+
+from armload_drivers.cia402.drive_safety import Safety, acceptance, has_a_way, property_of
+from armload_drivers.cia402.page_of_drive_safety import safety_page
+
+
+def test_the_page_is_the_table():
+    """Where this fails: python -m armload_drivers.cia402.page_of_drive_safety > drivers/SAFETY.md."""
+    page = Path(__file__).parents[4] / "drivers" / "SAFETY.md"
+    assert page.read_text("utf-8") == safety_page()
+    assert all(way.text in safety_page() and of.key in safety_page() for of in Safety for way in of.value.ways)
+
+
+def test_every_property_says_what_is_lost_without_it_and_how_each_way_is_verified():
+    for of in Safety:
+        assert of.value.lost, of
+        assert of.value.remedy or of is Safety.DISABLE_REACTION, of
+        assert all(way.verified for way in of.value.ways), of
+
+
+@pytest.mark.parametrize(
+    ("index", "of"),
+    [
+        (0x6007, Safety.MASTER_LOST), (0x1016, Safety.MASTER_LOST), (0x1029, Safety.MASTER_LOST),
+        (0x605A, Safety.QUICK_STOP), (0x605C, Safety.DISABLE_REACTION), (0x6073, Safety.TORQUE_LIMIT), (0x6064, None),
+    ],
+)  # fmt: skip
+def test_objects_belong_to_properties(index, of):
+    assert property_of(index) is of
+
+
+def test_ways_by_what_is_there():
+    torque = {0x6073, 0x6075}
+    assert has_a_way(Safety.TORQUE_LIMIT, None, lambda entry: entry.index in torque)
+    assert not has_a_way(Safety.TORQUE_LIMIT, None, lambda entry: entry.index == 0x6073), "of which current?"
+    assert has_a_way(Safety.MASTER_LOST, None, lambda entry: entry.index in {0x1016, 0x1029})
+    assert not has_a_way(Safety.MASTER_LOST, None, lambda entry: entry.index == 0x6007), "nobody watches the heartbeat"
+    assert has_a_way(Safety.DISABLE_REACTION, None, lambda entry: False)
+
+
+def test_advice_keeps_what_was_accepted_before(arm_settings):
+    drive = arm_settings(accept_missing=frozenset({"quick_stop"})).drives[0]
+    assert acceptance((Safety.MASTER_LOST,), drive) == 'accept_missing = ["master_lost", "quick_stop"]'
