@@ -28,7 +28,7 @@ def main() -> None:
 
             text = f"error: {error}" if status == EXIT_REFUSED else str(error)
             text = "\n".join([text, *_notes(error)])
-            Screen().errors.print(text, style="bold red", markup=False, soft_wrap=True)
+            Screen().errors.print(text, style="bold red", soft_wrap=True)
             sys.exit(status)
     except KeyboardInterrupt:
         sys.stderr.write("interrupted\n")

@@ -11,7 +11,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     Progress,
@@ -25,6 +24,7 @@ from rich.table import Column, Table
 
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
+from armload_controller.cli.printable_console import PrintableConsole, printable
 
 UNBOUNDED_WIDTH = 1000
 """Width of what is no terminal."""
@@ -50,12 +50,13 @@ class Screen:
         # In a file or a pipe lines may be as long as they are, unless COLUMNS says otherwise.
         shown = sys.stderr if as_json else sys.stdout
         bounded = shown.isatty() or "COLUMNS" in os.environ
-        self.console = Console(stderr=as_json, highlight=False, width=None if bounded else UNBOUNDED_WIDTH)
-        self.errors = Console(stderr=True, highlight=False)
+        width = None if bounded else UNBOUNDED_WIDTH
+        self.console = PrintableConsole(stderr=as_json, width=width)
+        self.errors = PrintableConsole(stderr=True)
 
     def step(self, text: str) -> None:
         """One line: something begins."""
-        self.console.print(text, markup=False, soft_wrap=not self.console.is_terminal)
+        self.console.print(text, soft_wrap=not self.console.is_terminal)
 
     def result(self, text: str) -> None:
         """A result in words."""
@@ -75,6 +76,7 @@ class Screen:
         if self._keyboard is not None and not self._hinted:
             self._hinted = True
             self.step(HINT)
+        text = printable(text)
         bar = Progress(*self._columns(text), console=self.console, auto_refresh=False)
         with nullcontext() if self._keyboard is None else self._keyboard.awake(), bar:
             task = bar.add_task(text, total=total)
@@ -94,7 +96,12 @@ class Screen:
         times = [TimeElapsedColumn(table_column=_TIME), TimeRemainingColumn(table_column=_TIME)]
         room = self.console.width - len(f"{text}  100% 0:00:00 0:00:00")
         bar = [BarColumn(bar_width=min(room, _GREATEST_BAR))] if room >= _LEAST_BAR else []
-        return [TextColumn("{task.description}", table_column=Column()), *bar, TaskProgressColumn(), *times]
+        return [
+            TextColumn("{task.description}", markup=False, table_column=Column()),
+            *bar,
+            TaskProgressColumn(),
+            *times,
+        ]
 
     def confirm(self, question: str) -> bool:
         """Ask; no answer, as without a keyboard, is no."""

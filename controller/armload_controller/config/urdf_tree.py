@@ -16,6 +16,7 @@ from xml.etree import ElementTree
 from armload_controller.control_errors import ConfigurationError
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import pose_from_xyz_rpy
+from armload_identification.storage.read_file import read_whole
 
 _TURNING = ("revolute", "continuous")
 _ORIGIN = (0.0, 0.0, 0.0)
@@ -138,7 +139,7 @@ def read_urdf_tree(path: Path) -> UrdfTree:
         ConfigurationError: it cannot be read, is no URDF, or its joints and links are no tree.
     """
     try:
-        data = path.read_bytes()
+        data = read_whole(path)
     except OSError as error:
         raise ConfigurationError(str(path), "file", None, f"a URDF that can be read ({error.strerror})") from error
     root = _parsed(path, data)

@@ -9,6 +9,7 @@ second.
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -67,15 +68,18 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         failure: OSError | None = None
-        for step in (self._writer.finish, self._file.close):
+
+        def name_it() -> None:
+            if not self.rows:
+                self._partial.unlink()
+            elif error is None and failure is None:
+                self._partial.rename(self._path)
+
+        for step in (self._writer.finish, self._flush_to_disk, self._file.close, name_it):
             try:
                 step()
             except OSError as problem:
-                failure = problem
-        if not self.rows:
-            self._partial.unlink()
-        elif error is None and failure is None:
-            self._partial.rename(self._path)
+                failure = failure or problem
         if failure is not None and error is None:
             raise self._failed(failure) from failure
 
@@ -118,6 +122,11 @@ class Recorder:
                 self._flushed_s = feedback.time_s
         except OSError as error:
             raise self._failed(error) from error
+
+    def _flush_to_disk(self) -> None:
+        """What has the name of a whole run is on the disk."""
+        self._file.flush()
+        os.fsync(self._file.fileno())
 
     def _failed(self, error: OSError) -> RecordingFailed:
         return RecordingFailed(f"{self._partial} could not be written: {error.strerror}")

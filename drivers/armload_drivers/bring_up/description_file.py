@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from pathlib import Path
 
 from armload_drivers.cia402.device_description import LARGEST_BYTES, DeviceDescription, parse_description
@@ -15,7 +16,10 @@ def read_description(path: Path) -> DeviceDescription:
         DescriptionError: it cannot be read, or is no description of a CiA 402 drive.
     """
     try:
-        if path.stat().st_size > LARGEST_BYTES:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):  # opening a pipe waits for a writer, and a device may have no end
+            raise DescriptionError(path.name, "", "", "no regular file; give an EDS or DCF file")
+        if status.st_size > LARGEST_BYTES:
             raise DescriptionError(path.name, "", "", f"larger than {LARGEST_BYTES} bytes; this is no EDS or DCF file")
         data = path.read_bytes()
     except OSError as error:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from armload_identification.identification_errors import RunTableError
+from armload_identification.storage.read_file import read_whole
 
 _REQUIRED: Final = ("recording", "mounting", "mass_kg")
 _OPTIONAL: Final = ("payload",)
@@ -48,7 +49,7 @@ def read_run_table(path: Path) -> tuple[TableRow, ...]:
         RunTableError: not readable, or a row that makes no sense, naming file, line, column and value.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_whole(path).decode("utf-8-sig")
     except OSError as problem:
         raise RunTableError(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:

@@ -31,6 +31,10 @@ _ABSURD: Final = {"position_rad": 1e3, "velocity_rad_s": 1e3, "current_a": 1e4, 
 """Magnitudes that no joint of an arm reaches, in any unit that may have been used."""
 _FASTEST_RAD_S: Final = 50.0
 _JUMP_WINDOW: Final = 11
+_LONGEST_INTERVAL_S: Final = 0.5
+_SHORTEST_INTERVAL_S: Final = 1e-5
+_TIME_UNITS: Final = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+_USUAL_INTERVAL_S: Final = (1e-4, 0.11)
 _LARGEST_ANGLE_RAD: Final = 6.0 * np.pi
 """Joints that turn further are logged modulo their turn; above this it is degrees."""
 _REASONS: Final = ("not finite", "impossible value", "time out of range", "time not increasing", "position jumps")
@@ -114,6 +118,8 @@ class GarbageFilter:
         window = rows if self._before is None else joined([self._before, rows])
         known = window.size - rows.size
         verdict, self._interval_s = _verdict(window, self._interval_s)
+        if first and np.count_nonzero(verdict == _KEPT) > 1:
+            refuse_time_unit(self._path, self._interval_s)
         settled = rows.size - left
         verdict = verdict[known : known + settled]
         if self._before is not None:
@@ -158,6 +164,8 @@ def _verdict(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp]
     """(N,) index of the reason to leave each row out, `_KEPT` where there is none, and the sampling interval."""
     verdict = np.full(rows.size, _KEPT)
     kept = np.arange(rows.size)
+    if not rows.size:
+        return verdict, 0.0 if interval_s is None else interval_s
 
     def drop(bad: NDArray[np.bool_], reason: str) -> None:
         nonlocal kept
@@ -249,8 +257,29 @@ def refuse_degrees(path: Path, position: FloatArray) -> None:
         )
 
 
+def refuse_time_unit(path: Path, interval_s: float) -> None:
+    """Refuse time stamps that are not in seconds: no arm is recorded every second, or a million times in one.
+
+    Args:
+        path: The file, for the message.
+        interval_s: Median time between its rows.
+
+    Raises:
+        RecordingError: naming the unit that they seem to have.
+    """
+    if _SHORTEST_INTERVAL_S <= interval_s <= _LONGEST_INTERVAL_S:
+        return
+    low, high = _USUAL_INTERVAL_S
+    unit = next((name for name, second in _TIME_UNITS.items() if low <= interval_s * second <= high), None)
+    advice = "Check the column of the time stamps." if unit is None else f"They look like {unit}: convert them."
+    raise RecordingError(
+        f"{path}: the time stamps are {interval_s:.3g} apart, expected seconds, from {_SHORTEST_INTERVAL_S:g} to "
+        f"{_LONGEST_INTERVAL_S:g} apart. {advice}"
+    )
+
+
 def refuse_mixed_units(path: Path, time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
-    """Refuse positions and velocities of one recording that are not in the same unit.
+    """Refuse positions, velocities and time stamps of one recording whose units do not belong together.
 
     Args:
         path: The file, for the message.
@@ -259,12 +288,18 @@ def refuse_mixed_units(path: Path, time_s: FloatArray, position: FloatArray, vel
         velocity: (N, n) velocities that should be in rad/s.
 
     Raises:
-        RecordingError: one of the two is in degrees.
+        RecordingError: positions or velocities are in degrees, or the time is not in seconds.
     """
     step_s = np.diff(time_s)
     moved = np.abs(np.diff(position, axis=0)).sum()
     reported = np.abs(0.5 * (velocity[1:] + velocity[:-1]) * step_s[:, None]).sum()
     ratio = moved / reported if reported > 0.0 else 1.0
+    for unit, second in _TIME_UNITS.items():
+        if 0.8 < ratio / second < 1.25:
+            raise RecordingError(
+                f"{path}: the positions change {ratio:.3g} times as fast as the velocities say. "
+                f"The time stamps look like {unit}: convert them to seconds."
+            )
     degree = np.pi / 180.0
     if 0.8 < ratio * degree < 1.25 or 0.8 < ratio / degree < 1.25:
         wrong = "positions" if ratio > 1.0 else "velocities"

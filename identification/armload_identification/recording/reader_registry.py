@@ -10,6 +10,7 @@ from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.csv_reader import open_csv
 from armload_identification.recording.reader import ReaderFactory, RecordingReader
 from armload_identification.recording.run_format import MAGIC
+from armload_identification.storage.read_file import require_regular
 
 
 def open_mcap(path: Path, start: bytes, columns: CsvColumns | None) -> RecordingReader | None:
@@ -38,6 +39,7 @@ def reader_of(path: Path, columns: CsvColumns | None) -> RecordingReader:
         RecordingError: the file cannot be opened, is empty, or is of no known format.
     """
     try:
+        require_regular(path)
         with path.open("rb") as file:
             start = file.read(_START_BYTES)
             blank = not start.strip() and not any(rest.strip() for rest in iter(lambda: file.read(_START_BYTES), b""))

@@ -61,7 +61,7 @@ class RecordingSource:
         """
         try:
             run = json.loads(self.attachments.get(RUN_ATTACHMENT, "{}"))
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             run = error
         if not isinstance(run, dict):
             raise RecordingError(

@@ -28,6 +28,8 @@ ABOVE_BAND: Final = "the signal above the motion's band"
 _NO_MOTION_RAD: Final = 0.01
 _STANDING: Final = 0.02
 """Below this share of the greatest speed the arm stands; only what lies between is motion."""
+_MOST_HOLES: Final = 10
+"""Equidistant samples that a run may need for each that it has."""
 _HOLE: Final = 0.25
 """Samples further apart than this share of the low-pass' shortest period leave a hole."""
 
@@ -224,8 +226,17 @@ class TimedRun:
         Args:
             start_s: Earliest time since the run's first sample.
             end_s: Latest.
+
+        Raises:
+            RecordingError: nearly all of the run is missing.
         """
         interval_s = float(np.median(np.diff(self.run.time_s)))
+        if (end_s - start_s) / interval_s > _MOST_HOLES * self.run.size:
+            raise RecordingError(
+                f"{self.run.source.path}: {self.run.size} rows, mostly {interval_s:.3g} s apart, in "
+                f"{end_s - start_s:.3g} s: most of the motion is missing. "
+                "Record it again, or give a part without holes."
+            )
         elapsed = start_s + np.arange(int((end_s - start_s) / interval_s), dtype=np.float64) * interval_s
         velocity = self.path.spline.derivative()(elapsed)
         speed = np.abs(velocity).max(axis=1)

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationErr
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from armload_identification.storage.read_file import read_whole
 from armload_identification.storage.replace_file import replace_file
 
 FileErrorClass = Callable[[str, str, object, str], Exception]
@@ -84,10 +85,10 @@ def read_text(path: Path, error: FileErrorClass) -> str:
         error: What is raised.
 
     Raises:
-        Exception: made by `error`; no such file, no permission, or not UTF-8.
+        Exception: made by `error`; no such file, no permission, a pipe or device, too large, or not UTF-8.
     """
     try:
-        return path.read_bytes().decode("utf-8")
+        return read_whole(path).decode("utf-8")
     except OSError as problem:
         raise error(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.markup import escape
 from rich.table import Table
 
 from armload_drivers.bring_up.drive_check import Check, DriveSafety, Verdict
@@ -22,7 +21,7 @@ def found_table(found: list[FoundNode]) -> Table:
     for heading in ("node", "device", "vendor", "product", "revision", "modes", "lacks for safety"):
         table.add_column(heading)
     for node in found:
-        kind = escape(node.name) or ("CiA 402 drive" if node.is_drive else "no CiA 402 drive")
+        kind = node.name or ("CiA 402 drive" if node.is_drive else "no CiA 402 drive")
         identity = node.identity
         numbers = (identity.vendor_id, identity.product_code, identity.revision)
         modes = " ".join(MODE_NAMES.get(mode, str(mode)) for mode in node.modes)
@@ -43,7 +42,7 @@ def check_table(rows: Sequence[Check]) -> Table:
         table.add_column(heading, overflow="fold")
     for row in rows:
         verdict = f"[{_COLOURS[row.verdict]}]{row.verdict.value}[/]"
-        table.add_row(row.joint, str(row.node_id), row.step, verdict, escape(row.detail))
+        table.add_row(row.joint, str(row.node_id), row.step, verdict, row.detail)
     return table
 
 
@@ -55,7 +54,7 @@ def safety_table(drives: Sequence[DriveSafety]) -> Table:
     for drive in drives:
         for number, finding in enumerate(drive.findings):
             joint = f"{drive.joint} ({drive.node_id})" if not number else ""
-            table.add_row(joint, escape(finding.of.value.title), *_safety_cells(finding), end_section=False)
+            table.add_row(joint, finding.of.value.title, *_safety_cells(finding), end_section=False)
         table.add_section()
     return table
 
@@ -66,7 +65,7 @@ def _safety_cells(finding: SafetyFinding) -> tuple[str, str]:
         return "[green]ok[/]", escape(f"{finding.way.text}: {finding.way.verified}")
     what = f"{finding.found}. Lost: {finding.of.value.lost}. {finding.of.value.remedy}"
     if finding.accepted:
-        return "[yellow]accepted[/]", escape(what)
+        return "[yellow]accepted[/]", what
     return "[red]missing[/]", escape(f'{what}. Then name "{finding.of.key}" in accept_missing')
 
 
@@ -78,7 +77,7 @@ def status_table(status: ArmStatus) -> Table:
         table.add_column(heading, no_wrap=heading == "joint")
     for drive in status.drives:
         if drive.state is None:
-            table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, escape(drive.trouble))
+            table.add_row(drive.joint, str(drive.node_id), "?", "", "", *[""] * warm, drive.trouble)
             continue
         position = "-" if drive.position_rad is None else f"{drive.position_rad:+.5f}"
         effort = "-" if drive.effort is None else f"{drive.effort:+.3f} {drive.effort_unit}"

@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -110,6 +111,16 @@ def test_a_full_disk_is_named(tmp_path):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     assert not path.exists()
+
+
+def test_a_folder_that_went_away_is_named(tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    recorder = Recorder(folder / "a.mcap", {})
+    recorder.write(feedback(1), COMMAND, Segment.APPROACH, None)
+    shutil.rmtree(folder)
+    with pytest.raises(RecordingFailed, match=r"a\.partial\.mcap could not be written: No such file"):
+        recorder.__exit__(None, None, None)
 
 
 def test_a_run_of_which_nothing_was_recorded_leaves_no_file(tmp_path):

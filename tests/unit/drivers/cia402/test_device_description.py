@@ -1,5 +1,6 @@
 """Device descriptions: oddities are reported with section and key, other files are refused, nothing else happens."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -190,6 +191,11 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
         file.truncate(LARGEST_BYTES + 1)
     with pytest.raises(DescriptionError, match="larger than"):
         read_description(huge)
+    pipe = tmp_path / "pipe.eds"
+    os.mkfifo(pipe)
+    for endless in (pipe, Path("/dev/zero"), tmp_path):
+        with pytest.raises(DescriptionError, match="no regular file; give an EDS or DCF file"):
+            read_description(endless)
 
 
 def test_a_flood_of_warnings_is_counted():

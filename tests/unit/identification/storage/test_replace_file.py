@@ -2,10 +2,19 @@
 
 import errno
 import os
+import re
+import resource
 import stat
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+import armload_controller
+import armload_identification
+from armload_identification.excitation.excitation_file import read_excitation, write_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.identification_errors import ExcitationFileError
 from armload_identification.storage.replace_file import replace_file
 
 
@@ -73,3 +82,33 @@ def test_a_pipe_is_written_to_and_not_replaced(tmp_path):
     finally:
         os.close(reader)
     assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_on_a_full_disk_the_earlier_file_stays(tmp_path):
+    """The kernel refuses to write more than so many bytes into a file, as it does where the disk is full."""
+    path = tmp_path / "excitation.toml"
+    small, large = (
+        Excitation(FourierTrajectory(0.1, np.zeros(6), np.ones((6, k)), np.ones((6, k))), 3) for k in (1, 99)
+    )
+    write_excitation(path, small)
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+    try:
+        with pytest.raises(ExcitationFileError, match=r"excitation\.toml.*cannot be written: File too large"):
+            write_excitation(path, large)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert read_excitation(path).trajectory.harmonics == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["excitation.toml"]
+
+
+def test_every_result_is_written_whole():
+    """No module of identification or controller writes a file in another way; recordings grow while they run."""
+    direct = re.compile(r"write_text\(.*utf|\.write_text\(|\.write_bytes\(|open\(.*[\"'][wxa]b?\+?[\"']")
+    found = {
+        str(file.relative_to(Path(package.__path__[0])))
+        for package in (armload_identification, armload_controller)
+        for file in Path(package.__path__[0]).rglob("*.py")
+        if any(direct.search(line) and ">>>" not in line for line in file.read_text().splitlines())
+    }
+    assert found == {"storage/replace_file.py", "cycle/run_recorder.py"}

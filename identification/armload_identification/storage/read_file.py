@@ -1,0 +1,46 @@
+"""Reading a file that somebody gave: at once where it is a file, and never without end."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import Final
+
+LARGEST_BYTES: Final = 2**24
+"""Of a file of settings or results; the largest that are written have some 100 kB."""
+
+
+def require_regular(path: Path) -> None:
+    """Refuse what is no regular file: opening a pipe waits for a writer, and a device may have no end.
+
+    Args:
+        path: The file; a symbolic link is followed.
+
+    Raises:
+        OSError: there is no such file, or it is a folder, a pipe, a socket or a device.
+    """
+    mode = path.stat().st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "a pipe or device, no regular file", str(path))
+
+
+def read_whole(path: Path, largest_bytes: int = LARGEST_BYTES) -> bytes:
+    """The content of a file.
+
+    Args:
+        path: The file.
+        largest_bytes: More than that is refused.
+
+    Raises:
+        OSError: it cannot be read, is no regular file, or is larger.
+    """
+    require_regular(path)
+    with path.open("rb") as file:
+        data = file.read(largest_bytes + 1)
+    if len(data) > largest_bytes:
+        raise OSError(errno.EFBIG, f"larger than {largest_bytes} bytes, so not a file of this kind", str(path))
+    return data

@@ -1,0 +1,51 @@
+"""No text from a file moves the cursor, changes colours or is taken for markup."""
+
+from __future__ import annotations
+
+import io
+import json
+
+from rich.table import Table
+
+from armload_controller.cli.output.json_output import print_document
+from armload_controller.cli.printable_console import PrintableConsole, printable
+from armload_controller.cli.screen import Screen
+
+HOSTILE = "joint\x1b[2J\x9b31m\x07\r\x00 [red]ä[/] \u202eexe\udc80\t|"
+READABLE = r"joint\u001b[2J\u009b31m\u0007\u000d\u0000 [red]ä[/] \u202eexe\udc80" + "\t|"
+
+
+def test_control_characters_are_written_out():
+    assert printable(HOSTILE) == READABLE
+    assert printable("two\nlines") == "two\nlines"
+
+
+def test_steps_errors_tables_and_bars_are_printable(capsys):
+    screen = Screen()
+    screen.step(HOSTILE)
+    screen.errors.print(HOSTILE, style="bold red", soft_wrap=True)
+    table = Table(title=HOSTILE.replace("\t", ""))
+    table.add_column(HOSTILE.replace("\t", ""))
+    table.add_row(HOSTILE.replace("\t", ""))
+    screen.table(table)
+    with screen.track(HOSTILE.replace("\t", ""), 1) as done:
+        done(1)
+    shown = capsys.readouterr()
+    for text, times in ((shown.out, 5), (shown.err, 1)):
+        assert text.count(r"joint\u001b[2J\u009b31m\u0007\u000d\u0000 [red]ä[/] \u202eexe\udc80") == times
+        assert not set(text) & set("\x1b\x9b\x07\x00\u202e\udc80")
+
+
+def test_a_terminal_gets_the_programs_own_colours_only():
+    shown = io.StringIO()
+    PrintableConsole(file=shown, force_terminal=True, width=200).print("a\x1b[5mb", style="red")
+    assert r"a\u001b[5mb" in shown.getvalue()
+    assert "\x1b[5m" not in shown.getvalue()
+    assert "\x1b[31m" in shown.getvalue()
+
+
+def test_a_document_says_the_same_without_control_characters(capsys):
+    print_document({"name": HOSTILE, "path": "\\\x9b"})
+    text = capsys.readouterr().out
+    assert json.loads(text) == {"name": HOSTILE, "path": "\\\x9b"}
+    assert not set(text) & set("\x1b\x9b\x7f\u202e")
