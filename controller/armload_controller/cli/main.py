@@ -21,6 +21,7 @@ from armload_controller.cli.commands.drives_command import drives
 from armload_controller.cli.commands.export_command import export
 from armload_controller.cli.commands.feedforward_command import feedforward
 from armload_controller.cli.commands.identify_command import identify
+from armload_controller.cli.commands.init_command import init
 from armload_controller.cli.commands.report_command import report
 from armload_controller.cli.commands.simulate_command import simulate
 from armload_controller.cli.commands.validate_command import validate
@@ -40,6 +41,7 @@ for command in (
     report,
     compare,
     calibrate,
+    init,
     simulate,
     design,
     export,

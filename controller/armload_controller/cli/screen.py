@@ -103,16 +103,19 @@ class Screen:
             *times,
         ]
 
+    def ask(self, question: str) -> str:
+        """Ask for a text; no answer, as without a keyboard, is an empty one."""
+        try:
+            return self.console.input(question, markup=False)
+        except EOFError:
+            self.step("")
+            return ""
+
     def confirm(self, question: str) -> bool:
         """Ask; no answer, as without a keyboard, is no."""
         if self._keyboard is not None:
             self._keyboard.forget()
-        try:
-            answer = self.console.input(f"{question} [y/N] ", markup=False)
-        except EOFError:
-            self.step("")
-            return False
-        return answer.strip().lower() in {"y", "yes"}
+        return self.ask(f"{question} [y/N] ").strip().lower() in {"y", "yes"}
 
 
 def attended() -> bool:

@@ -140,6 +140,8 @@ class Robot:
                 f"{path} was recorded on {name}, not on {self.name}: give the robot it was recorded on, or its "
                 "recordings"
             )
+        if recording.torque_nm is None:
+            self.drives.require_current_gains(str(path))
         if set(self.joint_names) & set(recording.joint_names):
             return recording.named_joints(self.joint_names)
         check_joints(recording, self.n)

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from armload_controller.config.robot_source import RobotSource
+from armload_controller.config.tables.joint_table import JointTable
 from armload_core.arrays import FloatArray
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings
@@ -69,12 +70,13 @@ class RobotDrives:
         """How motor currents become joint torques.
 
         Raises:
-            ConfigurationError: a joint has no torque constant and its drive sends no torque.
+            ConfigurationError: a joint's drive reports current and the joint has no torque constant, or a joint has
+                one of gear ratio and torque constant only.
         """
         gains = []
         for number, joint in enumerate(self.source.tables.joints, start=1):
-            if joint.drive is not None and joint.drive.feedback == "torque":
-                gains.append(1.0)  # never applied: such recordings hold torque, not current
+            if self._reports_torque(joint):
+                gains.append(1.0)  # never applied: such recordings hold torque, see require_current_gains
                 continue
             for key in ("gear_ratio", "torque_constant_nm_a"):
                 if getattr(joint, key) is None:
@@ -83,6 +85,31 @@ class RobotDrives:
                     )
             gains.append(float(joint.gear_ratio or 0) * float(joint.torque_constant_nm_a or 0))
         return Transmission(np.array(gains), self.coupling)
+
+    def require_current_gains(self, recording: str) -> None:
+        """Refuse a recording of currents where the file does not say what torque they are.
+
+        Args:
+            recording: What messages call it.
+
+        Raises:
+            ConfigurationError: naming the first key that is missing.
+        """
+        for number, joint in enumerate(self.source.tables.joints, start=1):
+            if self._reports_torque(joint):
+                raise self.source.refused(
+                    f"joints[{number}].torque_constant_nm_a",
+                    joint.torque_constant_nm_a,
+                    f"needed, with gear_ratio: {recording} holds motor currents, and this joint is configured as one "
+                    "whose torque is reported",
+                )
+
+    @staticmethod
+    def _reports_torque(joint: JointTable) -> bool:
+        """Whether recordings of a joint hold torque: its drive says so, or nothing is known of a motor."""
+        if joint.drive is not None:
+            return joint.drive.feedback == "torque"
+        return joint.gear_ratio is None and joint.torque_constant_nm_a is None
 
     @property
     def coupling(self) -> FloatArray:

@@ -1,7 +1,7 @@
 """Collision geometry of a URDF: how near an arm's links come to each other and to what stands around it.
 
-Boxes, cylinders, spheres and meshes, as the file has them; a mesh counts as its convex hull, which holds it. Needs
-Pinocchio with coal (the `urdf` extra); nothing here is loaded before a URDF is named.
+Boxes, cylinders, spheres and meshes, as the file has them; a mesh counts as its convex hull, which holds it. Joints of
+the file that the arm does not have stand at zero.
 
 Between the samples. The distance of two rigid bodies changes at most as fast as the points of one move in the frame of
 the other. For links a < b only the joints between them matter, and a point of b at a distance r from its joint moves at
@@ -17,13 +17,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.derivative_bounds import rate_bounds
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.urdf_geometry import load_urdf_geometry
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 
@@ -62,28 +62,27 @@ class Meshes:
         keep_m: float,
         touching: tuple[tuple[str, str], ...] = (),
     ) -> None:
-        self._pin, self._coal = _load(file)
+        loaded = load_urdf_geometry(file, joint_names)
+        self._pin, self._coal, self._model, self._geometry = loaded.pin, loaded.coal, loaded.model, loaded.geometry
         self.keep_m = max(keep_m, SURPLUS_M)
         self.least_m = self.keep_m - 0.5 * SURPLUS_M
-        try:
-            self._model = self._pin.buildModelFromUrdf(str(file))
-            self._geometry = self._pin.buildGeomFromUrdf(
-                self._model, str(file), self._pin.GeometryType.COLLISION, package_dirs=[str(file.parent)]
-            )
-        except (ValueError, RuntimeError) as error:
-            raise ModelError(f"{file}: {error}. Expected a URDF with its meshes beside it") from error
         self._require_same_arm(file, chain, joint_names)
         self._data = self._model.createData()
         for body in self._geometry.geometryObjects:
             self._make_solid(file, body)
         links = [self._model.frames[body.parentFrame].name for body in self._geometry.geometryObjects]
-        self._pair(_connected(file) | _known(file, touching, links), links)
+        self._pair(loaded.connected | _known(file, touching, links), links)
         self._placements = self._geometry.createData()
 
     @property
     def names(self) -> tuple[str, ...]:
         """What each distance lies between."""
         return self._names
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """The links that each distance lies between."""
+        return self._pairs
 
     def distances(self, q: FloatArray) -> FloatArray:
         """Distance of every pair.
@@ -138,8 +137,8 @@ class Meshes:
         found = tuple(model.names)[1:]
         if found != joint_names or model.nq != chain.n:
             raise ModelError(
-                f"{file}: moving joints {', '.join(found)}; expected {', '.join(joint_names)} in this order, each of "
-                "type revolute, and all others fixed"
+                f"{file}: moving joints {', '.join(found) or 'none'}; expected {', '.join(joint_names)} in this order, "
+                "each of type revolute or continuous"
             )
         data = model.createData()
         for q in np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (_POSES, chain.n)):
@@ -164,11 +163,11 @@ class Meshes:
             body.geometry = shape.convex
         body.geometry.computeLocalAABB()
 
-    def _pair(self, apart: set[frozenset[str]], links: list[str]) -> None:
+    def _pair(self, apart: frozenset[frozenset[str]], links: list[str]) -> None:
         """All pairs of bodies whose links are neither one nor connected, and the reach of their relative motion."""
         bodies = list(self._geometry.geometryObjects)
         offsets = [float(np.linalg.norm(placement.translation)) for placement in self._model.jointPlacements]
-        names, reaches = [], []
+        names, reaches, pairs = [], [], []
         for i, first in enumerate(bodies):
             for k in range(i):
                 low, high = sorted((bodies[k], first), key=lambda body: body.parentJoint)
@@ -177,33 +176,14 @@ class Meshes:
                     continue
                 self._geometry.addCollisionPair(self._pin.CollisionPair(k, i))
                 names.append(f"{links[k]} to {links[i]}")
+                pairs.append((links[k], links[i]))
                 centre = high.placement.act(np.array(high.geometry.aabb_center))
                 lever = float(np.linalg.norm(centre)) + float(high.geometry.aabb_radius)
                 reach = np.zeros(self._model.nq)
                 for joint in range(low.parentJoint + 1, high.parentJoint + 1):
                     reach[joint - 1] = sum(offsets[joint + 1 : high.parentJoint + 1]) + lever
                 reaches.append(reach)
-        self._names, self._reach = tuple(names), reaches
-
-
-def _load(file: Path) -> tuple[Any, Any]:
-    """Pinocchio and coal."""
-    try:
-        import coal
-        import pinocchio
-    except ImportError as error:
-        raise ModelError(f'{file}: a URDF needs Pinocchio with coal: pip install "armload[urdf]"') from error
-    return pinocchio, coal
-
-
-def _connected(file: Path) -> set[frozenset[str]]:
-    """Pairs of links that a joint connects."""
-    try:
-        joints = ElementTree.parse(file).getroot().iter("joint")
-        ends = [(joint.find("parent"), joint.find("child")) for joint in joints]
-    except ElementTree.ParseError as error:
-        raise ModelError(f"{file}: {error}. Expected a URDF") from error
-    return {frozenset((a.attrib["link"], b.attrib["link"])) for a, b in ends if a is not None and b is not None}
+        self._names, self._pairs, self._reach = tuple(names), tuple(pairs), reaches
 
 
 def _known(file: Path, touching: tuple[tuple[str, str], ...], links: list[str]) -> set[frozenset[str]]:

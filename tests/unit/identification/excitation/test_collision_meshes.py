@@ -127,7 +127,7 @@ def test_a_way_through_the_table_is_seen_however_short_the_touch(meshes):
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"names": tuple(f"axis_{i}" for i in range(6))}, "moving joints axis_0.*expected prbt_joint_1"),
+        ({"names": tuple(f"axis_{i}" for i in range(6))}, "moving joints none; expected prbt_joint_1"),
         ({"lift_m": 0.05}, r"prbt_joint_2 turns about another line than \[kinematics\] says, 0.050 m"),
         ({"more": "<nonsense>"}, "Expected a URDF"),
         ({"touching": (("tool", "hand"),)}, "no link 'hand' with a collision geometry; those that have one: base"),
@@ -136,6 +136,30 @@ def test_a_way_through_the_table_is_seen_however_short_the_touch(meshes):
 def test_a_urdf_of_something_else_is_refused(meshes, changes, text):
     with pytest.raises(ModelError, match=text):
         meshes(**changes)
+
+
+def test_joints_that_are_not_the_arms_stand_at_zero(meshes):
+    finger = """<link name="finger"><collision><origin xyz="0 0 {z}"/><geometry><box size="0.01 0.01 0.01"/></geometry>
+</collision></link><joint name="squeeze" type="prismatic"><parent link="tool"/><child link="finger"/>
+<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint>"""
+    names = meshes(finger.format(z=0.1)).names
+    assert "base to finger" in names
+    assert meshes(finger.format(z=0.1)).distances(np.zeros(6)).shape == (len(names),)
+
+
+def test_meshes_of_a_package_are_found_in_a_folder_above(meshes, tmp_path):
+    write_urdf(tmp_path)
+    text = (tmp_path / "arm.urdf").read_text()
+    for name in ("package://my_arm/meshes/tool.stl", f"package://{tmp_path.name}/meshes/tool.stl"):
+        for folder in ("meshes", "urdf"):
+            (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / "meshes" / "tool.stl").write_bytes((tmp_path / "tool.stl").read_bytes())
+        file = tmp_path / "urdf" / "arm.urdf"
+        file.write_text(text.replace("package://tool.stl", name))
+        assert "base to tool" in Meshes(file, PRBT.chain, PRBT.joint_names, KEEP_M).names
+    file.write_text(text.replace("package://tool.stl", "package://my_arm/other.stl"))
+    with pytest.raises(ModelError, match=r"the mesh package://my_arm/other.stl was not found"):
+        Meshes(file, PRBT.chain, PRBT.joint_names, KEEP_M)
 
 
 def test_links_that_may_touch_are_left_out(meshes):

@@ -1,0 +1,191 @@
+"""`armload init`: a first robot file, from a URDF or from answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armload_controller.cli.options import BaseOption, FlangeOption
+from armload_controller.cli.output.output_files import require_folder
+
+if TYPE_CHECKING:
+    from armload_controller.cli.screen import Screen
+    from armload_controller.new_robot.arm_draft import ArmDraft
+    from armload_controller.new_robot.draft_text import DraftedFile
+    from armload_controller.new_robot.drive_drafts import BusDraft
+    from armload_controller.new_robot.workspace_draft import WorkspaceDraft
+
+_ROLES = ("identification", "validation")
+
+
+def init(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Robot file (TOML) to write; excitations beside it.")],
+    urdf: Annotated[
+        Path | None, typer.Argument(metavar="[URDF]", help="URDF of the arm; without one, questions at the terminal.")
+    ] = None,
+    base: BaseOption = None,
+    flange: FlangeOption = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name of the robot, in place of the URDF's.")] = None,
+    payload_kg: Annotated[
+        float | None, typer.Option("--payload-kg", min=1e-3, help="The most that the arm may carry, tool included.")
+    ] = None,
+    scan: Annotated[
+        str | None,
+        typer.Option("--scan", metavar="INTERFACE:CHANNEL", help="Take the drives that answer on a bus. Only reads."),
+    ] = None,
+    bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of that bus in bit/s.")] = 1_000_000,
+    description: Annotated[Path | None, typer.Option("--description", help="EDS or DCF file of the drives.")] = None,
+    restarts: Annotated[int, typer.Option(min=1, help="Random starts of each excitation's design.")] = 8,
+) -> None:
+    """Write a first robot file, complete but for what nothing can know, and design its two excitations."""
+    from armload_controller.cli.screen import Screen, attended
+    from armload_controller.control_errors import ConfigurationError
+    from armload_controller.new_robot.arm_draft import named, within
+    from armload_controller.new_robot.draft_text import draft_file
+
+    screen = Screen()
+    require_folder(output)
+    if output.exists():
+        raise ConfigurationError(str(output), "--output", None, "a file that does not exist: nothing is replaced")
+    if urdf is None and not attended():
+        raise ConfigurationError("command line", "URDF", None, "needed where there is no terminal to ask at")
+    if payload_kg is None and attended():
+        payload_kg = _asked_payload(screen)
+    arm, workspace, meshes = _arm(screen, urdf, base, flange, payload_kg, output)
+    arm = named(arm, name)
+    bus = _bus(arm.n, scan, bitrate, description, output)
+    drafted = draft_file(arm, payload_kg, workspace, meshes, None)
+    excitations = None
+    if drafted.holes or payload_kg is None:
+        screen.step("no excitation is designed: values are missing, see below")
+    else:
+        narrow = draft_file(within(arm, workspace.clear_rad), payload_kg, workspace, meshes, None)
+        excitations = _designed(screen, output, narrow.text, restarts)
+    drafted = draft_file(arm, payload_kg, workspace, meshes, bus, excitations)
+    _write(output, drafted.text)
+    screen.step(f"written: {output}")
+    _show_open_points(screen, drafted)
+    screen.step(_next_step(output, drafted, has_bus=bus is not None, designed=excitations is not None))
+
+
+def _asked_payload(screen: Screen) -> float | None:
+    """What the operator says the arm may carry; None where that is left open."""
+    while True:
+        answer = screen.ask("The most that the arm may carry, tool included, in kg; empty leaves it open: ").strip()
+        if not answer:
+            return None
+        try:
+            mass_kg = float(answer)
+        except ValueError:
+            mass_kg = 0.0
+        if 0.0 < mass_kg < float("inf"):
+            return mass_kg
+        screen.step(f"  {answer!r}: expected a mass above 0")
+
+
+def _arm(
+    screen: Screen, urdf: Path | None, base: str | None, flange: str | None, payload_kg: float | None, output: Path
+) -> tuple[ArmDraft, WorkspaceDraft, str | None]:
+    """The arm, its workspace, and the URDF as the file names it."""
+    from armload_controller.config.urdf_arm import read_urdf_arm
+    from armload_controller.new_robot.arm_draft import draft_of_urdf
+    from armload_controller.new_robot.arm_interview import interviewed
+    from armload_controller.new_robot.draft_text import tool_sphere
+    from armload_controller.new_robot.drive_drafts import path_beside
+    from armload_controller.new_robot.workspace_draft import workspace_of_spheres, workspace_of_urdf
+    from armload_identification.identification_errors import ModelError
+
+    if urdf is None:
+        arm = interviewed(screen.ask, screen.step)
+        return arm, workspace_of_spheres(arm, [], tool_sphere(arm.n, payload_kg)), None
+    found = read_urdf_arm(urdf, base, flange)
+    arm = draft_of_urdf(found)
+    screen.step(f"{urdf}: {arm.n} joints from {found.base} to {found.flange}: {', '.join(arm.joint_names)}")
+    if found.other_joints:
+        screen.step(f"not of the arm, and taken as fixed: {', '.join(found.other_joints)}")
+    tool = tool_sphere(arm.n, payload_kg)
+    try:
+        return arm, workspace_of_urdf(found, arm, tool), path_beside(urdf, output)
+    except ModelError as error:
+        return arm, workspace_of_spheres(arm, [], tool, str(error).removeprefix(f"{urdf}: ")), None
+
+
+def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, output: Path) -> BusDraft | None:
+    """The drives, where something says which they are."""
+    from armload_controller.new_robot.drive_drafts import (
+        BusDraft,
+        bus_address,
+        drives_found,
+        nodes_described,
+        path_beside,
+    )
+    from armload_drivers.bring_up.description_file import read_description
+
+    described = None if description is None else read_description(description)
+    beside = None if description is None else path_beside(description, output)
+    if scan is not None:
+        from armload_controller.session.arm_access import open_bus
+        from armload_drivers.bring_up.inspection import find_nodes
+
+        interface, channel = bus_address(scan)
+        with open_bus(interface, channel, bitrate) as bus:
+            drives = drives_found(find_nodes(bus), n, described)
+        return BusDraft(drives, interface, channel, bitrate, beside, f"as they answered on {scan}")
+    if described is None:
+        return None
+    drives = nodes_described(described, n)
+    nodes = f"nodes {drives[0].node_id} to {drives[-1].node_id} assumed"
+    return BusDraft(drives, "socketcan", "can0", bitrate, beside, f"from {described.source}, {nodes}, on can0")
+
+
+def _designed(screen: Screen, output: Path, text: str, restarts: int) -> tuple[str, str] | None:
+    """Names of the two excitations, designed for the file's text; None where none fits within the limits."""
+    from armload_controller.analysis.robot_excitation import design
+    from armload_identification.identification_errors import ExcitationError
+
+    _write(output, text)
+    names = []
+    for seed, role in enumerate(_ROLES, 1):
+        path = output.with_name(f"{output.stem}_{role}.toml")
+        with screen.track(f"designing the excitation for {role}", restarts) as done:
+            try:
+                excitation = design(str(output), seed=seed, restarts=restarts, progress=done)
+            except ExcitationError as error:
+                screen.step(f"no excitation: {error}")
+                return None
+        excitation.save(path)
+        screen.step(f"written: {path}")
+        names.append(path.name)
+    return names[0], names[1]
+
+
+def _write(output: Path, text: str) -> None:
+    """The file, whole."""
+    from armload_controller.control_errors import ConfigurationError
+    from armload_identification.storage.strict_toml import write_text
+
+    write_text(output, text, ConfigurationError)
+
+
+def _show_open_points(screen: Screen, drafted: DraftedFile) -> None:
+    """What could not be known."""
+    if drafted.holes:
+        screen.step("to be filled in, the file is refused until then:")
+        for place in drafted.holes:
+            screen.step(f"  {place}")
+    screen.step("assumed, to be checked:")
+    for sentence in drafted.unchecked:
+        screen.step(f"  {sentence}")
+
+
+def _next_step(output: Path, drafted: DraftedFile, *, has_bus: bool, designed: bool) -> str:
+    """What to do now."""
+    if drafted.holes:
+        return f"next: fill these in, then `armload drives check {output}`" if has_bus else "next: fill these in"
+    if not designed:
+        return f"next: `armload design {output} --seed 1 --output {output.stem}_identification.toml`"
+    if not has_bus:
+        return f"next: recordings of your own with `armload identify {output} ...`, or the drives in {output}"
+    return f"next: `armload drives check {output}`"

@@ -1,0 +1,360 @@
+"""The text of a first robot file, and the list of what could not be known.
+
+Three kinds of value: known, from the URDF, the bus or answers; `# assumed`, which is safe to begin with and must be
+checked; and a HOLE, a text where a number belongs, so that the file is refused until somebody fills it in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from armload_controller.new_robot.arm_draft import ArmDraft
+from armload_controller.new_robot.drive_drafts import BusDraft, DriveDraft
+from armload_controller.new_robot.workspace_draft import BARE_RADIUS_M, KEEP_M, WorkspaceDraft
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.workspace import Sphere
+from armload_identification.model.payload import InertialParameters
+from armload_identification.storage.toml_text import array, inline, number, text
+
+HOLE: Final = '"FILL IN"'
+"""In place of a number that only the arm's maker or user knows."""
+FULL_SPEED_AFTER_S: Final = 0.5
+JERK_PER_ACCELERATION: Final = 100.0
+NOISE_SHARE: Final = 0.005
+FRICTION_SHARE: Final = 0.1
+BODY_SHARE: Final = 0.5
+DENSITY_KG_M3: Final = 2000.0
+CYCLE_HZ: Final = 100.0
+_WORST_FRICTION: Final = 0.5
+"""Of a joint's torque: no arm has more, so that a URDF which says so has a number from somewhere else."""
+
+
+@dataclass
+class DraftedFile:
+    """A robot's file as text.
+
+    Attributes:
+        holes: What must be filled in before the file is accepted, each with its place.
+        unchecked: What was assumed or left out, one sentence each.
+    """
+
+    holes: list[str] = field(default_factory=list)
+    unchecked: list[str] = field(default_factory=list)
+    _lines: list[str] = field(default_factory=list)
+
+    @property
+    def text(self) -> str:
+        """The file's text."""
+        return "\n".join(self._lines) + "\n"
+
+    def add(self, *lines: str) -> None:
+        """Lines as they are."""
+        self._lines += lines
+
+    def value(self, key: str, value: float, where: str, comment: str = "") -> None:
+        """A number, or a hole where it is NaN."""
+        self.add(f"{key} = {self.number(value, f'{where}.{key}')}" + (f"  # {comment}" if comment else ""))
+
+    def number(self, value: float, place: str) -> str:
+        """TOML of a number; where it is NaN a hole, which is listed."""
+        if np.isnan(value):
+            self.holes.append(place)
+            return HOLE
+        return number(value)
+
+
+def cube(mass_kg: float) -> InertialParameters:
+    """A payload of which the mass is known alone: a cube in front of the flange.
+
+    Args:
+        mass_kg: Mass.
+    """
+    edge = _edge_m(mass_kg)
+    return InertialParameters.from_center_of_mass(
+        mass_kg, np.array([0.0, 0.0, 0.5 * edge]), mass_kg * edge**2 / 6.0 * np.eye(3)
+    )
+
+
+def tool_sphere(n: int, mass_kg: float | None) -> Sphere:
+    """The sphere around that cube; around the flange where no mass is known.
+
+    Args:
+        n: Joints of the arm.
+        mass_kg: Mass of the payload.
+    """
+    edge = 0.1 if mass_kg is None else _edge_m(mass_kg)
+    return Sphere(n + 1, np.array([0.0, 0.0, 0.5 * edge]), 0.87 * edge)
+
+
+def _edge_m(mass_kg: float) -> float:
+    return float((mass_kg / DENSITY_KG_M3) ** (1.0 / 3.0))
+
+
+def draft_file(
+    arm: ArmDraft,
+    payload_kg: float | None,
+    workspace: WorkspaceDraft,
+    urdf: str | None,
+    bus: BusDraft | None,
+    excitations: tuple[str, str] | None = None,
+) -> DraftedFile:
+    """The file of an arm.
+
+    Args:
+        arm: Kinematics, limits, links.
+        payload_kg: The heaviest payload; None where it is not known.
+        workspace: What it must not touch.
+        urdf: The URDF as the file names it, where its meshes are checked.
+        bus: Its drives; None leaves a template.
+        excitations: The files of identification and validation.
+    """
+    file = DraftedFile()
+    file.add(
+        f"# Drafted by `armload init` from {arm.source}.",
+        "# `# assumed`: nothing says so; a careful value to begin with, check it.",
+        f"# {HOLE}: only you or the maker can know it; the file is refused until it is there.",
+        "",
+    )
+    _robot(file, arm, payload_kg)
+    _kinematics(file, arm)
+    _payload(file, payload_kg)
+    _workspace(file, arm.n, workspace, urdf)
+    whole = _whole_body(arm.links)
+    if whole is not None:
+        _body(file, arm, whole)
+    if excitations is not None:
+        file.add(
+            "[excitation]", *(f"{role} = {text(name)}" for role, name in zip(_ROLES, excitations, strict=True)), ""
+        )
+    _bus(file, bus)
+    for joint in range(arm.n):
+        _joint(file, arm, joint, whole is not None, None if bus is None else bus.drives[joint], bus)
+    return file
+
+
+_ROLES = ("identification", "validation")
+
+
+def _robot(file: DraftedFile, arm: ArmDraft, payload_kg: float | None) -> None:
+    file.add("[robot]", f"name = {text(arm.name)}", f"description = {text(arm.description)}")
+    file.value(
+        "rated_payload_kg",
+        np.nan if payload_kg is None else payload_kg,
+        "robot",
+        "the most it may carry, tool included",
+    )
+    gravity = array(np.round(arm.chain.gravity_m_s2, 9) + 0.0)
+    file.add(f"gravity_m_s2 = {gravity}  # assumed: the arm stands upright; another mounting changes this", "")
+    file.unchecked.append(f"gravity: {gravity} m/s2 in the base frame, an arm that stands upright")
+
+
+def _kinematics(file: DraftedFile, arm: ArmDraft) -> None:
+    key = "origins" if arm.convention == "joint-origins" else "rows"
+    file.add("[kinematics]", f"convention = {text(arm.convention)}", f"{key} = [")
+    file.add(*(f"    {row},  # {name}" for row, name in zip(arm.rows, arm.joint_names, strict=True)))
+    file.add("]", f"flange = {arm.flange}  # in the last frame", "")
+
+
+def _payload(file: DraftedFile, payload_kg: float | None) -> None:
+    if payload_kg is None:
+        file.unchecked.append(
+            "payload: give --payload-kg, or fill in [robot] and add [expected_payload]; no excitation without it"
+        )
+        return
+    body = cube(payload_kg)
+    file.add(
+        "# The payload that excitations are designed for and must be safe with. Another one that is heavier goes into",
+        "# [heaviest_payload], with the same keys.",
+        "[expected_payload]",
+        f"mass_kg = {number(payload_kg)}",
+        f"center_of_mass_m = {array(np.round(body.center_of_mass_m, 4))}  # assumed: a cube in front of the flange",
+        f"inertia_kg_m2 = {_tensor(np.round(body.inertia_about_com, 9))}  # assumed",
+        "",
+    )
+    file.unchecked.append(f"payload: the lever of {payload_kg:g} kg, a cube in front of the flange")
+
+
+def _workspace(file: DraftedFile, n: int, workspace: WorkspaceDraft, urdf: str | None) -> None:
+    def link(index: int) -> str:
+        return '"tool"' if index == n + 1 else str(index)
+
+    file.add(
+        "# What the arm must not touch. Spheres in the joint frames, 0 the base's, the tool's in the flange frame.",
+        "[workspace]",
+        f"keep_m = {number(KEEP_M)}  # assumed: clearance to everything",
+        f"floor_height_m = {number(round(workspace.floor_m, 4))}  # assumed: over the base frame",
+        "spheres = [",
+    )
+    for sphere in workspace.spheres:
+        why = (
+            "  # assumed"
+            if sphere.link > n
+            else "  # assumed: no geometry known"
+            if sphere.link in workspace.bare
+            else ""
+        )
+        row = {
+            "link": link(sphere.link),
+            "center_m": array(np.round(sphere.center_m, 4) + 0.0),
+            "radius_m": number(round(sphere.radius_m, 4)),
+        }
+        file.add(f"    {inline(row)},{why}")
+    file.add("]")
+    if workspace.apart:
+        file.add("apart = [", *(f"    [{link(a)}, {link(b)}]," for a, b in workspace.apart), "]")
+    if urdf is not None and workspace.meshes:
+        file.add(f"urdf = {text(urdf)}  # its meshes are checked as well")
+        if workspace.touching:
+            file.add(
+                "urdf_touching = [  # neighbours whose shapes touch in nearly every pose",
+                *(f"    [{text(a)}, {text(b)}]," for a, b in workspace.touching),
+                "]",
+            )
+    file.add("")
+    file.unchecked.append(
+        "surroundings: a floor at the height in [workspace], and nothing else; add walls, tables, fences"
+    )
+    if workspace.bare:
+        numbers = ", ".join(map(str, workspace.bare))
+        file.unchecked.append(f"shape of link {numbers}: a sphere of {BARE_RADIUS_M:g} m around its origin")
+    if workspace.overlapping and not workspace.meshes:
+        pairs = ", ".join(f"{link(a)} and {link(b)}" for a, b in workspace.overlapping)
+        file.unchecked.append(f"links that nothing keeps apart, their spheres overlap in most poses: {pairs}")
+    if workspace.why_no_meshes:
+        file.unchecked.append(f"meshes are not checked: {workspace.why_no_meshes}")
+
+
+def _whole_body(links: Sequence[InertialParameters | None]) -> list[InertialParameters] | None:
+    """The links, where each of them is known."""
+    known = [link for link in links if link is not None]
+    return known if len(known) == len(links) else None
+
+
+def _body(file: DraftedFile, arm: ArmDraft, links: Sequence[InertialParameters]) -> None:
+    file.add("# The arm itself, for the torque that a motion takes.")
+    assumed = set()
+    for joint, link in enumerate(links):
+        coulomb, comment = arm.coulomb_nm[joint], ""
+        if not 0.0 < coulomb < _WORST_FRICTION * np.nan_to_num(arm.torque_max_nm[joint], nan=np.inf):
+            coulomb = round(FRICTION_SHARE * np.nan_to_num(arm.torque_max_nm[joint], nan=0.0), 6)
+            comment = f"  # assumed: {FRICTION_SHARE:.0%} of the greatest torque"
+            assumed.add("friction")
+        viscous = np.nan_to_num(arm.viscous_nm_s_rad[joint], nan=0.0)
+        file.add(
+            "[[body.links]]",
+            f"mass_kg = {number(round(link.mass_kg, 6))}",
+            f"center_of_mass_m = {array(np.round(link.center_of_mass_m, 6) + 0.0)}",
+            f"inertia_kg_m2 = {_tensor(np.round(link.inertia_about_com, 9) + 0.0)}",
+            "reflected_rotor_inertia_kg_m2 = 0.0  # assumed: not known",
+            f"coulomb_nm = {number(coulomb)}{comment}",
+            f"viscous_nm_s_rad = {number(max(viscous, 0.0))}",
+            "",
+        )
+    file.unchecked.append("rotor inertias: none; motions take more torque than the file says")
+    if assumed:
+        file.unchecked.append(f"friction: {FRICTION_SHARE:.0%} of a joint's greatest torque where none is given")
+
+
+def _bus(file: DraftedFile, bus: BusDraft | None) -> None:
+    lines = [
+        "[bus]",
+        f"interface = {text('socketcan' if bus is None else bus.interface)}",
+        f"channel = {text('can0' if bus is None else bus.channel)}",
+        f"bitrate = {1_000_000 if bus is None else bus.bitrate}",
+        f"cycle_hz = {CYCLE_HZ}  # assumed",
+        "heartbeat_s = 0.1  # assumed",
+        "max_missing_cycles = 3  # assumed",
+    ]
+    if bus is None:
+        file.add("# To move this arm over CANopen, take away the # in front of [bus] and of every [joints.drive].")
+        lines = [f"# {line}" for line in lines]
+        file.unchecked.append(
+            "drives: a template in comments; `armload init --scan INTERFACE:CHANNEL` or --description x.eds fills it"
+        )
+    else:
+        file.unchecked.append(f"drives: {bus.source}; the order of the nodes is assumed, lowest at the base")
+    file.add(*lines, "")
+
+
+def _joint(
+    file: DraftedFile, arm: ArmDraft, joint: int, has_body: bool, drive: DriveDraft | None, bus: BusDraft | None
+) -> None:
+    where = f"joints[{joint + 1}]"
+    lower, upper = float(arm.position_min_rad[joint]), float(arm.position_max_rad[joint])
+    speed, torque = float(arm.velocity_max_rad_s[joint]), float(arm.torque_max_nm[joint])
+    endless = ""
+    if np.isinf(lower) or np.isinf(upper):
+        lower, upper, endless = -3.14159, 3.14159, "assumed: it turns without end, its cables may not"
+        file.unchecked.append(f"{arm.joint_names[joint]}: turns without end; one turn is assumed")
+    file.add("[[joints]]", f"name = {text(arm.joint_names[joint])}")
+    file.value("position_min_rad", lower, where, endless)
+    file.value("position_max_rad", upper, where, endless)
+    file.value("velocity_max_rad_s", speed, where)
+    acceleration = speed / FULL_SPEED_AFTER_S
+    file.value("acceleration_max_rad_s2", acceleration, where, f"assumed: full speed after {FULL_SPEED_AFTER_S:g} s")
+    file.value("jerk_max_rad_s3", JERK_PER_ACCELERATION * acceleration, where, "assumed")
+    file.value("torque_max_nm", torque, where)
+    if not has_body:
+        file.add(f"arm_torque_share = {BODY_SHARE}  # assumed: what the arm itself takes of its torque")
+    file.value("torque_noise_nm", NOISE_SHARE * torque, where, "assumed: one raw sample at 100 Hz")
+    if joint == 0:
+        file.unchecked.append(
+            f"accelerations (full speed after {FULL_SPEED_AFTER_S:g} s), jerks and the noise of the torque"
+        )
+        if not has_body:
+            file.unchecked.append(f"what the arm itself takes of its joints' torque: {BODY_SHARE:.0%}")
+    file.add("")
+    _drive(file, where, joint, drive, bus)
+
+
+def _drive(file: DraftedFile, where: str, joint: int, drive: DriveDraft | None, bus: BusDraft | None) -> None:
+    """The drive's table, or the template of one in comments."""
+    lines = ["[joints.drive]"]
+
+    def add(key: str, value: str | None, comment: str = "") -> None:
+        if value is None and drive is not None:
+            file.holes.append(f"{where}.drive.{key}")
+        lines.append(f"{key} = {value or HOLE}" + (f"  # {comment}" if comment else ""))
+
+    known = drive or DriveDraft(joint + 1, None, None, None, None, None, ())
+    add("node_id", str(known.node_id))
+    add("mode", None if known.mode is None else text(known.mode), '"csp" or "ip"')
+    add("feedback", None if known.feedback is None else text(known.feedback), '"torque" (6077) or "current" (6078)')
+    permille = known.max_torque_permille
+    add("max_torque_permille", None if permille is None else str(permille), "6072, per mille of the rated torque")
+    add("following_error_rad", "0.1", "assumed: further off, the drive stops")
+    add("has_brake", None, "true or false")
+    if known.torque_offset is False:
+        add("torque_offset", "false", "no 60B2: no feed-forward")
+    if known.missing:
+        listed = ", ".join(text(name) for name in known.missing)
+        lines.append(
+            f"# accept_missing = [{listed}]  # the drive lacks these; see drivers/README.md before you accept it"
+        )
+        if joint == 0:
+            file.unchecked.append(f"the drives lack objects that safety rests on: {', '.join(known.missing)}")
+    lines.append(
+        "# counts_per_axis_turn, rated_torque_nm, rated_current_a: read from the drive where they are left out"
+    )
+    if known.feedback == "current":
+        file.holes += [f"{where}.gear_ratio", f"{where}.torque_constant_nm_a"]
+        lines[:0] = [
+            f"gear_ratio = {HOLE}  # motor turns per axis turn",
+            f"torque_constant_nm_a = {HOLE}  # of the motor, N m per ampere as 6078 counts it",
+        ]
+    if bus is not None and bus.description is not None:
+        lines.append(f"description = {text(bus.description)}")
+    if known.identity is not None:
+        numbers = {"vendor_id": known.identity.vendor_id, "product_code": known.identity.product_code}
+        lines.append(f"identity = {inline({key: f'0x{value or 0:08X}' for key, value in numbers.items()})}")
+    file.add(*(lines if drive is not None else [f"# {line}".replace("# #", "#") for line in lines]), "")
+
+
+def _tensor(inertia: FloatArray) -> str:
+    """TOML of a tensor."""
+    keys = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+    return inline({key: number(inertia[place]) for key, place in keys.items()})

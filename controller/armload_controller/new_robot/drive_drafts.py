@@ -1,0 +1,158 @@
+"""First `[joints.drive]` tables: from the drives that answer on a bus, from a device description, or as a template."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from armload_controller.control_errors import ConfigurationError
+from armload_drivers.bring_up.drive_objects import SAFETY
+from armload_drivers.bring_up.inspection import FoundNode
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import Identity, OperationMode
+from armload_drivers.cia402.device_description import DeviceDescription
+
+DEFAULT_FOLLOWING_RAD: Final = 0.1
+DEFAULT_BITRATE: Final = 1_000_000
+
+
+@dataclass(frozen=True)
+class DriveDraft:
+    """One joint's drive as far as it is known.
+
+    Attributes:
+        node_id: Its node.
+        identity: 1018; None where not known.
+        mode: "csp" or "ip"; None where it offers neither, or does not say.
+        feedback: "torque" or "current"; None where it is not known which it reports.
+        torque_offset: Whether it has 60B2; None where it is not known.
+        max_torque_permille: What 6072 holds after a reset; None where it is not known.
+        missing: Objects that safety rests on and that it lacks, as "6007".
+    """
+
+    node_id: int
+    identity: Identity | None
+    mode: str | None
+    feedback: str | None
+    torque_offset: bool | None
+    max_torque_permille: int | None
+    missing: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BusDraft:
+    """The drives of an arm, and the bus that they are on.
+
+    Attributes:
+        drives: One per joint, from the base to the flange.
+        interface: python-can interface.
+        channel: Its channel.
+        bitrate: In bit/s.
+        description: The device description, as the robot's file will name it; None without one.
+        source: What is known comes from here, in words.
+    """
+
+    drives: tuple[DriveDraft, ...]
+    interface: str
+    channel: str
+    bitrate: int
+    description: str | None
+    source: str
+
+
+def drives_found(nodes: Sequence[FoundNode], n: int, described: DeviceDescription | None) -> tuple[DriveDraft, ...]:
+    """The drives that answered, lowest node id at the base.
+
+    Args:
+        nodes: Everything that answered.
+        n: Joints of the arm.
+        described: Their device description, where there is one.
+
+    Raises:
+        ConfigurationError: another number of CiA 402 drives than the arm has joints.
+    """
+    drives = sorted((node for node in nodes if node.is_drive), key=lambda node: node.node_id)
+    if len(drives) != n:
+        listed = ", ".join(str(node.node_id) for node in drives) or "none"
+        raise ConfigurationError(
+            "command line",
+            "--scan",
+            f"{len(drives)} CiA 402 drives (nodes {listed})",
+            f"one per joint, {n} in this arm",
+        )
+    found = []
+    for node in drives:
+        known = None if described is None else drive_described(described, node.node_id)
+        found.append(
+            DriveDraft(
+                node_id=node.node_id,
+                identity=node.identity if node.identity.vendor_id is not None else None,
+                mode=_mode(node.modes),
+                feedback=None if known is None else known.feedback,
+                torque_offset=None if known is None else known.torque_offset,
+                max_torque_permille=None if known is None else known.max_torque_permille,
+                missing=node.missing,
+            )
+        )
+    return tuple(found)
+
+
+def drive_described(description: DeviceDescription, node_id: int) -> DriveDraft:
+    """What a device description says of one drive.
+
+    Args:
+        description: The description.
+        node_id: The drive's node.
+    """
+    vendor, product = description.vendor_id, description.product_code
+    modes = description.value(od.SUPPORTED_MODES, node_id) or 0
+    torque, current = (description.find(entry) is not None for entry in (od.TORQUE_ACTUAL, od.CURRENT_ACTUAL))
+    return DriveDraft(
+        node_id=node_id,
+        identity=None if vendor is None or product is None else Identity(vendor, product),
+        mode=_mode(tuple(number + 1 for number in range(32) if modes >> number & 1)),
+        feedback="torque" if torque else "current" if current else None,
+        torque_offset=description.find(od.TORQUE_OFFSET) is not None,
+        max_torque_permille=description.value(od.MAX_TORQUE, node_id) or None,
+        missing=tuple(
+            f"{index:04X}" for index in sorted(SAFETY) if not any(key >> 8 == index for key in description.objects)
+        ),
+    )
+
+
+def nodes_described(description: DeviceDescription, n: int) -> tuple[DriveDraft, ...]:
+    """The same drive at every joint, nodes counted from the base; from 1 on, or from the node of a DCF.
+
+    Args:
+        description: The description.
+        n: Joints of the arm.
+    """
+    first = description.node_id or 1
+    return tuple(drive_described(description, first + joint) for joint in range(n))
+
+
+def bus_address(text: str) -> tuple[str, str]:
+    """Interface and channel of INTERFACE:CHANNEL.
+
+    Raises:
+        ConfigurationError: it is not of this form.
+    """
+    interface, colon, channel = text.partition(":")
+    if not interface or not colon or not channel:
+        raise ConfigurationError("command line", "--scan", text, "INTERFACE:CHANNEL, such as socketcan:can0")
+    return interface, channel
+
+
+def path_beside(file: Path, output: Path) -> str:
+    """A file's path as a robot's file in another folder names it."""
+    return Path(os.path.relpath(file.resolve(), output.resolve().parent)).as_posix()
+
+
+def _mode(modes: tuple[int, ...]) -> str | None:
+    """The mode that armload would drive in."""
+    if OperationMode.CYCLIC_SYNCHRONOUS_POSITION in modes:
+        return "csp"
+    return "ip" if OperationMode.INTERPOLATED_POSITION in modes else None

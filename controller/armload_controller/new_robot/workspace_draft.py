@@ -1,0 +1,196 @@
+"""A first `[workspace]` from a URDF's collision geometry: spheres, floor, what is kept apart, which meshes may touch.
+
+Whether two links can be kept apart is seen in random poses: parts that overlap in nearly all of them are neighbours
+that their shapes, coarse as they are, make touch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from armload_controller.config.urdf_arm import UrdfArm
+from armload_controller.new_robot.arm_draft import ArmDraft
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.collision_meshes import Meshes
+from armload_identification.excitation.enclosing_spheres import enclosing_spheres
+from armload_identification.excitation.urdf_geometry import load_urdf_geometry
+from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
+from armload_identification.identification_errors import ModelError
+
+KEEP_M: Final = 0.02
+"""Clearance to everything."""
+BARE_RADIUS_M: Final = 0.05
+"""Around the origin of a link without a geometry."""
+_POSES: Final = 200
+_MESH_POSES: Final = 40
+_SEED: Final = 1
+_MOSTLY: Final = 0.5
+"""Share of the poses in which spheres must be clear to be kept apart: others would forbid most of the joints' range."""
+_BOXES: Final = (1.0, 0.7, 0.5, 0.35, 0.25)
+"""Shares of the joints' ranges that are tried, the widest first."""
+_CLEAR: Final = 0.95
+"""Share of a box's poses that must be clear."""
+_TOUCHES: Final = 0.9
+"""Share of the poses from which two meshes are neighbours that touch."""
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceDraft:
+    """What a `[workspace]` is written from.
+
+    Attributes:
+        spheres: Around every link and the tool.
+        bare: Links whose sphere stands for no geometry.
+        floor_m: Height of the floor over the base frame.
+        apart: Pairs of links that are kept apart.
+        overlapping: Pairs that are not, because their spheres overlap in most poses.
+        meshes: Whether the URDF's meshes are checked as well.
+        touching: Pairs of the URDF's links that may touch.
+        why_no_meshes: Why they are not; empty where they are.
+        clear_rad: (2, n) least and greatest positions between which, as far as random poses show, nothing comes too
+            close; where an excitation can be found.
+    """
+
+    spheres: tuple[Sphere, ...]
+    bare: tuple[int, ...]
+    floor_m: float
+    apart: tuple[tuple[int, int], ...]
+    overlapping: tuple[tuple[int, int], ...]
+    meshes: bool
+    touching: tuple[tuple[str, str], ...]
+    why_no_meshes: str
+    clear_rad: FloatArray
+
+
+def workspace_of_urdf(arm: UrdfArm, draft: ArmDraft, tool: Sphere) -> WorkspaceDraft:
+    """The workspace of a URDF's arm.
+
+    Args:
+        arm: The arm.
+        draft: The same, for its ranges.
+        tool: Around what the flange carries.
+
+    Raises:
+        ModelError: the geometry cannot be loaded.
+    """
+    loaded = load_urdf_geometry(Path(arm.file), arm.joint_names)
+    model = loaded.model
+    base = model.frames[model.getFrameId(arm.base, loaded.pin.FrameType.BODY)].placement
+    found = [
+        Sphere(s.link, base.rotation.T @ (s.center_m - base.translation), s.radius_m) if s.link == 0 else s
+        for s in enclosing_spheres(loaded)
+    ]
+    workspace = workspace_of_spheres(draft, found, tool)
+    if not np.allclose(base.homogeneous, np.eye(4), atol=1e-9):
+        return replace(workspace, why_no_meshes=f"the arm begins at {arm.base}, which is not the URDF's root")
+    try:
+        meshes = Meshes(Path(arm.file), arm.chain, arm.joint_names, KEEP_M)
+    except ModelError as error:
+        return replace(workspace, why_no_meshes=str(error).removeprefix(f"{arm.file}: "))
+    near = np.mean([meshes.distances(q) < meshes.keep_m for q in _poses(draft, _MESH_POSES)], axis=0)
+    touching = tuple(pair for pair, share in zip(meshes.pairs, near, strict=True) if share >= _TOUCHES)
+    ordered = tuple(sorted({(a, b) if a < b else (b, a) for a, b in touching}))
+    checked = Meshes(Path(arm.file), arm.chain, arm.joint_names, KEEP_M, ordered)
+    return replace(
+        workspace, meshes=True, touching=ordered, why_no_meshes="", clear_rad=_clear_range(draft, workspace, checked)
+    )
+
+
+def workspace_of_spheres(draft: ArmDraft, spheres: list[Sphere], tool: Sphere, why: str = "") -> WorkspaceDraft:
+    """A workspace of spheres alone.
+
+    Args:
+        draft: The arm.
+        spheres: Those that are known.
+        tool: Around what the flange carries.
+        why: Why there are no meshes.
+    """
+    n = draft.n
+    bare = tuple(sorted(set(range(1, n + 1)) - {s.link for s in spheres}))
+    spheres = [*spheres, *(Sphere(link, np.zeros(3), BARE_RADIUS_M) for link in bare), tool]
+    links = sorted({s.link for s in spheres})
+    poses = _poses(draft, _POSES)
+    candidates = [(a, b) for a, b in combinations(links, 2) if b - a >= 2 and (a, b) != (n - 1, n + 1)]
+    if candidates:
+        model = Workspace(draft.chain, tuple(spheres), apart=tuple(candidates))
+        clear = _least_by_pair(model, candidates, poses) >= KEEP_M
+        share = dict(zip(candidates, clear.mean(axis=0), strict=True))
+    else:
+        share = {}
+    return WorkspaceDraft(
+        spheres=tuple(spheres),
+        bare=bare,
+        floor_m=_floor(draft, spheres, poses),
+        apart=tuple(pair for pair in candidates if share[pair] >= _MOSTLY),
+        overlapping=tuple(pair for pair in candidates if share[pair] < _MOSTLY),
+        meshes=False,
+        touching=(),
+        why_no_meshes=why,
+        clear_rad=np.array([draft.position_min_rad, draft.position_max_rad]),
+    )
+
+
+def _clear_range(draft: ArmDraft, workspace: WorkspaceDraft, meshes: Meshes) -> FloatArray:
+    """(2, n) the widest box of joint positions, about the pose with most room, whose poses are clear.
+
+    A design avoids spheres while it searches, and meshes only afterwards; in the whole range it may find no motion that
+    is clear of them.
+    """
+    up = -draft.chain.gravity_m_s2 / np.linalg.norm(draft.chain.gravity_m_s2)
+    floor = HalfSpace("floor", up, workspace.floor_m, tuple(range(1, draft.n + 2)))
+    model = Workspace(draft.chain, workspace.spheres, (floor,), apart=workspace.apart)
+
+    def room(poses: FloatArray) -> FloatArray:
+        """(N,) what is left to the nearest thing."""
+        near = np.array([meshes.distances(q).min(initial=np.inf) for q in poses])
+        return np.asarray(np.minimum(near, model.clearances(poses).min(axis=1)) - KEEP_M)
+
+    whole = np.array([_least(draft), _greatest(draft)])
+    poses = _poses(draft, _POSES)
+    middle = poses[room(poses).argmax()]
+    for share in _BOXES:
+        half = 0.5 * share * (whole[1] - whole[0])
+        box = np.clip(np.array([middle - half, middle + half]), whole[0], whole[1])
+        tried = np.random.default_rng(_SEED).uniform(box[0], box[1], (_MESH_POSES, draft.n))
+        if np.mean(room(tried) >= 0.0) >= _CLEAR:
+            break
+    return np.asarray(box)
+
+
+def _poses(draft: ArmDraft, count: int) -> FloatArray:
+    """(count, n) random configurations within the joints' ranges."""
+    return np.random.default_rng(_SEED).uniform(_least(draft), _greatest(draft), (count, draft.n))
+
+
+def _least(draft: ArmDraft) -> FloatArray:
+    """(n,) least positions, at most half a turn off."""
+    return np.maximum(np.nan_to_num(draft.position_min_rad, nan=-np.pi, neginf=-np.pi), -np.pi)
+
+
+def _greatest(draft: ArmDraft) -> FloatArray:
+    """(n,) greatest positions, at most half a turn off."""
+    return np.minimum(np.nan_to_num(draft.position_max_rad, nan=np.pi, posinf=np.pi), np.pi)
+
+
+def _least_by_pair(model: Workspace, pairs: list[tuple[int, int]], poses: FloatArray) -> FloatArray:
+    """(poses, pairs) the least clearance of each pair of links."""
+    clearances = model.clearances(poses)
+    columns: dict[tuple[int, int], list[int]] = {pair: [] for pair in pairs}
+    at = 0
+    for pair in model.apart:
+        count = sum(s.link == pair[0] for s in model.spheres) * sum(s.link == pair[1] for s in model.spheres)
+        columns[pair] = list(range(at, at + count))
+        at += count
+    return np.stack([clearances[:, columns[pair]].min(axis=1) for pair in pairs], axis=1)
+
+
+def _floor(draft: ArmDraft, spheres: list[Sphere], poses: FloatArray) -> float:
+    """Height of the floor: that of the base frame, or below the first link wherever it turns."""
+    up = -draft.chain.gravity_m_s2 / np.linalg.norm(draft.chain.gravity_m_s2)
+    model = Workspace(draft.chain, tuple(s for s in spheres if s.link == 1), (HalfSpace("floor", up, 0.0, (1,)),))
+    return min(float(model.clearances(poses).min()) - KEEP_M, 0.0)

@@ -1,0 +1,108 @@
+"""The collision geometry of one arm in a URDF, through Pinocchio: its joints turn, all others stand at zero.
+
+Files as they are found are made fit for it first: joints outside the arm are fixed, continuous ones get an angle like
+any other, and meshes are looked for relative to the file: `package://NAME/PATH` in any folder above it, as PATH or
+NAME/PATH.
+
+Needs Pinocchio with coal (the `urdf` extra); nothing here is loaded before a URDF is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from armload_identification.identification_errors import ModelError
+
+_PACKAGE = "package://"
+_TURNING = ("revolute", "continuous")
+_ANY_LIMIT = {"lower": "-10", "upper": "10", "effort": "1", "velocity": "1"}
+"""Of joints that give none: nothing here depends on it, and Pinocchio requires one."""
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfGeometry:
+    """What was loaded; types of Pinocchio and coal, which have none of their own.
+
+    Attributes:
+        pin: Pinocchio.
+        coal: Its collision library.
+        model: Kinematics of the arm.
+        geometry: Its collision geometry, in the links' frames.
+        connected: Pairs of links that a joint connects.
+    """
+
+    pin: Any
+    coal: Any
+    model: Any
+    geometry: Any
+    connected: frozenset[frozenset[str]]
+
+
+def load_urdf_geometry(file: Path, joint_names: Collection[str]) -> UrdfGeometry:
+    """Read a URDF with its meshes.
+
+    Args:
+        file: The URDF.
+        joint_names: The joints of the arm.
+
+    Raises:
+        ModelError: Pinocchio is missing, or the file or one of its meshes cannot be used.
+    """
+    try:
+        import coal
+        import pinocchio as pin
+    except ImportError as error:
+        raise ModelError(f'{file}: a URDF needs Pinocchio with coal: pip install "armload[urdf]"') from error
+    root, connected = _prepared(file, joint_names)
+    text = ElementTree.tostring(root, encoding="unicode")
+    try:
+        model = pin.buildModelFromXML(text)
+        geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
+    except (ValueError, RuntimeError) as error:
+        raise ModelError(f"{file}: {error}. Expected a URDF with its meshes beside it") from error
+    return UrdfGeometry(pin, coal, model, geometry, connected)
+
+
+def _prepared(file: Path, joint_names: Collection[str]) -> tuple[ElementTree.Element, frozenset[frozenset[str]]]:
+    """The file with other joints fixed and meshes found; and the links that joints connect."""
+    try:
+        root = ElementTree.parse(file).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise ModelError(f"{file}: {error}. Expected a URDF") from error
+    connected = set()
+    for joint in root.findall("joint"):
+        ends = [joint.find(tag) for tag in ("parent", "child")]
+        connected.add(frozenset(str(end.get("link")) for end in ends if end is not None))
+        if joint.get("name") not in joint_names or joint.get("type") not in _TURNING:
+            joint.set("type", "fixed")
+        else:
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
+            for key, value in _ANY_LIMIT.items():
+                limit.set(key, limit.get(key, value))
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+    for mesh in root.iterfind("link/collision/geometry/mesh"):
+        mesh.set("filename", str(_mesh_file(file, mesh.get("filename", ""))))
+    return root, frozenset(connected)
+
+
+def _mesh_file(file: Path, name: str) -> Path:
+    """Where a mesh lies."""
+    inner = name.removeprefix("file://")
+    places = [file.parent / inner]
+    if name.startswith(_PACKAGE):
+        inner = name.removeprefix(_PACKAGE)
+        folders = [file.resolve().parent, *file.resolve().parent.parents]
+        places = [folder / part for folder in folders for part in (inner, inner.partition("/")[2]) if part]
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        raise ModelError(
+            f"{file}: the mesh {name} was not found beside it or in a folder above. Put the package's folder there"
+        )
+    return found.resolve()

@@ -1,0 +1,65 @@
+"""`armload init`: from a URDF to a robot file and its excitations, and what it refuses."""
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import ConfigurationError
+
+LIMIT = '<limit lower="-1.5" upper="1.5" velocity="2" effort="120"/>'
+JOINT = (
+    '<joint name="j{0}" type="revolute"><parent link="l{1}"/><child link="l{0}"/><origin xyz="0 0 0.3"/>'
+    '<axis xyz="{2}"/>{limit}</joint>'
+)
+LINK = (
+    '<link name="l{0}"><inertial><origin xyz="0 0 0.1"/><mass value="2"/>'
+    '<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    """Four joints without a geometry."""
+
+    def urdf(limit=LIMIT):
+        links = "".join(LINK.format(i) for i in range(5))
+        axes = ("0 0 1", "0 1 0", "0 1 0", "1 0 0")
+        joints = "".join(JOINT.format(i + 1, i, axis, limit=limit) for i, axis in enumerate(axes))
+        path = tmp_path / "arm.urdf"
+        path.write_text(f'<robot name="four">{links}{joints}</robot>')
+        return path
+
+    return urdf
+
+
+def test_a_urdf_becomes_a_robot_with_two_excitations(armload, urdf, tmp_path):
+    out = tmp_path / "new" / "four.toml"
+    result = armload("init", urdf(), "--payload-kg", "1.5", "--restarts", "1", "--output", out)
+    assert result.exit_code == 0, result.output
+    robot = load_robot(str(out))
+    assert set(robot.excitations) == {"identification", "validation"}
+    trajectories = [excitation.trajectory for excitation in robot.excitations.values()]
+    assert not np.allclose(trajectories[0].sin_rad, trajectories[1].sin_rad)
+    assert "assumed, to be checked:" in result.output
+    assert "gravity" in result.output
+    checked = armload("drives", "check", out)
+    assert isinstance(checked.exception, ConfigurationError)
+    assert "bus" in str(checked.exception)
+
+
+def test_holes_are_listed_and_no_excitation_is_designed(armload, urdf, tmp_path):
+    out = tmp_path / "four.toml"
+    result = armload("init", urdf('<limit lower="-1" upper="1"/>'), "--payload-kg", "1", "--output", out)
+    assert result.exit_code == 0, result.output
+    assert "joints[4].torque_max_nm" in result.output
+    assert "no excitation is designed" in result.output
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["arm.urdf", "four.toml"]
+
+
+def test_nothing_is_replaced_and_nothing_asked_without_a_terminal(armload, urdf, tmp_path):
+    out = tmp_path / "four.toml"
+    out.write_text("mine")
+    result = armload("init", urdf(), "--output", out)
+    assert "nothing is replaced" in str(result.exception)
+    assert out.read_text() == "mine"
+    assert "no terminal to ask at" in str(armload("init", "--output", tmp_path / "other.toml").exception)

@@ -1,0 +1,231 @@
+"""A first robot file: it has what a URDF, a bus, a description and answers say, and what is missing is listed."""
+
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.config.urdf_arm import read_urdf_arm
+from armload_controller.control_errors import ConfigurationError
+from armload_controller.new_robot.arm_draft import draft_of_urdf, rpy_rad
+from armload_controller.new_robot.arm_interview import interviewed
+from armload_controller.new_robot.draft_text import draft_file, tool_sphere
+from armload_controller.new_robot.drive_drafts import BusDraft, bus_address, drives_found, nodes_described
+from armload_controller.new_robot.workspace_draft import workspace_of_urdf
+from armload_drivers.bring_up.inspection import FoundNode
+from armload_drivers.cia402.arm_settings import Identity
+from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.simulation.drives.drive_eds import drive_eds
+from armload_identification.model.chain import pose_from_xyz_rpy
+from armload_identification.model.dynamics import ArmDynamics
+from tests.urdf_simulation import PinocchioArm
+
+NAMES = ("j1", "j2", "j3", "j4", "j5")
+BALL = '<collision><geometry><sphere radius="{}"/></geometry></collision>'
+BOX = '<collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.08 0.08"/></geometry></collision>'
+
+
+def _link(name, mass, shape=""):
+    return (
+        f'<link name="{name}"><inertial><origin xyz="0.1 0 0.02" rpy="0.3 0 0.2"/><mass value="{mass}"/>'
+        f'<inertia ixx="0.02" iyy="0.03" izz="0.025" ixy="0.001" ixz="0" iyz="0"/></inertial>{shape}</link>'
+    )
+
+
+def _joint(name, kind, parent, child, xyz, rpy="0 0 0", limit='lower="-2" upper="2.5" velocity="2" effort="80"'):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><limit {limit}/><dynamics damping="0.5" friction="1.5"/></joint>'
+    )
+
+
+URDF = "".join(
+    [
+        '<robot name="five">',
+        _link("base", 9, BALL.format(0.1)),
+        _link("l1", 5, BALL.format(0.08)),
+        _link("l2", 4, BOX),
+        _link("l3", 3, BOX),
+        _link("l4", 1, BALL.format(0.05)),
+        _link("l5", 0.5),
+        _link("hand", 0.7, BALL.format(0.04)),
+        _link("finger", 0.1),
+        _joint("j1", "revolute", "base", "l1", "0 0 0.25"),
+        _joint("j2", "revolute", "l1", "l2", "0 0.1 0", "1.5708 0 0"),
+        _joint("j3", "revolute", "l2", "l3", "0.4 0 0"),
+        _joint("j4", "revolute", "l3", "l4", "0.42 0 0", "0 1.5708 0"),
+        _joint("j5", "revolute", "l4", "l5", "0 0 0.1"),
+        _joint("wrist", "fixed", "l5", "hand", "0 0 0.06", "0 0.4 0"),
+        _joint("squeeze", "prismatic", "hand", "finger", "0 0 0.05"),
+        "</robot>",
+    ]
+)
+
+
+@pytest.fixture
+def drafted(tmp_path):
+    """Writes the URDF and the file drafted from it."""
+
+    def drafted(text=URDF, payload_kg=2.0, bus=None):
+        (tmp_path / "five.urdf").write_text(text)
+        arm = read_urdf_arm(tmp_path / "five.urdf", flange="hand")
+        draft = draft_of_urdf(arm)
+        workspace = workspace_of_urdf(arm, draft, tool_sphere(arm.n, payload_kg))
+        file = draft_file(draft, payload_kg, workspace, "five.urdf", bus)
+        (tmp_path / "five.toml").write_text(file.text)
+        return arm, file, tmp_path / "five.toml"
+
+    return drafted
+
+
+def test_the_file_is_the_arm(drafted):
+    arm, file, path = drafted()
+    robot = load_robot(str(path))
+    reference = PinocchioArm(arm.file, NAMES, "base", "hand")
+    for q in np.random.default_rng(0).uniform(-2.0, 2.0, (5, 5)):
+        np.testing.assert_allclose(robot.chain.forward(q)[-1], reference.flange_pose(q), atol=1e-9, rtol=0.0)
+    assert (file.holes, robot.joint_names) == ([], NAMES)
+    limits = robot.limits.motion
+    np.testing.assert_array_equal(limits.position_max_rad, np.full(5, 2.5))
+    np.testing.assert_array_equal(limits.velocity_max_rad_s, np.full(5, 2.0))
+    np.testing.assert_array_equal(robot.limits.torque_max_nm, np.full(5, 80.0))
+    np.testing.assert_array_equal(robot.strength.arm_body.coulomb_nm, np.full(5, 1.5))
+    assert robot.payloads.expected.mass_kg == 2.0
+    assert robot.obstacles.meshes is not None
+
+
+def test_links_hold_what_is_fixed_to_them_and_what_is_below_with_joints_at_zero(drafted):
+    arm, _, path = drafted()
+    body = load_robot(str(path)).strength.arm_body
+    reference = PinocchioArm(arm.file, NAMES, "base", "hand")
+    rng = np.random.default_rng(1)
+    data = reference.model.createData()
+    for _ in range(3):
+        q, dq, ddq = rng.normal(size=(3, 5))
+        moved = np.zeros((2, reference.model.nv))
+        order = [reference.model.joints[reference.model.getJointId(name)].idx_v for name in NAMES]
+        moved[0, order], moved[1, order] = dq, ddq
+        expected = pin.rnea(reference.model, data, reference.configuration(q), moved[0], moved[1])[order]
+        found = ArmDynamics(arm.chain, body).torque(q[None], dq[None], ddq[None])[0]
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_spheres_hold_the_links(drafted):
+    _, _, path = drafted()
+    workspace = load_robot(str(path)).workspace
+    corners = np.array([[x, y, z] for x in (0.0, 0.4) for y in (-0.04, 0.04) for z in (-0.04, 0.04)])
+    edge = np.array([[x, 0.04, 0.04] for x in np.linspace(0.0, 0.4, 41)])
+    for link in (2, 3):
+        spheres = [s for s in workspace.spheres if s.link == link]
+        assert len(spheres) > 1
+        for point in np.concatenate([corners, edge]):
+            assert any(np.linalg.norm(point - s.center_m) <= s.radius_m for s in spheres)
+    assert {s.link for s in workspace.spheres} == set(range(7))
+
+
+def test_what_is_not_given_is_a_hole_with_its_place(drafted):
+    text = URDF.replace('velocity="2" effort="80"', 'velocity="0"', 1)
+    _, file, path = drafted(text)
+    assert file.holes == [
+        f"joints[1].{key}"
+        for key in (
+            "velocity_max_rad_s",
+            "acceleration_max_rad_s2",
+            "jerk_max_rad_s3",
+            "torque_max_nm",
+            "torque_noise_nm",
+        )
+    ]
+    with pytest.raises(ConfigurationError, match=r"joints\[1\].velocity_max_rad_s is 'FILL IN': expected a number"):
+        load_robot(str(path))
+
+
+def test_a_joint_that_turns_without_end_gets_one_turn_and_is_listed(drafted):
+    _, file, path = drafted(URDF.replace('name="j4" type="revolute"', 'name="j4" type="continuous"'))
+    assert load_robot(str(path)).limits.motion.position_max_rad[3] == 3.14159
+    assert any("j4: turns without end" in sentence for sentence in file.unchecked)
+
+
+def test_without_a_payload_the_file_has_a_hole_and_says_so(drafted):
+    _, file, _ = drafted(payload_kg=None)
+    assert file.holes == ["robot.rated_payload_kg"]
+    assert any("--payload-kg" in sentence for sentence in file.unchecked)
+
+
+@pytest.mark.parametrize("rpy", [(0.3, -0.4, 2.0), (0.3, np.pi / 2, 0.0), (0.0, -np.pi / 2, 1.0), (np.pi, 0.0, 0.1)])
+def test_angles_make_the_rotation_again(rpy):
+    rotation = pose_from_xyz_rpy((0, 0, 0), rpy)[:3, :3]
+    np.testing.assert_allclose(pose_from_xyz_rpy((0, 0, 0), rpy_rad(rotation))[:3, :3], rotation, atol=1e-12)
+
+
+def node(node_id, drive=True):
+    kind = 0x0002_0192 if drive else 0x0000_0191
+    return FoundNode(node_id, kind, "", Identity(0x2DC, 7), (1, 7, 8), ("6007",) if drive else ())
+
+
+def test_drives_that_answer_are_taken_in_the_order_of_their_nodes(drafted):
+    drives = drives_found([node(3), node(9, drive=False), *map(node, (1, 5, 4, 2))], 5, None)
+    _, file, path = drafted(bus=BusDraft(drives, "socketcan", "can1", 500_000, None, "as they answered"))
+    text = path.read_text()
+    assert re.findall(r"^node_id = (\d)$", text, re.MULTILINE) == list("12345")
+    assert text.count("identity = { vendor_id = 0x000002DC, product_code = 0x00000007 }") == 5
+    assert text.count('mode = "csp"') == 5
+    assert '# accept_missing = ["6007"]' in text
+    assert "joints[2].drive.has_brake" in file.holes
+    with pytest.raises(ConfigurationError, match=r"joints\[1\]\.drive\.\w+ is 'FILL IN'"):
+        load_robot(str(path))
+    with pytest.raises(ConfigurationError, match=r"--scan is '2 CiA 402 drives \(nodes 1, 3\)': one per joint, 5"):
+        drives_found([node(3), node(1)], 5, None)
+
+
+def test_a_description_gives_objects_and_identity_and_with_the_holes_filled_the_file_is_taken(drafted, arm_settings):
+    settings = arm_settings()
+    described = parse_description(drive_eds(settings.drives[0], settings.cycle_s).encode(), "own.eds")
+    drives = nodes_described(described, 5)
+    assert [drive.node_id for drive in drives] == [1, 2, 3, 4, 5]
+    assert drives[0].identity == Identity(described.vendor_id, described.product_code)
+    _, file, path = drafted(bus=BusDraft(drives, "socketcan", "can0", 1_000_000, None, "from own.eds"))
+    filled = path.read_text().replace('has_brake = "FILL IN"', "has_brake = true")
+    path.write_text(re.sub(r'max_torque_permille = "FILL IN"', "max_torque_permille = 1000", filled))
+    robot = load_robot(str(path))
+    assert [drive.node_id for drive in robot.drives.settings.drives] == [1, 2, 3, 4, 5]
+    assert {place.split(".")[-1] for place in file.holes} <= {"has_brake", "max_torque_permille"}
+
+
+@pytest.mark.parametrize("text", ["can0", ":can0", "socketcan:"])
+def test_an_address_of_a_bus_has_two_parts(text):
+    with pytest.raises(ConfigurationError, match="INTERFACE:CHANNEL"):
+        bus_address(text)
+
+
+def answers(*lines):
+    given = iter(lines)
+    said = []
+    return interviewed(lambda question: next(given), said.append), said
+
+
+def test_answers_make_an_arm_and_what_cannot_be_used_is_asked_again():
+    rows = ["0 0 0.4 0", "-1.5708 0.1 0 0", "0 0.6 0 0", "-1.5708 0.1 0.7 0"]
+    limits = ["2 -2", "-2 2", "1.5", "-1", "100", *["-2, 2", "", "50"] * 3]
+    arm, said = answers("", "3", "4", "d-h", "1", rows[0], "0 0 x 0", *rows[1:], "0 0 0.1 0 0 0", *limits)
+    assert (arm.name, arm.n, arm.convention) == ("my_arm", 4, "modified-dh")
+    np.testing.assert_allclose(arm.chain.flange[:3, 3], [0.0, 0.0, 0.1])
+    np.testing.assert_array_equal(arm.velocity_max_rad_s, [1.5, np.nan, np.nan, np.nan])
+    np.testing.assert_array_equal(arm.torque_max_nm, [100.0, 50.0, 50.0, 50.0])
+    assert [line.strip().split(":")[0] for line in said if line.startswith("  ")] == [
+        "'d-h'",
+        "'0 0 x 0'",
+        "2 is not below -2",
+        "-1",
+    ]
+    assert arm.rows[1] == "{ alpha_rad = -1.5708, a_m = 0.1, d_m = 0.0, theta_rad = 0.0 }"
+
+
+def test_an_axis_without_a_direction_is_asked_for_once_more():
+    good = ["0 0 0.1 0 0 0 0 0 1"] * 4
+    bad = ["0 0 0.1 0 0 0 0 0 0", *good[1:]]
+    arm, said = answers("a", "4", "joint-origins", *bad, "", *good, "", *["-1 1", "1", "1"] * 4)
+    assert any("once more" in line for line in said)
+    np.testing.assert_allclose(arm.chain.forward(np.zeros(4))[-1][:3, 3], [0.0, 0.0, 0.4])
