@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.table import Table
+from rich.text import Text
 
 from armload_drivers.bring_up.drive_check import Check, DriveSafety, Verdict
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
@@ -41,7 +42,7 @@ def check_table(rows: Sequence[Check]) -> Table:
     for heading in ("joint", "node", "step", "", "what"):
         table.add_column(heading, overflow="fold")
     for row in rows:
-        verdict = f"[{_COLOURS[row.verdict]}]{row.verdict.value}[/]"
+        verdict = Text(row.verdict.value, style=_COLOURS[row.verdict])
         table.add_row(row.joint, str(row.node_id), row.step, verdict, row.detail)
     return table
 
@@ -59,14 +60,14 @@ def safety_table(drives: Sequence[DriveSafety]) -> Table:
     return table
 
 
-def _safety_cells(finding: SafetyFinding) -> tuple[str, str]:
+def _safety_cells(finding: SafetyFinding) -> tuple[Text, str]:
     """Verdict and explanation of one property."""
     if finding.way is not None:
-        return "[green]ok[/]", escape(f"{finding.way.text}: {finding.way.verified}")
+        return Text("ok", style="green"), f"{finding.way.text}: {finding.way.verified}"
     what = f"{finding.found}. Lost: {finding.of.value.lost}. {finding.of.value.remedy}"
     if finding.accepted:
-        return "[yellow]accepted[/]", what
-    return "[red]missing[/]", escape(f'{what}. Then name "{finding.of.key}" in accept_missing')
+        return Text("accepted", style="yellow"), what
+    return Text("missing", style="red"), f'{what}. Then name "{finding.of.key}" in accept_missing'
 
 
 def status_table(status: ArmStatus) -> Table:
