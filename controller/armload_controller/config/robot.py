@@ -13,6 +13,7 @@ from functools import cached_property
 from importlib import resources
 from pathlib import Path
 
+from armload_controller.config.drive_profiles import with_profiles
 from armload_controller.config.robot_drives import RobotDrives
 from armload_controller.config.robot_limits import RobotLimits
 from armload_controller.config.robot_payloads import RobotPayloads
@@ -33,7 +34,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.storage.strict_toml import parse, read_text, validated
+from armload_identification.storage.strict_toml import read_text, toml_values, validated
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,13 +320,19 @@ def load_robot(name_or_path: str) -> Robot:
                 "command line", "ROBOT", file, f"no such file, and no shipped robot: {', '.join(shipped)}"
             )
     text = read_text(path, ConfigurationError)
-    source = RobotSource(file, text, path.parent, parse(text, file, RobotFile, ConfigurationError))
+    source = RobotSource(file, text, path.parent, _tables(text, path.parent, file))
     robot = Robot(source, _read_excitations(source))
     _ = robot.drives.descriptions, robot.drives.transmission, robot.workspace
     robot.payloads.require_carried()
     if robot.has_bus:
         robot.drives.require_bus_load()
     return robot
+
+
+def _tables(text: str, folder: Path, file: str) -> RobotFile:
+    """The checked tables of a robot's file, its drives completed from their profiles."""
+    values = with_profiles(toml_values(text, file, ConfigurationError), folder, file)
+    return validated(values, file, RobotFile, ConfigurationError)
 
 
 def _read_excitations(source: RobotSource) -> dict[str, Excitation]:

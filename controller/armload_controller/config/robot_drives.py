@@ -7,8 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
+from armload_controller.config.drive_profiles import read_profile
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.tables.joint_table import JointTable
+from armload_controller.config.tables.profile_table import ProfileFile
 from armload_core.arrays import FloatArray
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings
@@ -65,6 +67,27 @@ class RobotDrives:
                     ) from error
         return found
 
+    @cached_property
+    def profiles(self) -> dict[str, ProfileFile]:
+        """Profile of its drive by joint, where the file names one.
+
+        Raises:
+            ConfigurationError: a profile cannot be used.
+        """
+        found = {}
+        for number, joint in enumerate(self.source.tables.joints, start=1):
+            name = None if joint.drive is None else joint.drive.profile
+            if name is not None:
+                key = f"joints[{number}].drive.profile"
+                found[joint.name] = read_profile(name, self.source.folder, self.source.file, key)
+        return found
+
+    @property
+    def peculiarities(self) -> tuple[str, ...]:
+        """What an integrator should know of the products that the joints' profiles name, in words."""
+        products = {profile.product.name: profile.product for profile in self.profiles.values()}
+        return tuple(f"{name}: {text}" for name, product in products.items() for text in product.peculiarities)
+
     @property
     def transmission(self) -> Transmission:
         """How motor currents become joint torques.
@@ -120,16 +143,15 @@ class RobotDrives:
     @property
     def weak_points(self) -> tuple[str, ...]:
         """What an operator should know of the drives before the arm moves, in words."""
-        found = []
-        for drive in self.settings.drives:
-            if not drive.has_brake:
-                found.append(f"{drive.joint} has no brake: it falls when torque is removed")
-            found += [
-                f"{drive.joint}: {Safety[name.upper()].value.lost} (accepted: {name})"
-                for name in sorted(drive.accept_missing)
-            ]
-            if drive.torque_limit_in_drive:
-                found.append(f"{drive.joint}: its torque limit is in the drive and cannot be read")
+        drives = self.settings.drives
+        found = [f"{d.joint} has no brake: it falls when torque is removed" for d in drives if not d.has_brake]
+        for of in Safety:
+            joints = [drive.joint for drive in drives if of.key in drive.accept_missing]
+            if joints:
+                found.append(f"{', '.join(joints)}: {of.value.lost} (accepted: {of.key})")
+        told = [drive.joint for drive in drives if drive.torque_limit_in_drive]
+        if told:
+            found.append(f"{', '.join(told)}: the torque limit is set in the drive, and cannot be read")
         return tuple(found)
 
     def require_identities(self) -> None:

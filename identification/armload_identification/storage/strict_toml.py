@@ -126,15 +126,28 @@ def parse(content: str, source: str, tables: type[_Tables], error: FileErrorClas
     Raises:
         Exception: made by `error`, naming file, key, value and what was expected.
     """
+    return validated(toml_values(content, source, error), source, tables, error)
+
+
+def toml_values(content: str, source: str, error: FileErrorClass) -> dict[str, Any]:
+    """The values of a TOML text, not checked yet.
+
+    Args:
+        content: TOML.
+        source: What messages call the file.
+        error: What is raised.
+
+    Raises:
+        Exception: made by `error`; the text is no TOML.
+    """
     try:
-        values = tomllib.loads(content)
+        return tomllib.loads(content)
     except tomllib.TOMLDecodeError as problem:
         raise error(source, "", None, f"no TOML: {problem}") from problem
     except RecursionError:
         raise error(source, "", None, "no TOML that can be read: its values are nested too deeply") from None
     except ValueError as problem:  # an integer of more digits than Python converts
         raise error(source, "", None, f"no TOML that can be read: {str(problem).partition(';')[0]}") from problem
-    return validated(values, source, tables, error)
 
 
 def validated(

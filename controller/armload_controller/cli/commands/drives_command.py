@@ -76,6 +76,8 @@ def check_command(
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     screen = Screen(as_json=as_json)
+    for text in arm.drives.peculiarities:
+        screen.step(text)
     with _bus_of(arm) as bus:
         found = check(arm.drives.settings, bus)
     rows = found.steps

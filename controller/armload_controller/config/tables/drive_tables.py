@@ -133,6 +133,7 @@ class VendorSettingTable(Table):
 class DriveTable(Table):
     """One joint's drive. A scale that is left out is read from the drive."""
 
+    profile: str | None = None
     node_id: Annotated[int, Field(ge=1, le=127)]
     mode: Literal["csp", "ip"]
     feedback: Literal["current", "torque"]

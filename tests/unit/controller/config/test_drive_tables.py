@@ -5,8 +5,10 @@ from importlib import resources
 
 import pytest
 
+from armload_controller.config.drive_profiles import shipped_profiles
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
+from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.cia402.object_dictionary import DataType
 
 EDS = """\
@@ -113,3 +115,77 @@ def test_what_is_wrong_is_named(edited, old, new, words):
     with pytest.raises(ConfigurationError) as raised:
         load_robot(edited(old, new))
     assert words in str(raised.value)
+
+
+# Profiles ---------------------------------------------------------------------------------------------------
+
+
+PROFILE = """\
+[product]
+name = "Some Drive"
+source = "its manual"
+peculiarities = ["it hums"]
+
+[drive]
+mode = "ip"
+torque_offset_bits = 32
+effort_object = { index = 0x2100, subindex = 1, type = "i16", a_per_unit = 0.01 }
+"""
+
+
+@pytest.mark.parametrize("name", shipped_profiles())
+def test_every_shipped_profile_can_be_used_and_accepts_nothing(edited, name):
+    path = edited('mode = "csp"  # assumed\nfeedback = "current"  # assumed\n', f'profile = "{name}"\n')
+    robot = load_robot(path)
+    assert robot.drives.profiles["joint_1"].product.name
+    assert robot.drives.peculiarities
+    assert not robot.drives.settings.drives[0].accept_missing
+    assert not robot.drives.settings.drives[0].torque_limit_in_drive
+
+
+def test_the_four_products_are_shipped():
+    assert set(shipped_profiles()) == {"elmo_gold", "maxon_epos4", "pilz_prbt", "roboteq"}
+
+
+def test_the_robots_own_keys_go_before_the_profiles(edited, tmp_path):
+    (tmp_path / "mine.toml").write_text(PROFILE)
+    settings = drive(edited('mode = "csp"', 'profile = "mine.toml"\nmode = "csp"'))
+    assert settings.mode is OperationMode.CYCLIC_SYNCHRONOUS_POSITION
+    assert settings.torque_offset_bits == 32
+    assert settings.vendor_effort.index == 0x2100
+    assert drive(str(tmp_path / "arm.toml"), 1).torque_offset_bits == 16, "the other joints name no profile"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("mine.toml", PROFILE + 'accept_missing = ["master_lost"]\n', "mine.toml"),
+        ("mine.toml", PROFILE.replace("32", "24"), "torque_offset_bits"),
+        (
+            "other.toml",
+            PROFILE,
+            "expected a shipped profile, elmo_gold, maxon_epos4, pilz_prbt, roboteq, or a TOML file",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_profile_is_named(edited, tmp_path, name, text, words):
+    (tmp_path / "mine.toml").write_text(text)
+    with pytest.raises(ConfigurationError, match=words):
+        load_robot(edited('mode = "csp"', f'profile = "{name}"\nmode = "csp"'))
+
+
+def test_a_vendors_setting(edited):
+    line = 'vendor_settings = [{ index = 0x3001, subindex = 2, type = "u32", value = 5000, meets = "torque_limit" }]'
+    (setting,) = drive(edited("has_brake = true", f"has_brake = true\n{line}")).vendor_settings
+    assert (setting.entry.index, setting.entry.subindex, setting.value, setting.meets) == (
+        0x3001,
+        2,
+        5000,
+        "torque_limit",
+    )
+    for old, new, words in (
+        ("torque_limit", "torque", "expected one of torque_limit"),
+        ("5000", "-1", "0 to 4294967295"),
+    ):
+        with pytest.raises(ConfigurationError, match=words):
+            load_robot(edited("has_brake = true", f"has_brake = true\n{line.replace(old, new)}"))

@@ -1,0 +1,75 @@
+"""Profiles of drives: what a product needs, one file per product family, named from a robot's `[joints.drive]`.
+
+A profile holds facts about the product. It accepts nothing that is missing and says nothing of the arm: that is the
+robot's file, whose keys go before the profile's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from armload_controller.config.tables.profile_table import ProfileFile
+from armload_controller.control_errors import ConfigurationError
+from armload_identification.storage.strict_toml import parse, read_text
+
+_SUFFIX = ".toml"
+
+
+def shipped_profiles() -> tuple[str, ...]:
+    """Names of the profiles that come with armload."""
+    names = [file.name for file in resources.files("armload_configs").joinpath("drives").iterdir()]
+    return tuple(sorted(name.removesuffix(_SUFFIX) for name in names if name.endswith(_SUFFIX)))
+
+
+def read_profile(name: str, folder: Path, file: str, key: str) -> ProfileFile:
+    """Read a profile.
+
+    Args:
+        name: Name of a shipped profile, or of a TOML file beside the robot's.
+        folder: Where the robot's file lies.
+        file: The robot's file, for messages.
+        key: Key that names the profile, for messages.
+
+    Raises:
+        ConfigurationError: there is none of that name, or it cannot be used.
+    """
+    shipped = shipped_profiles()
+    if name in shipped:
+        path = Path(str(resources.files("armload_configs").joinpath("drives", name + _SUFFIX)))
+    else:
+        path = folder / name
+        if not name.endswith(_SUFFIX) or not path.is_file():
+            raise ConfigurationError(
+                file, key, name, f"expected a shipped profile, {', '.join(shipped)}, or a TOML file beside this one"
+            )
+    return parse(read_text(path, ConfigurationError), path.name, ProfileFile, ConfigurationError)
+
+
+def with_profiles(values: Mapping[str, Any], folder: Path, file: str) -> dict[str, Any]:
+    """The values of a robot's file, its drives completed from the profiles that they name.
+
+    Args:
+        values: As TOML has them; not checked yet.
+        folder: Where the robot's file lies.
+        file: The robot's file, for messages.
+
+    Raises:
+        ConfigurationError: a profile cannot be used.
+    """
+    joints = values.get("joints")
+    if not isinstance(joints, list):
+        return dict(values)
+    return {**values, "joints": [_completed(joint, number, folder, file) for number, joint in enumerate(joints, 1)]}
+
+
+def _completed(joint: object, number: int, folder: Path, file: str) -> object:
+    """One joint; what is no table is left for the check of the whole file."""
+    drive = joint.get("drive") if isinstance(joint, dict) else None
+    name = drive.get("profile") if isinstance(drive, dict) else None
+    if not isinstance(joint, dict) or not isinstance(drive, dict) or not isinstance(name, str):
+        return joint
+    profile = read_profile(name, folder, file, f"joints[{number}].drive.profile")
+    return {**joint, "drive": {**profile.drive.given(), **drive}}
