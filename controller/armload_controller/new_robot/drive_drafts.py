@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Final
 
 from armload_controller.control_errors import ConfigurationError
-from armload_drivers.bring_up.drive_objects import SAFETY
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import Identity, OperationMode
 from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.drive_safety import Safety, has_a_way
 
 DEFAULT_FOLLOWING_RAD: Final = 0.1
 DEFAULT_BITRATE: Final = 1_000_000
@@ -30,7 +30,7 @@ class DriveDraft:
         feedback: "torque" or "current"; None where it is not known which it reports.
         torque_offset: Whether it has 60B2; None where it is not known.
         max_torque_permille: What 6072 holds after a reset; None where it is not known.
-        missing: Objects that safety rests on and that it lacks, as "6007".
+        missing: Names of the properties that safety rests on and that it has no object for.
     """
 
     node_id: int
@@ -118,7 +118,7 @@ def drive_described(description: DeviceDescription, node_id: int) -> DriveDraft:
         torque_offset=description.find(od.TORQUE_OFFSET) is not None,
         max_torque_permille=description.value(od.MAX_TORQUE, node_id) or None,
         missing=tuple(
-            f"{index:04X}" for index in sorted(SAFETY) if not any(key >> 8 == index for key in description.objects)
+            of.key for of in Safety if not has_a_way(of, None, lambda entry: description.find(entry) is not None)
         ),
     )
 

@@ -162,7 +162,7 @@ def test_angles_make_the_rotation_again(rpy):
 
 def node(node_id, drive=True):
     kind = 0x0002_0192 if drive else 0x0000_0191
-    return FoundNode(node_id, kind, "", Identity(0x2DC, 7), (1, 7, 8), ("6007",) if drive else ())
+    return FoundNode(node_id, kind, "", Identity(0x2DC, 7), (1, 7, 8), ("master_lost",) if drive else ())
 
 
 def test_drives_that_answer_are_taken_in_the_order_of_their_nodes(drafted):
@@ -172,7 +172,7 @@ def test_drives_that_answer_are_taken_in_the_order_of_their_nodes(drafted):
     assert re.findall(r"^node_id = (\d)$", text, re.MULTILINE) == list("12345")
     assert text.count("identity = { vendor_id = 0x000002DC, product_code = 0x00000007 }") == 5
     assert text.count('mode = "csp"') == 5
-    assert '# accept_missing = ["6007"]' in text
+    assert '# accept_missing = ["master_lost"]' in text
     assert "joints[2].drive.has_brake" in file.holes
     with pytest.raises(ConfigurationError, match=r"joints\[1\]\.drive\.\w+ is 'FILL IN'"):
         load_robot(str(path))
