@@ -106,6 +106,12 @@ def identify(
         run, empty, used.chain, used.transmission, estimator=estimator, known=known, arm=used.known
     )
     payload = payload_result(identification, version("armload"), arm.sha256, used.calibration_sha256)
+    if used.calibration is not None:
+        name = next(iter(used.calibration_sha256))
+        taken = (
+            f"Gains, links, load-dependent friction and delay of the arm are from {name}: {used.calibration.origin}."
+        )
+        identification = replace(identification, notes=(taken, *identification.notes))
     content = ReportContent.of_identification(identification)
     findings = Findings(arm, payload, content, version("armload"))
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)

@@ -71,7 +71,21 @@ def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int]
             left_out.append((row.recording.name, str(problem).removeprefix(f"{row.recording}: ")))
         if progress is not None:
             progress(done, len(rows))
-    return ArmRuns(tuple(runs), _weighed(rows), tuple(left_out))
+    weighed = _weighed(rows) if tables else _weighed_as_recorded(runs)
+    return ArmRuns(tuple(runs), weighed, tuple(left_out))
+
+
+def runs_as_recorded(recordings: Sequence[Recording]) -> ArmRuns:
+    """Recordings that say what they carried.
+
+    Args:
+        recordings: Of one arm.
+
+    Raises:
+        RunTableError: one does not say it.
+    """
+    runs = tuple(MountedRun(recording, _mounting_of(recording)) for recording in recordings)
+    return ArmRuns(runs, _weighed_as_recorded(runs), ())
 
 
 def _mounting_of(recording: Recording) -> str:
@@ -89,9 +103,15 @@ def _mounting_of(recording: Recording) -> str:
         str(recording.source.path),
         "",
         None,
-        "the recording does not say what the arm carried; give a table of runs with the columns recording, mounting, "
-        "mass_kg",
+        "the recording does not say what the arm carried; give a table of runs (CSV) with the columns recording, "
+        "mounting, mass_kg",
     )
+
+
+def _weighed_as_recorded(runs: Sequence[MountedRun]) -> dict[str, WeighedPayload]:
+    """What was said of the payloads when they were recorded."""
+    said = {run.mounting: run.recording.source.run().get("mass_kg") for run in runs if run.mounting}
+    return {name: WeighedPayload(float(mass_kg)) for name, mass_kg in said.items() if mass_kg is not None}
 
 
 def _weighed(rows: Sequence[TableRow]) -> dict[str, WeighedPayload]:

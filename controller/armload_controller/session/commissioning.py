@@ -46,7 +46,13 @@ def recording_path(directory: Path, load: Load, role: str) -> Path:
 
 
 def record_half(
-    robot: Robot, load: Load, open_servos: ServosFactory, directory: Path, operator: Operator, created: str
+    robot: Robot,
+    load: Load,
+    open_servos: ServosFactory,
+    directory: Path,
+    operator: Operator,
+    created: str,
+    mass_kg: float | None = None,
 ) -> list[CycleSummary]:
     """Run the excitations that have not been recorded with one load, and record them.
 
@@ -57,6 +63,7 @@ def record_half(
         directory: Where the recordings go.
         operator: The person at the arm.
         created: Date and time of the commissioning, for the recordings.
+        mass_kg: The payload's mass, where it was weighed, for the recordings with it.
 
     Raises:
         CommissioningError: the robot has no excitations, or the operator does not agree; nothing is switched on.
@@ -68,11 +75,14 @@ def record_half(
     """
     paths = checked_excitations(robot, missing_roles(directory, load))
     with run_session(robot, load, open_servos, operator) as session:
-        return [_record(robot, session, role, path, directory, created) for role, path in paths.items()]
+        said: dict[str, object] = {"created": created}
+        if load is Load.LOADED and mass_kg is not None:
+            said["mass_kg"] = mass_kg
+        return [_record(robot, session, role, path, directory, said) for role, path in paths.items()]
 
 
 def _record(
-    robot: Robot, session: RunSession, role: str, path: CheckedPath, directory: Path, created: str
+    robot: Robot, session: RunSession, role: str, path: CheckedPath, directory: Path, said: dict[str, object]
 ) -> CycleSummary:
     """Record one run, slow round included."""
     run = {
@@ -83,9 +93,9 @@ def _record(
         "role": role,
         "simulated": session.servos.simulated,
         "cycle_hz": 1 / session.servos.cycle_s,
-        "created": created,
         "slow_round_s": path.slow_round_s,
         "slow_round_speed_m_s": path.slow_speed_m_s,
+        **said,
     }
     attachments = {
         CONFIGURATION_ATTACHMENT: robot.text,

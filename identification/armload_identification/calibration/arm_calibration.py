@@ -27,6 +27,8 @@ from armload_identification.signals.joint_torque import Transmission
 DETERMINED_WITHIN: Final = 0.05
 """A gain is determined where the half width of its 95 % interval is at most this share of it."""
 _DIGITS: Final = 9
+_DAY: Final = 10
+"""Characters of a date."""
 
 
 class Effort(StrEnum):
@@ -149,6 +151,20 @@ class ArmCalibration:
     def scale_weighed(self) -> bool:
         """Whether a weighed payload sets the scale of all gains; else the nominal gains' average does."""
         return any(np.isfinite(payload.weighed_kg) for payload in self.payloads)
+
+    @property
+    def days(self) -> tuple[str, ...]:
+        """Days of the runs that name theirs, as YYYY-MM-DD, the earliest first."""
+        return tuple(sorted({run.recorded[:_DAY] for run in self.runs if len(run.recorded) >= _DAY}))
+
+    @property
+    def origin(self) -> str:
+        """What it was made from, in a few words."""
+        days = self.days
+        when = "" if not days else f" of {days[0]}" if len(days) == 1 else f" from {days[0]} to {days[-1]}"
+        count = len(self.runs)
+        scale = "scale by a weighed payload" if self.scale_weighed else "scale of the nominal gains"
+        return f"{count} run{'' if count == 1 else 's'}{when}, {scale}"
 
     def deviation(self, name: str) -> FloatArray:
         """Standard deviations of a part of the unknowns.

@@ -38,8 +38,8 @@ _LAGS: Final = 25
 _UNCORRELATED: Final = 0.05
 _OFF: Final = 3.0
 """RMS residual of a run on any joint, in the noise of all runs, from which the run weighs less."""
-_MOVING: Final = 0.3
-"""Weight from which a row counts for the noise."""
+MOVING: Final = 0.3
+"""Weight from which a row counts as one of a joint in motion, for the noise above all."""
 _OUTLYING: Final = 3.0
 _MAD: Final = 1.4826
 _STEPS: Final = 40
@@ -54,6 +54,7 @@ _SHORTEST: Final = 0.01
 """|tau| has a corner, over which whole steps of what is hardly determined would go to and fro."""
 _LARGEST_STEP: Final = 0.3
 _ZERO: Final = 1e-12
+_ROUNDING: Final = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +263,7 @@ class _Fitter:
         for axis in range(of.n):
             values = np.concatenate([part[keep, axis] for part, keep in zip(weighted, used, strict=True)])
             speed = np.concatenate([run.rows.weight[keep, axis] for run, keep in zip(self._runs, used, strict=True)])
-            moving = values[speed > _MOVING]
+            moving = values[speed > MOVING]
             if moving.size < _LAGS:
                 continue
             spread = max(_MAD * float(np.median(np.abs(moving))), _ZERO)
@@ -347,9 +348,9 @@ def _eliminate(information: FloatArray, gradient: FloatArray, shared: int) -> _R
 
 
 def _solved(information: FloatArray, right: FloatArray) -> FloatArray:
-    """Solution of the normal equations, at unit diagonal."""
+    """Solution of the normal equations, at unit diagonal; what only the prior knows has room for rounding."""
     scale = 1.0 / np.sqrt(np.diag(information))
-    factor = cho_factor(information * scale[:, None] * scale)
+    factor = cho_factor(information * scale[:, None] * scale + _ROUNDING * np.eye(len(scale)))
     tall = scale[:, None] if right.ndim > 1 else scale
     return np.asarray(tall * cho_solve(factor, right * tall))
 

@@ -45,6 +45,7 @@ class _ArmTable(Table):
     robot: Text
     kinematics_sha256: Text
     effort: Text
+    days: list[str]
     warnings: list[str]
 
 
@@ -191,6 +192,7 @@ def format_calibration(result: ArmCalibration) -> str:
         f"robot = {text(result.robot)}",
         f"kinematics_sha256 = {text(result.kinematics_sha256)}",
         f"effort = {text(result.effort)}",
+        f"days = [{', '.join(text(day) for day in result.days)}]",
         f"warnings = [{', '.join(text(warning) for warning in result.warnings)}]",
         "",
         "[gains]",

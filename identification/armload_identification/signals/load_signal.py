@@ -134,18 +134,6 @@ class LoadSignal:
         """
         return replace(self, loaded=self.loaded.with_delay(delay_s), unloaded=self.unloaded.with_delay(delay_s))
 
-    def with_torque_times(self, matrix: FloatArray) -> LoadSignal:
-        """The same motion with every torque tau replaced by tau M; the noise is left as it is.
-
-        Args:
-            matrix: (n, n) M, as other gains make it.
-        """
-        return replace(
-            self,
-            loaded=self.loaded.with_torque_times(matrix),
-            unloaded=self.unloaded.with_torque_times(matrix),
-        )
-
 
 def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
     """Difference of a loaded and an unloaded run of the same motion.

@@ -35,6 +35,8 @@ def recorded_er50(tmp_path_factory, in_pinocchio):
         for load in ("unloaded", "loaded"):
             model = in_pinocchio(robot.chain, links, payload if load == "loaded" else None)
             run = {"armload_version": "0", "robot": robot.name, "load": load, "role": role, "simulated": True}
+            run |= {"created": "2026-03-01T10:00:00+00:00"}
+            run |= {"mass_kg": payload.mass_kg} if load == "loaded" else {}
             attachments = {
                 "configuration.toml": robot.text,
                 "excitation.toml": format_excitation(excitation),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -31,30 +30,18 @@ def calibrate(
     gains; leave the mass of the others empty. Runs with one and the same payload, mounted once, share the name in the
     column mounting. Runs that cannot be used or contradict the others are left out and named.
     """
+    from armload_controller.analysis.robot_calibration import calibrate_from_files
     from armload_controller.cli.output.calibration_tables import gains_table, runs_table
     from armload_controller.cli.output.result_documents import calibration_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
-    from armload_controller.config.robot_runs import read_runs
-    from armload_identification.calibration.calibrate_arm import calibrate_arm
     from armload_identification.files.calibration_file import write_calibration
 
     arm = load_robot(robot)
     screen = Screen(as_json=as_json)
     require_folder(output)
     with screen.track("reading and calibrating", total=200) as done:
-        read = read_runs(arm, runs, lambda count, total: done(100 * count // total))
-        result = calibrate_arm(
-            read.runs,
-            read.weighed,
-            arm.chain,
-            arm.drives.transmission,
-            robot=arm.name,
-            armload_version=version("armload"),
-            configuration_sha256=arm.sha256,
-            left_out=read.left_out,
-            progress=lambda count, total: done(100 + 100 * count // total),
-        )
+        result = calibrate_from_files(arm, runs, lambda count, _total: done(count))
     screen.table(gains_table(result, arm.joint_names))
     screen.table(runs_table(result))
     for name, reason in result.left_out:

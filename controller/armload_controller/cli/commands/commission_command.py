@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -14,6 +15,7 @@ import typer
 
 from armload_controller.cli.options import (
     BitrateOption,
+    CalibrationOption,
     ChannelOption,
     CycleOption,
     InterfaceOption,
@@ -34,11 +36,12 @@ if TYPE_CHECKING:
     from armload_controller.cycle.monitors import CycleSummary
     from armload_controller.session.run_session import Consent, Load
     from armload_identification.model.payload import InertialParameters
+    from armload_identification.recording.recording import Recording
     from armload_identification.results.findings import Findings
     from armload_identification.verdict.agreement import Tolerance
 
 
-PAYLOAD_NAME, REPORT_NAME = "payload.toml", "report.html"
+PAYLOAD_NAME, REPORT_NAME, CALIBRATION_NAME = "payload.toml", "report.html", "arm.calibration.toml"
 
 
 class Runs(StrEnum):
@@ -63,6 +66,10 @@ def commission(
         Path | None,
         typer.Option("--output", "-o", help="Folder for the results; runs/ROBOT-TIME if not given."),
     ] = None,
+    mass_kg: Annotated[
+        float | None, typer.Option(help="The payload was weighed: its mass is known, and sets the scale of the gains.")
+    ] = None,
+    calibration: CalibrationOption = None,
     yes: YesOption = False,
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
@@ -114,7 +121,9 @@ def commission(
             if load is Load.LOADED and runs is Runs.BOTH:
                 _mount(arm, screen, consent, in_this_process)
             begun_s = time.monotonic()
-            summaries = record_half(arm, load, open_servos, directory, operator, now.isoformat(timespec="seconds"))
+            summaries = record_half(
+                arm, load, open_servos, directory, operator, now.isoformat(timespec="seconds"), mass_kg
+            )
             screen.step(_account(load, summaries, time.monotonic() - begun_s))
     if runs is Runs.UNLOADED:
         screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
@@ -122,9 +131,11 @@ def commission(
             print_document({"schema": "armload/commission-half/1", "files": {"directory": str(directory)}})
         return
     truth = arm.simulation.payload(arm.simulation.payload_name) if in_this_process else None
-    findings = _evaluate(arm, directory, screen, truth, now, allowed)
+    findings = _evaluate(arm, directory, screen, truth, now, allowed, calibration, mass_kg)
     if as_json:
-        files = {"directory": directory, "payload": directory / PAYLOAD_NAME, "report": directory / REPORT_NAME}
+        names = {"payload": PAYLOAD_NAME, "report": REPORT_NAME, "calibration": CALIBRATION_NAME}
+        files = {"directory": directory} | {key: directory / name for key, name in names.items()}
+        files = {key: path for key, path in files.items() if path.exists()}
         print_document(findings.to_dict() | {"files": {key: str(path) for key, path in files.items()}})
     require_not_wrong(findings)
 
@@ -157,19 +168,45 @@ def _evaluate(
     truth: InertialParameters | None,
     now: datetime,
     tolerance: Tolerance,
+    calibration: Path | None,
+    mass_kg: float | None,
 ) -> Findings:
-    """Identify on the first pair, judge on the second, write payload and report, show both."""
+    """Identify on the first pair, judge on the second, calibrate from all; write the results and show them."""
     from armload_controller.analysis.robot_payload import identify
     from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.session.commissioning import ROLES, read_pair
+    from armload_identification.estimation.prior_knowledge import KnownPayload
 
     first, second = (read_pair(arm, directory, role) for role in ROLES)
     pair = (second.loaded, second.unloaded)
-    findings = identify(arm, first.loaded, first.unloaded, validation=pair, tolerance=tolerance)
+    known = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
+    findings = identify(
+        arm, first.loaded, first.unloaded, validation=pair, calibration=calibration, known=known, tolerance=tolerance
+    )
     findings = replace(findings, truth=truth).with_validation_in_provenance()
     findings.save(directory / PAYLOAD_NAME)
     findings.report(directory / REPORT_NAME, now)
     show_findings(screen, findings)
     screen.step(f"payload: {directory / PAYLOAD_NAME}")
     screen.step(f"report:  {directory / REPORT_NAME}")
+    _calibrate(arm, directory, screen, (first.unloaded, first.loaded, second.unloaded, second.loaded))
     return findings
+
+
+def _calibrate(arm: Robot, directory: Path, screen: Screen, runs: Sequence[Recording]) -> None:
+    """The arm from the four runs, for the next commissioning; where they do not suffice, that is said."""
+    from armload_controller.analysis.robot_calibration import calibrate_from_runs
+    from armload_controller.config.robot_runs import runs_as_recorded
+    from armload_identification.files.calibration_file import write_calibration
+    from armload_identification.identification_errors import EstimationError, RunTableError
+
+    path = directory / CALIBRATION_NAME
+    try:
+        result = calibrate_from_runs(arm, runs_as_recorded(runs))
+    except (EstimationError, RunTableError) as problem:
+        screen.step(f"warning: no calibration of the arm: {problem}")
+        return
+    write_calibration(path, result)
+    for text in (*(f"left out: {name}: {reason}" for name, reason in result.left_out), *result.warnings):
+        screen.step(f"calibration: {text}")
+    screen.step(f"calibration: {path}, for the next payload: --calibration {path}")

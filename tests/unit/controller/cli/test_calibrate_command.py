@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
+import armload as armload_package
 from armload_controller.analysis.arm_in_use import arm_in_use
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_runs import is_run_table, read_runs
 from armload_controller.control_errors import ConfigurationError
+from armload_identification.files.calibration_file import read_calibration
 from armload_identification.identification_errors import CalibrationFileError, RunTableError
 
 
@@ -86,3 +88,47 @@ def test_a_robots_file_names_its_calibration_and_the_command_line_wins(tmp_path)
     with pytest.raises(CalibrationFileError, match=r"other\.toml"):
         arm_in_use(robot, tmp_path / "other.toml")
     assert arm_in_use(load_robot("ur10e")).calibration is None
+
+
+@pytest.fixture(scope="module")
+def today(recorded_er50):
+    return recorded_er50 / "runs" / "today"
+
+
+@pytest.fixture(scope="module")
+def calibrated(armload, today, tmp_path_factory):
+    """The arm from its own four recordings, which say what they carried; and what was printed."""
+    path = tmp_path_factory.mktemp("calibrated") / "arm.calibration.toml"
+    result = armload("calibrate", "er50", *sorted(today.glob("*.mcap")), "-o", path)
+    assert result.exit_code == 0, result.output
+    return path, result.output
+
+
+def test_recordings_that_say_what_they_carry_need_no_table(calibrated):
+    result = read_calibration(calibrated[0])
+    assert [run.mounting for run in result.runs] == ["today", "today", "", ""]
+    (payload,) = result.payloads
+    assert payload.weighed_kg == pytest.approx(9.814)
+    assert result.days == ("2026-03-01",)
+    assert result.warnings == result.left_out == ()
+
+
+def test_the_next_payload_of_an_arm_is_known_better(calibrated, today):
+    """The validation runs stand for a second commissioning, nominal gains for the first one."""
+    pair = today / "loaded_validation.mcap", today / "unloaded_validation.mcap"
+    first, second = (
+        armload_package.identify("er50", *pair),
+        armload_package.identify("er50", *pair, calibration=calibrated[0]),
+    )
+    width = [found.intervals["mass"][1] - found.intervals["mass"][0] for found in (first, second)]
+    assert width[1] < 0.6 * width[0]
+    low, high = second.intervals["mass"]
+    assert low < 9.814 < high
+    assert "are from arm.calibration.toml: 4 runs of 2026-03-01, scale by a weighed payload" in second.notes[0]
+    assert set(second.payload.provenance.calibration_sha256) == {"arm.calibration.toml"}
+
+
+def test_a_calibration_moves_a_payload_of_nominal_gains(armload, calibrated, today):
+    result = armload("compare", today / "payload.toml", today / "payload.toml", "--calibration", calibrated[0])
+    assert result.exit_code == 0, result.output
+    assert "with the gains of arm.calibration.toml: 9.8" in result.output

@@ -67,6 +67,7 @@ def test_commission_leaves_recordings_payload_and_report(commissioned):
     assert "truth" in printed
     assert "residual" in printed
     assert str(output / "report.html") in printed
+    assert "warning: no calibration of the arm: the runs are too short" in printed
 
 
 def test_what_is_not_determined_is_not_printed_as_a_number(commissioned):
@@ -111,9 +112,11 @@ def test_the_second_half_takes_up_the_first(armload, short_robot, tmp_path):
     assert first.exit_code == 0, first.output
     assert "--runs loaded" in first.output
     assert not (output / "payload.toml").exists()
-    second = armload("commission", short_robot, "--runs", "loaded", "--output", output)
+    second = armload("commission", short_robot, "--runs", "loaded", "--output", output, "--mass-kg", "3.0")
     assert second.exit_code == 0, second.output
-    assert (output / "payload.toml").exists()
+    assert read_payload(output / "payload.toml").model.mass_kg == pytest.approx(3.0, rel=1e-3)
+    said = [read_recording(output / f"{load}_validation.mcap").source.run() for load in ("unloaded", "loaded")]
+    assert [run.get("mass_kg") for run in said] == [None, 3.0]
 
 
 def test_the_second_half_without_the_first_is_refused(armload, short_robot, tmp_path):

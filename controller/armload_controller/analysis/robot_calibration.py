@@ -1,0 +1,64 @@
+"""The calibration of a configured arm from its recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from armload_controller.config.robot import Robot
+from armload_controller.config.robot_runs import ArmRuns, read_runs
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibrate_arm import calibrate_arm
+
+_PARTS = 100
+"""Steps of either half of the progress, reading and calibrating."""
+
+
+def calibrate_from_files(
+    robot: Robot, paths: Sequence[Path], progress: Callable[[int, int], None] | None = None
+) -> ArmCalibration:
+    """Calibrate an arm from files.
+
+    Args:
+        robot: The arm.
+        paths: One table of runs, or recordings that say what they carried.
+        progress: Takes how much is done, and of how much.
+
+    Raises:
+        RunTableError: a table that makes no sense.
+        EstimationError: no usable run, an arm that is mounted otherwise than entered, or no agreement.
+    """
+
+    def half(first: int) -> Callable[[int, int], None] | None:
+        if progress is None:
+            return None
+        return lambda done, total: progress(first + _PARTS * done // total, 2 * _PARTS)
+
+    return calibrate_from_runs(robot, read_runs(robot, paths, half(0)), half(_PARTS))
+
+
+def calibrate_from_runs(
+    robot: Robot, runs: ArmRuns, progress: Callable[[int, int], None] | None = None
+) -> ArmCalibration:
+    """Calibrate an arm from recordings that were read.
+
+    Args:
+        robot: The arm.
+        runs: The recordings, what they carried, and what could not be read.
+        progress: Takes how much is done, and of how much.
+
+    Raises:
+        EstimationError: no usable run, an arm that is mounted otherwise than entered, or no agreement.
+    """
+    return calibrate_arm(
+        runs.runs,
+        runs.weighed,
+        robot.chain,
+        robot.transmission,
+        robot=robot.name,
+        armload_version=version("armload"),
+        configuration_sha256=robot.sha256,
+        left_out=runs.left_out,
+        progress=progress,
+    )
