@@ -216,6 +216,25 @@ class ServoLoops:
             number: Number of the step asked for.
         """
 
+    def ramp(self, axis: int, number: float, position: float, steps: float, slowing: bool, /) -> None:
+        """Let the setpoint of one axis go from where it is to a position, then hold it.
+
+        Args:
+            axis: Index of the axis.
+            number: Number of the step at which it begins.
+            position: Where it goes, in rad.
+            steps: Steps that it takes; 0 for at once.
+            slowing: With a speed that falls evenly to zero, instead of linearly.
+        """
+
+    def measure(self, number: float, out: FloatArray, /) -> None:
+        """What all axes and joints do at a step.
+
+        Args:
+            number: Number of the step, for the setpoints.
+            out: (SERVO_MEASUREMENTS, n) filled, in rad, rad/s and N m.
+        """
+
 # Rows of `parameter`, constant.
 SERVO_POSITION_GAIN: int
 SERVO_VELOCITY_GAIN: int
@@ -246,3 +265,14 @@ SERVO_INTEGRAL: int
 SERVO_TORQUE: int  # of the axis, as the drive believes
 SERVO_TRUE_TORQUE: int  # of the axis
 SERVO_STATES: int
+
+# Rows of a measurement: what a drive can know of its axis, then the truth about the joint.
+SERVO_AXIS_POSITION: int
+SERVO_AXIS_VELOCITY: int
+SERVO_AXIS_DEMAND: int
+SERVO_AXIS_TORQUE: int  # as the drive believes, without noise
+SERVO_JOINT_POSITION: int  # on the links' side of an elastic gear
+SERVO_JOINT_VELOCITY: int
+SERVO_JOINT_TORQUE: int  # of the motors
+SERVO_LINK_TORQUE: int
+SERVO_MEASUREMENTS: int

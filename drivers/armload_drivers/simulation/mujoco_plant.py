@@ -36,7 +36,7 @@ STEP_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class PlantSample:
-    """What the drives measure at one instant, and the truth beside it.
+    """What the drives measure at one instant, and the truth beside it; after the time, the rows of a measurement.
 
     Attributes:
         time_s: The plant's time.
@@ -166,8 +166,7 @@ class ArmPlant:
         if steps > 0.0 and elapsed < steps + 0.5:
             left = 1.0 - elapsed / steps
             speed = (finish - begin) / (steps * TIME_STEP_S) * (2.0 * left if slowing else 1.0)
-        self._ramp(axis, self._demand(axis) + 0.5 * speed * over_s, over_s)
-        self._state[kernels.SERVO_RAMP_SLOWING, axis] = 1.0
+        self._ramp(axis, self._servos.setpoint(axis, self._step) + 0.5 * speed * over_s, over_s, slowing=True)
 
     def set_torque_offset(self, axis: int, torque_nm: float) -> None:
         """Have a torque added inside an axis's servo loop (60B2), from the next step on.
@@ -223,33 +222,15 @@ class ArmPlant:
         Returns:
             Measurements and truth, as copies.
         """
-        motor_position = self._position[:: self._hinges]
-        motor_velocity = self._velocity[:: self._hinges]
+        rows = np.empty((kernels.SERVO_MEASUREMENTS, self.n))
+        self._servos.measure(self._step, rows)
         noise = self._noise_nm * (math.sqrt(NOISE_CYCLE_S / cycle_s) * self._random.standard_normal(self.n))
-        return PlantSample(
-            time_s=self.time_s,
-            axis_position_rad=self._to_axis @ motor_position,
-            axis_velocity_rad_s=self._to_axis @ motor_velocity,
-            axis_demand_rad=np.array([self._demand(axis) for axis in range(self.n)]),
-            axis_torque_nm=self._state[kernels.SERVO_TORQUE] + noise,
-            joint_position_rad=self._position.reshape(self.n, -1).sum(axis=1),
-            joint_velocity_rad_s=self._velocity.reshape(self.n, -1).sum(axis=1),
-            joint_torque_nm=self._to_axis.T @ self._state[kernels.SERVO_TRUE_TORQUE],
-            link_torque_nm=self._link_torque[:: self._hinges].copy(),
-        )
+        rows[kernels.SERVO_AXIS_TORQUE] += noise
+        return PlantSample(self.time_s, *rows)
 
-    def _demand(self, axis: int) -> float:
-        """Setpoint of an axis at this instant."""
-        return self._servos.setpoint(axis, self._step)
-
-    def _ramp(self, axis: int, position_rad: float, over_s: float) -> None:
-        """Let an axis's setpoint go linearly from where it is to a position."""
-        state = self._state
-        state[kernels.SERVO_RAMP_FROM, axis] = self._demand(axis)
-        state[kernels.SERVO_RAMP_TO, axis] = position_rad
-        state[kernels.SERVO_RAMP_BEGIN, axis] = self._step
-        state[kernels.SERVO_RAMP_STEPS, axis] = over_s / TIME_STEP_S
-        state[kernels.SERVO_RAMP_SLOWING, axis] = 0.0
+    def _ramp(self, axis: int, position_rad: float, over_s: float, *, slowing: bool = False) -> None:
+        """Let an axis's setpoint go from where it is to a position."""
+        self._servos.ramp(axis, self._step, position_rad, over_s / TIME_STEP_S, slowing)
 
     def _raise_diverged(self) -> None:
         """Name the joint that ran away."""

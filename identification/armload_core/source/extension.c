@@ -390,8 +390,10 @@ static int fill_module(PyObject *module)
     }
     SERVO_PARAMETER_ROWS(ADD_ROW)
     SERVO_STATE_ROWS(ADD_ROW)
+    SERVO_MEASURED_ROWS(ADD_ROW)
     ADD_ROW(PARAMETERS)
     ADD_ROW(STATES)
+    ADD_ROW(MEASUREMENTS)
 #undef ADD_ROW
     if (PyModule_AddIntConstant(module, "MOST_JOINTS", MOST_JOINTS) < 0
         || PyModule_AddIntConstant(module, "MOST_JOINTS_OF_A_MESSAGE", MOST_JOINTS_OF_A_MESSAGE) < 0

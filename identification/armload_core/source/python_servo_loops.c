@@ -86,6 +86,15 @@ static PyObject *step(PyObject *object, PyObject *number)
     return PyBool_FromLong(servo_step(&self->loops, count, self->greatest_speed_rad_s));
 }
 
+static int has_axis(const servo_loops_object *self, int axis)
+{
+    if (axis < 0 || axis >= self->loops.n) {
+        PyErr_Format(PyExc_IndexError, "axis %d of %d", axis, self->loops.n);
+        return 0;
+    }
+    return 1;
+}
+
 PyDoc_STRVAR(setpoint_doc, "setpoint($self, axis, number, /)\n--\n\n"
                            "Setpoint of an axis at a step, in rad.");
 
@@ -94,18 +103,56 @@ static PyObject *setpoint(PyObject *object, PyObject *args)
     servo_loops_object *self = (servo_loops_object *)object;
     int axis;
     double count;
-    if (!PyArg_ParseTuple(args, "id", &axis, &count)) {
-        return NULL;
-    }
-    if (axis < 0 || axis >= self->loops.n) {
-        PyErr_Format(PyExc_IndexError, "axis %d of %d", axis, self->loops.n);
+    if (!PyArg_ParseTuple(args, "id", &axis, &count) || !has_axis(self, axis)) {
         return NULL;
     }
     return PyFloat_FromDouble(servo_setpoint(&self->loops, axis, count));
 }
 
-static PyMethodDef METHODS[] = {
-    {"step", step, METH_O, step_doc}, {"setpoint", setpoint, METH_VARARGS, setpoint_doc}, {NULL, NULL, 0, NULL}};
+PyDoc_STRVAR(ramp_doc, "ramp($self, axis, number, position, steps, slowing, /)\n--\n\n"
+                       "From a step on, let an axis's setpoint go from where it is to a position.");
+
+static PyObject *ramp(PyObject *object, PyObject *args)
+{
+    servo_loops_object *self = (servo_loops_object *)object;
+    int axis, slowing;
+    double count, position, steps;
+    if (!PyArg_ParseTuple(args, "idddp", &axis, &count, &position, &steps, &slowing) || !has_axis(self, axis)) {
+        return NULL;
+    }
+    servo_ramp(&self->loops, axis, count, position, steps, slowing);
+    Py_RETURN_NONE;
+}
+
+PyDoc_STRVAR(measure_doc, "measure($self, number, out, /)\n--\n\n"
+                          "What all axes and joints do at a step, into (SERVO_MEASUREMENTS, n).");
+
+static PyObject *measure(PyObject *object, PyObject *args)
+{
+    static const operand wanted[] = {{"out", 'd', 1, 2, {SERVO_MEASUREMENTS, JOINTS}}};
+    servo_loops_object *self = (servo_loops_object *)object;
+    PyObject *out;
+    Py_buffer view;
+    sizes found;
+    double count;
+    if (!PyArg_ParseTuple(args, "dO", &count, &out) || open_arrays(&out, 1, wanted, 1, &view, &found) < 0) {
+        return NULL;
+    }
+    if (found.joints != self->loops.n) {
+        PyErr_Format(PyExc_ValueError, "out: axis 1 has the length %d, expected %d", found.joints, self->loops.n);
+        PyBuffer_Release(&view);
+        return NULL;
+    }
+    servo_measure(&self->loops, count, view.buf);
+    PyBuffer_Release(&view);
+    Py_RETURN_NONE;
+}
+
+static PyMethodDef METHODS[] = {{"step", step, METH_O, step_doc},
+                                {"setpoint", setpoint, METH_VARARGS, setpoint_doc},
+                                {"ramp", ramp, METH_VARARGS, ramp_doc},
+                                {"measure", measure, METH_VARARGS, measure_doc},
+                                {NULL, NULL, 0, NULL}};
 
 PyDoc_STRVAR(type_doc, "ServoLoops(parameter, state, to_axis, position, velocity, link_torque, applied, friction, "
                        "greatest_speed_rad_s, /)\n--\n\n"

@@ -15,6 +15,58 @@ double servo_setpoint(const servo_loops *loops, int axis, double step)
     return ramp[SERVO_RAMP_FROM * n] + (ramp[SERVO_RAMP_TO * n] - ramp[SERVO_RAMP_FROM * n]) * share;
 }
 
+void servo_ramp(const servo_loops *loops, int axis, double step, double position, double steps, int slowing)
+{
+    const int n = loops->n;
+    double *ramp = loops->state + axis;
+    ramp[SERVO_RAMP_FROM * n] = servo_setpoint(loops, axis, step);
+    ramp[SERVO_RAMP_TO * n] = position;
+    ramp[SERVO_RAMP_BEGIN * n] = step;
+    ramp[SERVO_RAMP_STEPS * n] = steps;
+    ramp[SERVO_RAMP_SLOWING * n] = (double)slowing;
+}
+
+/* The motors' sides of all joints, seen by one axis. */
+static double at_axis(const servo_loops *loops, int axis, const double *of_hinges)
+{
+    double sum = 0.0;
+    for (int k = 0; k < loops->n; k++) {
+        sum += loops->to_axis[loops->n * axis + k] * of_hinges[loops->hinges * k];
+    }
+    return sum;
+}
+
+/* The motors' torque at one joint. */
+static double at_joint(const servo_loops *loops, int joint)
+{
+    double sum = 0.0;
+    for (int k = 0; k < loops->n; k++) {
+        sum += loops->to_axis[loops->n * k + joint] * loops->state[SERVO_TRUE_TORQUE * loops->n + k];
+    }
+    return sum;
+}
+
+void servo_measure(const servo_loops *loops, double step, double *measured)
+{
+    const int n = loops->n, hinges = loops->hinges;
+    for (int i = 0; i < n; i++) {
+        double *row = measured + i;
+        double position = 0.0, velocity = 0.0;
+        for (int side = 0; side < hinges; side++) {
+            position += loops->position[hinges * i + side];
+            velocity += loops->velocity[hinges * i + side];
+        }
+        row[SERVO_AXIS_POSITION * n] = at_axis(loops, i, loops->position);
+        row[SERVO_AXIS_VELOCITY * n] = at_axis(loops, i, loops->velocity);
+        row[SERVO_AXIS_DEMAND * n] = servo_setpoint(loops, i, step);
+        row[SERVO_AXIS_TORQUE * n] = loops->state[SERVO_TORQUE * n + i];
+        row[SERVO_JOINT_POSITION * n] = position;
+        row[SERVO_JOINT_VELOCITY * n] = velocity;
+        row[SERVO_JOINT_TORQUE * n] = at_joint(loops, i);
+        row[SERVO_LINK_TORQUE * n] = loops->link_torque[hinges * i];
+    }
+}
+
 int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_s)
 {
     const int n = loops->n, hinges = loops->hinges;
@@ -22,11 +74,8 @@ int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_
     for (int i = 0; i < n; i++) {
         const double *parameter = loops->parameter + i;
         double *state = loops->state + i;
-        double q = 0.0, dq = 0.0, torque = 0.0;
-        for (int k = 0; k < n; k++) {
-            q += loops->to_axis[n * i + k] * loops->position[hinges * k];
-            dq += loops->to_axis[n * i + k] * loops->velocity[hinges * k];
-        }
+        const double q = at_axis(loops, i, loops->position), dq = at_axis(loops, i, loops->velocity);
+        double torque = 0.0;
         if (state[SERVO_POWERED * n] != 0.0) {
             const double error = parameter[SERVO_POSITION_GAIN * n] * (servo_setpoint(loops, i, step) - q) - dq;
             const double limit = parameter[SERVO_MAX_TORQUE * n];
@@ -48,14 +97,10 @@ int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_
         const double dq = loops->velocity[hinges * i], load = loops->link_torque[hinges * i];
         const double loss = parameter[(load * dq >= 0.0 ? SERVO_LOSS_FORWARD : SERVO_LOSS_BACKWARD) * n];
         const double slow = dq / parameter[SERVO_STRIBECK_VELOCITY * n];
-        double at_joint = 0.0;
-        for (int k = 0; k < n; k++) {
-            at_joint += loops->to_axis[n * k + i] * loops->state[SERVO_TRUE_TORQUE * n + k];
-        }
         if (!(fabs(dq) < greatest_speed_rad_s)) {
             sane = 0;
         }
-        loops->applied[hinges * i] = at_joint;
+        loops->applied[hinges * i] = at_joint(loops, i);
         loops->friction[hinges * i] = parameter[SERVO_COULOMB * n] + parameter[SERVO_STRIBECK * n] * exp(-slow * slow)
                                       + loss * fabs(load) + state[SERVO_BRAKED * n] * parameter[SERVO_BRAKE * n];
     }

@@ -36,11 +36,23 @@
     ROW(INTEGRAL)             \
     ROW(TORQUE) /* of the axis, as the drive believes */ \
     ROW(TRUE_TORQUE) /* of the axis */
+
+/* Rows of a measurement: what a drive can know of its axis, then the truth about the joint. */
+#define SERVO_MEASURED_ROWS(ROW) \
+    ROW(AXIS_POSITION)           \
+    ROW(AXIS_VELOCITY)           \
+    ROW(AXIS_DEMAND)             \
+    ROW(AXIS_TORQUE) /* as the drive believes, without noise */ \
+    ROW(JOINT_POSITION) /* on the links' side of an elastic gear */ \
+    ROW(JOINT_VELOCITY)          \
+    ROW(JOINT_TORQUE) /* of the motors */ \
+    ROW(LINK_TORQUE)
 /* clang-format on */
 
 #define AS_ENUM(name) SERVO_##name,
 enum { SERVO_PARAMETER_ROWS(AS_ENUM) SERVO_PARAMETERS };
 enum { SERVO_STATE_ROWS(AS_ENUM) SERVO_STATES };
+enum { SERVO_MEASURED_ROWS(AS_ENUM) SERVO_MEASUREMENTS };
 #undef AS_ENUM
 
 typedef struct {
@@ -57,6 +69,12 @@ typedef struct {
 
 /* Setpoint of an axis in rad: linear between two setpoints, or with a speed that falls evenly to zero; then held. */
 double servo_setpoint(const servo_loops *loops, int axis, double step);
+
+/* Let an axis's setpoint go from where it is to a position within `steps`; `slowing` is 0 or 1. */
+void servo_ramp(const servo_loops *loops, int axis, double step, double position, double steps, int slowing);
+
+/* Fill (SERVO_MEASUREMENTS, n) with what all axes and joints do at a step. */
+void servo_measure(const servo_loops *loops, double step, double *measured);
 
 /* Close all loops once. Returns 0 where a joint's speed is not a number or not below `greatest_speed_rad_s`. */
 int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_s);

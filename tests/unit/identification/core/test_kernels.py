@@ -475,6 +475,50 @@ class TestServoLoops:
         for axis in (-1, 2):
             with pytest.raises(IndexError, match=f"axis {axis} of 2"):
                 loops.setpoint(axis, 0.0)
+            with pytest.raises(IndexError, match=f"axis {axis} of 2"):
+                loops.ramp(axis, 0.0, 1.0, 1.0, False)
+
+    def test_a_ramp_begins_where_the_setpoint_is(self):
+        loops = kernels.ServoLoops(*self.arrays().values(), 100.0)
+        loops.ramp(1, 0.0, 2.0, 4.0, False)
+        loops.ramp(1, 1.0, -0.5, 2.0, False)
+        assert [loops.setpoint(1, step) for step in (1.0, 2.0, 3.0, 9.0)] == [0.5, 0.0, -0.5, -0.5]
+        loops.ramp(1, 3.0, 0.5, 4.0, True)
+        assert [loops.setpoint(1, step) for step in (3.0, 5.0, 7.0)] == [-0.5, 0.25, 0.5]  # three quarters half way
+        assert loops.setpoint(0, 5.0) == 0.0
+
+    def test_what_is_measured(self):
+        given = self.arrays(hinges=2)
+        given["to_axis"][1, 0] = -0.5
+        for name, values in (("position", [1.0, 0.1, 2.0, 0.2]), ("velocity", [3.0, 0.3, 4.0, 0.4])):
+            given[name][:] = values
+        given["link_torque"][:] = [7.0, 0.0, 8.0, 0.0]
+        given["state"][[kernels.SERVO_RAMP_TO, kernels.SERVO_TORQUE, kernels.SERVO_TRUE_TORQUE]] = [
+            [0.5, 0.6],
+            [5.0, 6.0],
+            [5.5, 6.5],
+        ]
+        out = np.full((kernels.SERVO_MEASUREMENTS, 2), np.nan)
+        kernels.ServoLoops(*given.values(), 100.0).measure(0.0, out)
+        expected = {
+            "AXIS_POSITION": [1.0, 1.5],
+            "AXIS_VELOCITY": [3.0, 2.5],
+            "AXIS_DEMAND": [0.5, 0.6],
+            "AXIS_TORQUE": [5.0, 6.0],
+            "JOINT_POSITION": [1.1, 2.2],
+            "JOINT_VELOCITY": [3.3, 4.4],
+            "JOINT_TORQUE": [5.5 - 3.25, 6.5],
+            "LINK_TORQUE": [7.0, 8.0],
+        }
+        assert len(expected) == kernels.SERVO_MEASUREMENTS
+        for name, values in expected.items():
+            np.testing.assert_allclose(out[getattr(kernels, f"SERVO_{name}")], values, rtol=1e-15)
+
+    @pytest.mark.parametrize("shape", [(1, 2), (kernels.SERVO_MEASUREMENTS, 3)])
+    def test_a_measurement_that_does_not_fit(self, shape):
+        loops = kernels.ServoLoops(*self.arrays().values(), 100.0)
+        with pytest.raises(ValueError, match="out: axis"):
+            loops.measure(0.0, np.zeros(shape))
 
     def test_it_is_made_once(self):
         loops = kernels.ServoLoops(*self.arrays().values(), 100.0)
