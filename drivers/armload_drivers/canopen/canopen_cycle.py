@@ -69,6 +69,7 @@ class CanopenCycle:
         self._bitrate = arm.bitrate
         self._load_since_s, self._load_bits = 0.0, 0
         self._cycle_s, self._heartbeat_s = arm.cycle_s, arm.heartbeat_s
+        self._with_current = units.feedback is EffortFeedback.CURRENT
         self._link, self._sync = link, sync
         self._heartbeat = can.Message(
             arbitration_id=od.HEARTBEAT_BASE + master_node_id,
@@ -144,7 +145,7 @@ class CanopenCycle:
         if tick.time_s - self._load_since_s >= LOAD_WINDOW_S:
             self._measure_load(tick.time_s)
         effort = [node.effort for node in nodes]
-        with_current = self.units.feedback is EffortFeedback.CURRENT
+        with_current = self._with_current
         return JointFeedback(
             cycle=self.number,
             time_s=tick.time_s,

@@ -49,6 +49,10 @@ class _Phase(Enum):
     CLOSED = auto()
 
 
+_ENABLED = _Phase.ENABLED
+"""A name of its own, because Python 3.11 takes 0.3 us to find a member of an enumeration by its class."""
+
+
 class CanopenServos:
     """All drives of one arm over CANopen.
 
@@ -194,7 +198,7 @@ class CanopenServos:
             ServoError: a drive left its state by itself.
             BusError: the bus failed.
         """
-        self._require(_Phase.ENABLED)
+        self._require(_ENABLED)
         raw = self._cycle.units.targets(command)
         for node, counts, permille in zip(self._nodes, raw.position_counts, raw.effort, strict=True):
             node.target_counts = counts

@@ -20,6 +20,8 @@ STANDSTILL_RAD_S = 0.005
 
 _ENABLE_INTERPOLATION = 0x0010
 _INTERPOLATION_ACTIVE = 0x1000
+_ENABLED = State.OPERATION_ENABLED
+"""A name of its own, because Python 3.11 takes 0.3 us to find a member of an enumeration by its class."""
 _FAULTY = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 _OPERATIONAL = NmtState.OPERATIONAL.value
 _IN_ORDER = (None, _OPERATIONAL)
@@ -187,7 +189,7 @@ class DriveNode:
         """RPDO of this cycle."""
         machine = self.machine
         word = machine.controlword(now_s)
-        if self._interpolates and machine.state is State.OPERATION_ENABLED is machine.goal:
+        if self._interpolates and machine.state is _ENABLED is machine.goal:
             word |= _ENABLE_INTERPOLATION
         if self._with_offset:
             self._pack(self.message.data, 0, word, self.target_counts, self.offset_permille)
@@ -243,7 +245,7 @@ class DriveNode:
     def follows(self) -> bool:
         """Whether the drive is enabled and takes setpoints."""
         active = not self._interpolates or bool(self.statusword & _INTERPOLATION_ACTIVE)
-        return self.machine.state is State.OPERATION_ENABLED and active
+        return self.machine.state is _ENABLED and active
 
     # Problems ------------------------------------------------------------------------------------------------
 
@@ -287,7 +289,7 @@ class DriveNode:
                 f"the drive has left OPERATIONAL, it is in {name}",
                 "Is another master on the bus? Has the drive missed the heartbeat?",
             )
-        if must_follow and self.machine.state is not State.OPERATION_ENABLED:
+        if must_follow and self.machine.state is not _ENABLED:
             return self._error(
                 step,
                 f"the drive has left OPERATION ENABLED, it is in {self._state_text}",

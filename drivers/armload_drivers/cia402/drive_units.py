@@ -157,6 +157,7 @@ class ArmUnits:
             raise CommandError("all drives of an arm must send the same kind of feedback, current or torque")
         self.feedback = kinds.pop()
         self._takes_offset = np.array([drive.torque_offset for drive in arm.drives])
+        self._all_take_offset = bool(self._takes_offset.all())
         self._inverse = inverse
         self._arm = arm
 
@@ -173,13 +174,9 @@ class ArmUnits:
             CommandError: a value is not finite, does not fit its object, or asks a torque offset of a drive
                 that has none.
         """
-        self._require_finite("target position", command.position_rad)
-        self._require_finite("torque offset", command.torque_offset_nm)
-        counts = np.rint(self._counts_from_joint @ command.position_rad)
-        permille = np.rint(self._permille_from_joint @ command.torque_offset_nm)
-        self._require_range("target position", counts, _COUNTS_LIMIT)
-        self._require_range("torque offset", permille, _PERMILLE_LIMIT)
-        if not self._takes_offset.all() and permille[~self._takes_offset].any():
+        counts = self._raw("target position", command.position_rad, self._counts_from_joint, _COUNTS_LIMIT)
+        permille = self._raw("torque offset", command.torque_offset_nm, self._permille_from_joint, _PERMILLE_LIMIT)
+        if not self._all_take_offset and permille[~self._takes_offset].any():
             without = [j for j, takes in zip(self._joints, self._takes_offset, strict=True) if not takes]
             raise CommandError(
                 f"the drives of {', '.join(without)} take no torque offset (60B2); run without feed-forward "
@@ -198,30 +195,32 @@ class ArmUnits:
         effort = np.rint(axis_torque_nm * self._effort_per_nm).clip(-self._effort_limit, self._effort_limit)
         return RawAxes(counts.astype(np.int64).tolist(), effort.astype(np.int64).tolist())
 
-    def _require_finite(self, what: str, values: FloatArray) -> None:
-        """Refuse values that are no numbers, and too few or too many of them."""
+    def _raw(self, what: str, values: FloatArray, axis_from_joint: FloatArray, limit: int) -> FloatArray:
+        """Values (n,) of all joints in the axes' units, rounded.
+
+        Refuses too few or too many of them, what is no number, and what the drives' objects cannot hold.
+        """
         if values.shape != self._torque.shape:
             raise CommandError(f"{what}s of shape {values.shape} for {len(self._joints)} joints")
-        if not np.isfinite(values).all():
-            joint = int(np.flatnonzero(~np.isfinite(values))[0])
+        joint = int(np.abs(values).argmax())  # NaN is the greatest to argmax
+        if not abs(values.item(joint)) < math.inf:
             raise CommandError(f"{self._joints[joint]}: {what} {values[joint]} is no number; nothing was sent")
-
-    def _require_range(self, what: str, raw: FloatArray, limit: int) -> None:
-        """Refuse values that the drives' objects cannot hold."""
-        if (np.abs(raw) > limit).any():
-            axis = int(np.flatnonzero(np.abs(raw) > limit)[0])
+        raw: FloatArray = np.rint(axis_from_joint.dot(values))
+        axis = int(np.abs(raw).argmax())
+        if not abs(raw.item(axis)) <= limit:
             raise CommandError(
                 f"{self._joints[axis]}: {what} is {raw[axis]:.0f} in drive units, outside +-{limit}. The "
                 "setpoint is wrong or the scaling in the configuration is; nothing was sent"
             )
+        return raw
 
     def joint_position_rad(self, counts: Sequence[int]) -> FloatArray:
         """(n,) joint positions of the drives' 6064."""
-        return np.asarray(self._joint_from_counts @ np.array(counts, dtype=np.float64))
+        return np.asarray(self._joint_from_counts.dot(np.array(counts, dtype=np.float64)))
 
     def joint_torque_nm(self, effort: Sequence[int]) -> FloatArray:
         """(n,) joint torques of what the drives report."""
-        return np.asarray(self._joint_from_effort @ np.array(effort, dtype=np.float64))
+        return np.asarray(self._joint_from_effort.dot(np.array(effort, dtype=np.float64)))
 
     def motor_current_a(self, effort: Sequence[int]) -> FloatArray:
         """(n,) motor currents of what the drives report."""

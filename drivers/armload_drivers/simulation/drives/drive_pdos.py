@@ -33,6 +33,7 @@ class Pdo:
     Attributes:
         cob_id: Identifier in use, None while disabled.
         type: Transmission type.
+        synchronous: Whether SYNC latches or sends it.
         timer_s: Event timer, 0 where there is none.
         pending: Data of a received frame that waits for SYNC.
         deadline_s: Receive: when the next frame is overdue, None where none is expected. Transmit: when the event
@@ -81,6 +82,7 @@ class Pdo:
         word = values[self._cob_entry.key]
         self.cob_id = None if word & od.PDO_DISABLED else word & 0x7FF
         self.type = values[self._type_entry.key]
+        self.synchronous = self.type < od.PDO_EVENT_DRIVEN
         self.timer_s = values[self._timer_entry.key] * 1e-3
         self.pending: bytes | None = None
         self.deadline_s: float | None = None
@@ -91,23 +93,20 @@ class Pdo:
         self._struct = struct.Struct("<" + "".join(entry.type.code for entry in entries))
         self.length = self._struct.size
 
-    @property
-    def synchronous(self) -> bool:
-        """Whether SYNC latches or sends it."""
-        return self.type < od.PDO_EVENT_DRIVEN
-
     def carries(self, entry: Entry) -> bool:
         """Whether an object is mapped."""
         return entry.key in self._keys
 
     def store(self, data: bytes) -> None:
         """Write a received frame's objects into the dictionary."""
-        self._dictionary.values.update(zip(self._keys, self._struct.unpack_from(data), strict=True))
-
-    def pack_into(self, data: bytearray) -> None:
-        """Read the mapped objects into a frame's data."""
         values = self._dictionary.values
-        self._struct.pack_into(data, 0, *[values[key] for key in self._keys])
+        for key, value in zip(self._keys, self._struct.unpack_from(data), strict=True):
+            values[key] = value
+
+    def pack(self) -> bytes:
+        """A frame's data: the mapped objects."""
+        values = self._dictionary.values
+        return self._struct.pack(*[values[key] for key in self._keys])
 
     def _mapped_entries(self) -> list[Entry]:
         """Entries that the mapping names; none, and no PDO, where a description maps what it does not have."""

@@ -209,7 +209,8 @@ class SimulatedDrives:
         if self._failure is not None:
             return
         try:
-            self._carry_out_calls()
+            if not self._calls.empty():
+                self._carry_out_calls()
             self._receive(message)
         except Exception as error:  # noqa: BLE001 - raised where the drives are stopped
             self._failure = error
@@ -331,7 +332,7 @@ class SimulatedDrives:
                     self._setpoint_routes.setdefault(pdo.cob_id, []).append((drive, pdo))
         self._routes_valid = True
 
-    def _send(self, cob_id: int, data: bytes | bytearray) -> None:
+    def _send(self, cob_id: int, data: bytes) -> None:
         """Send a frame; one that the bus does not take is lost, as on a real drive."""
         message = self._messages.get(cob_id)
         if message is None:

@@ -23,6 +23,7 @@ from collections.abc import Callable
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode
 from armload_drivers.cia402.drive_units import AxisUnits, saturate
+from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.cia402.process_image import effort_entry
 from armload_drivers.cia402.state_machine import FAULT_RESET_BIT, POWERED, Command, DriveMachine, State
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
@@ -43,6 +44,10 @@ _IP, _CSP = int(OperationMode.INTERPOLATED_POSITION), int(OperationMode.CYCLIC_S
 
 _LOCK_RANGE, _LOCK_GAIN = 0.5, 0.1
 """SYNC periods that differ from 60C2 by less than this share are followed, by this share of their difference each."""
+
+_ENABLED = State.OPERATION_ENABLED
+_I16, _I32 = DataType.I16, DataType.I32
+"""Names of their own, because Python 3.11 takes 0.3 us to find a member of an enumeration by its class."""
 
 Report = Callable[[int], None]
 """Reports an error code; 0 where none is left."""
@@ -125,18 +130,18 @@ class PowerStage:
     def measure_at_rest(self) -> None:
         """Store the position between SYNCs, for SDO; without drawing noise."""
         position = self._plant.hold_position(self._axis)
-        self._values[od.POSITION_ACTUAL.key] = saturate(position * self._units.counts_per_rad, od.DataType.I32)
+        self._values[od.POSITION_ACTUAL.key] = saturate(position * self._units.counts_per_rad, _I32)
 
     def measure(self, position_rad: float, velocity_rad_s: float, demand_rad: float, torque_nm: float) -> None:
         """Store actual values."""
         units, values = self._units, self._values
         self._velocity_rad_s = velocity_rad_s
         counts = position_rad * units.counts_per_rad
-        values[od.POSITION_ACTUAL.key] = saturate(counts, od.DataType.I32)
-        values[od.VELOCITY_ACTUAL.key] = saturate(velocity_rad_s * units.counts_per_rad, od.DataType.I32)
+        values[od.POSITION_ACTUAL.key] = saturate(counts, _I32)
+        values[od.VELOCITY_ACTUAL.key] = saturate(velocity_rad_s * units.counts_per_rad, _I32)
         lag = demand_rad * units.counts_per_rad - counts
-        values[od.FOLLOWING_ERROR_ACTUAL.key] = saturate(lag, od.DataType.I32)
-        permille = saturate(torque_nm / units.torque_nm_per_permille, od.DataType.I16)
+        values[od.FOLLOWING_ERROR_ACTUAL.key] = saturate(lag, _I32)
+        permille = saturate(torque_nm / units.torque_nm_per_permille, _I16)
         values[od.TORQUE_ACTUAL.key] = permille
         values[od.CURRENT_ACTUAL.key] = permille
         if self._vendor_effort is not None:
@@ -156,7 +161,7 @@ class PowerStage:
         if (word, machine.state) != self._obeyed and not self._interlocked:
             self._make_transitions(word & ~FAULT_RESET_BIT if self._persistent_fault else word)
             self._obeyed = (word, machine.state)
-        if machine.state is State.OPERATION_ENABLED:
+        if machine.state is _ENABLED:
             self._follow(word)
         if machine.state in POWERED:
             self._add_torque()
@@ -172,7 +177,7 @@ class PowerStage:
             self._report(0)
         elif after is State.QUICK_STOP_ACTIVE and before is not after:
             self._begin_stop(self._values[od.QUICK_STOP_OPTION.key])
-        elif after is State.OPERATION_ENABLED and before is not after:
+        elif after is _ENABLED and before is not after:
             self._ramp_end_s = None
             if before not in POWERED:
                 self._lag_since_s = None
@@ -210,7 +215,7 @@ class PowerStage:
         """Fault where the following error stays outside 6065 for 6066."""
         window = self._values[od.FOLLOWING_ERROR_WINDOW.key]
         if (
-            self.machine.state is not State.OPERATION_ENABLED
+            self.machine.state is not _ENABLED
             or window == _WINDOW_OFF
             or abs(self._values[od.FOLLOWING_ERROR_ACTUAL.key]) <= window
         ):
@@ -262,7 +267,7 @@ class PowerStage:
         """Statusword of the present state, without bit 9 (remote)."""
         state = self.machine.state
         word = self.machine.status_bits | _VOLTAGE_ENABLED
-        if state is State.OPERATION_ENABLED:
+        if state is _ENABLED:
             mode = self._values[od.MODE_DISPLAY.key]
             interpolating = bool(self._values[od.CONTROLWORD.key] & _INTERPOLATE)
             if mode == _CSP or (mode == _IP and interpolating):
@@ -300,7 +305,7 @@ class PowerStage:
         Returns:
             Whether the reaction is a fault, which has been reported then.
         """
-        if self.machine.state is not State.OPERATION_ENABLED:
+        if self.machine.state is not _ENABLED:
             return False
         option = self._values[od.ABORT_CONNECTION_OPTION.key]
         if option == 1:

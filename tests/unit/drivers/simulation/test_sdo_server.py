@@ -149,9 +149,7 @@ def test_mapping_in_the_prescribed_order(dictionary):
     write(dictionary, side.type_entry(0), 1)
     write(dictionary, side.cob_id_entry(0), 0x40000285)
     assert (pdo.cob_id, pdo.type, pdo.length, pdo.synchronous) == (0x285, 1, 6, True)
-    frame = bytearray(6)
-    pdo.pack_into(frame)
-    assert frame == struct.pack("<Hi", 0x0250, 7)
+    assert pdo.pack() == struct.pack("<Hi", 0x0250, 7)
     assert pdo.carries(od.POSITION_ACTUAL)
 
 
