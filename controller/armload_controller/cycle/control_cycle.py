@@ -260,7 +260,8 @@ class PoweredArm:
         position, velocity, acceleration = self._follower.follow(
             reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
         )
-        deviation = np.abs(position - reference.position_rad).max()
+        distance = np.abs(position - reference.position_rad)
+        deviation = distance[distance.argmax()]
         if not deviation <= PATH_TOLERANCE_RAD:
             raise PathDeviation(f"{deviation:.2e} rad off the checked path, {PATH_TOLERANCE_RAD:.0e} rad allowed")
         check_setpoints(position, velocity, acceleration, self._limits)

@@ -126,7 +126,7 @@ class FollowingMonitor:
             return
         error_rad = np.abs(step.sent.position_rad - feedback.position_rad)
         self._count(feedback, error_rad)
-        worst = int(np.argmax(error_rad - limits.following_error_rad))
+        worst = int((error_rad - limits.following_error_rad).argmax())
         if not error_rad[worst] <= limits.following_error_rad[worst]:
             raise FollowingError(
                 limits.joint_names[worst], float(error_rad[worst]), float(limits.following_error_rad[worst])
@@ -212,7 +212,7 @@ class TorqueWindow:
         before = 0.5 * (least + greatest) if self._filtered is None else self._filtered
         self._filtered = before + self._share * (measured_torque(step.feedback, self._transmission) - before)
         excess = np.maximum(self._filtered - greatest, least - self._filtered)
-        worst = int(np.argmax(excess))
+        worst = int(excess.argmax())
         if not excess[worst] <= 0.0:
             raise TorqueError(
                 self._joint_names[worst], float(self._filtered[worst]), float(least[worst]), float(greatest[worst])

@@ -16,11 +16,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.model.payload import InertialParameters
-from armload_identification.model.regressor import payload_torque
+from armload_identification.model.regressor import feedforward_model
 
 FRICTION_SHARE = 2.0
 """Friction at standstill in terms of Coulomb friction."""
@@ -50,9 +51,16 @@ class ExpectedTorque:
     payload: InertialParameters | None
     torque_max_nm: FloatArray
     _dynamics: ArmDynamics = field(init=False, repr=False)
+    _carried: kernels.PayloadTorque = field(init=False, repr=False)
+    _least_room_nm: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_dynamics", ArmDynamics(self.chain, self.body))
+        theta = np.zeros(kernels.BODY_PARAMETERS) if self.payload is None else self.payload.theta
+        carried = kernels.PayloadTorque(feedforward_model(self.chain, theta), np.zeros(self.chain.n))
+        object.__setattr__(self, "_carried", carried)
+        room = self.arm_nm + FRICTION_SHARE * self.body.coulomb_nm + SPARE_SHARE * self.torque_max_nm
+        object.__setattr__(self, "_least_room_nm", room)
 
     def bounds_nm(
         self, position_rad: FloatArray, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray
@@ -67,16 +75,11 @@ class ExpectedTorque:
         Returns:
             (n,) each, in N m.
         """
-        state = position_rad[None], velocity_rad_s[None], acceleration_rad_s2[None]
-        body = self.body
-        arm = self._dynamics.torque(*state)[0]
-        carried = (
-            np.zeros_like(arm) if self.payload is None else payload_torque(self.chain, self.payload.theta, *state)[0]
-        )
-        least, greatest = np.sort([-HALF * carried, (1.0 + HALF) * carried], axis=0)
-        loss = LOSS_SHARE * (
-            np.abs(arm) + np.maximum(-least, greatest) + body.viscous_nm_s_rad * np.abs(velocity_rad_s)
-        )
-        room = self.arm_nm + FRICTION_SHARE * body.coulomb_nm + loss + SPARE_SHARE * self.torque_max_nm
-        middle = arm + body.viscous_nm_s_rad * velocity_rad_s
+        arm = self._dynamics.torque(position_rad[None], velocity_rad_s[None], acceleration_rad_s2[None])[0]
+        carried = self._carried.torque_nm(position_rad, velocity_rad_s, acceleration_rad_s2)
+        lightest, heaviest = -HALF * carried, (1.0 + HALF) * carried
+        least, greatest = np.minimum(lightest, heaviest), np.maximum(lightest, heaviest)
+        viscous = self.body.viscous_nm_s_rad * velocity_rad_s
+        room = self._least_room_nm + LOSS_SHARE * (np.abs(arm) + np.maximum(-least, greatest) + np.abs(viscous))
+        middle = arm + viscous
         return middle + least - room, middle + greatest + room

