@@ -21,6 +21,8 @@ _COARSEST_KNOTS_S: Final = 2.0
 _SAMPLES_PER_KNOT: Final = 8
 """At least; finer knots would follow the encoder's noise into the acceleration."""
 _REFINEMENTS: Final = 8
+_ELSEWHERE_RAD: Final = 0.1
+"""Runs this far apart are doing different things at that moment, such as being driven to the start by hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +126,9 @@ def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
             )
         ahead = first.spline(common) - second.spline(common + shift_s)
         speed = speed_of_second(common + shift_s)
+        alike = np.abs(ahead).max(axis=1) < _ELSEWHERE_RAD
+        if np.count_nonzero(alike) > 0.5 * alike.size:
+            ahead, speed = ahead[alike], speed[alike]
         power = float(np.sum(speed**2))
         if power == 0.0:
             break

@@ -28,6 +28,7 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.motion import (
     ABOVE_BAND,
     SCATTER,
+    Grid,
     Motion,
     TimedRun,
     average_period,
@@ -38,6 +39,11 @@ _SAME_PATH_RAD: Final = 0.01
 _SAME_PATH_SHARE: Final = 0.03
 """Two runs are of one trajectory if every joint's RMS difference is below either."""
 _SAME_SPEED: Final = 0.02
+_ALIKE: Final = 5.0
+"""Times that, at no moment more, within the part in which both do the same."""
+_COMMON: Final = 0.3
+"""Of the motion, at least, is done by both; else it is not the same motion."""
+_SHORTEST_S: Final = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,12 +206,61 @@ def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission
 
 def _by_position(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
     """Laid over each other by position, at the loaded run's times."""
+    _require_same_excitation(loaded, unloaded)
     one, two = (TimedRun.of(run, transmission) for run in (loaded, unloaded))
-    shift_s = time_shift(one.path, two.path)
+    shift_s = _shift_by_phase(one.run, two.run)
+    if shift_s is None:
+        shift_s = time_shift(one.path, two.path)
     grid = one.moving_grid(max(0.0, -shift_s), min(one.path.duration_s, two.path.duration_s - shift_s))
+    begin_s, end_s = _common_part(one, two, grid, shift_s)
+    grid = one.moving_grid(begin_s, end_s)
     motions = one.sampled(grid), two.sampled(grid.later(shift_s))
     mismatch = _require_same_path(loaded, unloaded, *motions)
     return LoadSignal(*motions, mismatch, shift_s + float(two.run.time_s[0] - one.run.time_s[0]))
+
+
+def _shift_by_phase(one: Recording, two: Recording) -> float | None:
+    """Time from the first run's moments to the second's where both know their phase; None where one does not.
+
+    Raises:
+        RecordingError: the runs share less than a second of their excitation.
+    """
+    if one.phase_s is None or two.phase_s is None or one.excitation is None or two.excitation is None:
+        return None
+    begin, end = max(one.phase_s[0], two.phase_s[0]), min(one.phase_s[-1], two.phase_s[-1])
+    if end - begin < _SHORTEST_S:
+        short = min((one, two), key=lambda run: float(run.phase_s[-1]) if run.phase_s is not None else 0.0)
+        cut = ": the file is cut short" if short.source.truncated else ""
+        raise RecordingError(
+            f"{one.source.path} and {two.source.path} share {max(end - begin, 0.0):.2g} s of their excitation, as "
+            f"{short.source.path} ends there{cut}. Record that run again."
+        )
+    phase = np.linspace(begin, end, 100)
+    later = np.interp(phase, two.phase_s, two.time_s - two.time_s[0])
+    return float(np.median(later - np.interp(phase, one.phase_s, one.time_s - one.time_s[0])))
+
+
+def _common_part(one: TimedRun, two: TimedRun, grid: Grid, shift_s: float) -> tuple[float, float]:
+    """Begin and end of the longest stretch in which both runs do the same; all of it where there is hardly any."""
+    elapsed = grid.elapsed_s
+    position = one.path.spline(elapsed)
+    apart = np.abs(position - two.path.spline(elapsed + shift_s))
+    alike = (apart <= _ALIKE * _allowed_rad(position)).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], alike, [False]])))
+    first, after = edges[::2], edges[1::2]
+    end_s = float(elapsed[-1]) + grid.interval_s
+    if not first.size:
+        return float(elapsed[0]), end_s
+    longest = int(np.argmax(after - first))
+    stretch = elapsed[first[longest] : after[longest]]
+    if stretch[-1] - stretch[0] < max(_SHORTEST_S, _COMMON * (elapsed[-1] - elapsed[0])):
+        return float(elapsed[0]), end_s
+    return float(stretch[0]), float(stretch[-1]) + grid.interval_s
+
+
+def _allowed_rad(position: FloatArray) -> FloatArray:
+    """(n,) RMS difference up to which two runs are of one motion."""
+    return np.maximum(_SAME_PATH_RAD, _SAME_PATH_SHARE * position.std(axis=0))
 
 
 def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
@@ -235,12 +290,13 @@ def _require_same_path(loaded: Recording, unloaded: Recording, one: Motion, two:
     """(n,) RMS difference of the two motions; raises where it is too great for their torques to be subtracted."""
     position = one.states.position_rad
     mismatch = np.asarray(np.sqrt(np.mean((position - two.states.position_rad) ** 2, axis=0)))
-    allowed = np.maximum(_SAME_PATH_RAD, _SAME_PATH_SHARE * position.std(axis=0))
+    allowed = _allowed_rad(position)
     worst = int(np.argmax(mismatch / allowed))
     if mismatch[worst] > allowed[worst]:
         raise RecordingError(
-            f"{loaded.source.path} and {unloaded.source.path} are not of the same trajectory: joint {worst + 1} "
-            f"differs by {mismatch[worst]:.3g} rad RMS, allowed is {allowed[worst]:.3g} rad. "
-            "Pair two runs of one excitation, and check the order of the joints."
+            f"{loaded.source.path} and {unloaded.source.path} are not of the same trajectory: laid over each other "
+            f"as well as they fit, joint {worst + 1} differs by {mismatch[worst]:.3g} rad RMS, allowed is "
+            f"{allowed[worst]:.3g} rad. Pair two runs of one motion and check the order of the joints; or calibrate "
+            "the arm (`armload calibrate`): then the loaded run alone is enough, whatever its motion."
         )
     return mismatch

@@ -295,6 +295,11 @@ def _scatter_of(run: Recording, average: PeriodAverage, transmission: Transmissi
 
 def _moving_part(run: Recording) -> Recording:
     """The run without approach and return, where its phase marks them; else all of it."""
-    if run.phase_s is None or np.count_nonzero(np.isfinite(run.phase_s)) < 2:
+    if run.phase_s is None:
         return run
+    if np.count_nonzero(np.isfinite(run.phase_s)) < 2:
+        cut = ": the file is cut short" if run.source.truncated else ""
+        raise RecordingError(
+            f"{run.source.path}: the recording ends before the periods of its excitation begin{cut}. Record it again."
+        )
     return run.rows(np.isfinite(run.phase_s))

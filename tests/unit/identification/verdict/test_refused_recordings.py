@@ -14,6 +14,7 @@ from armload_identification.identification_errors import EstimationError, Record
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.verdict.sanity import check_run
 
 pytestmark = pytest.mark.pure
 
@@ -174,3 +175,74 @@ def test_an_empty_file_is_named(tmp_path):
     (tmp_path / "empty.csv").write_text("\n")
     with pytest.raises(RecordingError, match="the file is empty"):
         read_recording(tmp_path / "empty.csv", COLUMNS)
+
+
+def test_friction_is_asked_of_all_joints_together(pinocchio_arm):
+    """Without friction the joints of an arm feed energy into each other: one of them gains without a wrong sign."""
+    gaining = 0
+    for seed in range(20):
+        run = pinocchio_arm.run(pinocchio_arm.trajectory(seed), True, seed=seed, periods=1, noise=0.0)
+        trajectory = run.excitation.trajectory
+        state = trajectory.evaluate(run.phase_s)
+        motion = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
+        friction = np.tanh(motion[1] / 0.01) * 4.0 + 5.0 * motion[1]
+        torque = pinocchio_arm.torque(*motion, pinocchio_arm.payload) - friction
+        frictionless = replace(run, position_rad=motion[0], current_a=None, torque_nm=torque)
+        check_run(frictionless, pinocchio_arm.transmission)
+        work = torque[:-1] * np.diff(motion[0], axis=0)
+        gaining += bool((work.sum(axis=0) < -0.3 * np.abs(work).sum(axis=0)).any())
+    assert gaining >= 5
+
+
+@pytest.mark.parametrize("cut_run", [0, 1], ids=["loaded", "unloaded"])
+def test_a_run_that_was_cut_short_is_used_as_far_as_it_goes(pinocchio_arm, cut_run):
+    """The motion repeats itself in its period, so that positions alone do not show where the short run belongs."""
+    trajectory = pinocchio_arm.trajectory(period_s=10.0)
+    runs = [pinocchio_arm.run(trajectory, load, seed=61 + load, periods=2) for load in (True, False)]
+    short = runs[cut_run].rows(slice(0, 700))
+    runs[cut_run] = replace(short, source=replace(short.source, truncated=True))
+    result = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.02)
+    for rows, said in (
+        (60, "share 0.59 s of their excitation, as .* ends there: the file is cut short"),
+        (1, "cut short"),
+    ):
+        runs[cut_run] = replace(
+            short.rows(slice(0, rows + 20)), phase_s=short.phase_s[: rows + 20].copy(), source=runs[cut_run].source
+        )
+        runs[cut_run].phase_s[rows:] = np.nan
+        with pytest.raises(RecordingError, match=said):
+            identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def test_what_only_one_run_did_before_and_after_is_left_out(outcome, pinocchio_arm):
+    """Recordings that were started and stopped by hand: another way to the start, a pause, the motion, a standstill."""
+    tables = [
+        driven(pinocchio_arm, load, way_rad, way_s, pause_s)
+        for load, way_rad, way_s, pause_s in ((True, 1.5, 2.0, 0.5), (False, -0.8, 3.5, 0.9))
+    ]
+    result = outcome(*tables)
+    assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.02)
+
+
+def driven(arm, load, way_rad, way_s, pause_s):
+    """(N, 13) rows of such a run; the motion is a period of a series with its rate from 0 to 1 and back."""
+    step_s, ramp_s = 0.01, 1.0
+    trajectory = arm.trajectory(period_s=10.0)
+    rate = np.concatenate(
+        [
+            np.zeros(round((way_s + pause_s) / step_s)),
+            0.5 - 0.5 * np.cos(np.pi * np.arange(0.0, 1.0, step_s / ramp_s)),
+            np.ones(round(9.0 / step_s)),
+            0.5 + 0.5 * np.cos(np.pi * np.arange(0.0, 1.0, step_s / ramp_s)),
+            np.zeros(250),
+        ]
+    )
+    position = trajectory.evaluate(np.cumsum(rate) * step_s).position_rad
+    way = np.linspace(0.0, np.pi, round(way_s / step_s))
+    position[: way.size] += way_rad * (0.5 + 0.5 * np.cos(way))[:, None]
+    velocity = np.gradient(position, step_s, axis=0)
+    torque = arm.torque(position, velocity, np.gradient(velocity, step_s, axis=0), arm.payload if load else None)
+    noise = np.random.default_rng(71 + load).normal(size=torque.shape) * arm.noise_nm
+    current = ((torque + noise) @ arm.transmission.coupling) / arm.transmission.gain_nm_a
+    return np.column_stack([50.0 + step_s * np.arange(len(position)), position, current])
