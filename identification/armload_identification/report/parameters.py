@@ -84,6 +84,18 @@ class ComparedRow:
     change: Numeral
 
 
+def mass_card(payload: PayloadResult) -> tuple[str, str] | None:
+    """The mass and its interval, each with the unit; None where it is not determined.
+
+    Args:
+        payload: The result.
+    """
+    if not payload.determined[0]:
+        return None
+    value, low, high = _rounded(payload.values[:1], half_widths(payload)[:1], payload.interval_95[:1])[0]
+    return f"{value}{NO_BREAK}kg", f"{low} to {high}{NO_BREAK}kg"
+
+
 def headline(payload: PayloadResult) -> str:
     """What was found, in a sentence or two with intervals.
 

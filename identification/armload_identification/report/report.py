@@ -20,13 +20,16 @@ from armload_identification.identification_errors import ReportError
 from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
 from armload_identification.pipeline.payload_identification import Identification
 from armload_identification.report import figures
+from armload_identification.report.center_figure import FLANGE_MM, center_views
 from armload_identification.report.content import ReportContent, ReportSubject
 from armload_identification.report.joints import JointRow, joint_rows
+from armload_identification.report.next_steps import next_steps
 from armload_identification.report.numerals import NO_BREAK, numeral, scientific
 from armload_identification.report.parameters import (
     compared_rows,
     half_widths,
     headline,
+    mass_card,
     parameter_rows,
     truth_sentence,
 )
@@ -113,6 +116,10 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
     return environment.get_template(_TEMPLATE).render(
         subject=subject,
         headline=headline(payload),
+        mass=mass_card(payload),
+        views=tuple((view.heading, Markup(view.svg)) for view in center_views(payload)),
+        flange_width=f"{FLANGE_MM:g}{NO_BREAK}mm",
+        steps=next_steps(payload, content.validation),
         truth_sentence="" if subject.truth is None else truth_sentence(payload, subject.truth),
         verdict=verdict_box(content.validation, names),
         notes=tuple(_notes(payload, fit)),

@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 
 from armload_identification.identification_errors import IdentificationError, ReportError
+from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
+from armload_identification.report.center_figure import center_views
 from armload_identification.report.content import ReportContent, ReportSubject
 from armload_identification.report.figures import thin_out, torque_figure
+from armload_identification.report.next_steps import next_steps
 from armload_identification.report.numerals import align, decimals_for, numeral, scientific
 from armload_identification.report.parameters import headline, parameter_rows
 from armload_identification.report.provenance import file_rows
@@ -273,6 +276,77 @@ def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, p
     assert 0 < page.text.index("Wrong.") < page.text.index("too high") < page.text.index("Physical consistency")
 
 
+@pytest.fixture
+def views(clear):
+    """The drawings of a payload with other half widths, correlation or determined values."""
+
+    def views(half_m=(0.01, 0.02, 0.005), correlation=0.0, unknown=()):
+        payload = subject(clear).payload
+        known, interval = payload.determined.copy(), payload.interval_95.copy()
+        interval[1:4] = payload.values[1:4, None] + np.outer(half_m, [-1.0, 1.0])
+        known[list(unknown)], interval[list(unknown)] = False, np.nan
+        covariance = np.diag([1.0, *half_m]) ** 2
+        covariance[1, 2] = covariance[2, 1] = correlation * half_m[0] * half_m[1]
+        center = MassCenterCovariance.of_measured(covariance, 50.0)
+        return payload, center_views(replace(payload, determined=known, interval_95=interval, mass_center=center))
+
+    return views
+
+
+def drawn(view):
+    """Pixels a millimetre, the dot, and the ellipse's semi-axes and turn."""
+    dot = [float(v) for v in re.search(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="3.5"', view.svg).groups()]
+    ellipse = re.search(r'rx="([\d.]+)" ry="([\d.]+)" transform="rotate\((-?[\d.]+)', view.svg)
+    length, scale = re.search(r"h([\d.]+)m0 -4v8.*?>(\d+)", view.svg).groups()
+    return float(length) / float(scale), np.array(dot), [float(v) for v in ellipse.groups()]
+
+
+def test_the_centre_of_mass_is_drawn_to_scale_with_its_interval(views):
+    payload, (side, front) = views()
+    for view, across, up, half in ((side, 2, 0, (0.005, 0.01)), (front, 0, 1, (0.01, 0.02))):
+        pixels, dot, (wide, high, turn) = drawn(view)
+        centre = 1e3 * payload.values[1:4]
+        np.testing.assert_allclose(dot, [160 + pixels * centre[across], 160 - pixels * centre[up]], atol=0.6)
+        lengths = pixels * 1e3 * np.array(sorted(half, reverse=True))
+        np.testing.assert_allclose([wide, high], lengths, rtol=0.02)
+        assert abs(turn) == pytest.approx(90.0)
+    assert "side" in side.heading
+    assert "front" in front.heading
+
+
+def test_the_ellipse_touches_the_intervals_whatever_the_correlation(views):
+    _, (_, front) = views(correlation=0.8)
+    pixels, _, (wide, high, turn) = drawn(front)
+    angle = np.radians(-turn)
+    reach = np.hypot([wide * np.cos(angle), wide * np.sin(angle)], [high * np.sin(angle), high * np.cos(angle)])
+    np.testing.assert_allclose(reach, pixels * np.array([10.0, 20.0]), rtol=0.02)
+    assert -90.0 < turn < 0.0 or 90.0 < turn < 180.0
+
+
+def test_a_direction_that_is_not_determined_is_not_drawn(views):
+    assert [view.heading for view in views(unknown=(2,))[1]] == ["From the side"]
+    assert views(unknown=(1,))[1] == ()
+
+
+def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm):
+    payload = subject(clear).payload
+    assert "armload export" in next_steps(payload, validation)[0]
+    assert "another motion" in next_steps(payload, None)[0]
+    wrong = known_payload(replace(payload, model=InertialParameters(1.5 * payload.model.theta)))
+    failed = judge(validation.measured, pinocchio_arm.chain, wrong, Tolerance())
+    assert next_steps(payload, failed)[0] == "Do not use this payload."
+    unknown = replace(payload, determined=np.zeros(10, dtype=bool))
+    assert next_steps(unknown, None)[0].startswith("Do not use this payload yet")
+    page = Page(render_report(subject(clear), ReportContent.of_identification(clear)))
+    assert page.text.index("What to do next") < page.text.index("record another motion") < page.text.index("Parameters")
+
+
+def test_cells_name_their_column_where_the_heading_is_out_of_sight(full):
+    labels = Counter(value for key, value in full.attributes if key == "data-label")
+    assert labels["Estimate"] == sum("not determined" not in cells for cells in full.table("parameters")[1:])
+    assert labels["Residual over noise"] == 12
+
+
 def test_without_validation_and_truth_the_page_says_so_and_leaves_them_out(bare, full):
     assert "Not validated." in bare.text
     assert "Right within the tolerance." in full.text
@@ -337,7 +411,7 @@ def test_the_page_needs_nothing_but_itself(full, full_text, bare_text):
 
 
 def test_every_figure_says_what_it_shows(full):
-    assert len(full.titles) == full.tags.count("figure") == 18
+    assert len(full.titles) == full.tags.count("figure") == 20
     assert any("joint 2 (a & b)" in title for title in full.titles)
     assert all(len(title) > 20 for title in full.titles)
 

@@ -1,0 +1,39 @@
+"""What to do with a result: use it, look further, or measure again."""
+
+from __future__ import annotations
+
+from armload_identification.model.payload import PayloadResult
+from armload_identification.pipeline.payload_validation import Validation
+from armload_identification.verdict.agreement import Outcome
+
+_MEASURE_AGAIN = (
+    "Measure again with more motion: an excitation of armload design, more of its periods, the arm faster, and gravity "
+    "turned through the payload by moving the wrist."
+)
+
+
+def next_steps(payload: PayloadResult, validation: Validation | None) -> tuple[str, ...]:
+    """One to three sentences, the first thing first.
+
+    Args:
+        payload: The result.
+        validation: What other runs say of it; None where there are none.
+    """
+    outcome = None if validation is None else validation.outcome
+    if outcome is Outcome.WRONG:
+        return (
+            "Do not use this payload.",
+            "Was the same tool mounted, in the same way, in all loaded runs? Then record again and identify anew.",
+            "If the same joints disagree again, calibrate the arm with a weighed payload: armload calibrate.",
+        )
+    if not payload.feedforward_ready:
+        return ("Do not use this payload yet: mass or centre of mass is not determined.", _MEASURE_AGAIN)
+    use = "Enter it at the robot's controller (armload export), or add it in a loop of your own (PayloadFeedforward)."
+    if outcome is Outcome.RIGHT:
+        return (use,)
+    if outcome is Outcome.CANNOT_TELL:
+        return ("Use it with care: nothing contradicts it, and nothing confirms it.", _MEASURE_AGAIN)
+    return (
+        "Before you rely on it, record another motion with and without the payload and give both with --validation.",
+        use,
+    )
