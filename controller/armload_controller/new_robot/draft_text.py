@@ -333,7 +333,7 @@ def _drive(file: DraftedFile, where: str, joint: int, drive: DriveDraft | None, 
     if known.missing:
         listed = ", ".join(text(name) for name in known.missing)
         lines.append(
-            f"# accept_missing = [{listed}]  # the drive has no object for these: drivers/SAFETY.md before you accept it"
+            f"# accept_missing = [{listed}]  # it has no object for these: read drivers/SAFETY.md before you accept it"
         )
         if joint == 0:
             file.unchecked.append(f"the drives lack objects that safety rests on: {', '.join(known.missing)}")
