@@ -7,26 +7,29 @@ PIP     := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 CORE    := identification/armload_core
 KERNELS := $(CORE)/kernels.abi3.so
 
+# $(call timed,WHAT,COMMANDS) says what is being done, and how long it took.
+timed = @echo "== $(1)"; start=$$(date +%s); { $(2); } && echo "== done in $$(( $$(date +%s) - start )) s"
+
 .PHONY: commission test env lint bench paper accuracy lock
 
 commission: env
-	$(BIN)/armload commission $(ROBOT)
+	$(call timed,commissioning the simulated arm $(ROBOT) over CANopen: four runs and an identification in half a minute,$(BIN)/armload commission $(ROBOT))
 
 test: env
+	@echo "== testing: some minutes"
 	$(BIN)/python -m pytest $(if $(WORKERS),-n $(WORKERS))
 
 env: $(KERNELS)
 
 $(KERNELS): .venv/.requirements pyproject.toml $(wildcard $(CORE)/source/*.[ch]) $(CORE)/source/build_extension.py
-	$(PIP) --no-deps --no-build-isolation --editable .
-	touch $@
+	$(call timed,building: the kernels are compiled and armload is installed into .venv: some seconds,$(PIP) --no-deps --no-build-isolation --editable .)
+	@touch $@
 
 .venv/.requirements: requirements.lock
-	$(PYTHON) -m venv .venv
-	$(PIP) --require-hashes --no-deps -r requirements.lock
-	for cc in $$CC cc gcc clang; do command -v $$cc >/dev/null && exit; done; \
-	  $(PIP) --require-hashes --no-deps -r $(CORE)/source/compiler.lock
-	touch $@
+	$(call timed,downloading what armload requires into .venv (1.5 GB): a minute or two the first time,$(PYTHON) -m venv .venv && $(PIP) --require-hashes --no-deps -r requirements.lock)
+	@for cc in $$CC cc gcc clang; do command -v $$cc >/dev/null && exit; done; \
+	  echo "== no C compiler was found: downloading one, ziglang"; $(PIP) --require-hashes --no-deps -r $(CORE)/source/compiler.lock
+	@touch $@
 
 lint: env
 	$(BIN)/ruff check

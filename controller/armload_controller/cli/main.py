@@ -7,6 +7,8 @@ so that help, version and completion do not wait for it; `tests/unit/controller/
 from __future__ import annotations
 
 import os
+import shlex
+import sys
 from importlib.metadata import version
 from typing import Annotated
 
@@ -26,11 +28,13 @@ from armload_controller.cli.commands.report_command import report
 from armload_controller.cli.commands.simulate_command import simulate
 from armload_controller.cli.commands.validate_command import validate
 
+EXIT_USAGE = 2
+
 app = typer.Typer(
     name="armload",
     cls=CommandGroup,
     help="Find out what a robot arm is carrying, from the currents of its own motors.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # its boxes cut off the names of options where the console is narrow
 )
@@ -60,6 +64,7 @@ def _print_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
     _version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
     ] = False,
@@ -69,3 +74,25 @@ def _options(
     # variables when they are loaded, which is later.
     for library in ("OPENBLAS", "MKL", "BLIS", "OMP"):
         os.environ[f"{library}_NUM_THREADS"] = "1"
+    if context.invoked_subcommand is None:
+        _without_command(context)
+
+
+def _without_command(context: typer.Context) -> None:
+    """Help; at a terminal, what to do is asked, done, and shown as a command."""
+    from armload_controller.cli.screen import Screen, attended
+
+    if not (attended() and sys.stdout.isatty()):
+        typer.echo(context.get_help())
+        raise typer.Exit(EXIT_USAGE)
+    from armload_controller.cli.guide import guided_words
+    from armload_controller.config.robot import shipped_robots
+
+    screen = Screen()
+    words = guided_words(screen.ask, screen.step, shipped_robots())
+    if not words:
+        return
+    try:
+        typer.main.get_command(app)(words, standalone_mode=False)
+    finally:
+        screen.step(f"the same as: armload {shlex.join(words)}")

@@ -25,6 +25,7 @@ from rich.table import Column, Table
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
 from armload_controller.cli.printable_console import PrintableConsole, printable
+from armload_controller.control_errors import CommissioningError
 
 UNBOUNDED_WIDTH = 1000
 """Width of what is no terminal."""
@@ -104,18 +105,26 @@ class Screen:
         ]
 
     def ask(self, question: str) -> str:
-        """Ask for a text; no answer, as without a keyboard, is an empty one."""
+        """Ask for a text.
+
+        Raises:
+            CommissioningError: there are no more answers.
+        """
         try:
             return self.console.input(question, markup=False)
-        except EOFError:
+        except EOFError as error:
             self.step("")
-            return ""
+            raise CommissioningError("no more answers: nothing was done") from error
 
     def confirm(self, question: str) -> bool:
         """Ask; no answer, as without a keyboard, is no."""
         if self._keyboard is not None:
             self._keyboard.forget()
-        return self.ask(f"{question} [y/N] ").strip().lower() in {"y", "yes"}
+        try:
+            answer = self.ask(f"{question} [y/N] ")
+        except CommissioningError:
+            return False
+        return answer.strip().lower() in {"y", "yes"}
 
 
 def attended() -> bool:

@@ -1,0 +1,132 @@
+"""`armload` without a command: what is asked, the command that is made of it, and a run at a terminal."""
+
+import os
+import pty
+import select
+import shlex
+import subprocess
+import sys
+
+import click
+import pytest
+import typer
+
+from armload_controller.cli.guide import guided_words
+from armload_controller.cli.main import app
+from tests.bounded import await_that
+
+SHIPPED = ("er50", "prbt")
+LINKS = "".join(f'<link name="l{i}"/>' for i in range(5))
+JOINTS = "".join(
+    f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/></joint>' for i in range(4)
+)
+
+
+def answered(*answers):
+    """Words of the command, and what was said."""
+    given, said = iter(answers), []
+    return guided_words(lambda question: next(given), said.append, SHIPPED), said
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a b.mcap", "empty.mcap", "my.toml"):
+        (tmp_path / name).touch()
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{LINKS}{JOINTS}</robot>')
+    camera = '<link name="c"/><joint name="cj" type="fixed"><parent link="l4"/><child link="c"/></joint>'
+    (tmp_path / "fork.urdf").write_text(f'<robot name="arm">{LINKS}{JOINTS}{camera}</robot>')
+    return tmp_path
+
+
+def require_accepted(words):
+    """The command has these options."""
+    command, words = typer.main.get_command(app), list(words)
+    while isinstance(command, click.Group):
+        command = command.commands[words.pop(0)]
+    command.make_context("armload", words).close()
+
+
+@pytest.mark.parametrize(
+    ("answers", "command"),
+    [
+        (["1"], "commission er50 --output runs/try-1"),
+        (
+            ["2", "none.mcap", "'a b.mcap'", "empty.mcap", "er60", "er50"],
+            "identify er50 --loaded 'a b.mcap' --unloaded empty.mcap --output payload.toml --report report.html",
+        ),
+        (
+            ["2", "a b.mcap", "empty.mcap", "fork.urdf", "", "l5", "", "l4"],
+            "identify --urdf fork.urdf --flange l4 --loaded 'a b.mcap' --unloaded empty.mcap --output payload.toml "
+            "--report report.html",
+        ),
+        (["5", "3", "arm.urdf", "my.toml", ""], "init arm.urdf --output my_arm.toml"),
+        (["3", "", "new.toml"], "init --output new.toml"),
+        (["4", "my.toml", ""], "commission my.toml --output runs/today"),
+    ],
+)
+def test_answers_become_a_command(desk, answers, command):
+    words, _ = answered(*answers)
+    assert words == shlex.split(command)
+    require_accepted(words)
+
+
+def test_what_cannot_be_is_said_and_asked_again(desk):
+    _, said = answered("2", "none.mcap", "a b.mcap", "empty.mcap", "er60", "er50")
+    assert [line for line in said if "no such" in line] == [
+        "  'none.mcap': no such file or folder",
+        "  'er60': no such file and no shipped robot",
+    ]
+    assert answered("q")[0] == []
+
+
+def test_a_second_try_gets_a_folder_of_its_own(desk):
+    (desk / "runs" / "try-1").mkdir(parents=True)
+    assert answered("1")[0][-1] == "runs/try-2"
+
+
+def at_terminal(desk, typed):
+    """What `armload` shows at a terminal until it ends, and its status."""
+    leader, follower = pty.openpty()
+    program = "from armload_controller.cli.entry import main; main()"
+    shown = []
+
+    def ended():
+        if not select.select([leader], [], [], 0.0)[0]:
+            return False
+        try:
+            shown.append(os.read(leader, 4096))
+        except OSError:  # the terminal's other side is closed
+            return True
+        return False
+
+    with subprocess.Popen(
+        [sys.executable, "-c", program], cwd=desk, stdin=follower, stdout=follower, stderr=follower
+    ) as process:
+        try:
+            os.close(follower)
+            os.write(leader, typed)
+            await_that(ended, "the program ends", 60.0)
+        finally:
+            process.kill()
+            os.close(leader)
+        return b"".join(shown).decode(), process.wait()
+
+
+def test_at_a_terminal_it_is_done_and_the_command_is_shown(desk):
+    shown, status = at_terminal(desk, b"3\narm.urdf\nnew.toml\n2.5\n")
+    assert "joints[1].velocity_max_rad_s" in shown
+    assert "the same as: armload init arm.urdf --output new.toml" in shown.replace("\r\n", " ")
+    assert (status, (desk / "new.toml").is_file()) == (0, True)
+
+
+def test_an_end_of_answers_ends_it(desk):
+    shown, status = at_terminal(desk, b"3\n\x04")
+    assert "no more answers" in shown
+    assert status == 1
+
+
+def test_without_a_terminal_it_is_the_help(armload):
+    result = armload()
+    assert result.exit_code == 2
+    assert "commission" in result.output
