@@ -226,7 +226,7 @@ class ArmCalibration:
             chain: As configured.
         """
         level = self.level(chain)
-        return KnownArm(self._body_fit(), lambda *motion: self._torque_doubts(level, *motion))
+        return KnownArm(self._body_fit(), lambda *motion: self._torque_doubts(level, *motion), self.drift)
 
     def _body_fit(self) -> BodyFit:
         """Body and how well it is known."""
@@ -245,12 +245,36 @@ class ArmCalibration:
     def _torque_doubts(
         self, chain: Chain, states: JointStates, interval_s: float, measured_nm: FloatArray
     ) -> FloatArray:
-        """(k, K, n) torque left of a run for one standard deviation of each independent error of the arm.
+        """(k, K, n) torque left of a run for one standard deviation of each independent error, the run's drift too."""
+        dq = states.velocity_rad_s
+        direction = smooth_sign(dq, self.body.reversal_speed_rad_s)
+        drift = [self._per_joint(values) for values in (direction, dq, np.ones_like(dq))]
+        size = self.drift.ravel()[:, None, None]
+        shared = self.torque_doubts(chain, states, interval_s, measured_nm)
+        return np.concatenate([shared, np.concatenate(drift) * size])
+
+    def _per_joint(self, values: FloatArray) -> FloatArray:
+        """(n, K, n) from (K, n): what each joint's friction does to itself alone."""
+        return np.asarray(values[None] * np.eye(self.n)[:, None, :])
+
+    def torque_doubts(
+        self, chain: Chain, states: JointStates, interval_s: float, measured_nm: FloatArray
+    ) -> FloatArray:
+        """Torque that is left of a run for one standard deviation of each independent error of the calibration.
 
         Gains and body err together: both were found from the same currents.
+
+        Args:
+            chain: The arm under gravity as it pulls.
+            states: (K, n) each: its motion.
+            interval_s: Time between samples.
+            measured_nm: (K, n) joint torque.
+
+        Returns:
+            (k, K, n) in N m.
         """
         body, (q, dq, ddq) = self.body, states
-        n, base = self.n, self.body.base.ravel()
+        base = self.body.base.ravel()
         regressor = body_regressor(chain, q, dq, ddq)
         carried = regressor @ body.links.ravel()
         direction = smooth_sign(dq, body.reversal_speed_rad_s)
@@ -265,29 +289,21 @@ class ArmCalibration:
             for axis in tilt_axes(chain.gravity_m_s2)
         ]
 
-        def per_joint(values: FloatArray) -> FloatArray:
-            return np.asarray(values[None] * np.eye(n)[:, None, :])
-
         to_axis = np.linalg.inv(body.coupling)
         shares = (measured_nm @ body.coupling).T[:, :, None] * to_axis[:, None, :]
-        coulomb, viscous, offset = (per_joint(values) for values in (direction, dq, np.ones_like(dq)))
         changes = [
             shares,
             -links,
             -rotor_columns(ddq, body.coupling).transpose(1, 0, 2),
-            -per_joint(direction * np.abs(carried)),
-            -coulomb,
-            -viscous,
-            -per_joint(direction * np.sqrt(np.abs(dq))),
+            *(-self._per_joint(x) for x in (direction * np.abs(carried), direction, dq)),
+            -self._per_joint(direction * np.sqrt(np.abs(dq))),
             rate[None],
             -np.stack(tilt),
         ]
         values, vectors = np.linalg.eigh(self.covariance)
         kept = values > 0.0
         whole = np.concatenate(changes)
-        shared = np.tensordot((vectors[:, kept] * np.sqrt(values[kept])).T, whole, axes=1)
-        drift = np.concatenate([coulomb, viscous, offset]) * self.drift.ravel()[:, None, None]
-        return np.concatenate([shared, drift])
+        return np.asarray(np.tensordot((vectors[:, kept] * np.sqrt(values[kept])).T, whole, axes=1))
 
     def require_arm(self, chain: Chain, coupling: FloatArray) -> None:
         """Refuse another arm.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,6 +21,7 @@ from armload_identification.calibration.arm_fit import HALVES, MOVING, ArmFit, f
 from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
 from armload_identification.calibration.arm_prior import arm_prior
 from armload_identification.calibration.arm_rows import ArmRows, RunSignals, arm_rows, base_links, run_signals
+from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import CONTRADICTS, ArmKnowledge, directions, explain
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
@@ -45,6 +46,8 @@ _SUSPECT: Final = 2.0
 _QUIETER: Final = 2.0
 """A run that makes all runs of a joint this many times worse contradicts them, even where the fit has found a
 compromise."""
+_DOUBTFUL: Final = 0.12
+"""Share of a joint's torque on other motions from which its error is worth a warning."""
 _FAR: Final = 5.0
 """Standard deviations of a change of friction that is worth a warning."""
 _ROWS_PER_UNKNOWN: Final = 4
@@ -181,7 +184,9 @@ class _Calibration:
             self._leave_out(worst, without)
             fit = without
         warnings = [*self._mass_warnings(fit), *self._friction_warnings(fit)]
-        return self._named(fit, warnings, robot, Provenance(armload_version, configuration_sha256, self._hashes()))
+        provenance = Provenance(armload_version, configuration_sha256, self._hashes())
+        found = self._named(fit, warnings, robot, provenance)
+        return replace(found, warnings=(*found.warnings, *self._motion_warnings(found)))
 
     def _hashes(self) -> dict[str, str]:
         return hashes_by_name([run.recording.source for run in self._used])
@@ -329,6 +334,18 @@ class _Calibration:
                     "standard deviations from that of the other runs: a cold gear, or another gain on that day."
                 )
         return warnings
+
+    def _motion_warnings(self, found: ArmCalibration) -> list[str]:
+        """Joints whose torque on other motions is known poorly."""
+        share = np.max([doubtful_share(found, self._chain, run) for run in self._signals], axis=0)
+        doubtful = np.flatnonzero((share > _DOUBTFUL) & (self._peak > _UNMOVED_RAD_S))
+        if not doubtful.size:
+            return []
+        joints = ", ".join(f"{joint + 1} ({share[joint]:.0%})" for joint in doubtful)
+        return [
+            f"on motions other than these, the predicted torque of joint {joints} may be off by as much (95 %): add "
+            "runs of other motions, above all where payloads are to be identified without an unloaded run."
+        ]
 
     def _named(self, fit: ArmFit, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
         """The result by name."""

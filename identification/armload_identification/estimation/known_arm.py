@@ -21,7 +21,10 @@ class KnownArm:
     Attributes:
         fit: Its body, and how well load-dependent friction, rotors and delay are known.
         doubts: By how much a payload's torque is off where this body is taken away from one run.
+        drift: (3, n) standard deviation of what a run's Coulomb friction (N m), viscous friction (N m s/rad) and offset
+            (N m) differ by from the body's.
     """
 
     fit: BodyFit
     doubts: TorqueDoubts
+    drift: FloatArray

@@ -35,6 +35,7 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal, without_body
 from armload_identification.signals.motion import motion_of
 from armload_identification.signals.robust_scale import deviation_by_median
+from armload_identification.verdict.friction_validity import friction_change, friction_notes
 from armload_identification.verdict.operator_notes import notes_on
 from armload_identification.verdict.raw_residual import raw_residual_rms
 from armload_identification.verdict.sanity import check_pair, check_run, check_signs, explain_negative_mass
@@ -185,6 +186,7 @@ def _identified(
         notes=(
             *notes_on(runs, transmission, signal, arm, fit, friction, physical, uncertainty),
             *_on_blows(signal, struck),
+            *(() if known_arm is None else _on_friction(known_arm, chain, signal, unloaded, physical.parameters)),
         ),
     )
 
@@ -220,6 +222,17 @@ def _struck(signal: LoadSignal, fit: Estimate) -> NDArray[np.bool_]:
     spread = deviation_by_median(weighted[signal.valid])
     size = np.divide(weighted, spread, out=np.zeros_like(weighted), where=spread > 0.0)
     return struck_samples(size, signal.time_s)
+
+
+def _on_friction(
+    arm: KnownArm, chain: Chain, signal: LoadSignal, unloaded: Recording | None, payload: InertialParameters
+) -> tuple[str, ...]:
+    """Whether the arm still is as it was calibrated, by the unloaded run or by the only one."""
+    run = signal.loaded if unloaded is None else signal.unloaded
+    body, states = arm.fit.model, run.states
+    carried = None if unloaded is not None else payload_regressor(chain, *states) @ payload.theta
+    left = run.torque_nm - body.torque(chain, *states, carried)
+    return friction_notes(friction_change(arm, states.velocity_rad_s, left, run.valid, run.interval_s))
 
 
 def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armload_identification.calibration.arm_calibration import Effort
-from armload_identification.calibration.arm_rows import tilt_axes
+from armload_identification.calibration.arm_rows import run_signals, tilt_axes
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
@@ -140,8 +140,31 @@ def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nom
         assert found.parameters.mass_kg == pytest.approx(3.3, rel=0.01)
         error = np.abs(found.uncertainty.values - arm.payload.values)[:4]
         assert (error < 1.5 * found.uncertainty.half_width_95[:4]).all()
-        assert not any("nominal" in note for note in found.notes)
+        assert not any("nominal" in note or "far outside" in note for note in found.notes)
     assert alone.uncertainty.half_width_95[0] > pair.uncertainty.half_width_95[0]
+    # A cold gear: two thirds more friction on joint 3 than the calibration knows.
+    speed = np.gradient(loaded.position_rad, loaded.time_s, axis=0)[:, 2]
+    current = loaded.current_a.copy()
+    current[:, 2] += (3.0 * np.tanh(speed / 0.01) + 3.0 * speed) / arm.transmission.gain_nm_a[2]
+    cold = identify(replace(loaded, current_a=current), None, level, transmission, arm=known)
+    (note,) = [note for note in cold.notes if "far outside" in note]
+    assert re.match(r"The friction of joint 3 \(\d+ standard deviations\) lies far outside", note)
+
+
+def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocchio_arm, nominal, result):
+    found = calibrated(runs[:1], {}, pinocchio_arm, nominal)
+    (text,) = [text for text in found.warnings if text.startswith("on motions other than these")]
+    named = {int(joint): int(share) / 100.0 for joint, share in re.findall(r"(\d) \((\d+)%\)", text)}
+    assert len(named) >= 2
+    # What it leaves of the other motion is what it said, less the friction of reversals and noise.
+    other = run_signals(runs[3].recording, found.transmission(nominal))
+    states = (other.position_rad, other.velocity_rad_s, other.acceleration_rad_s2)
+    moving = other.usable[:, None] & (np.abs(other.velocity_rad_s) > 0.1)
+    left = np.where(moving, other.effort_nm - found.body.torque(found.level(pinocchio_arm.chain), *states), 0.0)
+    share = np.sqrt(np.sum(left**2, axis=0) / np.sum(np.where(moving, other.effort_nm, 0.0) ** 2, axis=0))
+    for joint, said in named.items():
+        assert share[joint - 1] < 1.5 * said, (joint, share[joint - 1], said)
+    assert not any(text.startswith("on motions other") for text in result.warnings)
 
 
 def test_whole_periods_and_reported_torque_are_calibrated_too(pinocchio_arm, nominal):
