@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.attendance import attended
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.commands.calibrate_command import calibrate
 from armload_controller.cli.commands.commission_command import commission
@@ -80,12 +81,11 @@ def _options(
 
 def _without_command(context: typer.Context) -> None:
     """Help; at a terminal, what to do is asked, done, and shown as a command."""
-    from armload_controller.cli.screen import Screen, attended
-
     if not (attended() and sys.stdout.isatty()):
         typer.echo(context.get_help())
         raise typer.Exit(EXIT_USAGE)
     from armload_controller.cli.guide import guided_words
+    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import shipped_robots
 
     screen = Screen()

@@ -125,8 +125,3 @@ class Screen:
         except CommissioningError:
             return False
         return answer.strip().lower() in {"y", "yes"}
-
-
-def attended() -> bool:
-    """Whether an operator is at a terminal and can be asked."""
-    return sys.stdin is not None and sys.stdin.isatty()

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armload_controller.cli.attendance import attended
 from armload_controller.cli.options import (
     BitrateOption,
     CalibrationOption,
@@ -80,7 +81,7 @@ def commission(
     What a shell has it ignore (SIGINT in a script's background job, SIGHUP under nohup) stays ignored, SIGTERM never.
     """
     from armload_controller.cli.keyboard import Keyboard
-    from armload_controller.cli.screen import Screen, attended
+    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules
     from armload_controller.session.commissioning import missing_roles, record_half, require_recordings

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armload_controller.cli.attendance import attended
 from armload_controller.cli.options import (
     BitrateOption,
     CalibrationOption,
@@ -70,7 +71,7 @@ def feedforward(
     from armload_controller.analysis.arm_in_use import arm_in_use
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.output.result_documents import feedforward_document
-    from armload_controller.cli.screen import Screen, attended
+    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.feedforward.body_torque import held_torque
     from armload_controller.feedforward.injection import PayloadRefused

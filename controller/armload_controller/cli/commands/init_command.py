@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armload_controller.cli.attendance import attended
 from armload_controller.cli.options import BaseOption, FlangeOption
 from armload_controller.cli.output.output_files import require_folder
 
@@ -40,7 +41,7 @@ def init(
     restarts: Annotated[int, typer.Option(min=1, help="Random starts of each excitation's design.")] = 8,
 ) -> None:
     """Write a first robot file, complete but for what nothing can know, and design its two excitations."""
-    from armload_controller.cli.screen import Screen, attended
+    from armload_controller.cli.screen import Screen
     from armload_controller.control_errors import ConfigurationError
     from armload_controller.new_robot.arm_draft import named, within
     from armload_controller.new_robot.draft_text import draft_file

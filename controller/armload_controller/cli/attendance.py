@@ -1,0 +1,10 @@
+"""Whether somebody is there to be asked; loads nothing, so that help can look as well."""
+
+from __future__ import annotations
+
+import sys
+
+
+def attended() -> bool:
+    """Whether an operator is at a terminal and can be asked."""
+    return sys.stdin is not None and sys.stdin.isatty()
