@@ -81,6 +81,7 @@ def commission(
     What a shell has it ignore (SIGINT in a script's background job, SIGHUP under nohup) stays ignored, SIGTERM never.
     """
     from armload_controller.cli.keyboard import Keyboard
+    from armload_controller.cli.output.result_documents import half_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules
@@ -129,7 +130,7 @@ def commission(
     if runs is Runs.UNLOADED:
         screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
         if as_json:
-            print_document({"schema": "armload/commission-half/1", "files": {"directory": str(directory)}})
+            print_document(half_document(directory))
         return
     truth = arm.simulation.payload(arm.simulation.payload_name) if in_this_process else None
     findings = _evaluate(arm, directory, screen, truth, now, allowed, calibration, mass_kg)

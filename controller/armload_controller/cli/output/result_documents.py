@@ -25,6 +25,11 @@ def _document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
     return {"schema": f"armload/{kind}/1", "armload_version": version("armload"), **fields}
 
 
+def half_document(directory: Path) -> dict[str, Any]:
+    """The unloaded half of a commissioning: recordings, and nothing identified yet."""
+    return _document("commission-half", {"files": {"directory": str(directory)}})
+
+
 def calibration_document(
     robot: str, joint_names: Sequence[str], result: ArmCalibration, output: Path
 ) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The command line as its user meets it: what it prints, and what it answers to wrong input."""
 
+import json
 import re
 import shutil
 import signal
@@ -7,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from importlib import resources
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -108,12 +110,24 @@ def test_validate_fails_on_another_payload(commissioned, armload, short_robot, t
 
 def test_the_second_half_takes_up_the_first(armload, short_robot, tmp_path):
     output = tmp_path / "halves"
-    first = armload("commission", short_robot, "--runs", "unloaded", "--output", output)
+    first = armload("commission", short_robot, "--runs", "unloaded", "--output", output, "--json")
     assert first.exit_code == 0, first.output
-    assert "--runs loaded" in first.output
+    assert "--runs loaded" in first.stderr
     assert not (output / "payload.toml").exists()
-    second = armload("commission", short_robot, "--runs", "loaded", "--output", output, "--mass-kg", "3.0")
+    assert json.loads(first.stdout) == {
+        "schema": "armload/commission-half/1",
+        "armload_version": version("armload"),
+        "files": {"directory": str(output)},
+    }
+    second = armload("commission", short_robot, "--runs", "loaded", "--output", output, "--mass-kg", "3.0", "--json")
     assert second.exit_code == 0, second.output
+    document = json.loads(second.stdout)
+    assert (document["schema"], document["armload_version"]) == ("armload/payload/1", version("armload"))
+    assert document["payload"]["mass_kg"] == read_payload(output / "payload.toml").model.mass_kg
+    assert document["verdict"]["outcome"] == document["validation"]["outcome"] != "wrong"
+    files = {"directory": output, "payload": output / "payload.toml", "report": output / "report.html"}
+    assert document["files"] == {key: str(path) for key, path in files.items()}
+    assert all(path.exists() for path in files.values())
     assert read_payload(output / "payload.toml").model.mass_kg == pytest.approx(3.0, rel=1e-3)
     said = [read_recording(output / f"{load}_validation.mcap").source.run() for load in ("unloaded", "loaded")]
     assert [run.get("mass_kg") for run in said] == [None, 3.0]
