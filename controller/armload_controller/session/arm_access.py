@@ -83,19 +83,24 @@ def open_arm(
 
 
 @contextmanager
-def simulated_arm(robot: Robot, load: Load) -> Iterator[JointServos]:
+def simulated_arm(robot: Robot, load: Load, described: Sequence[DeviceDescription] = ()) -> Iterator[JointServos]:
     """Master and simulated drives in this process, in lockstep.
 
     Args:
         robot: The arm; its configured payload hangs on the flange in the loaded half.
         load: What hangs on the flange.
+        described: Descriptions that the drives serve: none, one for all joints, or one per joint.
     """
     arm = robot.drives.settings
     payload = robot.simulation.payload_name if load is Load.LOADED else None
     plant = ArmPlant(robot.simulation.plant_spec(payload, run=int(load is Load.LOADED)))
     clock = VirtualClock()
     wire = LockstepWire()
-    with LockstepBus(wire) as drives_bus, LockstepBus(wire) as bus, SimulatedDrives(arm, plant, drives_bus, clock):
+    with (
+        LockstepBus(wire) as drives_bus,
+        LockstepBus(wire) as bus,
+        SimulatedDrives(arm, plant, drives_bus, clock, _traits(robot, described)),
+    ):
         servos = CanopenServos(arm, bus, LockstepSync(clock))
         try:
             yield servos
@@ -156,13 +161,16 @@ def drives_alone(
             "give --interface and --channel, such as --interface socketcan --channel vcan0"
         )
     plant = ArmPlant(robot.simulation.plant_spec(payload, run))
-    settings = robot.drives.settings
-    each = described if len(described) != 1 else [described[0]] * robot.n
-    traits = {
-        drive.node_id: DriveTraits(description=found) for drive, found in zip(settings.drives, each, strict=False)
-    }
-    with _bus(robot) as bus, SimulatedDrives(settings, plant, bus, clock_from_now(), traits) as drives:
+    traits = _traits(robot, described)
+    with _bus(robot) as bus, SimulatedDrives(robot.drives.settings, plant, bus, clock_from_now(), traits) as drives:
         yield drives
+
+
+def _traits(robot: Robot, described: Sequence[DeviceDescription]) -> dict[int, DriveTraits]:
+    """What simulated drives serve by node id; nothing of its own without a description."""
+    each = [described[0]] * robot.n if len(described) == 1 else described
+    drives = robot.drives.settings.drives
+    return {drive.node_id: DriveTraits(description=found) for drive, found in zip(drives, each, strict=False)}
 
 
 def clock_from_now() -> Callable[[], float]:

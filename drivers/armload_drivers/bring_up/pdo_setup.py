@@ -10,7 +10,7 @@ References:
 
 from __future__ import annotations
 
-from armload_drivers.bus.sdo_channel import READ_ONLY, SdoChannel
+from armload_drivers.bus.sdo_channel import NO_SUBINDEX, READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
 from armload_drivers.cia402.process_image import PdoLayout
@@ -45,7 +45,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
         (direction.map_entry(number, position), entry.mapping) for position, entry in enumerate(layout.entries, start=1)
     ]
     if _mapped(sdo, direction, number) != [value for _, value in wanted]:
-        done = _write(sdo, count, 0) and all(_write(sdo, entry, value) for entry, value in wanted)
+        done = _write(sdo, count, 0) and all(_map(sdo, entry, value, len(wanted)) for entry, value in wanted)
         if not (done and _write(sdo, count, len(wanted))):
             raise _fixed(sdo, layout)
     kind = direction.type_entry(number)
@@ -74,6 +74,20 @@ def _write(sdo: SdoChannel, entry: Entry, value: int) -> bool:
             return False
         raise
     return True
+
+
+def _map(sdo: SdoChannel, entry: Entry, value: int, needed: int) -> bool:
+    """Write one entry of a mapping; False where it cannot be written at all."""
+    try:
+        return _write(sdo, entry, value)
+    except SdoRefused as refusal:
+        if refusal.abort_code != NO_SUBINDEX:
+            raise
+        most = entry.subindex - 1
+        raise sdo.failure(
+            f"a PDO of this drive carries at most {most} objects, {needed} are needed",
+            f"Set pdo_objects_max = {most}: what has no room travels in a second PDO",
+        ) from refusal
 
 
 def _mapped(sdo: SdoChannel, direction: PdoDirection, number: int) -> list[int]:

@@ -18,7 +18,10 @@ from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.cia402.object_dictionary import SDO_RX_BASE, SDO_TX_BASE, Entry
 from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
 
-_MISSING = frozenset({0x0602_0000, 0x0609_0011})
+NO_SUBINDEX = 0x0609_0011
+"""Abort that means: the object ends before this sub-index."""
+
+_MISSING = frozenset({0x0602_0000, NO_SUBINDEX})
 """Aborts that mean: this drive does not have the object (or the sub-index)."""
 
 READ_ONLY = 0x0601_0002

@@ -122,6 +122,7 @@ class DriveSettings:
         torque_limit_in_drive: `max_torque_permille` is set in the drive by other means, and nobody can read it.
         vendor_settings: Vendor's objects that give properties that safety rests on.
         torque_offset_bits: Size of 60B2, 16 or 32.
+        pdo_objects_max: So many objects fit one PDO, whatever their size.
         rated_torque_unit_nm: What one unit of 6076 means, in N m.
     """
 
@@ -147,6 +148,7 @@ class DriveSettings:
     torque_limit_in_drive: bool = False
     vendor_settings: tuple[VendorSetting, ...] = ()
     torque_offset_bits: int = 16
+    pdo_objects_max: int = 8
     rated_torque_unit_nm: float = 1e-3
 
 

@@ -20,11 +20,12 @@ from dataclasses import dataclass, field
 from armload_drivers.cia402.object_dictionary import (
     CONTROLWORD,
     DEVICE_TYPE,
-    DEVICE_TYPE_SERVO,
+    HEARTBEAT_CONSUMER,
     Access,
     DataType,
     Entry,
     Mappable,
+    is_drive,
 )
 from armload_drivers.driver_errors import DescriptionError
 
@@ -186,9 +187,14 @@ class _Reader:
             raise DescriptionError(self._source, "6040", "", "no controlword: this device is no CiA 402 drive")
         profile = objects.get(DEVICE_TYPE.key)
         if profile is not None and profile.value is not None:
-            number = profile.value.constant & 0xFFFF
-            if number not in {0, DEVICE_TYPE_SERVO & 0xFFFF}:
-                raise DescriptionError(self._source, "1000", "DefaultValue", f"device profile {number} instead of 402")
+            number = profile.value.constant
+            if number and not is_drive(number):
+                raise DescriptionError(
+                    self._source,
+                    "1000",
+                    "DefaultValue",
+                    f"device type 0x{number:08X} is of device profile {number & 0xFFFF} instead of 402",
+                )
         info = self._sections.get("deviceinfo", {})
         if not info:
             self._warn("DeviceInfo", "", "missing, so that the identity is not known")
@@ -362,6 +368,9 @@ class _Reader:
             self._integer(title, values, name, kind) if kind is not None and is_number else None
             for name in ("LowLimit", "HighLimit", key)
         )
+        if index == HEARTBEAT_CONSUMER.index and sub and greatest is not None and greatest.constant < 1 << 16:
+            self._warn(title, "HighLimit", f"{greatest.constant} leaves no room for a node id, and is ignored")
+            greatest = None
         return DescribedObject(
             index=index,
             subindex=sub,

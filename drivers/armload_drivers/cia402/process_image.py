@@ -6,7 +6,7 @@ Every drive has one RPDO and one TPDO, both synchronous:
     TPDO1  6041 statusword (2), 6064 position actual (4), 6078 current or 6077 torque actual (2)
 
 Drives without 60B2 get an RPDO of six bytes. Where 60B2 or a vendor's object for the effort has 32 bits, a frame cannot
-hold it beside the other two: it travels on its own, in RPDO2 or TPDO2.
+hold it beside the other two: it travels on its own, in RPDO2 or TPDO2. So it does where a PDO takes two objects.
 """
 
 from __future__ import annotations
@@ -108,22 +108,21 @@ def drive_image(drive: DriveSettings) -> DriveImage:
     """PDOs of a configured drive."""
     receive, rpdo2 = _split(
         PdoDirection.RECEIVE,
-        drive.node_id,
+        drive,
         [od.CONTROLWORD, target_entry(drive.mode)],
         offset_entry(drive) if drive.torque_offset else None,
     )
-    transmit, tpdo2 = _split(
-        PdoDirection.TRANSMIT, drive.node_id, [od.STATUSWORD, od.POSITION_ACTUAL], effort_entry(drive)
-    )
+    transmit, tpdo2 = _split(PdoDirection.TRANSMIT, drive, [od.STATUSWORD, od.POSITION_ACTUAL], effort_entry(drive))
     return DriveImage(receive, transmit, effort=tpdo2, offset=rpdo2)
 
 
 def _split(
-    direction: PdoDirection, node_id: int, always: list[Entry], last: Entry | None
+    direction: PdoDirection, drive: DriveSettings, always: list[Entry], last: Entry | None
 ) -> tuple[PdoLayout, PdoLayout | None]:
-    """One PDO, and another for the last entry where a frame has no room for it."""
+    """One PDO, and another for the last entry where there is no room for it."""
+    node_id = drive.node_id
     if last is None:
         return _layout(direction, 0, node_id, always), None
-    if sum(entry.type.bits for entry in (*always, last)) <= MAX_PDO_BITS:
+    if len(always) < drive.pdo_objects_max and sum(entry.type.bits for entry in (*always, last)) <= MAX_PDO_BITS:
         return _layout(direction, 0, node_id, [*always, last]), None
     return _layout(direction, 0, node_id, always), _layout(direction, 1, node_id, [last])

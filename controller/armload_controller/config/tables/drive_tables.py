@@ -147,6 +147,7 @@ class DriveTable(Table):
     torque_limit_in_drive: bool = False
     torque_offset: bool = True
     torque_offset_bits: Literal[16, 32] = 16
+    pdo_objects_max: Annotated[int, Field(ge=2, le=8)] = 8
     rated_torque_unit_nm: Positive = 1e-3
     effort_object: EffortObjectTable | None = None
     temperature_object: TemperatureObjectTable | None = None
@@ -215,6 +216,7 @@ class DriveTable(Table):
             torque_limit_in_drive=self.torque_limit_in_drive,
             vendor_settings=tuple(table.setting() for table in self.vendor_settings),
             torque_offset_bits=self.torque_offset_bits,
+            pdo_objects_max=self.pdo_objects_max,
             rated_torque_unit_nm=self.rated_torque_unit_nm,
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -27,6 +27,7 @@ class DriveProfileTable(Table):
     counts_per_axis_turn: Positive | None = None
     torque_offset: bool | None = None
     torque_offset_bits: Literal[16, 32] | None = None
+    pdo_objects_max: Annotated[int, Field(ge=2, le=8)] | None = None
     rated_torque_unit_nm: Positive | None = None
     effort_object: EffortObjectTable | None = None
     temperature_object: TemperatureObjectTable | None = None

@@ -129,7 +129,9 @@ class Pdo:
             raise SdoAbort(Abort.VALUE_RANGE)
 
     def _check_disabled(self) -> None:
-        """Mapping changes only while the PDO is disabled."""
+        """Mapping changes only while the PDO is disabled, or with its count at 0 where it cannot be."""
+        if self._dictionary.entries[self._cob_entry.key].access is od.Access.RO:
+            return
         if not self._dictionary.values[self._cob_entry.key] & od.PDO_DISABLED:
             raise SdoAbort(Abort.UNSUPPORTED_ACCESS)
 

@@ -148,6 +148,22 @@ def test_a_dcf_sets_values_and_names_its_node():
     assert description.value(od.SUPPORTED_MODES, 4) == 0x40
 
 
+def test_limits_are_read():
+    text = GOOD + "\n[6072]\nParameterName=a\nDataType=6\nAccessType=rw\nLowLimit=1\nHighLimit=0x10\n"
+    found = load(text).find(od.MAX_TORQUE)
+    assert (found.least.constant, found.greatest.constant) == (1, 16)
+    signed = load(text.replace("DataType=6", "DataType=3").replace("LowLimit=1", "LowLimit=0x8000"))
+    assert signed.find(od.MAX_TORQUE).least.constant == -(2**15)
+
+
+def test_a_limit_of_1016_that_allows_no_node_id_is_ignored():
+    """A maker's file has the limit of a time of 16 bits there; the drive takes the node id all the same."""
+    text = GOOD + "\n[1016sub1]\nParameterName=a\nDataType=7\nAccessType=rw\nHighLimit=65535\n"
+    description = load(text)
+    assert description.find(od.HEARTBEAT_CONSUMER).greatest is None
+    assert any("[1016sub1] HighLimit: 65535 leaves no room" in warning for warning in description.warnings)
+
+
 def test_a_compact_array_is_expanded():
     text = GOOD + "\n[1010]\nParameterName=Store\nCompactSubObj=3\nDataType=7\nAccessType=rw\nDefaultValue=1\n"
     description = load(text)
@@ -172,7 +188,10 @@ def test_an_identity_that_is_not_given_is_none(written):
         (b"hello", "no section describes an object"),
         (b"\x7fELF\x00\x00", "zero bytes"),
         (GOOD.replace("[6040]", "[6050]").encode(), "no controlword"),
-        (GOOD.replace("0x00020192", "0x00030191").encode(), r"\[1000\] DefaultValue: device profile 401"),
+        (
+            GOOD.replace("0x00020192", "0x00030191").encode(),
+            r"\[1000\] DefaultValue: device type 0x00030191 is of device profile 401",
+        ),
         (b";" * (LARGEST_BYTES + 1), "larger than"),
     ],
     ids=["empty", "text", "binary", "no drive", "another profile", "huge"],

@@ -1,0 +1,348 @@
+"""The arm against every description: the way to each property that safety rests on, the consents, or the refusal.
+
+In lockstep, and on vcan0.
+
+A row gives no consent beyond those that it names, and each of those is needed: without any one of them the drive is
+refused for that property and for no other.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from armload_drivers.bring_up.description_file import read_description
+from armload_drivers.cia402.arm_settings import EffortFeedback as Effort
+from armload_drivers.cia402.arm_settings import Identity, OperationMode, VendorEffort, VendorSetting
+from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.cia402.drive_safety import SAFETY_KEYS
+from armload_drivers.cia402.object_dictionary import DataType, Entry
+from armload_drivers.driver_errors import DescriptionError, MissingSafety, ServoError, WrongDevice
+from armload_drivers.servos import JointCommand
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from tests.drive_descriptions import eds, maker_drive
+
+NODES = (2, 3, 5)
+IP, CSP = OperationMode.INTERPOLATED_POSITION, OperationMode.CYCLIC_SYNCHRONOUS_POSITION
+CONSENT = "torque_limit_in_drive"
+"""The consent that is not in `accept_missing`."""
+
+
+def ways(**others):
+    """Number of the way that gives each property, the first where it is not named; 0 where none does."""
+    assert set(others) <= set(SAFETY_KEYS)
+    return dict.fromkeys(SAFETY_KEYS, 1) | others
+
+
+@dataclass(frozen=True)
+class Row:
+    """One description, and what becomes of it.
+
+    Attributes:
+        maker: Name of a file beside the checkout, or a description that is written here.
+        settings: What the robot's file says of the drives.
+        expected: Number of the way to each property; None where the drive is refused.
+        consents: What must be accepted.
+        error: What the refusal is.
+        reason: Pattern of its text.
+    """
+
+    maker: object
+    settings: dict = field(default_factory=dict)
+    expected: dict | None = None
+    consents: tuple = ()
+    error: type = ServoError
+    reason: str = ""
+
+
+def own(settings=None, *, without=(), changes=None, **row):
+    """A row of a description that is written here."""
+    return Row(eds(maker_drive(without, changes)), settings or {}, **row)
+
+
+def ro(value):
+    """An object that cannot be written."""
+    return {"AccessType": "ro", "DefaultValue": str(value)}
+
+
+def fixed_mapping(rpdo, tpdo):
+    """The first PDO of each direction, its mapping not to be written."""
+    changes = {}
+    for index, words in (("1600", rpdo), ("1A00", tpdo)):
+        changes[f"{index}sub0"] = ro(len(words))
+        for position in range(1, 9):
+            changes[f"{index}sub{position}"] = ro(f"0x{words[position - 1]:08X}" if position <= len(words) else 0)
+    return changes
+
+
+def cob_ids(access, node):
+    """COB-IDs of the PDOs of one node, whichever node the drive has."""
+    bases = {"1400": 0x200, "1401": 0x300, "1800": 0x180, "1801": 0x280}
+    return {f"{i}sub1": {"AccessType": access, "DefaultValue": node.format(base=base)} for i, base in bases.items()}
+
+
+NO_REACTIONS = ("master_lost", "setpoints_lost", "quick_stop", "fault_reaction")
+MAXON = {
+    "vendor_effort": VendorEffort(0x30D1, 2, DataType.I32, 1e-3),
+    "rated_torque_unit_nm": 1e-6,
+    "vendor_settings": (VendorSetting(Entry(0x3001, 2, "vendor's setting", DataType.U32), 5000, "torque_limit"),),
+}
+REAL = {
+    "pilz": Row(
+        "pilz_prbt_0_1.dcf",
+        {"mode": IP, "feedback": Effort.TORQUE},
+        ways(torque_limit=2, disable_reaction=2, **dict.fromkeys(NO_REACTIONS, 0)),
+        NO_REACTIONS,
+    ),
+    "pilz in CSP": Row(
+        "pilz_prbt_0_1.dcf",
+        {"feedback": Effort.TORQUE},
+        error=WrongDevice,
+        reason=r"mode 8 .* not offered, only 1, 2, 7",
+    ),
+    "maxon": Row("maxon_epos4_50_15.dcf", MAXON, ways(torque_limit=3, setpoints_lost=0), ("setpoints_lost",)),
+    "maxon, its limit set in the drive": Row(
+        "maxon_epos4_50_15.dcf",
+        MAXON | {"vendor_settings": ()},
+        ways(torque_limit=4, setpoints_lost=0),
+        ("setpoints_lost", CONSENT),
+    ),
+    "maxon with 6078": Row(
+        "maxon_epos4_50_15.dcf", error=WrongDevice, reason=r"no 6078:0 .* set feedback = \"torque\""
+    ),
+    "elmo gold": Row("elmo_cob4.dcf", {}, ways(setpoints_lost=2)),
+    "elmo simpliq": Row("elmo_simpliq.dcf", {"mode": IP, "torque_offset": False}, ways(setpoints_lost=2)),
+    "elmo simpliq with 60B2": Row(
+        "elmo_simpliq.dcf", {"mode": IP}, error=WrongDevice, reason=r"no 60B2:0 .*\. Set torque_offset = false"
+    ),
+    "roboteq": Row(
+        "roboteq_v80.eds",
+        {"feedback": Effort.TORQUE, "pdo_objects_max": 2},
+        ways(torque_limit=4, disable_reaction=2, **dict.fromkeys(NO_REACTIONS, 0)),
+        (*NO_REACTIONS, CONSENT),
+    ),
+    "roboteq with three objects in a PDO": Row(
+        "roboteq_v80.eds",
+        {"feedback": Effort.TORQUE},
+        reason="carries at most 2 objects, 3 are needed. Set pdo_objects_max = 2",
+    ),
+    "ros2's fake": Row(
+        "ros2_fake_cia402_slave.eds",
+        {"torque_offset": False},
+        error=WrongDevice,
+        reason=r"no 6078:0 .* Name the maker's object for current or torque: effort_object",
+    ),
+}
+
+VENDORS_CURRENT = {
+    "2100sub0": {"DataType": "5", "AccessType": "ro", "DefaultValue": "1", "PDOMapping": "0", "ParameterName": "n"},
+    "2100sub1": {"DataType": "3", "AccessType": "ro", "DefaultValue": "0", "PDOMapping": "1", "ParameterName": "mA"},
+}
+VENDORS_REACTION = {
+    "2200": {"DataType": "5", "AccessType": "rw", "DefaultValue": "0", "PDOMapping": "0", "ParameterName": "reaction"}
+}
+REACTS = VendorSetting(Entry(0x2200, 0, "vendor's setting", DataType.U8), 2, "master_lost")
+WANTED = {"605A": ro(6), "605B": ro(1), "605C": ro(1), "605E": ro(2), "6007": ro(3)}
+AFTER_RESET = {"605A": ro(2), "605B": ro(0), "605C": ro(1), "605E": ro(1), "6007": ro(1)}
+NO_TIMER = ("1400sub5", "1401sub5")
+RPDO, TPDO = (0x6040_0010, 0x607A_0020, 0x60B2_0010), (0x6041_0010, 0x6064_0020, 0x6078_0010)
+
+WRITTEN = {
+    "complete": own(expected=ways()),
+    "6073 instead of 6072": own(without=[0x6072], expected=ways(torque_limit=2)),
+    "6072 that is too small": own(
+        changes={"6072": {"HighLimit": "1000", "LowLimit": "0"}}, expected=ways(torque_limit=2)
+    ),
+    "6073 of an unknown current": own(
+        without=[0x6072, 0x6075], error=MissingSafety, reason="no 6072; 6075 reports no rated current"
+    ),
+    "no limit of torque": own(without=[0x6072, 0x6073], expected=ways(torque_limit=4), consents=(CONSENT,)),
+    "no 6007": own(without=[0x6007], expected=ways(master_lost=2)),
+    "no 6007, no 1029": own(without=[0x6007, 0x1029], expected=ways(master_lost=0), consents=("master_lost",)),
+    "no 1016": own(without=[0x1016], expected=ways(master_lost=0), consents=("master_lost",)),
+    "a maker's reaction to a lost master": own(
+        {"vendor_settings": (REACTS,)},
+        without=[0x6007, 0x1029],
+        changes=VENDORS_REACTION,
+        expected=ways(master_lost=3),
+    ),
+    "no event timer": own(without=NO_TIMER, expected=ways(setpoints_lost=2)),
+    "no event timer, no 1006": own(
+        without=[*NO_TIMER, 0x1006], expected=ways(setpoints_lost=0), consents=("setpoints_lost",)
+    ),
+    "option codes read-only, as wanted": own(changes=WANTED, expected=ways()),
+    "option codes read-only, as after a reset": own(
+        changes=AFTER_RESET, expected=ways(quick_stop=2, disable_reaction=2, fault_reaction=2, master_lost=2)
+    ),
+    "option codes read-only, without a ramp": own(
+        changes={"605A": ro(0), "605E": ro(0)},
+        expected=ways(quick_stop=0, fault_reaction=0),
+        consents=("quick_stop", "fault_reaction"),
+    ),
+    "605A read-only, without a brake": own(
+        {"has_brake": False}, changes={"605A": ro(2)}, error=MissingSafety, reason="the axis has no brake"
+    ),
+    "no 6065": own(without=[0x6065, 0x6066], expected=ways(following_error=0), consents=("following_error",)),
+    "no 6066": own(without=[0x6066], expected=ways()),
+    "no 607D": own(without=[0x607D], expected=ways(position_limits=0), consents=("position_limits",)),
+    "no 1017": own(without=[0x1017], expected=ways(drive_lost=0), consents=("drive_lost",)),
+    "60B2 absent": own({"torque_offset": False}, without=[0x60B2], expected=ways()),
+    "60B2 absent and wanted": own(without=[0x60B2], error=WrongDevice, reason="Set torque_offset = false"),
+    "60B2 of 32 bits": own({"torque_offset_bits": 32}, changes={"60B2": {"DataType": "4"}}, expected=ways()),
+    "60B2 of 32 bits, 16 expected": own(
+        changes={"60B2": {"DataType": "4"}},
+        error=WrongDevice,
+        reason="32 bits instead of 16. Set torque_offset_bits = 32",
+    ),
+    "60B2 not mappable": own(changes={"60B2": {"PDOMapping": "0"}}, reason="0x06040041"),
+    "only 6077": own({"feedback": Effort.TORQUE}, without=[0x6078], expected=ways()),
+    "only 6077, 6078 expected": own(without=[0x6078], error=WrongDevice, reason='set feedback = "torque"'),
+    "only a maker's current": own(
+        {"vendor_effort": VendorEffort(0x2100, 1, DataType.I16, 1e-3)},
+        without=[0x6077, 0x6078],
+        changes=VENDORS_CURRENT,
+        expected=ways(),
+    ),
+    "only a maker's current, 6078 expected": own(
+        without=[0x6077, 0x6078], changes=VENDORS_CURRENT, error=WrongDevice, reason="effort_object"
+    ),
+    "IP only": own({"mode": IP}, without=[0x607A], changes={"6502": {"DefaultValue": "0x40"}}, expected=ways()),
+    "IP only, CSP expected": own(
+        changes={"6502": {"DefaultValue": "0x40"}}, error=WrongDevice, reason="mode 8 .* is not offered, only 7"
+    ),
+    "CSP only": own(without=[0x60C1], changes={"6502": {"DefaultValue": "0x80"}}, expected=ways()),
+    "CSP only, IP expected": own(
+        {"mode": IP}, changes={"6502": {"DefaultValue": "0x80"}}, error=WrongDevice, reason="mode 7 .* is not offered"
+    ),
+    "mapping fixed as needed": own(changes=fixed_mapping(RPDO, TPDO), expected=ways()),
+    "mapping fixed otherwise": own(
+        changes=fixed_mapping(RPDO[:2], TPDO),
+        reason=r"the mapping is fixed to 6040:0, 607A:0; needed are 6040:0, 607A:0, 60B2:0",
+    ),
+    "COB-IDs of node 1": own(changes=cob_ids("rw", "0x{base:X}+1"), expected=ways()),
+    "COB-IDs fixed to node 1": own(
+        changes=cob_ids("ro", "0x{base:X}+1"), reason=r"is 0x00000201, which is not this node's 0x00000202, and cannot"
+    ),
+    "COB-IDs fixed to the node": own(changes=cob_ids("ro", "$NODEID+0x{base:X}"), expected=ways()),
+    "an interpolation time that cannot be written": own(
+        changes={"60C2sub1": ro(8), "60C2sub2": ro(-3)},
+        reason=r"interpolates over 0.008 s .* Set cycle_hz = 125",
+    ),
+    "a device type with more bits": own(changes={"1000": {"DefaultValue": "0x00220192"}}, expected=ways()),
+}
+
+ROWS = {f"real: {name}": row for name, row in REAL.items()} | WRITTEN
+
+
+@pytest.fixture
+def drives_of(fault_arm, arm_settings, request):
+    """Makes an arm whose drives serve a row's description, as a robot's file with some consents describes them."""
+
+    def make(row, consents):
+        if row.maker.endswith((".eds", ".dcf")):
+            described = read_description(request.getfixturevalue("shared_data") / "eds" / row.maker)
+        else:
+            described = parse_description(row.maker.encode(), "written.eds")
+        vcan = request.node.callspec.params["fault_arm"] == "vcan"
+        settings = {"identity": Identity(None, None), "accept_missing": frozenset(consents) - {CONSENT}} | row.settings
+        arm = arm_settings(cycle_s=0.02 if vcan else 0.01, torque_limit_in_drive=CONSENT in consents, **settings)
+        # A guest on a busy machine does not run for moments; what is tested here is another thing.
+        patient = replace(arm, max_missing_cycles=25 if vcan else arm.max_missing_cycles)
+        return fault_arm(patient, traits=dict.fromkeys(NODES, DriveTraits(description=described)))
+
+    return make
+
+
+def numbers(report):
+    """Number of the way that was found for each property; 0 where none was."""
+    return {f.of.key: 0 if f.way is None else 1 + f.of.value.ways.index(f.way) for f in report.safety}
+
+
+@pytest.mark.parametrize("name", [name for name, row in ROWS.items() if row.expected is not None])
+def test_a_drive_that_is_used(drives_of, name):
+    """From power-on to motion, and to rest without torque."""
+    row = ROWS[name]
+    arm = drives_of(row, row.consents)
+    arm.enable()
+    assert [numbers(report) for report in arm.servos.reports] == [row.expected] * len(NODES)
+    assert {key for key, number in row.expected.items() if not number} == set(row.consents) - {CONSENT}
+    start_rad = arm.start_rad
+    feedback = arm.move(15)
+    assert (feedback.position_rad > start_rad).all()
+    arm.comes_to_rest()
+
+
+NEEDED = [(name, consent) for name, row in ROWS.items() for consent in row.consents]
+
+
+@pytest.mark.parametrize(("name", "consent"), NEEDED, ids=[f"{name}-{consent}" for name, consent in NEEDED])
+def test_every_consent_is_needed(drives_of, name, consent):
+    row = ROWS[name]
+    arm = drives_of(row, set(row.consents) - {consent})
+    with pytest.raises(MissingSafety) as raised:
+        arm.servos.connect()
+    wanting = "torque_limit" if consent == CONSENT else consent
+    assert f"what safety rests on: {wanting}: " in str(raised.value)
+    kept = sorted({*row.consents, wanting} - {CONSENT})
+    assert str(raised.value).endswith("accept_missing = [" + ", ".join(f'"{key}"' for key in kept) + "]")
+    arm.has_no_torque()
+
+
+@pytest.mark.parametrize("name", [name for name, row in ROWS.items() if row.expected is None])
+def test_a_drive_that_is_refused(drives_of, name):
+    row = ROWS[name]
+    arm = drives_of(row, row.consents)
+    with pytest.raises(row.error, match=row.reason):
+        arm.servos.connect()
+    arm.has_no_torque()
+
+
+def test_a_device_type_is_reported_as_a_whole(drives_of):
+    arm = drives_of(ROWS["a device type with more bits"], ())
+    arm.servos.connect()
+    assert [report.device_type for report in arm.servos.reports] == [0x0022_0192] * 3
+
+
+def test_a_device_type_that_is_no_drives_is_refused(fault_arm):
+    """Its low 16 bits decide: 0x0811 is no drive, whatever the upper half says."""
+    with pytest.raises(DescriptionError, match="device type 0x00220811"):
+        parse_description(eds(maker_drive(changes={"1000": {"DefaultValue": "0x00220811"}})).encode(), "written.eds")
+    arm = fault_arm(traits={3: DriveTraits(device_type=0x0022_0811)})
+    with pytest.raises(WrongDevice, match="device type 0x00220811 is of device profile 2065 instead of 402"):
+        arm.servos.connect()
+
+
+def test_a_torque_offset_of_32_bits_reaches_the_axis(drives_of):
+    row = ROWS["60B2 of 32 bits"]
+    arm = drives_of(row, ())
+    arm.servos.connect()
+    arm.heard()
+    start_rad, offset_nm = arm.servos.enable().position_rad, np.array([0.0, 20.0, 0.0])
+    for _ in range(3):
+        arm.servos.exchange(JointCommand(start_rad, np.zeros(3), offset_nm))
+    assert arm.arm.coupling.T @ offset_nm == pytest.approx(arm.plant.torque_offset_nm, abs=0.2)
+    assert {m.arbitration_id for m in arm.heard()} >= {0x300 + node for node in NODES}
+    arm.comes_to_rest()
+    assert arm.plant.torque_offset_nm == pytest.approx(np.zeros(3)), "a stop takes it to zero"
+
+
+def test_a_second_master_that_sends_torque_offsets_is_noticed(drives_of):
+    arm = drives_of(ROWS["60B2 of 32 bits"], ())
+    arm.enable()
+    arm.send(0x303, b"\0\0\0\0")
+    assert "torque offsets" in str(arm.failure(Exception, 5))
+
+
+def test_drives_of_two_makers_on_one_arm(fault_arm, arm_settings):
+    """A description per node, and settings per joint."""
+    plain, without = (ROWS[name].maker for name in ("complete", "no 6007"))
+    traits = {
+        node: DriveTraits(description=parse_description(text.encode(), "written.eds"))
+        for node, text in zip(NODES, (plain, without, plain), strict=True)
+    }
+    settings = arm_settings(identity=Identity(None, None))
+    arm = fault_arm(replace(settings, cycle_s=0.02), traits=traits)
+    arm.enable()
+    assert [numbers(report)["master_lost"] for report in arm.servos.reports] == [1, 2, 1]
+    arm.move()
+    arm.comes_to_rest()
