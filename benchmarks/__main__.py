@@ -3,7 +3,7 @@
 These figures are this machine's, now: compare within a run, not between runs.
 """
 
-from benchmarks import cycle, excitation, export_c, following, reading, regressor, startup, stops
+from benchmarks import commissionings, cycle, excitation, export_c, following, reading, regressor, startup, stops
 
-for benchmark in (startup, regressor, cycle, export_c, stops, excitation, following, reading):
+for benchmark in (startup, regressor, cycle, export_c, stops, commissionings, excitation, following, reading):
     benchmark.run()

@@ -14,6 +14,7 @@ import numpy as np
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.control_errors import MotionError, OffsetRefused, RecordingFailed
 from armload_controller.cycle.control_cycle import Cycle
+from armload_controller.cycle.feedback_truth import TorqueReversed
 from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.safety import DECISIONS, Cause, cause_of
@@ -23,6 +24,7 @@ from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop
 from armload_controller.motion.paths import BlockedWay
 from armload_controller.motion.phase import Segment
+from armload_controller.session.run_session import feedback_truth
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.driver_errors import BusError, CommandError, ServoError
@@ -33,6 +35,10 @@ from armload_identification.excitation.fourier import Excitation, FourierTraject
 
 AT_S = 1.3
 """Phase at which the cause comes about."""
+LIAR = 2
+"""The joint whose drive lies."""
+SLOW_SHARE = 0.1
+"""Speed at which a position that goes the wrong way is looked for."""
 STILL_RAD_S = 2e-3
 """Slower than this a joint stands."""
 GRID_S = 5e-4
@@ -75,25 +81,72 @@ class WatchedPlant(ArmPlant):
 
 
 class Disturbed(FakeServos):
-    """Drives whose answer is tampered with in one cycle."""
+    """Drives whose answer is tampered with, in one cycle or from it on."""
 
     def __init__(self, arm: ArmSettings, plant: ArmPlant, failures: Sequence[ScriptedFailure]) -> None:
         super().__init__(arm, plant, failures)
         self.at = -1
         self.event: BaseException | Callable[[JointFeedback], JointFeedback] | None = None
+        self.lasts = False
         self.count = 0
         self.acted_s: float | None = None
         self._arm_plant = plant
 
     def exchange(self, command: JointCommand) -> JointFeedback:
-        """As the fake, but for the one cycle."""
+        """As the fake, but for the one cycle or those from it on."""
         self.count += 1
-        if self.count != self.at or self.event is None:
+        if self.event is None or self.count < self.at or (self.count > self.at and not self.lasts):
             return super().exchange(command)
-        self.acted_s = self._arm_plant.time_s
+        self.acted_s = self.acted_s or self._arm_plant.time_s
         if isinstance(self.event, BaseException):
             raise self.event
         return self.event(super().exchange(command))
+
+
+class Lie:
+    """What one drive reports instead of the truth.
+
+    Args:
+        tell: Makes a value of its true one, of what it was at first, and of the time since then.
+        key: Field of the feedback.
+    """
+
+    def __init__(self, key: str, tell: Callable[[float, float, float], float]) -> None:
+        self._key, self._tell = key, tell
+        self._first: tuple[float, float] | None = None
+        self._last: JointFeedback | None = None
+
+    def __call__(self, feedback: JointFeedback) -> JointFeedback:
+        """The same feedback with the lie in it."""
+        values = getattr(feedback, self._key)
+        if values is None:  # these drives report no velocity: the others' is that of their positions
+            last, self._last = self._last or feedback, feedback
+            lasted_s = max(feedback.time_s - last.time_s, GRID_S)
+            values = (feedback.position_rad - last.position_rad) / lasted_s
+        values = values.copy()
+        if self._first is None:
+            self._first = float(values[LIAR]), feedback.time_s
+        first, begun_s = self._first
+        values[LIAR] = self._tell(float(values[LIAR]), first, feedback.time_s - begun_s)
+        return replace(feedback, **{self._key: values})
+
+
+def _bits(on: int = 0, off: int = 0) -> Callable[[], Lie]:
+    """A statusword with bits that are otherwise."""
+    return lambda: Lie("statusword", lambda word, first, since_s: (int(word) | on) & ~off)
+
+
+LIES: dict[Cause | None, Callable[[], Lie]] = {
+    Cause.POSITION_JUMPS: lambda: Lie("position_rad", lambda now, first, since_s: now + 2.0 * np.pi / 110.0),
+    Cause.POSITION_FROZEN: lambda: Lie("position_rad", lambda now, first, since_s: first),
+    Cause.POSITION_REVERSED: lambda: Lie("position_rad", lambda now, first, since_s: 2.0 * first - now),
+    Cause.VELOCITY: lambda: Lie("velocity_rad_s", lambda now, first, since_s: 2.0),
+    Cause.TORQUE_MISSING: lambda: Lie("current_a", lambda now, first, since_s: 0.0),
+    Cause.VOLTAGE: _bits(off=0x0010),
+    Cause.REMOTE: _bits(off=0x0200),
+    Cause.INTERNAL_LIMIT: _bits(on=0x0800),
+    Cause.DRIVE_LAG: _bits(on=0x2000),
+}
 
 
 class Culprit:
@@ -161,8 +214,15 @@ def measure(robot: Robot, cause: Cause | None) -> Stop:
     failures = _failures(cause, lead_in)
     servos = Disturbed(robot.drives.settings, plant, failures)
     servos.at, servos.event = lead_in, _event(cause, cycle_s)
-    control = MotionControl()
-    monitors: list[CyclePlugin] = [FollowingMonitor(_limits(cause, limits, trajectory), robot.bus.max_missing_cycles)]
+    servos.lasts = cause in LIES
+    if cause in LIES:
+        servos.event = LIES[cause]()
+    # At full speed a position that goes the wrong way is a following error before it is anything else.
+    control = MotionControl(SLOW_SHARE if cause is Cause.POSITION_REVERSED else 1.0)
+    monitors: list[CyclePlugin] = [
+        FollowingMonitor(_limits(cause, limits, trajectory), robot.bus.max_missing_cycles),
+        feedback_truth(robot, cycle_s),
+    ]
     if cause is Cause.TORQUE:
         window = 0.5 * robot.limits.torque_max_nm
         window[1] = 300.0
@@ -266,7 +326,8 @@ def _act(cause: Cause | None, control: MotionControl) -> Callable[[CycleStep], o
         Cause.PLUGIN_FAILED: raising(ZeroDivisionError("division by zero")),
         Cause.RECORDING: raising(RecordingFailed("run.mcap could not be written: no space left on device")),
         Cause.OFFSET: raising(OffsetRefused(("joint_3",), "joint_3: the sign is wrong")),
-        Cause.BLOCKED: raising(BlockedWay("the arm comes within -0.010 m of 'floor'")),
+        Cause.BLOCKED: raising(BlockedWay("joint_3 moved by 0.0200 rad while the arm got torque")),
+        Cause.TORQUE_REVERSED: raising(TorqueReversed("joint_3", "the sign of current or torque is wrong")),
     }
     return None if cause is None else acts.get(cause)
 

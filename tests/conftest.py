@@ -142,6 +142,20 @@ class WatchedServos(FakeServos):
         super().disable()
 
 
+class RubbingPlant(IdealPlant):
+    """An ideal plant with Coulomb friction of 1 N m, without which no torque in motion is true."""
+
+    def sample(self, cycle_s):
+        sample = super().sample(cycle_s)
+        rubbing_nm = np.sign(sample.axis_velocity_rad_s) * self.powered
+        return replace(sample, axis_torque_nm=sample.axis_torque_nm + rubbing_nm)
+
+
+@pytest.fixture
+def rubbing_plant():
+    return RubbingPlant
+
+
 @pytest.fixture
 def watched_servos():
     return WatchedServos
@@ -149,14 +163,14 @@ def watched_servos():
 
 @pytest.fixture
 def ideal_servos():
-    """Makes `WatchedServos` of an arm without mechanics, coupling or noise, with 0.5 A in every motor."""
+    """Makes `WatchedServos` of an arm without mechanics, coupling or noise, with 0.5 A in every motor at rest."""
 
     def make(n, cycle_s, events=None, position_rad=None):
         drive = small_arm(counts_per_rad=1e8).drives[0]
         drives = tuple(replace(drive, joint=f"joint_{k}", node_id=k) for k in range(1, n + 1))
         arm = ArmSettings(drives, np.eye(n), cycle_s, 1_000_000, 0.1, 3)
         start_rad = np.full(n, 0.1) if position_rad is None else position_rad
-        return WatchedServos(arm, IdealPlant(start_rad, np.full(n, 10.0)), events=events)
+        return WatchedServos(arm, RubbingPlant(start_rad, np.full(n, 10.0)), events=events)
 
     return make
 

@@ -721,3 +721,32 @@ def test_a_drive_that_was_silent_for_longer_is_lost_all_the_same(virtual_arm):
     arm.clock.advance(0.05)
     error = move_until_error(arm, start, ServoTimeout)
     assert "heartbeat" in str(error)
+
+
+# Feedback that has frozen -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("in_motion", [True, False], ids=["in motion", "at standstill"])
+def test_feedback_that_has_frozen_leaves_no_torque_on(virtual_arm, in_motion):
+    """The drive goes on sending its TPDO with what was in it once; it obeys, but never says so."""
+    arm = virtual_arm()
+    start = enabled(arm)
+    move(arm, start, 20)
+    receive, frozen = arm.bus.recv, []
+
+    def recv(timeout=None):
+        message = receive(timeout)
+        if message is not None and message.arbitration_id == 0x183:
+            frozen.append(bytes(message.data))
+            message.data = bytearray(frozen[0])
+        return message
+
+    arm.bus.recv = recv
+    move(arm, start + 20 * arm.arm.cycle_s * 0.5, 20, 0.5 if in_motion else 0.0)
+    with pytest.raises(ServoTimeout, match="joint_3"):
+        arm.servos.stop()
+    assert arm.plant.velocity_rad_s == pytest.approx(ZERO, abs=1e-3)
+    with pytest.raises(ServoTimeout, match="joint_3") as raised:
+        arm.servos.disable()
+    assert not any(arm.plant.powered)
+    assert "By SDO the drive says that it has no torque" in raised.value.__notes__[0]

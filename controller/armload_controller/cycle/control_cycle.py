@@ -121,6 +121,19 @@ def not_switched_on(error: ControlError) -> MotionError:
     return MotionError(f"Nothing was switched on: {cause.value}: {error}. Next: {DECISIONS[cause].advice}.", ())
 
 
+def stop_message(error: BaseException, more: str = "") -> str:
+    """What the operator reads about a motion that was stopped.
+
+    Args:
+        error: Why it was.
+        more: What else there is to say about that.
+    """
+    cause = cause_of(error)
+    decision = DECISIONS[cause]
+    detail = f": {error}" if str(error) else ""
+    return f"Motion stopped ({decision.category.value}): {cause.value}{detail}{more}. Next: {decision.advice}."
+
+
 class PoweredArm:
     """An arm with torque on, as `Cycle.powered` yields it.
 
@@ -190,8 +203,7 @@ class PoweredArm:
         Raises:
             MotionError: always.
         """
-        cause = cause_of(error)
-        decision = DECISIONS[cause]
+        decision = DECISIONS[cause_of(error)]
         if self._host.failed:
             self._host.detach(self._host.failed)
         steps = {
@@ -204,12 +216,12 @@ class PoweredArm:
             try:
                 steps[step]()
             except BaseException as trouble:  # noqa: BLE001 - the next step has to follow whatever this one met
-                troubles.append(f"{step.value}: {str(trouble) or type(trouble).__name__}")
-        detail = f": {error}" if str(error) else ""
+                said = [str(trouble) or type(trouble).__name__, *getattr(trouble, "__notes__", ())]
+                troubles.append(f"{step.value}: {' '.join(said)}")
         late = self._host.slowest() if isinstance(error, LateCycle) else None
-        if late is not None:
-            detail += f"; plug-in {late.name!r} took {late.last_s * 1e3:.1f} ms"
-        message = f"Motion stopped ({decision.category.value}): {cause.value}{detail}. Next: {decision.advice}."
+        message = stop_message(
+            error, "" if late is None else f"; plug-in {late.name!r} took {late.last_s * 1e3:.1f} ms"
+        )
         if troubles:
             message += " While stopping: " + "; ".join(troubles)
         raise MotionError(message, tuple(self._last)) from error

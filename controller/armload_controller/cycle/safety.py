@@ -18,6 +18,18 @@ from dataclasses import dataclass
 from enum import Enum
 
 from armload_controller.control_errors import ControlError, OffsetRefused, RecordingFailed
+from armload_controller.cycle.feedback_truth import (
+    DriveLag,
+    InternalLimit,
+    PositionFrozen,
+    PositionJumps,
+    PositionReversed,
+    RemoteLost,
+    TorqueMissing,
+    TorqueReversed,
+    VelocityContradicts,
+    VoltageLost,
+)
 from armload_controller.cycle.monitors import FollowingError, LateCycle, StaleFeedback, TorqueError
 from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
 from armload_controller.motion.joint_limits import LimitViolation
@@ -79,6 +91,16 @@ class Cause(Enum):
     OFFSET = "added torque does not do what it should"
     BLOCKED = "the way to the beginning is not free"
     STALE = "the drives' feedback stands still"
+    POSITION_JUMPS = "a position jumps"
+    POSITION_FROZEN = "a position stands still while its joint is moved"
+    POSITION_REVERSED = "a position goes the wrong way"
+    VELOCITY = "a velocity contradicts its position"
+    TORQUE_MISSING = "a current or torque is not measured"
+    TORQUE_REVERSED = "a current or torque has the wrong sign"
+    VOLTAGE = "a drive has lost its voltage"
+    REMOTE = "a drive takes no commands from the bus"
+    INTERNAL_LIMIT = "a drive limits the motion by itself"
+    DRIVE_LAG = "a drive reports a following error"
     LATE = "the program is late"
     MISSING_FEEDBACK = "a drive does not answer"
     DRIVE_FAULT = "a drive reports a fault"
@@ -122,6 +144,22 @@ DECISIONS: dict[Cause, Decision] = {
     Cause.OFFSET: Decision(_ALONG, "correct the drive's or the configuration's scaling, or run without feed-forward"),
     Cause.BLOCKED: Decision(_ALONG, "move the arm by its own controls to where the straight way is free"),
     Cause.STALE: Decision(_QUICK, "check the bus interface and its driver"),
+    Cause.POSITION_JUMPS: Decision(
+        _QUICK, "check the encoder, its cable and its reference; do not move the arm before"
+    ),
+    Cause.POSITION_FROZEN: Decision(_QUICK, "check the encoder, the drive's feedback (TPDO) and the brake"),
+    Cause.POSITION_REVERSED: Decision(_QUICK, "check the encoder's direction and the polarity (607E) of the drive"),
+    Cause.VELOCITY: Decision(_QUICK, "check the drive's velocity scale and its encoder"),
+    Cause.TORQUE_MISSING: Decision(_ALONG, "check that the drive reports its actual current or torque (6078, 6077)"),
+    Cause.TORQUE_REVERSED: Decision(
+        _ALONG, "check the sign of current or torque in the drive and in the configuration"
+    ),
+    Cause.VOLTAGE: Decision(_QUICK, "check the drive's power supply and its safe-torque-off"),
+    Cause.REMOTE: Decision(_QUICK, "set the drive to remote control: another panel or program has taken it over"),
+    Cause.INTERNAL_LIMIT: Decision(_QUICK, "look at the drive's own limits of position, speed and torque"),
+    Cause.DRIVE_LAG: Decision(
+        _QUICK, "look for a collision, an engaged brake, or too small a window (6065) in the drive"
+    ),
     Cause.LATE: Decision(_QUICK, "close other programs, lower --cycle-hz, or give the process a real-time priority"),
     Cause.MISSING_FEEDBACK: Decision(_QUICK, "check the drive's supply, its cable and the bus load"),
     Cause.DRIVE_FAULT: Decision(_QUICK, "clear the cause at the drive, then reset it by name"),
@@ -153,6 +191,16 @@ CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (OffsetRefused, Cause.OFFSET),
     (BlockedWay, Cause.BLOCKED),
     (StaleFeedback, Cause.STALE),
+    (PositionJumps, Cause.POSITION_JUMPS),
+    (PositionFrozen, Cause.POSITION_FROZEN),
+    (PositionReversed, Cause.POSITION_REVERSED),
+    (VelocityContradicts, Cause.VELOCITY),
+    (TorqueMissing, Cause.TORQUE_MISSING),
+    (TorqueReversed, Cause.TORQUE_REVERSED),
+    (VoltageLost, Cause.VOLTAGE),
+    (RemoteLost, Cause.REMOTE),
+    (InternalLimit, Cause.INTERNAL_LIMIT),
+    (DriveLag, Cause.DRIVE_LAG),
     (LateCycle, Cause.LATE),
     (ServoFault, Cause.DRIVE_FAULT),
     (ServoTimeout, Cause.MISSING_FEEDBACK),

@@ -15,17 +15,22 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol, TypeVar
 
+import numpy as np
+
 from armload_controller.config.robot import Robot
-from armload_controller.control_errors import CommissioningError
-from armload_controller.cycle.control_cycle import Cycle, PoweredArm, not_switched_on, require_going
+from armload_controller.control_errors import CommissioningError, MotionError
+from armload_controller.cycle.control_cycle import Cycle, PoweredArm, not_switched_on, require_going, stop_message
+from armload_controller.cycle.feedback_truth import FeedbackError, FeedbackTruth
 from armload_controller.cycle.monitors import CycleSummary, FollowingMonitor, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.cycle.torque_signs import TorqueSigns
 from armload_controller.motion.checked_path import CheckedLeg, CheckedPath
 from armload_controller.motion.joint_limits import LimitViolation
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.paths import BlockedWay
+from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.servos import JointServos
 
 BAR = 1000
@@ -186,7 +191,9 @@ class RunSession:
         """
         self._require_own(path)
         monitor = self._monitor()
-        cycle = self._cycle([*([] if recorder is None else [recorder]), monitor, self._window(), *plugins])
+        signs = self._torque_signs()
+        monitors: list[CyclePlugin] = [monitor, self._feedback_truth(), self._window(), signs]
+        cycle = self._cycle([*([] if recorder is None else [recorder]), *monitors, *plugins])
         display, consent = self._operator.display, self._operator.consent
         if path not in self._rounded:
             if not self._moved:
@@ -199,6 +206,10 @@ class RunSession:
                 self._moved = True
             with display.track(f"{name}, slow round", BAR) as progress:
                 run_leg(cycle, path, path.slow, progress)
+            try:
+                signs.judge()
+            except FeedbackError as error:
+                raise MotionError(stop_message(error), ()) from error
             self._rounded.add(path)
         added = "" if before is None else " with torque added to the drives' own"
         consent.require(
@@ -223,7 +234,7 @@ class RunSession:
         """
         question = "The arm will hold its position with torque on. Is the workspace clear?"
         self._operator.consent.require(self.servos, question, always=True)
-        with self._cycle([self._monitor(), self._window(), *plugins]).powered() as arm:
+        with self._cycle([self._monitor(), self._feedback_truth(), self._window(), *plugins]).powered() as arm:
             return work(arm)
 
     def _require_own(self, path: CheckedPath) -> None:
@@ -250,6 +261,15 @@ class RunSession:
     def _monitor(self) -> FollowingMonitor:
         """The monitor of following error, feedback and cycles."""
         return FollowingMonitor(self._robot.limits.motion, self._robot.bus.max_missing_cycles)
+
+    def _feedback_truth(self) -> FeedbackTruth:
+        """The monitor of what the drives report of themselves."""
+        return feedback_truth(self._robot, self.servos.cycle_s)
+
+    def _torque_signs(self) -> TorqueSigns:
+        """What judges the signs of the torques after a slow round."""
+        robot = self._robot
+        return TorqueSigns(robot.joint_names, robot.chain, robot.drives.transmission, self.servos.cycle_s)
 
     def _window(self) -> TorqueWindow:
         """The torque window for this load."""
@@ -293,3 +313,10 @@ def torque_window(robot: Robot, load: Load, cycle_s: float) -> TorqueWindow:
     """The torque window of an arm: from its model, or its joints' greatest torque where the file has no model."""
     model = robot.strength.expected_torque(loaded=load is Load.LOADED)
     return TorqueWindow(robot.joint_names, robot.drives.transmission, robot.limits.torque_max_nm, cycle_s, model)
+
+
+def feedback_truth(robot: Robot, cycle_s: float) -> FeedbackTruth:
+    """The monitor of what an arm's drives report of themselves."""
+    modes = [drive.mode for drive in robot.drives.settings.drives]
+    reports_lag = np.array([mode is OperationMode.CYCLIC_SYNCHRONOUS_POSITION for mode in modes])
+    return FeedbackTruth(robot.limits.motion, robot.drives.coupling, reports_lag, cycle_s)

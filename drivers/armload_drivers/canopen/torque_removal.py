@@ -2,6 +2,7 @@
 
 The order: torque offsets to zero; standstill; drives whose axes have a brake; drives whose axes have none, once all
 others are held; a look at whether the arm stays where it is; drives that have left the cycle, by SDO, once they stand.
+A drive whose feedback says that it keeps its torque is asked by SDO as well: its feedback may have frozen.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ class TorqueRemoval:
         link: BusLink,
         timeouts: Timeouts,
     ) -> None:
-        self._cycle, self._nodes, self._setups = cycle, nodes, setups
+        self._cycle, self._nodes = cycle, nodes
+        self._setups = dict(zip(nodes, setups, strict=True))
         self._link, self._timeouts = link, timeouts
 
     def run(self) -> AxisMoves | None:
@@ -69,32 +71,54 @@ class TorqueRemoval:
         cycle.fade_offsets()
         cycle.run_until(lambda node: node.still_for(STILL_CYCLES), "waiting for standstill", self._timeouts.disable_s)
         braked = [node for node in nodes if node.settings.has_brake]
-        for part in (braked, [node for node in nodes if node not in braked]):
-            if part:
-                self._switch_off(part)
+        troubles = [
+            trouble
+            for part in (braked, [node for node in nodes if node not in braked])
+            if part and (trouble := self._switch_off(part)) is not None
+        ]
         moving = self._moving()
-        for node, setup in zip(nodes, self._setups, strict=True):
+        for node in nodes:
             if node.lost:
-                # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and obeys no late setpoint.
-                self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
-                if setup.is_up():
-                    self._await_rest(node, setup)
-                    setup.remove_torque()
+                self._switch_off_by_sdo(node)
+        if troubles:
+            raise troubles[0]
         return moving
 
-    def _switch_off(self, nodes: list[DriveNode]) -> None:
+    def _switch_off(self, nodes: list[DriveNode]) -> ServoTimeout | None:
         """Take the torque of some drives.
 
+        Returns:
+            What is to be raised about a drive that says it keeps its torque, and by SDO that it does not.
+
         Raises:
-            ServoTimeout: one keeps it.
+            ServoTimeout: one keeps it, and does not answer by SDO.
+            ServoError: one keeps it by SDO too.
         """
         self._cycle.ask(State.SWITCH_ON_DISABLED, _STEP, lambda node: node in nodes and not node.lost)
         try:
             self._cycle.run_until(lambda node: node not in nodes or _is_off(node), _STEP, self._timeouts.disable_s)
-        except ServoTimeout:
+        except ServoTimeout as error:
             # A drive that ignores requests is good enough where it stands, as long as it carries no torque.
-            if not all(node.lost or node.state in _WITHOUT_TORQUE for node in nodes):
-                raise
+            keeping = [node for node in nodes if not (node.lost or node.state in _WITHOUT_TORQUE)]
+            for node in keeping:
+                if not self._switch_off_by_sdo(node):
+                    raise
+                node.lost = True
+            if keeping:
+                error.add_note("By SDO the drive says that it has no torque: its feedback in the cycle is not true.")
+                return error
+        return None
+
+    def _switch_off_by_sdo(self, node: DriveNode) -> bool:
+        """Take the torque of a drive out of the cycle; False where it does not answer."""
+        # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and obeys no late setpoint.
+        self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
+        setup = self._setups[node]
+        if not setup.is_up():
+            return False
+        self._await_rest(node, setup)
+        setup.remove_torque()
+        return True
 
     def _moving(self) -> AxisMoves | None:
         """Watch where the axes go without torque."""

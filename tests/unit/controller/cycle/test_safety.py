@@ -5,6 +5,18 @@ from pathlib import Path
 import pytest
 
 from armload_controller.control_errors import ControlError, OffsetRefused, RecordingFailed
+from armload_controller.cycle.feedback_truth import (
+    DriveLag,
+    InternalLimit,
+    PositionFrozen,
+    PositionJumps,
+    PositionReversed,
+    RemoteLost,
+    TorqueMissing,
+    TorqueReversed,
+    VelocityContradicts,
+    VoltageLost,
+)
 from armload_controller.cycle.monitors import FollowingError, LateCycle, StaleFeedback, TorqueError
 from armload_controller.cycle.page_of_safety import stop_table
 from armload_controller.cycle.plugins import PluginFailed, PluginTooSlow
@@ -55,6 +67,16 @@ def bare(kind):
         (bare(FollowingError), Cause.FOLLOWING_ERROR, QUICK),
         (bare(TorqueError), Cause.TORQUE, QUICK),
         (StaleFeedback("again"), Cause.STALE, QUICK),
+        (bare(PositionJumps), Cause.POSITION_JUMPS, QUICK),
+        (bare(PositionFrozen), Cause.POSITION_FROZEN, QUICK),
+        (bare(PositionReversed), Cause.POSITION_REVERSED, QUICK),
+        (bare(VelocityContradicts), Cause.VELOCITY, QUICK),
+        (bare(TorqueMissing), Cause.TORQUE_MISSING, ALONG),
+        (bare(TorqueReversed), Cause.TORQUE_REVERSED, ALONG),
+        (bare(VoltageLost), Cause.VOLTAGE, QUICK),
+        (bare(RemoteLost), Cause.REMOTE, QUICK),
+        (bare(InternalLimit), Cause.INTERNAL_LIMIT, QUICK),
+        (bare(DriveLag), Cause.DRIVE_LAG, QUICK),
         (bare(LateCycle), Cause.LATE, QUICK),
         (ServoTimeout(*DRIVE), Cause.MISSING_FEEDBACK, QUICK),
         (ServoFault(*DRIVE), Cause.DRIVE_FAULT, QUICK),

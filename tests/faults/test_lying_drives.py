@@ -1,0 +1,140 @@
+"""Drives whose feedback cannot be true: each lie is found in the slow round, by its own row of the table."""
+
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import MotionError
+from armload_controller.cycle.safety import DECISIONS, Cause, cause_of
+from armload_controller.motion.checked_path import check_path
+from armload_controller.session.run_session import Load, no_operator, run_session
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+
+ROBOT = load_robot("prbt")
+CYCLE_S = 1 / ROBOT.bus.cycle_hz
+RNG = np.random.default_rng(3)
+SWING = FourierTrajectory(
+    0.25, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), *(RNG.uniform(-0.12, 0.12, (2, 6, 3)) / np.arange(1, 4))
+)
+PATH = check_path(Excitation(SWING, 1), ROBOT.motion_constraints, CYCLE_S, file=ROBOT.file, key="swing")
+LIAR = 2
+FROM = 250
+"""Exchange from which on the drive lies; the slow round takes 1600."""
+MOTOR_TURN_RAD = 2.0 * np.pi / 120.0
+
+
+def one(values, value):
+    """The values of all joints with another one of the liar's."""
+    changed = np.array(values)
+    changed[LIAR] = value
+    return changed
+
+
+class Lies:
+    """What the drive of one joint makes of its feedback."""
+
+    def __init__(self):
+        self.first = None
+
+    def honest(self, feedback):
+        return feedback
+
+    def jumping_by_a_motor_turn(self, feedback):
+        return replace(feedback, position_rad=one(feedback.position_rad, feedback.position_rad[LIAR] + MOTOR_TURN_RAD))
+
+    def frozen(self, feedback):
+        """All of a TPDO."""
+        self.first = self.first or feedback
+        names = ("position_rad", "torque_nm", "statusword")
+        return replace(
+            feedback, **{name: one(getattr(feedback, name), getattr(self.first, name)[LIAR]) for name in names}
+        )
+
+    def reversed(self, feedback):
+        self.first = self.first or feedback
+        begun = self.first.position_rad[LIAR]
+        return replace(feedback, position_rad=one(feedback.position_rad, 2.0 * begun - feedback.position_rad[LIAR]))
+
+    def another_velocity(self, feedback):
+        return replace(feedback, velocity_rad_s=one(np.zeros(6), 0.5))
+
+    def no_torque(self, feedback):
+        return replace(feedback, torque_nm=one(feedback.torque_nm, 0.0))
+
+    def a_torque_that_never_changes(self, feedback):
+        return replace(feedback, torque_nm=one(feedback.torque_nm, 0.7))
+
+    def torque_of_the_wrong_sign(self, feedback):
+        return replace(feedback, torque_nm=one(feedback.torque_nm, -feedback.torque_nm[LIAR]))
+
+    def bits(self, feedback, on=0, off=0):
+        return replace(feedback, statusword=one(feedback.statusword, (feedback.statusword[LIAR] | on) & (0xFFFF ^ off)))
+
+    def without_voltage(self, feedback):
+        return self.bits(feedback, off=0x0010)
+
+    def without_remote(self, feedback):
+        return self.bits(feedback, off=0x0200)
+
+    def limiting(self, feedback):
+        return self.bits(feedback, on=0x0800)
+
+    def lagging(self, feedback):
+        return self.bits(feedback, on=0x2000)
+
+
+@contextmanager
+def session_with(watched_servos, plant, lie, since=FROM):
+    """A session whose servos report what a lie makes of their feedback, from one exchange on."""
+    servos = watched_servos(ROBOT.drives.settings, plant(PATH.start_rad, np.full(6, 3.0)))
+    exchange = servos.exchange
+
+    def lying(command):
+        feedback = exchange(command)
+        return lie(feedback) if len(servos.sent) > since else feedback
+
+    servos.exchange = lying
+
+    @contextmanager
+    def open_servos(which):
+        yield servos
+
+    with run_session(ROBOT, Load.UNLOADED, open_servos, no_operator()) as session:
+        yield session, servos
+
+
+@pytest.mark.parametrize(
+    ("lie", "cause", "since"),
+    [
+        ("jumping_by_a_motor_turn", Cause.POSITION_JUMPS, FROM),
+        ("frozen", Cause.POSITION_FROZEN, FROM),
+        ("reversed", Cause.POSITION_REVERSED, FROM),
+        ("another_velocity", Cause.VELOCITY, 0),
+        ("no_torque", Cause.TORQUE_MISSING, FROM),
+        ("a_torque_that_never_changes", Cause.TORQUE_MISSING, 0),
+        ("torque_of_the_wrong_sign", Cause.TORQUE_REVERSED, 0),
+        ("without_voltage", Cause.VOLTAGE, FROM),
+        ("without_remote", Cause.REMOTE, FROM),
+        ("limiting", Cause.INTERNAL_LIMIT, FROM),
+    ],
+)
+def test_a_lie_is_found_in_the_slow_round(watched_servos, rubbing_plant, lie, cause, since):
+    with (
+        session_with(watched_servos, rubbing_plant, getattr(Lies(), lie), since) as (session, servos),
+        pytest.raises(MotionError, match=ROBOT.joint_names[LIAR]) as caught,
+    ):
+        session.run(PATH, "run")
+    assert cause_of(caught.value.__cause__) is cause
+    assert str(caught.value).startswith(f"Motion stopped ({DECISIONS[cause].category.value}): {cause.value}")
+    assert servos.log[-2:] == ["stop", "disable"]
+    assert servos.log.count("enable") == 1, "the run at full speed was not begun"
+
+
+def test_a_following_error_that_the_drive_reports_counts_in_the_modes_that_have_the_bit(watched_servos, rubbing_plant):
+    """Bit 13 is reserved in interpolated position mode, which prbt's drives run in."""
+    with session_with(watched_servos, rubbing_plant, Lies().lagging) as (session, servos):
+        session.run(PATH, "run")
+    assert servos.log.count("enable") == 2

@@ -1,0 +1,122 @@
+"""What must not be taken for a lie, and the bits of statuswords drive by drive."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.cycle.feedback_truth import (
+    LIMITED_S,
+    DriveLag,
+    InternalLimit,
+    PositionJumps,
+    TorqueMissing,
+    VelocityContradicts,
+    VoltageLost,
+)
+from armload_controller.cycle.plugins import CycleStep
+from armload_controller.session.run_session import feedback_truth
+from armload_drivers.servos import JointCommand, JointFeedback
+
+ROBOT = load_robot("er50")
+N, CYCLE_S = 6, 0.004
+SPEED = np.full(N, 0.1)
+WORD = 0x1637
+COUPLING = ROBOT.drives.coupling
+
+
+def run(change=lambda cycle, feedback: feedback, cycles=300, first_word=WORD, speed=SPEED):
+    """Feed the monitor an arm that moves evenly; `change` makes each cycle's feedback another one."""
+    truth = feedback_truth(ROBOT, CYCLE_S)
+    ones, none = np.ones(N), np.zeros(N, dtype=bool)
+    sent = None
+    for cycle in range(cycles):
+        position = speed * CYCLE_S * cycle
+        words = np.full(N, first_word if cycle == 0 else WORD, dtype=np.uint16)
+        true = JointFeedback(cycle, cycle * CYCLE_S, position, None, ones, None, words, none)
+        truth.on_cycle(CycleStep(change(cycle, true), sent, None, None, None, None))
+        sent = JointCommand(position, speed, np.zeros(N))
+    return truth
+
+
+def word(joint, value):
+    words = np.full(N, WORD, dtype=np.uint16)
+    words[joint] = value
+    return words
+
+
+def test_an_honest_arm_passes():
+    run()
+    run(speed=np.zeros(N))
+    run(lambda cycle, feedback: replace(feedback, velocity_rad_s=SPEED))
+
+
+@pytest.mark.parametrize(
+    ("bits", "kind"),
+    [(WORD & ~0x0010, VoltageLost), (WORD | 0x2000, DriveLag)],
+)
+def test_a_bit_that_is_wrong_is_a_lie_at_once(bits, kind):
+    with pytest.raises(kind, match="joint_4"):
+        run(lambda cycle, feedback: replace(feedback, statusword=word(3, bits)) if cycle == 10 else feedback)
+
+
+def test_a_bit_that_a_drive_never_sets_is_not_missed():
+    """Not every drive implements voltage and remote; what was never there cannot be lost."""
+    bare = WORD & ~0x0210
+    run(lambda cycle, feedback: replace(feedback, statusword=word(3, bare)), first_word=bare)
+
+
+def test_an_internal_limit_may_be_touched_but_not_lasted_on():
+    def limited(lasting_s):
+        return lambda cycle, feedback: (
+            replace(feedback, statusword=word(1, WORD | 0x0800))
+            if 0.2 <= feedback.time_s < 0.2 + lasting_s
+            else feedback
+        )
+
+    run(limited(0.9 * LIMITED_S))
+    with pytest.raises(InternalLimit, match="joint_2"):
+        run(limited(1.5 * LIMITED_S))
+
+
+def test_after_missing_feedback_a_joint_may_have_gone_on():
+    """Its last values are repeated; what it then makes up for is no jump, unless the time does not suffice."""
+    fast = np.full(N, 1.0)
+
+    def missing(cycle, feedback):
+        if 100 <= cycle < 103:
+            held = feedback.position_rad.copy()
+            held[2] = fast[2] * CYCLE_S * 99
+            return replace(feedback, position_rad=held, missing=np.arange(N) == 2)
+        return feedback
+
+    run(missing, speed=fast)
+    with pytest.raises(PositionJumps, match="joint_3"):
+        run(lambda cycle, feedback: replace(missing(cycle, feedback), missing=np.zeros(N, dtype=bool)), speed=3 * fast)
+
+
+def test_one_frozen_motor_of_a_coupled_wrist_is_found():
+    """Joint 5 goes on moving a little with the motor of joint 4: on the motors' side its own number stands still."""
+
+    def frozen(cycle, feedback):
+        axes = np.linalg.solve(COUPLING, feedback.position_rad)
+        axes[4] = 0.3
+        return replace(feedback, position_rad=COUPLING @ axes)
+
+    with pytest.raises(Exception, match="joint_5: the position has not changed by a count"):
+        run(frozen, 1000)
+
+
+def test_a_velocity_of_another_sign_is_found():
+    with pytest.raises(VelocityContradicts, match="joint_1"):
+        run(lambda cycle, feedback: replace(feedback, velocity_rad_s=np.where(np.arange(N) == 0, -0.3, SPEED)))
+
+
+def test_no_current_at_standstill_is_nothing_and_in_motion_a_lie():
+    def idle(cycle, feedback):
+        return replace(feedback, current_a=np.zeros(N))
+
+    run(idle, speed=np.zeros(N))
+    with pytest.raises(TorqueMissing, match="exactly zero"):
+        run(idle, 1000)
