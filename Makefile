@@ -10,7 +10,7 @@ KERNELS := $(CORE)/kernels.abi3.so
 # $(call timed,WHAT,COMMANDS) says what is being done, and how long it took.
 timed = @echo "== $(1)"; start=$$(date +%s); { $(2); } && echo "== done in $$(( $$(date +%s) - start )) s"
 
-.PHONY: commission test env lint bench paper accuracy lock
+.PHONY: commission test env lint bench paper accuracy pictures lock
 
 commission: env
 	$(call timed,commissioning the simulated arm $(ROBOT) over CANopen: four runs and an identification in half a minute,$(BIN)/armload commission $(ROBOT))
@@ -47,6 +47,10 @@ paper: env
 
 accuracy: env
 	$(BIN)/python -m benchmarks.accuracy
+
+# The README's picture, from a commissioning.
+pictures: env
+	$(BIN)/python -m benchmarks.pictures
 
 # Resolves the pinned versions anew; needs pip-tools in the environment that runs it. Lines of options, in which the
 # addresses of this machine's configuration would stand, are taken out.
