@@ -26,6 +26,8 @@ from armload_identification.signals.joint_torque import Transmission
 
 DETERMINED_WITHIN: Final = 0.05
 """A gain is determined where the half width of its 95 % interval is at most this share of it."""
+TURN_OVER: Final = 0.01
+"""The direction of motion of a body turns over within this share of a joint's greatest speed."""
 _DIGITS: Final = 9
 _DAY: Final = 10
 """Characters of a date."""
@@ -172,14 +174,51 @@ class ArmCalibration:
         Args:
             name: One of "links", "rotors", "load", "coulomb", "viscous", "root", "delay", "tilt".
         """
+        return np.asarray(np.sqrt(np.diag(self.covariance)[self._place(name)]))
+
+    def _place(self, name: str) -> slice:
+        """Where a part of the unknowns stands in the covariance."""
         n, links = self.n, int(np.count_nonzero(self.body.base))
         sizes = {"gain": n, "links": links, "rotors": n, "load": n, "coulomb": n, "viscous": n, "root": n}
         start = 0
         for part, size in (sizes | {"delay": 1, "tilt": 2}).items():
             if part == name:
-                return np.asarray(np.sqrt(np.diag(self.covariance)[start : start + size]))
+                return slice(start, start + size)
             start += size
         raise KeyError(name)
+
+    @property
+    def middle_speed_rad_s(self) -> FloatArray:
+        """(n,) half of each joint's greatest speed in the runs, at which its friction is stated."""
+        return np.asarray(0.5 * self.body.reversal_speed_rad_s / TURN_OVER)
+
+    @property
+    def friction_nm(self) -> FloatArray:
+        """(n,) friction of each joint at that speed, without load."""
+        speed, body = self.middle_speed_rad_s, self.body
+        return np.asarray(body.coulomb_nm + body.viscous_nm_s_rad * speed + body.root_nm * np.sqrt(speed))
+
+    @property
+    def friction_deviation_nm(self) -> FloatArray:
+        """(n,) its standard deviations."""
+        speed, joints = self.middle_speed_rad_s, np.arange(self.n)
+        rows = np.zeros((self.n, len(self.covariance)))
+        for name, factor in (("coulomb", np.ones(self.n)), ("viscous", speed), ("root", np.sqrt(speed))):
+            rows[joints, self._place(name).start + joints] = factor
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance, rows)))
+
+    def friction_change_nm(self, run: CalibratedRun) -> FloatArray:
+        """(n,) by how much a run's friction at that speed differs from that of all runs.
+
+        Args:
+            run: One of `runs`.
+        """
+        return np.asarray(run.friction_changes[0] + run.friction_changes[1] * self.middle_speed_rad_s)
+
+    @property
+    def usual_change_nm(self) -> FloatArray:
+        """(n,) standard deviation of that from run to run."""
+        return np.asarray(np.hypot(self.drift[0], self.drift[1] * self.middle_speed_rad_s))
 
     def transmission(self, nominal: Transmission) -> Transmission:
         """The arm's transmission with these gains in place of the nominal ones.

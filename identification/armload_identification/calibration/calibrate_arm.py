@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from armload_identification.calibration.arm_calibration import (
+    TURN_OVER,
     ArmCalibration,
     CalibratedPayload,
     CalibratedRun,
@@ -37,7 +38,6 @@ from armload_identification.verdict.sanity import check_run
 
 WEIGHED_WITHIN: Final = 1e-3
 """Relative standard deviation of a weighed mass, and of a payload that is known whole."""
-_TURN_OVER: Final = 0.01
 _UNMOVED_RAD_S: Final = 1e-3
 _DISAGREES: Final = 4.0
 """Standard deviations by which a weighed mass contradicts everything else."""
@@ -365,7 +365,7 @@ class _Calibration:
             stribeck_velocity_rad_s=np.ones(n),
             load_friction=x[of.load],
             torque_delay_s=float(x[of.delay][0]),
-            reversal_speed_rad_s=_TURN_OVER * np.where(self._peak > _UNMOVED_RAD_S, self._peak, 1.0),
+            reversal_speed_rad_s=TURN_OVER * np.where(self._peak > _UNMOVED_RAD_S, self._peak, 1.0),
             coupling=self._transmission.coupling,
         )
         effort = Effort.TORQUE if self._signals[0].from_torque else Effort.CURRENT

@@ -27,7 +27,7 @@ COLORS: Final = {"ink": INK, "raw": RAW, "smoothed": SMOOTHED, "predicted": PRED
 """For the key, which stands in the page."""
 PREDICTED_DASHES: Final = (5.0, 1.5)
 
-_STYLE: Final = {
+FIGURE_STYLE: Final = {
     "svg.fonttype": "none",
     "svg.hashsalt": "armload",
     "font.sans-serif": ["DejaVu Sans"],
@@ -69,7 +69,7 @@ def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
     Returns:
         An `svg` element.
     """
-    with matplotlib.style.context(["default", _STYLE]):
+    with matplotlib.style.context(["default", FIGURE_STYLE]):
         figure = Figure(figsize=(_NARROW_IN, 1.95))
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.60))
         for axes, values, label in (
@@ -77,7 +77,7 @@ def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
             (lower, signal.states.velocity_rad_s, "velocity, rad/s"),
         ):
             _curve(axes, signal.time_s, values[:, joint], color=SMOOTHED)
-            axes.yaxis.set_major_locator(_ticks(3))
+            axes.yaxis.set_major_locator(ticks(3))
             _name_axis(axes, label)
         _time_axis(upper, lower, signal)
         return inline_svg(figure, name, title)
@@ -100,19 +100,19 @@ def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name
     """
     time_s, predicted = signal.time_s, predicted_nm[:, joint]
     raw, smoothed = (np.where(signal.valid, values[:, joint], np.nan) for values in (signal.raw_nm, signal.torque_nm))
-    with matplotlib.style.context(["default", _STYLE]):
+    with matplotlib.style.context(["default", FIGURE_STYLE]):
         figure = Figure(figsize=(_WIDE_IN, 2.25))
         upper, lower = _stacked(figure, (0.34, 0.60, 0.25, 0.91))
         _curve(upper, time_s, raw, color=RAW, linewidth=0.6)
         _curve(upper, time_s, smoothed, color=SMOOTHED, linewidth=0.9)
         _curve(upper, time_s, predicted, color=PREDICTED, linewidth=1.5, dashes=PREDICTED_DASHES)
-        upper.yaxis.set_major_locator(_ticks(5))
+        upper.yaxis.set_major_locator(ticks(5))
         _name_axis(upper, "payload torque, N m")
         _curve(lower, time_s, raw - predicted, color=RAW, linewidth=0.6)
         _curve(lower, time_s, smoothed - predicted, color=RESIDUAL, linewidth=0.8)
         for side in (-2.0, 2.0):
             lower.axhline(side * signal.averaged_noise_nm[joint], color=INK, linewidth=0.6, dashes=(2.0, 2.0))
-        lower.yaxis.set_major_locator(_ticks(4))
+        lower.yaxis.set_major_locator(ticks(4))
         _name_axis(lower, "measured minus predicted, N m")
         _time_axis(upper, lower, signal)
         return inline_svg(figure, name, title)
@@ -169,7 +169,7 @@ def _curve(
     axes.plot(*thin_out(time_s, values), color=color, linewidth=linewidth, linestyle=style)
 
 
-def _ticks(most: int) -> MaxNLocator:
+def ticks(most: int) -> MaxNLocator:
     """Round numbers, and not more of them than there is room for."""
     return MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
 
@@ -185,6 +185,6 @@ def _time_axis(upper: Axes, lower: Axes, signal: LoadSignal) -> None:
     end_s = signal.time_s[-1] + (signal.interval_s if signal.periodic else 0.0)
     for axes in (upper, lower):
         axes.set_xlim(0.0, end_s)
-        axes.xaxis.set_major_locator(_ticks(10 if upper.get_position().width > 0.9 else 5))
+        axes.xaxis.set_major_locator(ticks(10 if upper.get_position().width > 0.9 else 5))
     upper.tick_params(labelbottom=False, bottom=False)
     lower.set_xlabel("time in the period, s" if signal.periodic else "time, s", labelpad=2.0)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from armload_controller.cli.options import RobotArgument
+from armload_controller.cli.output.findings_output import ReportOption
 from armload_controller.cli.output.json_output import JsonOption, print_document
 from armload_controller.cli.output.output_files import require_folder
 
@@ -22,6 +23,7 @@ def calibrate(
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Calibration file (TOML) to write.")],
+    report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Calibrate an arm from all its runs: gains, body and friction, with intervals.
@@ -39,7 +41,9 @@ def calibrate(
 
     arm = load_robot(robot)
     screen = Screen(as_json=as_json)
-    require_folder(output)
+    for file in (output, report):
+        if file is not None:
+            require_folder(file)
     with screen.track("reading and calibrating", total=200) as done:
         result = calibrate_from_files(arm, runs, lambda count, _total: done(count))
     screen.table(gains_table(result, arm.joint_names))
@@ -50,5 +54,10 @@ def calibrate(
         screen.step(f"warning: {warning}")
     write_calibration(output, result)
     screen.step(f"written: {output}")
+    if report is not None:
+        from armload_identification.report.calibration_report import write_calibration_report
+
+        write_calibration_report(report, result, arm.description, arm.joint_names)
+        screen.step(f"written: {report}")
     if as_json:
-        print_document(calibration_document(arm.name, arm.joint_names, result, output))
+        print_document(calibration_document(arm.name, arm.joint_names, result, output, report))

@@ -31,7 +31,7 @@ def half_document(directory: Path) -> dict[str, Any]:
 
 
 def calibration_document(
-    robot: str, joint_names: Sequence[str], result: ArmCalibration, output: Path
+    robot: str, joint_names: Sequence[str], result: ArmCalibration, output: Path, report: Path | None
 ) -> dict[str, Any]:
     """An arm calibrated from all its runs."""
     rows = zip(
@@ -63,7 +63,7 @@ def calibration_document(
             "runs": [{"name": run.name, "mounting": run.mounting or None, "off": run.off} for run in result.runs],
             "left_out": [{"name": name, "reason": reason} for name, reason in result.left_out],
             "warnings": list(result.warnings),
-            "files": {"calibration": str(output)},
+            "files": {"calibration": str(output), "report": None if report is None else str(report)},
         },
     )
 

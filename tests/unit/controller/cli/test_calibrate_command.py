@@ -13,7 +13,8 @@ from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_runs import is_run_table, read_runs
 from armload_controller.control_errors import ConfigurationError
 from armload_identification.files.calibration_file import read_calibration
-from armload_identification.identification_errors import CalibrationFileError, RunTableError
+from armload_identification.identification_errors import CalibrationFileError, ReportError, RunTableError
+from armload_identification.report.calibration_report import render_calibration_report
 
 
 @pytest.fixture
@@ -99,7 +100,8 @@ def today(recorded_er50):
 def calibrated(armload, today, tmp_path_factory):
     """The arm from its own four recordings, which say what they carried; and what was printed."""
     path = tmp_path_factory.mktemp("calibrated") / "arm.calibration.toml"
-    result = armload("calibrate", "er50", *sorted(today.glob("*.mcap")), "-o", path)
+    words = [*sorted(today.glob("*.mcap")), "-o", path, "--report", path.with_name("arm.html")]
+    result = armload("calibrate", "er50", *words)
     assert result.exit_code == 0, result.output
     return path, result.output
 
@@ -111,6 +113,26 @@ def test_recordings_that_say_what_they_carry_need_no_table(calibrated):
     assert payload.weighed_kg == pytest.approx(9.814)
     assert result.days == ("2026-03-01",)
     assert result.warnings == result.left_out == ()
+
+
+def test_the_report_shows_gains_runs_and_where_they_are_from(calibrated):
+    page = calibrated[0].with_name("arm.html").read_text()
+    arm = read_calibration(calibrated[0])
+    assert "4 runs of 2026-03-01, scale by a weighed payload" in page
+    assert "6 of 6 gains are determined" in page
+    assert all(f"{gain:.2f}"[:5] in page for gain in arm.gain_nm_a)
+    assert all(f"{name}</th>" in page for name in ("joint_1", "joint_6"))
+    assert page.count('role="img"') == 1 + arm.n
+    assert arm.kinematics_sha256 in page
+    assert all(run.name in page for run in arm.runs)
+    # Nothing is loaded and nothing runs.
+    assert "<script" not in page
+    assert "http" not in page.replace("http-equiv", "")
+
+
+def test_a_report_needs_a_name_per_joint(calibrated):
+    with pytest.raises(ReportError, match="5 joint names for 6 joints"):
+        render_calibration_report(read_calibration(calibrated[0]), "an arm", ["joint"] * 5)
 
 
 def test_the_next_payload_of_an_arm_is_known_better(calibrated, today):

@@ -108,7 +108,7 @@ def made():
         warnings=("a sentence",),
     )
     return [
-        calibration_document("arm", joints, arm, Path("arm.toml")),
+        calibration_document("arm", joints, arm, Path("arm.toml"), Path("arm.html")),
         feedforward_document("arm", offset, [compared], Path("picture.svg")),
         nodes_document("socketcan", "can0", [node]),
         half_document(Path("runs/today")),

@@ -1,0 +1,73 @@
+"""The figures of a calibration's report: gains with intervals, and the friction of every run against its day."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import matplotlib.style
+import numpy as np
+from matplotlib.figure import Figure
+
+from armload_core.arrays import FloatArray
+from armload_identification.report.figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED, ticks
+from armload_identification.report.svg import inline_svg
+
+_WIDE_IN: Final = 7.0
+_NARROW_IN: Final = 3.4
+_MOST_DAYS: Final = 8
+
+
+def gains_figure(change: FloatArray, half_width_95: FloatArray, determined: list[bool], title: str) -> str:
+    """Calibrated over nominal gain of every joint, with its interval.
+
+    Args:
+        change: (n,) calibrated over nominal gain, less 1.
+        half_width_95: (n,) of it.
+        determined: Whether the runs determine it.
+        title: What it shows, in words.
+
+    Returns:
+        An `svg` element.
+    """
+    joints = np.arange(1, change.size + 1)
+    with matplotlib.style.context(["default", FIGURE_STYLE]):
+        figure = Figure(figsize=(_WIDE_IN, 2.1), layout="constrained")
+        axes = figure.add_subplot()
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        for joint, middle, width, known in zip(joints, 100.0 * change, 100.0 * half_width_95, determined, strict=True):
+            color = SMOOTHED if known else PREDICTED
+            axes.errorbar(joint, middle, width, color=color, marker="o", markersize=4, capsize=4, linewidth=1.4)
+        axes.set_xticks(joints, [f"joint {joint}" for joint in joints])
+        axes.set_xlim(0.5, change.size + 0.5)
+        axes.set_ylabel("gain against nominal, %")
+        axes.yaxis.set_major_locator(ticks(5))
+        axes.grid(axis="x", visible=False)
+        return inline_svg(figure, "gains", title)
+
+
+def drift_figure(days: FloatArray, labels: list[str], change: FloatArray, usual: float, joint: int, title: str) -> str:
+    """By how much a joint's friction differed from run to run.
+
+    Args:
+        days: (r,) place of every run on the axis: days since the first, or the run's number.
+        labels: Text of every run's place; alike for runs of one day.
+        change: (r,) change of the friction at half the greatest speed, N m.
+        usual: One standard deviation of what is expected.
+        joint: Joint, from 0.
+        title: What it shows, in words.
+
+    Returns:
+        An `svg` element.
+    """
+    with matplotlib.style.context(["default", FIGURE_STYLE]):
+        figure = Figure(figsize=(_NARROW_IN, 1.6), layout="constrained")
+        axes = figure.add_subplot()
+        axes.axhspan(-2.0 * usual, 2.0 * usual, color="#e3e3e3", linewidth=0)
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.plot(days, change, "o", color=SMOOTHED, markersize=3.5)
+        places, first = np.unique(days, return_index=True)
+        step = max(1, -(-len(places) // _MOST_DAYS))
+        axes.set_xticks(places[::step], [labels[index] for index in first[::step]])
+        axes.set_ylabel("friction, N m")
+        axes.yaxis.set_major_locator(ticks(4))
+        return inline_svg(figure, f"drift-{joint + 1}", title)

@@ -1,0 +1,248 @@
+"""The report of a calibration: gains and friction, how every run fits, drift and influence, in one HTML file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Final
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+from scipy.stats import norm
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedRun, Effort
+from armload_identification.estimation.uncertainty import CONFIDENCE
+from armload_identification.identification_errors import ReportError
+from armload_identification.report.calibration_figures import drift_figure, gains_figure
+from armload_identification.report.figures import COLORS
+from armload_identification.report.numerals import NO_BREAK, decimals_for, numeral
+from armload_identification.storage.replace_file import replace_file
+
+_TEMPLATE: Final = "calibration.html.j2"
+_WIDTH: Final = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
+_LOUD: Final = 1.5
+"""Residual over that of all runs together from which a number is set in bold."""
+_STRONG: Final = 1.0
+"""Standard deviations by which a gain moves without a run, from which the number is set in bold."""
+
+
+@dataclass(frozen=True)
+class _JointRow:
+    """One joint, every number as text."""
+
+    number: int
+    name: str
+    nominal: str
+    gain: str
+    width: str
+    change: str
+    friction: str
+    speed: str
+    load: str
+    unexplained: str
+    determined: bool
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """A number of a table, and whether it stands out."""
+
+    text: str
+    strong: bool
+
+
+@dataclass(frozen=True)
+class _RunRow:
+    """One run."""
+
+    name: str
+    day: str
+    carried: str
+    rows: str
+    off: _Cell
+    residual: tuple[_Cell, ...]
+    influence: tuple[_Cell, ...]
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """A joint's figure."""
+
+    number: int
+    name: str
+    svg: Markup
+
+
+def write_calibration_report(path: Path, calibration: ArmCalibration, description: str, names: Sequence[str]) -> None:
+    """Write the report of a calibration.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        calibration: The arm.
+        description: What it is, in a line.
+        names: Of its joints.
+
+    Raises:
+        ReportError: the file cannot be written, or the names do not fit the joints.
+    """
+    page = render_calibration_report(calibration, description, names)
+    try:
+        replace_file(path, page)
+    except OSError as problem:
+        raise ReportError(
+            f"{path}: the report cannot be written ({problem.strerror}). Name a file in a folder that exists and "
+            "may be written to."
+        ) from problem
+
+
+def render_calibration_report(calibration: ArmCalibration, description: str, names: Sequence[str]) -> str:
+    """The report's text.
+
+    Args:
+        calibration: The arm.
+        description: What it is, in a line.
+        names: Of its joints.
+
+    Returns:
+        HTML.
+
+    Raises:
+        ReportError: the names do not fit the joints.
+    """
+    if len(names) != calibration.n:
+        raise ReportError(f"{len(names)} joint names for {calibration.n} joints; give one name per joint")
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("armload_identification.report", "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    change = calibration.gain_nm_a / calibration.nominal - 1.0
+    width = calibration.gain_half_width_95 / calibration.nominal
+    title = f"Calibrated over nominal gain of {calibration.n} joints with 95 % intervals."
+    tilt = np.degrees(np.sqrt(np.sum(calibration.tilt_rad**2)))
+    current = calibration.effort is Effort.CURRENT
+    return environment.get_template(_TEMPLATE).render(
+        calibration=calibration,
+        description=description,
+        gain_unit="N m/A" if current else "N m/(N m)",
+        gain_meaning="per ampere of motor current" if current else "per newton metre that the drive reports",
+        joints=tuple(_joint_row(calibration, joint, name) for joint, name in enumerate(names)),
+        gains=Markup(gains_figure(change, width, calibration.determined.tolist(), title)),
+        payloads=tuple(_payload_rows(calibration)),
+        runs=tuple(_run_row(calibration, run) for run in calibration.runs),
+        drift=tuple(_drift(calibration, names)),
+        delay=f"{numeral(1e3 * calibration.body.torque_delay_s, 1)}{NO_BREAK}ms",
+        tilt=f"{numeral(float(tilt), 2)}{NO_BREAK}°",
+        colors=COLORS,
+    )
+
+
+def _joint_row(calibration: ArmCalibration, joint: int, name: str) -> _JointRow:
+    """Gain and friction of a joint."""
+    gain, nominal = calibration.gain_nm_a[joint], calibration.nominal[joint]
+    width = calibration.gain_half_width_95[joint]
+    decimals = decimals_for(width, gain)
+    friction = _WIDTH * calibration.friction_deviation_nm[joint]
+    load = _WIDTH * calibration.deviation("load")[joint]
+    left = calibration.noise_nm[joint] / max(calibration.level_nm[joint], np.finfo(float).tiny)
+    return _JointRow(
+        number=joint + 1,
+        name=name,
+        nominal=numeral(nominal, decimals),
+        gain=numeral(gain, decimals),
+        width=f"±{NO_BREAK}{numeral(100.0 * width / gain, 2)}{NO_BREAK}%",
+        change=f"{numeral(100.0 * (gain / nominal - 1.0), 2, signed=True)}{NO_BREAK}%",
+        friction=_with_width(calibration.friction_nm[joint], friction),
+        speed=numeral(calibration.middle_speed_rad_s[joint], 2),
+        load=_with_width(calibration.body.load_friction[joint], load),
+        unexplained=f"{numeral(100.0 * left, 1)}{NO_BREAK}%",
+        determined=bool(calibration.determined[joint]),
+    )
+
+
+def _with_width(value: float, half_width: float) -> str:
+    """A number with its interval."""
+    decimals = decimals_for(half_width, value)
+    return f"{numeral(value, decimals)}{NO_BREAK}±{NO_BREAK}{numeral(half_width, decimals)}"
+
+
+def _payload_rows(calibration: ArmCalibration) -> list[tuple[str, str, str, str]]:
+    """Name, weighed mass, mass and centre of mass of every mounting."""
+    rows = []
+    for payload in calibration.payloads:
+        weighed = np.isfinite(payload.weighed_kg)
+        mass = payload.theta[0]
+        center = payload.theta[1:4] / mass if mass > 0.0 else np.full(3, np.nan)
+        rows.append(
+            (
+                payload.mounting,
+                f"{payload.weighed_kg:g}" if weighed else "not weighed",
+                _with_width(mass, _WIDTH * payload.deviation[0]),
+                ", ".join(numeral(1e3 * value, 1) for value in center),
+            )
+        )
+    return rows
+
+
+def _run_row(calibration: ArmCalibration, run: CalibratedRun) -> _RunRow:
+    """How a run fits."""
+    ratio = run.residual_rms_nm / np.maximum(calibration.noise_nm, np.finfo(float).tiny)
+    struck = f", {run.struck} left out as blows" if run.struck else ""
+    return _RunRow(
+        name=run.name,
+        day=run.recorded[:10],
+        carried=run.mounting or "nothing",
+        rows=f"{run.rows}{struck}",
+        off=_Cell(numeral(run.off, 2), run.off > _LOUD),
+        residual=_cells(ratio, _LOUD),
+        influence=_cells(run.influence, _STRONG),
+    )
+
+
+def _cells(values: FloatArray, strong: float) -> tuple[_Cell, ...]:
+    return tuple(_Cell(numeral(value, 1), bool(value > strong)) for value in values)
+
+
+def _drift(calibration: ArmCalibration, names: Sequence[str]) -> list[_Panel]:
+    """Friction of every run, by day where all runs name theirs, else in their order."""
+    runs = calibration.runs
+    days = [_day(run.recorded) for run in runs]
+    if all(days) and len(set(days)) > 1:
+        first = min(day for day in days if day)
+        places = np.array([float((day - first).days) for day in days if day])
+        labels = [f"{day:%d %b}" for day in days if day]
+    else:
+        places, labels = np.arange(1.0, len(runs) + 1.0), [str(number) for number in range(1, len(runs) + 1)]
+    changes = np.array([calibration.friction_change_nm(run) for run in runs])
+    return [
+        _Panel(
+            joint + 1,
+            name,
+            Markup(
+                drift_figure(
+                    places,
+                    labels,
+                    changes[:, joint],
+                    float(calibration.usual_change_nm[joint]),
+                    joint,
+                    f"Change of the friction of joint {joint + 1} ({name}) over the runs: "
+                    f"{numeral(changes[:, joint].min(), 2)} to {numeral(changes[:, joint].max(), 2)} N m.",
+                )
+            ),
+        )
+        for joint, name in enumerate(names)
+    ]
+
+
+def _day(recorded: str) -> date | None:
+    """The day of a run; None where its recording does not say."""
+    try:
+        return date.fromisoformat(recorded[:10])
+    except ValueError:
+        return None
