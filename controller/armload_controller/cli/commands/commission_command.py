@@ -135,11 +135,15 @@ def commission(
     truth = arm.simulation.payload(arm.simulation.payload_name) if in_this_process else None
     findings = _evaluate(arm, directory, screen, truth, now, allowed, calibration, mass_kg)
     if as_json:
-        names = {"payload": PAYLOAD_NAME, "report": REPORT_NAME, "calibration": CALIBRATION_NAME}
-        files = {"directory": directory} | {key: directory / name for key, name in names.items()}
-        files = {key: path for key, path in files.items() if path.exists()}
-        print_document(findings.to_dict() | {"files": {key: str(path) for key, path in files.items()}})
+        print_document(findings.to_dict() | {"files": _files(directory)})
     require_not_wrong(findings)
+
+
+def _files(directory: Path) -> dict[str, str]:
+    """The folder and what was written there; a calibration where the runs sufficed for one."""
+    names = {"payload": PAYLOAD_NAME, "report": REPORT_NAME, "calibration": CALIBRATION_NAME}
+    there = {key: directory / name for key, name in names.items() if (directory / name).exists()}
+    return {"directory": str(directory)} | {key: str(path) for key, path in there.items()}
 
 
 def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) -> None:
