@@ -81,7 +81,6 @@ def commission(
     What a shell has it ignore (SIGINT in a script's background job, SIGHUP under nohup) stays ignored, SIGTERM never.
     """
     from armload_controller.cli.keyboard import Keyboard
-    from armload_controller.cli.output.result_documents import half_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules
@@ -128,9 +127,7 @@ def commission(
             )
             screen.step(_account(load, summaries, time.monotonic() - begun_s))
     if runs is Runs.UNLOADED:
-        screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
-        if as_json:
-            print_document(half_document(directory))
+        _show_half(screen, directory, as_json=as_json)
         return
     truth = arm.simulation.payload(arm.simulation.payload_name) if in_this_process else None
     findings = _evaluate(arm, directory, screen, truth, now, allowed, calibration, mass_kg)
@@ -154,6 +151,15 @@ def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) 
         "The drives are off, the brakes are on. Is the payload mounted and the workspace clear?"
     ):
         raise CommissioningError("not confirmed: nothing was moved with the payload. Go on later with --runs loaded")
+
+
+def _show_half(screen: Screen, directory: Path, *, as_json: bool) -> None:
+    """The unloaded half is there, the loaded one is not."""
+    from armload_controller.cli.output.result_documents import half_document
+
+    screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
+    if as_json:
+        print_document(half_document(directory))
 
 
 def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
