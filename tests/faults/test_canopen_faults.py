@@ -10,7 +10,9 @@ import pytest
 
 from armload_drivers.canopen.canopen_servos import CanopenServos
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, Identity, OperationMode
+from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.drive_safety import Safety
+from armload_drivers.cia402.object_dictionary import NmtState
 from armload_drivers.cia402.state_machine import State, decode
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import (
@@ -32,6 +34,7 @@ from armload_drivers.simulation.lockstep_bus import LockstepBus
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.plant_interface import IdealPlant
 from tests.bounded import MOST_FRAMES, overheard
+from tests.drive_descriptions import eds, maker_drive
 
 ZERO = np.zeros(3)
 QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05)
@@ -750,3 +753,16 @@ def test_feedback_that_has_frozen_leaves_no_torque_on(virtual_arm, in_motion):
         arm.servos.disable()
     assert not any(arm.plant.powered)
     assert "By SDO the drive says that it has no torque" in raised.value.__notes__[0]
+
+
+def test_a_described_drive_that_has_no_reaction_to_a_lost_master_shows_none(virtual_arm, arm_settings):
+    """The standard names no reaction for a drive without 6007, so a simulation must not help the master out."""
+    description = parse_description(eds(maker_drive([0x6007, "1400sub5", "1401sub5"])).encode(), "maker.eds")
+    arm = virtual_arm(arm_settings(), traits={3: DriveTraits(description=description)})
+    start = enabled(arm)
+    move(arm, start, 20)
+    states = {node: drive.power.machine for node, drive in arm.drives._drives.items()}
+    run_without_master(arm, 60)
+    assert states[2].state is State.QUICK_STOP_ACTIVE
+    assert states[3].state is State.OPERATION_ENABLED
+    assert arm.drives._drives[3].state is NmtState.PRE_OPERATIONAL, "1029 = 0 all the same"

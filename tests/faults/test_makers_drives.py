@@ -224,6 +224,16 @@ WRITTEN = {
         changes=cob_ids("ro", "0x{base:X}+1"), reason=r"is 0x00000201, which is not this node's 0x00000202, and cannot"
     ),
     "COB-IDs fixed to the node": own(changes=cob_ids("ro", "$NODEID+0x{base:X}"), expected=ways()),
+    "a transmission type that cannot be written": own(
+        changes={"1800sub2": ro(255)}, reason="is 255 and cannot be written"
+    ),
+    "a PDO that cannot be switched off": own(
+        changes={"1801sub1": ro("$NODEID+0x280"), "1A01sub0": ro(1), "1A01sub1": ro("0x60410010")},
+        reason="is 0x00000282 and cannot be written, and its mapping is fixed",
+    ),
+    "a second RPDO that cannot be switched off": own(
+        changes={"1401sub1": ro("$NODEID+0x300"), "1601sub0": ro(1), "1601sub1": ro("0x60400010")}, expected=ways()
+    ),
     "an interpolation time that cannot be written": own(
         changes={"60C2sub1": ro(8), "60C2sub2": ro(-3)},
         reason=r"interpolates over 0.008 s .* Set cycle_hz = 125",
@@ -295,6 +305,23 @@ def test_a_drive_that_is_refused(drives_of, name):
     with pytest.raises(row.error, match=row.reason):
         arm.servos.connect()
     arm.has_no_torque()
+
+
+def test_a_rated_current_that_is_not_the_configured_one_limits_nothing(fault_arm, arm_settings):
+    """6073 is of 6075: where the two differ, so would the limit."""
+    settings = arm_settings(feedback=Effort.TORQUE, rated_current_a=20.0)
+    drives = parse_description(eds(maker_drive([0x6072])).encode(), "written.eds")
+    traits = dict.fromkeys(NODES, DriveTraits(description=drives))
+    arm = fault_arm(arm_settings(feedback=Effort.TORQUE), traits=traits, drives_arm=settings)
+    with pytest.raises(MissingSafety, match="6075 reports 20 A, the configuration 10 A"):
+        arm.servos.connect()
+
+
+def test_the_watch_over_the_master_is_verified_and_begins_with_the_cycle(fault_arm):
+    arm = fault_arm()
+    arm.servos.connect()
+    watch = [drive.dictionary.values[0x1016 << 8 | 1] for drive in arm.drives._drives.values()]
+    assert watch == [0, 0, 0]
 
 
 def test_a_device_type_is_reported_as_a_whole(drives_of):
