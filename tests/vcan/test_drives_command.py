@@ -1,5 +1,9 @@
 """`armload drives` on vcan0."""
 
+import json
+import signal
+import subprocess
+import sys
 import time
 
 import can
@@ -12,6 +16,7 @@ from armload_controller.config.robot import load_robot
 from armload_drivers.driver_errors import ServoFault
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
+from tests.drive_descriptions import eds, maker_drive
 
 pytestmark = pytest.mark.vcan
 
@@ -64,3 +69,21 @@ def test_reset(drives):
     drives.fail(4, 0x4310, persistent=True)
     time.sleep(0.2)
     assert isinstance(armload("reset", "prbt", "prbt_joint_2", *BUS).exception, ServoFault)
+
+
+def test_check_of_drives_that_serve_a_makers_description(tmp_path):
+    """`simulate --description` in one process, `drives check` in another."""
+    path = tmp_path / "maker.eds"
+    path.write_text(eds(maker_drive([0x6072, 0x6007, 0x1029])))
+    command = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
+    simulate = ["simulate", "prbt", *BUS, "--cycle-hz", "50", "--description", str(path)]
+    with subprocess.Popen([*command, *simulate], stdout=subprocess.PIPE, text=True) as drives:
+        try:
+            assert "6 simulated drives" in drives.stdout.readline()
+            done = armload("check", "prbt", *BUS, "--cycle-hz", "50", "--json")
+        finally:
+            drives.send_signal(signal.SIGTERM)
+    assert done.exit_code == 0, done.output
+    ways = {row["property"]: row for row in json.loads(done.stdout)["safety"][5]["properties"]}
+    assert ways["torque_limit"]["way"].startswith("6073")
+    assert (ways["master_lost"]["way"], ways["master_lost"]["accepted"]) == (None, True)

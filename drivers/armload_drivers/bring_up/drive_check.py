@@ -121,7 +121,8 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
             rows.append(_row(setup, "safety", Verdict.OK, ""))
         report = setup.report()
         safety.append(DriveSafety(report.joint, report.node_id, report.safety))
-        rows += [_row(setup, "objects", Verdict.MISSING, name) for name in report.missing]
+        if report.missing:
+            rows.append(_row(setup, "objects", Verdict.MISSING, "; ".join(report.missing)))
     return ArmCheck((*_by_joint(rows, arm), *strangers), tuple(safety))
 
 
