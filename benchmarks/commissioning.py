@@ -3,9 +3,9 @@
     python -m benchmarks.commissioning CHECKOUT [--robot prbt] [--rounds 3]
 
 CHECKOUT is a working copy of the other commit with its own `.venv`: `git worktree add CHECKOUT COMMIT`, and `make env`
-in it. Both commission the same robot in turns, as `make commission` does: start-up, motion with all drives and the plant,
-identification, report. Processor time of user and system, divided by the rows recorded. What the other one compiles at
-its first start is left out by a run beforehand.
+in it. Both commission the same robot in turns, as `make commission` does: start-up, motion with all drives and the
+plant, identification, report. Processor time of user and system, divided by the rows recorded. What the other one
+compiles at its first start is left out by a run beforehand. A busy computer costs the one with threads more.
 """
 
 from __future__ import annotations
