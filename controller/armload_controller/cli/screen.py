@@ -24,7 +24,8 @@ from rich.table import Column, Table
 
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
-from armload_controller.cli.printable_console import PrintableConsole, printable
+from armload_controller.cli.printable_console import PrintableConsole
+from armload_controller.cli.printable_text import printable
 from armload_controller.control_errors import CommissioningError
 
 UNBOUNDED_WIDTH = 1000

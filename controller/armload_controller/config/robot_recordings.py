@@ -21,4 +21,4 @@ def read_of(arm: MeasuredArm, path: Path) -> Recording:
         CommissioningError: it was recorded on another arm.
         RecordingError: it cannot be read, or is of an arm with other joints.
     """
-    return arm.own(read_recording(path, arm.csv_columns))
+    return arm.own(read_recording(path, arm.csv_columns, joint_names=arm.joint_names))

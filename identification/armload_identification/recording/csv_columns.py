@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from armload_identification.identification_errors import RecordingError
+
+_KEYS: Final = ("time", "position", "velocity", "current", "torque")
+_RANGE: Final = re.compile(r"(.*?)(\d+)-(\d+)")
+_MOST_COLUMNS: Final = 1000
 
 
 @dataclass(frozen=True)
 class CsvColumns:
-    """Which columns of a CSV file hold what: numbers from zero, or names of a header line.
+    """Which columns of a table (CSV, Parquet, arrays) hold what: numbers from zero, or names of a header line.
 
     Attributes:
         time: Column of the time stamp in s.
-        position: One column per joint, rad.
+        position: One column per joint, rad; or one that holds a list with all of them.
         velocity: One per joint, rad/s; None where the log has none.
         current: One per joint, MOTOR current in A; None where the log has torque.
         torque: One per joint, JOINT torque in N m; None where the log has current.
+        scale: By quantity, as `groups` names them: what a column's numbers are multiplied with; 1 if not given.
+        joint_names: Names of the joints, where the columns show them.
     """
 
     time: int | str
@@ -23,6 +33,8 @@ class CsvColumns:
     velocity: Sequence[int | str] | None = None
     current: Sequence[int | str] | None = None
     torque: Sequence[int | str] | None = None
+    scale: Mapping[str, float] = field(default_factory=dict)
+    joint_names: tuple[str, ...] = ()
 
     def groups(self) -> dict[str, list[int | str]]:
         """The columns by the name of the quantity, those that are there."""
@@ -35,3 +47,44 @@ class CsvColumns:
             if columns is not None:
                 groups[name] = list(columns)
         return groups
+
+
+def parse_columns(text: str) -> CsvColumns:
+    """Columns as they are written on a command line.
+
+    Args:
+        text: Such as "time=0 position=1-6 current=7-12" or "time=t position=q1-6 torque=tau1-6"; names and numbers
+            separated by commas, a range stands for each of its numbers.
+
+    Raises:
+        RecordingError: naming what cannot be understood.
+    """
+    found: dict[str, list[int | str]] = {}
+    for part in text.split():
+        key, equals, value = part.partition("=")
+        if key not in _KEYS or not equals or not value or key in found:
+            raise RecordingError(
+                f"columns: {part!r} cannot be understood. Write each of {', '.join(_KEYS)} once, such as "
+                '"time=0 position=1-6 current=7-12" or "time=t position=q1-6 torque=tau1-6".'
+            )
+        found[key] = [column for item in value.split(",") for column in _expanded(item)]
+    if len(found.get("time", ())) != 1 or "position" not in found:
+        raise RecordingError(f"columns: {text!r} lacks one column of the time, or the positions.")
+    lengths = {key: len(columns) for key, columns in found.items() if key != "time"}
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{count} of {key}" for key, count in lengths.items())
+        raise RecordingError(f"columns: there are {listed}; expected as many of each as joints.")
+    return CsvColumns(
+        found["time"][0], found["position"], found.get("velocity"), found.get("current"), found.get("torque")
+    )
+
+
+def _expanded(item: str) -> list[int | str]:
+    """One column, or those of a range."""
+    match = _RANGE.fullmatch(item)
+    if match is None:
+        return [int(item) if item.isdecimal() and len(item) <= 4 else item]
+    stem, first, last = match[1], int(match[2][:6]), int(match[3][:6])
+    if not first <= last < first + _MOST_COLUMNS:
+        raise RecordingError(f"columns: the range {item!r} goes nowhere; expected the smaller number first.")
+    return [f"{stem}{number}" if stem else number for number in range(first, last + 1)]

@@ -7,7 +7,7 @@ fit, the file is read again for the next.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -19,6 +19,7 @@ from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.garbage_rows import FIRST_WINDOW, GarbageFilter
 from armload_identification.recording.reader import ReadingAccount, RecordingReader
 from armload_identification.recording.reader_registry import reader_of
+from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.recording import Recording, RecordingSource, recording_of
 from armload_identification.recording.reduction.period_average import PeriodAverager
 from armload_identification.recording.reduction.reduction import Reduction, WrongReduction
@@ -30,12 +31,23 @@ SHORT_ROWS: Final = FIRST_WINDOW
 """Rows up to which a recording is kept as it is."""
 
 
-def read_recording(path: Path, columns: CsvColumns | None = None, *, short_rows: int = SHORT_ROWS) -> Recording:
+def read_recording(
+    path: Path,
+    columns: CsvColumns | None = None,
+    *,
+    effort: Effort = Effort.TORQUE,
+    joint_names: Sequence[str] = (),
+    between_s: tuple[float, float] | None = None,
+    short_rows: int = SHORT_ROWS,
+) -> Recording:
     """Read a recording of any known format.
 
     Args:
         path: The file.
-        columns: Columns of a CSV file.
+        columns: What stands where in a table, where the names of its columns do not show it.
+        effort: What the effort of a ROS message is.
+        joint_names: Names of the arm's joints, to choose by where a recording has other joints too.
+        between_s: Times since the first row between which rows are used; all of them if not given.
         short_rows: Rows up to which it is kept as it is.
 
     Returns:
@@ -44,12 +56,12 @@ def read_recording(path: Path, columns: CsvColumns | None = None, *, short_rows:
     Raises:
         RecordingError: the file is missing, empty, of another kind, damaged, or holds nothing usable.
     """
-    reader = reader_of(path, columns)
+    reader = reader_of(path, ReadingOptions(columns, effort, tuple(joint_names)))
     text = reader.attachments.get(EXCITATION_ATTACHMENT)
     excitation = None if text is None else parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}")
     for reduction in _reductions(path, excitation):
         try:
-            return _read(path, reader, excitation, reduction, short_rows)
+            return _read(path, reader, excitation, reduction, short_rows, between_s)
         except WrongReduction:
             continue
         except OSError as error:
@@ -71,13 +83,14 @@ def _read(
     excitation: Excitation | None,
     reduction_of: Callable[[], Reduction],
     short_rows: int,
+    between_s: tuple[float, float] | None,
 ) -> Recording:
     """Read once, reducing in one way where the run turns out to be long."""
     account, garbage = ReadingAccount(), GarbageFilter(path)
     kept: list[RowBlock] = []
     size = 0
     reduction: Reduction | None = None
-    for rows in _usable(reader, account, garbage, excitation):
+    for rows in _part(_usable(reader, account, garbage, excitation), between_s):
         size += rows.size
         if reduction is not None:
             reduction.add(rows)
@@ -101,6 +114,18 @@ def _read(
         joint_names=account.joint_names,
     )
     return recording_of(joined(kept), excitation, source) if reduction is None else reduction.recording(source)
+
+
+def _part(blocks: Iterator[RowBlock], between_s: tuple[float, float] | None) -> Iterator[RowBlock]:
+    """The rows between two times since the first."""
+    start_s: float | None = None
+    for rows in blocks:
+        if between_s is None or not rows.size:
+            yield rows
+            continue
+        start_s = float(rows.time_s[0]) if start_s is None else start_s
+        elapsed = rows.time_s - start_s
+        yield rows.rows((elapsed >= between_s[0]) & (elapsed <= between_s[1]))
 
 
 def _usable(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 
 
@@ -68,14 +68,14 @@ class RecordingReader(Protocol):
 class ReaderFactory(Protocol):
     """Opens files of one format."""
 
-    def __call__(self, path: Path, start: bytes, columns: CsvColumns | None) -> RecordingReader | None:
-        """A reader, or None where the file is not of this format.
+    def __call__(self, path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
+        """A reader, or None where it is not of this format.
 
         Args:
-            path: The file.
-            start: Its first bytes.
-            columns: Column map of tables, where the robot's configuration has one.
+            path: The file or folder.
+            start: Its first bytes; none of a folder.
+            options: What is known of it beforehand.
 
         Raises:
-            RecordingError: the file is of this format, but cannot be read.
+            RecordingError: it is of this format, but cannot be read.
         """

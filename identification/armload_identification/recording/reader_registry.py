@@ -1,4 +1,7 @@
-"""The recording formats there are. A new one is a reader in a file of its own, and its line here."""
+"""The recording formats there are. A new one is a reader in a file of its own, and its line here.
+
+The libraries of a format are loaded for its files only.
+"""
 
 from __future__ import annotations
 
@@ -6,52 +9,112 @@ from pathlib import Path
 from typing import Final
 
 from armload_identification.identification_errors import RecordingError
-from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.recording.csv_reader import open_csv
+from armload_identification.recording.formats.csv_reader import CsvReader
 from armload_identification.recording.reader import ReaderFactory, RecordingReader
+from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.run_format import MAGIC
 from armload_identification.storage.read_file import require_regular
 
+_SQLITE: Final = b"SQLite format 3\x00"
+_ROS_PROFILE: Final = b"\x04\x00\x00\x00ros2"
+_PROFILE_AT: Final = len(MAGIC) + 9
+"""Of an MCAP file, behind the kind and length of its first record."""
+_ZIP: Final = b"PK\x03\x04"
+_PARQUET: Final = b"PAR1"
+_START_BYTES: Final = 4096
 
-def open_mcap(path: Path, start: bytes, columns: CsvColumns | None) -> RecordingReader | None:
-    """The reader of armload's own recordings; its libraries are loaded for such a file only."""
-    del columns
+
+def open_ros(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
+    """The reader of ROS 2 bags: a folder with a storage file, SQLite, or an MCAP file of that profile."""
+    folder = path.is_dir() and (any(path.glob("*.db3*")) or any(path.glob("*.mcap*")))
+    mcap = start.startswith(MAGIC) and start[_PROFILE_AT:].startswith(_ROS_PROFILE)
+    if not (folder or mcap or start.startswith(_SQLITE)):
+        return None
+    try:
+        from armload_identification.recording.formats.ros_reader import RosReader
+    except ImportError as error:
+        raise _missing(path, "a ROS 2 bag", "ros", error) from error
+    return RosReader(path, options)
+
+
+def open_mcap(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
+    """The reader of armload's own recordings."""
+    del options
     if not start.startswith(MAGIC):
         return None
-    from armload_identification.recording.mcap_reader import McapReader
+    from armload_identification.recording.formats.mcap_reader import McapReader
 
     return McapReader(path)
 
 
-READERS: Final[tuple[ReaderFactory, ...]] = (open_mcap, open_csv)
+def open_numpy(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
+    """The reader of NumPy's archives."""
+    del options
+    if not start.startswith(_ZIP) or path.suffix != ".npz":
+        return None
+    from armload_identification.recording.formats.numpy_reader import NumpyReader
+
+    return NumpyReader(path)
+
+
+def open_parquet(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
+    """The reader of Parquet tables, and of folders that are data sets of LeRobot."""
+    if not start.startswith(_PARQUET) and not (path.is_dir() and (path / "meta" / "info.json").is_file()):
+        return None
+    try:
+        from armload_identification.recording.formats.parquet_reader import ParquetReader
+    except ImportError as error:
+        raise _missing(path, "a Parquet table", "parquet", error) from error
+    return ParquetReader(path, options.columns)
+
+
+def open_csv(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
+    """The reader of tables as text: any other file that has no bytes of zero."""
+    if not start or (b"\x00" in start and options.columns is None):
+        return None
+    return CsvReader(path, options.columns)
+
+
+READERS: Final[tuple[ReaderFactory, ...]] = (open_ros, open_mcap, open_numpy, open_parquet, open_csv)
 """In this order: a file belongs to the first that takes it, and a table has no signature to recognise it by."""
-_START_BYTES: Final = 4096
 
 
-def reader_of(path: Path, columns: CsvColumns | None) -> RecordingReader:
-    """The reader of a file.
+def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
+    """The reader of a file or folder.
 
     Args:
-        path: The file.
-        columns: Column map of tables, or None.
+        path: The recording.
+        options: What is known of it beforehand.
 
     Raises:
-        RecordingError: the file cannot be opened, is empty, or is of no known format.
+        RecordingError: it cannot be opened, is empty, or is of no known format.
     """
     try:
-        require_regular(path)
-        with path.open("rb") as file:
-            start = file.read(_START_BYTES)
-            blank = not start.strip() and not any(rest.strip() for rest in iter(lambda: file.read(_START_BYTES), b""))
+        start = b"" if path.is_dir() else _start_of(path)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check the path.") from error
-    if blank:
-        raise RecordingError(f"{path}: the file is empty. Give a recording with rows of numbers.")
     for factory in READERS:
-        reader = factory(path, start, columns)
+        reader = factory(path, start, options)
         if reader is not None:
             return reader
     raise RecordingError(
-        f"{path}: not an MCAP file, and the configuration has no column map for CSV files. "
-        "Give a recording made by armload, or add a [log] table to the robot's configuration."
+        f"{path}: a {'folder' if path.is_dir() else 'file'} of no known format. Give a recording made by armload, a "
+        "ROS 2 bag (folder, .db3 or .mcap), or a table with names of its columns (.csv, .parquet, .npz)."
+    )
+
+
+def _start_of(path: Path) -> bytes:
+    """The first bytes of a file that holds more than blanks."""
+    require_regular(path)
+    with path.open("rb") as file:
+        start = file.read(_START_BYTES)
+        if not start.strip() and not any(rest.strip() for rest in iter(lambda: file.read(_START_BYTES), b"")):
+            raise RecordingError(f"{path}: the file is empty. Give a recording with rows of numbers.")
+    return start
+
+
+def _missing(path: Path, what: str, extra: str, error: ImportError) -> RecordingError:
+    return RecordingError(
+        f"{path}: {what} needs {error.name or 'a library'}, which is not installed. "
+        f"Install it: pip install 'armload[{extra}]'."
     )

@@ -260,7 +260,7 @@ def _common_part(one: TimedRun, two: TimedRun, grid: Grid, shift_s: float) -> tu
 
 def _allowed_rad(position: FloatArray) -> FloatArray:
     """(n,) RMS difference up to which two runs are of one motion."""
-    return np.maximum(_SAME_PATH_RAD, _SAME_PATH_SHARE * position.std(axis=0))
+    return np.asarray(np.maximum(_SAME_PATH_RAD, _SAME_PATH_SHARE * position.std(axis=0)))
 
 
 def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:

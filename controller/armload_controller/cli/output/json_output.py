@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
+from armload_controller.cli.printable_text import printable
+
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON (controller/JSON.md), all else to standard error.")
 ]
@@ -17,6 +19,4 @@ JsonOption = Annotated[
 
 def print_document(document: dict[str, Any]) -> None:
     """Print a document that has nothing but JSON's own types, and no number that JSON cannot write."""
-    from armload_controller.cli.printable_console import printable  # loads rich, which help does not wait for
-
     typer.echo(printable(json.dumps(document, allow_nan=False, ensure_ascii=False)))

@@ -5,7 +5,7 @@ Every limit must be given, an unknown key is an error, numbers must be numbers.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
@@ -17,7 +17,7 @@ from armload_controller.config.tables.simulation_table import SimulationTable
 from armload_controller.config.tables.table_types import Positive, Vector3
 from armload_controller.config.tables.workspace_table import WorkspaceTable
 from armload_identification.recording.csv_columns import CsvColumns
-from armload_identification.storage.strict_toml import BadValue, Table
+from armload_identification.storage.strict_toml import BadValue, Table, Text
 
 
 class RobotTable(Table):
@@ -49,17 +49,35 @@ class ExcitationTable(Table):
     validation: str
 
 
-class LogTable(Table):
-    """Columns of other programs' logs, counted from 0."""
+_Column = Annotated[int, Field(ge=0)] | Text
+_Columns = Annotated[list[_Column], Field(min_length=1)]
 
-    time_column: Annotated[int, Field(ge=0)]
-    position_columns: list[int]
-    velocity_columns: list[int] | None = None
-    current_columns: list[int]
+
+class LogTable(Table):
+    """Columns of other programs' logs: counted from 0, or by the names of the header line."""
+
+    time_column: _Column
+    position_columns: _Columns
+    velocity_columns: _Columns | None = None
+    current_columns: _Columns | None = None
+    torque_columns: _Columns | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        """Refuse a map without torque, or with another number of columns than joints."""
+        if (self.current_columns is None) == (self.torque_columns is None):
+            raise BadValue("current_columns", self.current_columns, "give either current_columns or torque_columns")
+        for key in ("velocity_columns", "current_columns", "torque_columns"):
+            columns = getattr(self, key)
+            if columns is not None and len(columns) != len(self.position_columns):
+                raise BadValue(key, columns, f"expected {len(self.position_columns)} columns, as position_columns has")
+        return self
 
     def csv_columns(self) -> CsvColumns:
         """As the reader of recordings takes them."""
-        return CsvColumns(self.time_column, self.position_columns, self.velocity_columns, self.current_columns)
+        return CsvColumns(
+            self.time_column, self.position_columns, self.velocity_columns, self.current_columns, self.torque_columns
+        )
 
 
 class RobotFile(Table):

@@ -8,7 +8,8 @@ import json
 from rich.table import Table
 
 from armload_controller.cli.output.json_output import print_document
-from armload_controller.cli.printable_console import PrintableConsole, printable
+from armload_controller.cli.printable_console import PrintableConsole
+from armload_controller.cli.printable_text import printable
 from armload_controller.cli.screen import Screen
 
 HOSTILE = "joint\x1b[2J\x9b31m\x07\r\x00 [red]ä[/] \u202eexe\udc80\t|"

@@ -258,7 +258,7 @@ def test_files_that_are_no_recording(tmp_path):
     empty.write_bytes(b"")
     with pytest.raises(RecordingError, match="empty"):
         read_recording(empty)
-    with pytest.raises(RecordingError, match="not an MCAP file, and the configuration has no column map"):
+    with pytest.raises(RecordingError, match="the table has no header line, so what its columns hold is not known"):
         read_recording(write_csv(tmp_path / "a.csv", csv_rows()))
     with pytest.raises(RecordingError, match="nothing was recorded"):
         read_recording(write_mcap(tmp_path / "none.mcap", []))

@@ -35,7 +35,7 @@ from armload_identification.recording.run_format import MAGIC, RUN_ATTACHMENT, T
 _BLOCK_ROWS: Final = 2**13
 _BLOCK_NUMBERS: Final = 2**20
 """Of a block, however many joints a message has."""
-_COPY_BYTES: Final = 2**20
+_COPY_BYTES: Final = 2**16
 _MOST_BYTES: Final = 2**26
 """Of one record, and of a chunk when it is unpacked: the recorder's are 1 MB at most."""
 _RECORD: Final = struct.Struct("<BQ")

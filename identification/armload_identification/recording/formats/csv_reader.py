@@ -16,12 +16,13 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.column_names import columns_by_name
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
 
-_CHUNK_BYTES: Final = 2**20
-_BLOCK_LINES: Final = 2**14
+_CHUNK_BYTES: Final = 2**18
+_BLOCK_LINES: Final = 2**12
 
 
 class CsvReader:
@@ -29,13 +30,13 @@ class CsvReader:
 
     Args:
         path: The file.
-        columns: What stands where.
+        columns: What stands where; if not given, the names of the header show it.
     """
 
     kind = "csv"
     attachments: Mapping[str, str] = {}
 
-    def __init__(self, path: Path, columns: CsvColumns) -> None:
+    def __init__(self, path: Path, columns: CsvColumns | None) -> None:
         self._path, self._columns = path, columns
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
@@ -54,6 +55,8 @@ class CsvReader:
                 body = lines
             account.rows_read += len(body)
             yield self._block(layout, body, account, last)
+        if layout is not None:
+            account.joint_names = layout.joint_names
         if layout is None:
             raise RecordingError(f"{self._path}: the file is empty. Give a recording with rows of numbers.")
 
@@ -92,7 +95,14 @@ class CsvReader:
 class _Layout:
     """Where the wanted numbers stand in a row, and how many columns a whole row has."""
 
-    def __init__(self, path: Path, columns: CsvColumns, header: list[str] | None, lines: list[str]) -> None:
+    def __init__(self, path: Path, given: CsvColumns | None, header: list[str] | None, lines: list[str]) -> None:
+        if given is None and header is None:
+            raise RecordingError(
+                f"{path}: the table has no header line, so what its columns hold is not known. "
+                'Say it: --columns "time=0 position=1-6 current=7-12", or a [log] table in the robot\'s file.'
+            )
+        columns = given or columns_by_name(path, header or [])
+        self.joint_names = columns.joint_names
         groups = {name: _indices(path, name, wanted, header) for name, wanted in columns.groups().items()}
         if header is not None:
             self.expected = len(header)
@@ -109,10 +119,11 @@ class _Layout:
         self.wanted = [index for indices in groups.values() for index in indices]
         edges = np.cumsum([0, *(len(indices) for indices in groups.values())])
         self._places = dict(zip(groups, pairwise(edges), strict=True))
+        self._scale = columns.scale
 
     def block(self, table: FloatArray) -> RowBlock:
         """The wanted numbers by quantity."""
-        parts = {name: table[:, first:end] for name, (first, end) in self._places.items()}
+        parts = {name: self._scale.get(name, 1.0) * table[:, first:end] for name, (first, end) in self._places.items()}
         return RowBlock(
             time_s=parts["time_s"][:, 0],
             position_rad=parts["position_rad"],
@@ -121,18 +132,6 @@ class _Layout:
             torque_nm=parts.get("torque_nm"),
             phase_s=None,
         )
-
-
-def open_csv(path: Path, start: bytes, columns: CsvColumns | None) -> CsvReader | None:
-    """A reader for a table; any file is one where there is a column map.
-
-    Args:
-        path: The file.
-        start: Its first bytes.
-        columns: What stands where.
-    """
-    del start
-    return None if columns is None else CsvReader(path, columns)
 
 
 def _text(line: bytes) -> str:

@@ -1,0 +1,127 @@
+"""What the columns of a table hold, by their names: `q1`, `joint_2_pos_deg`, `actual_current_0`, `elbow.effort`.
+
+A name is cut into words and numbers. One word says the quantity, others the unit or that the column is no measurement;
+what is left is the joint: its number, else its name. Columns of unknown units are taken to be in SI units; garbage and
+wrong units are found later, by their magnitude.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.csv_columns import CsvColumns
+
+_WORDS: Final = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+_MILLI: Final = re.compile(r"(?<![a-zA-Z])m(A|Nm)(?![a-zA-Z])")
+_QUANTITIES: Final = {
+    "position_rad": {"q", "pos", "position", "positions", "angle", "theta"},
+    "velocity_rad_s": {"qd", "dq", "qdot", "vel", "velocity", "velocities", "speed"},
+    "current_a": {"current", "currents", "curr", "i"},
+    "torque_nm": {"torque", "torques", "tau", "effort", "moment", "trq"},
+}
+_TIMES: Final = ("timestamp", "time", "t", "stamp")
+_UNITS: Final = {
+    "deg": math.pi / 180.0,
+    "degree": math.pi / 180.0,
+    "degrees": math.pi / 180.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
+    "ma": 1e-3,
+    "milli": 1e-3,
+    "mnm": 1e-3,
+    "rad": 1.0,
+    "rads": 1.0,
+    "s": 1.0,
+    "sec": 1.0,
+    "seconds": 1.0,
+    "a": 1.0,
+    "amp": 1.0,
+    "nm": 1.0,
+    "n": 1.0,
+    "m": 1.0,
+    "per": 1.0,
+}
+"""Factor to SI."""
+_NOT_MEASURED: Final = {
+    *("target", "desired", "des", "command", "commanded", "cmd", "ref", "reference", "setpoint", "goal", "action"),
+    *("error", "tcp", "temperature", "temp", "voltage", "window", "limit", "max", "min", "std", "offset"),
+}
+_FILLERS: Final = {"actual", "measured", "meas", "observation", "state"}
+_NEEDED: Final = 2
+
+
+def columns_by_name(path: Path, names: Sequence[str]) -> CsvColumns:
+    """Find time, positions, and velocities, currents and torques of the same joints.
+
+    Args:
+        path: The file, for messages.
+        names: Names of all columns.
+
+    Raises:
+        RecordingError: no time, no positions, or nothing that could be chosen without a doubt.
+    """
+    found: dict[str, dict[int | str, list[tuple[str, float]]]] = {}
+    times: list[tuple[int, str, float]] = []
+    for name in names:
+        words = [word.lower() for word in _WORDS.findall(_MILLI.sub(r" milli \1 ", name))]
+        quantity, joint, scale = _meaning(words)
+        if quantity is not None:
+            found.setdefault(quantity, {}).setdefault(joint, []).append((name, scale))
+        elif words and words[0] in _TIMES and all(word in _UNITS for word in words[1:]):
+            times.append((_TIMES.index(words[0]), name, scale))
+    positions = found.get("position_rad", {})
+    joints = sorted(positions, key=lambda joint: (isinstance(joint, str), joint if isinstance(joint, int) else 0))
+    if not times or len(joints) < _NEEDED:
+        what = "no column of the time" if not times else "no positions of two or more joints"
+        raise RecordingError(
+            f"{path}: {what} can be recognised in the header {', '.join(names)}. Say what the columns hold: "
+            '--columns "time=0 position=1-6 current=7-12", or a [log] table in the robot\'s file.'
+        )
+    chosen: dict[str, list[str]] = {}
+    scales: dict[str, float] = {"time_s": min(times)[2]}
+    for quantity, by_joint in found.items():
+        columns = [by_joint.get(joint, []) for joint in joints]
+        if any(not column for column in columns):
+            continue
+        double = next((column for column in columns if len(column) > 1), None)
+        if double is not None:
+            raise RecordingError(
+                f"{path}: {' and '.join(name for name, _ in double)} could both be the {quantity} of one joint. "
+                'Say which: --columns "time=... position=...", or a [log] table in the robot\'s file.'
+            )
+        chosen[quantity] = [column[0][0] for column in columns]
+        scales[quantity] = columns[0][0][1]
+    return CsvColumns(
+        min(times)[1],
+        chosen["position_rad"],
+        chosen.get("velocity_rad_s"),
+        chosen.get("current_a"),
+        chosen.get("torque_nm"),
+        {quantity: scale for quantity, scale in scales.items() if scale != 1.0},
+        tuple(joint for joint in joints if isinstance(joint, str)),
+    )
+
+
+def _meaning(words: Sequence[str]) -> tuple[str | None, int | str, float]:
+    """Quantity, joint and factor of a column; no quantity where it is not a measurement of a joint."""
+    scale = math.prod(_UNITS[word] for word in words[1:] if word in _UNITS)
+    if _NOT_MEASURED & set(words):
+        return None, "", scale
+    quantities = [name for name, synonyms in _QUANTITIES.items() if synonyms & set(words)]
+    # A short word may be a name: what is spelt out decides, such as "i" beside "position".
+    if len(quantities) > 1:
+        quantities = [name for name in quantities if any(len(word) > 1 for word in _QUANTITIES[name] & set(words))]
+    if len(quantities) != 1:
+        return None, "", scale
+    rest = [word for word in words if word not in _QUANTITIES[quantities[0]] and word not in _UNITS]
+    numbers = [int(word) for word in rest if word.isdecimal() and len(word) <= 4]
+    if numbers:
+        return quantities[0], numbers[-1], scale
+    joint = "_".join(word for word in rest if word not in _FILLERS)
+    return (quantities[0], joint, scale) if joint else (None, "", scale)

@@ -1,0 +1,132 @@
+"""NumPy archives (.npz): one array per quantity, by its name.
+
+`time_s` (N,), `position_rad` (N, n), and `velocity_rad_s`, `current_a`, `torque_nm` of the same shape, as
+`Recording.from_arrays` calls them, or any of the short names below; `joint_names` (n,) may be there. Nothing is
+unpickled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.row_block import RowBlock
+
+_NAMES: Final = {
+    "time_s": ("time_s", "time", "t", "timestamp"),
+    "position_rad": ("position_rad", "position", "q", "positions"),
+    "velocity_rad_s": ("velocity_rad_s", "velocity", "dq", "qd", "velocities"),
+    "current_a": ("current_a", "current", "currents", "i"),
+    "torque_nm": ("torque_nm", "torque", "tau", "effort", "torques"),
+}
+_JOINT_NAMES: Final = "joint_names"
+_BLOCK_ROWS: Final = 2**13
+_COPY_BYTES: Final = 2**16
+_MOST_JOINTS: Final = 1024
+_BROKEN: Final = (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError, SyntaxError)
+
+
+class NumpyReader:
+    """Reads the arrays of an archive, a block of rows of each at a time.
+
+    Args:
+        path: The file.
+
+    Raises:
+        RecordingError: no archive, or without time or position.
+    """
+
+    kind = "npz"
+    attachments: Mapping[str, str] = {}
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            with zipfile.ZipFile(path) as archive:
+                there = {name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")}
+        except _BROKEN as error:
+            raise self._damaged(error) from error
+        self._arrays = {
+            quantity: next(name for name in names if name in there)
+            for quantity, names in _NAMES.items()
+            if there & set(names)
+        }
+        self._named = _JOINT_NAMES in there
+        absent = [quantity for quantity in ("time_s", "position_rad") if quantity not in self._arrays]
+        if absent:
+            raise RecordingError(
+                f"{path}: no array {' and no array '.join(absent)}; the archive has "
+                f"{', '.join(sorted(there)) or 'none'}. "
+                "Save them by these names: np.savez(path, time_s=..., position_rad=..., torque_nm=...)."
+            )
+
+    def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
+        """See `RecordingReader`.
+
+        Raises:
+            RecordingError: damaged, or arrays that do not fit each other.
+        """
+        account.sha256 = _hash_of(self._path)
+        try:
+            with zipfile.ZipFile(self._path) as archive:
+                yield from self._blocks(archive, account)
+        except _BROKEN as error:
+            raise self._damaged(error) from error
+
+    def _blocks(self, archive: zipfile.ZipFile, account: ReadingAccount) -> Iterator[RowBlock]:
+        """Blocks of rows, decompressed as they are needed."""
+        streams = {quantity: archive.open(f"{name}.npy") for quantity, name in self._arrays.items()}
+        kinds = {quantity: _header_of(stream) for quantity, stream in streams.items()}
+        shape = kinds["position_rad"][0]
+        for quantity, (found, _) in kinds.items():
+            expected = shape[:1] if quantity == "time_s" else shape
+            if len(shape) != 2 or not 1 <= shape[1] <= _MOST_JOINTS or found != expected:
+                raise ValueError(f"{self._arrays[quantity]} has the shape {found}, position {shape}; expected (N, n)")
+        if self._named:
+            with archive.open(f"{_JOINT_NAMES}.npy") as stream:
+                names = np.lib.format.read_array(stream, allow_pickle=False)
+            if names.shape == shape[1:] and names.dtype.kind == "U" and len(set(names.tolist())) == shape[1]:
+                account.joint_names = tuple(names.tolist())
+        for first in range(0, shape[0], _BLOCK_ROWS):
+            rows = min(_BLOCK_ROWS, shape[0] - first)
+            account.rows_read += rows
+            block: dict[str, Any] = dict.fromkeys(_NAMES)
+            for quantity, stream in streams.items():
+                columns = () if quantity == "time_s" else (shape[1],)
+                kind = kinds[quantity][1]
+                size = rows * int(np.prod(columns, dtype=np.int64)) * kind.itemsize
+                values = np.frombuffer(stream.read(size), dtype=kind)
+                block[quantity] = values.reshape(rows, *columns).astype(np.float64)
+            yield RowBlock(**block, phase_s=None)
+
+    def _damaged(self, error: Exception) -> RecordingError:
+        return RecordingError(
+            f"{self._path}: no archive of arrays that fit each other: {error}. "
+            "Save it as np.savez(path, time_s=..., position_rad=..., torque_nm=...)."
+        )
+
+
+def _header_of(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array of real numbers in rows."""
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, by_columns, kind = read(stream)
+    if kind.kind not in "fiu" or (by_columns and len(shape) > 1):
+        raise ValueError("expected real numbers, row by row (np.ascontiguousarray)")
+    return shape, kind
+
+
+def _hash_of(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as content:
+        while piece := content.read(_COPY_BYTES):
+            digest.update(piece)
+    return digest.hexdigest()

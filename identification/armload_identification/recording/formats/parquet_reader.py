@@ -1,0 +1,188 @@
+"""Parquet tables, and LeRobot's data sets (v3), which are such tables with a description beside them.
+
+Columns are recognised by name, as in any table; a column may hold a list with a number for each joint, as LeRobot's
+`observation.state` does.
+
+References:
+    LeRobotDataset v3: `meta/info.json`, `data/chunk-*/file-*.parquet`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.column_names import columns_by_name
+from armload_identification.recording.csv_columns import CsvColumns
+from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.row_block import RowBlock
+from armload_identification.storage.read_file import read_whole
+
+INFO: Final = Path("meta") / "info.json"
+"""Of a LeRobot data set, inside its folder."""
+_EPISODE: Final = "episode_index"
+_LISTS: Final = {
+    "position_rad": ("observation.state", "observation.position", "position", "positions", "q"),
+    "velocity_rad_s": ("observation.velocity", "velocity", "velocities", "dq"),
+    "current_a": ("observation.current", "current", "currents"),
+    "torque_nm": ("observation.effort", "observation.torque", "effort", "torque", "torques", "tau"),
+}
+"""Columns that may hold a list, by quantity."""
+_TIMES: Final = ("timestamp", "time", "time_s", "t")
+_BLOCK_ROWS: Final = 2**13
+_COPY_BYTES: Final = 2**16
+_BROKEN: Final = (pa.ArrowException, ValueError, KeyError, TypeError, OSError, AttributeError)
+
+
+class ParquetReader:
+    """Reads a table, or the data of a LeRobot folder.
+
+    Args:
+        path: The file, or the folder of a data set.
+        columns: What stands where; if not given, the names show it.
+
+    Raises:
+        RecordingError: not readable, or several episodes, which are recordings of their own.
+    """
+
+    kind = "parquet"
+    attachments: Mapping[str, str] = {}
+
+    def __init__(self, path: Path, columns: CsvColumns | None) -> None:
+        self._path = path
+        info, self._files = _described(path) if path.is_dir() else ({}, [path])
+        try:
+            self._names = pq.ParquetFile(self._files[0]).schema_arrow
+            self._require_one_episode()
+        except _BROKEN as error:
+            raise self._damaged(error) from error
+        self._columns = columns or self._recognised(info)
+
+    def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
+        """See `RecordingReader`.
+
+        Raises:
+            RecordingError: damaged, or columns that are not there.
+        """
+        groups = {
+            name: [column if isinstance(column, str) else self._names.names[column] for column in columns]
+            for name, columns in self._columns.groups().items()
+        }
+        wanted = [column for columns in groups.values() for column in columns]
+        absent = [column for column in wanted if column not in self._names.names]
+        if absent:
+            raise RecordingError(
+                f"{self._path}: no column {', '.join(absent)}; there are {', '.join(self._names.names)}. "
+                "Correct the column map."
+            )
+        digest = hashlib.sha256()
+        account.joint_names = self._columns.joint_names
+        for file in self._files:
+            with file.open("rb") as content:
+                while piece := content.read(_COPY_BYTES):
+                    digest.update(piece)
+            try:
+                for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=wanted):
+                    account.rows_read += batch.num_rows
+                    yield self._block(batch, groups)
+            except _BROKEN as error:
+                raise self._damaged(error) from error
+        account.sha256 = digest.hexdigest()
+
+    def _block(self, batch: Any, groups: Mapping[str, Sequence[str]]) -> RowBlock:
+        """Numbers of a batch."""
+        parts = {
+            name: self._columns.scale.get(name, 1.0) * np.hstack([_numbers(batch.column(c)) for c in columns])
+            for name, columns in groups.items()
+        }
+        return RowBlock(
+            time_s=parts["time_s"][:, 0],
+            position_rad=parts["position_rad"],
+            velocity_rad_s=parts.get("velocity_rad_s"),
+            current_a=parts.get("current_a"),
+            torque_nm=parts.get("torque_nm"),
+            phase_s=None,
+        )
+
+    def _recognised(self, info: Mapping[str, Any]) -> CsvColumns:
+        """Columns by their names: lists first, then one per joint."""
+        names = self._names.names
+        lists = {name for name in names if _holds_lists(self._names.field(name).type)}
+        found = {
+            quantity: next((name for name in synonyms if name in lists), None) for quantity, synonyms in _LISTS.items()
+        }
+        time = next((name for name in _TIMES if name in names), None)
+        position = found["position_rad"]
+        if position is None or time is None:
+            return columns_by_name(self._path, names)
+        joints = _joints_of(info, position)
+        others = {key: None if name is None else [name] for key, name in found.items()}
+        return CsvColumns(
+            time, [position], others["velocity_rad_s"], others["current_a"], others["torque_nm"], joint_names=joints
+        )
+
+    def _require_one_episode(self) -> None:
+        """Refuse a table of several recordings."""
+        if _EPISODE not in self._names.names:
+            return
+        episodes: set[int] = set()
+        for file in self._files:
+            for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=[_EPISODE]):
+                episodes.update(batch.column(0).unique().to_pylist())
+        if len(episodes) > 1:
+            raise RecordingError(
+                f"{self._path}: {len(episodes)} episodes, each of which is a recording of its own. Write the one that "
+                f"is meant to a file of its own (rows with one {_EPISODE})."
+            )
+
+    def _damaged(self, error: Exception) -> RecordingError:
+        reason = " ".join(str(error).split())[:200]
+        return RecordingError(f"{self._path}: the table cannot be read: {reason}. Copy it again, or write it anew.")
+
+
+def _described(folder: Path) -> tuple[Mapping[str, Any], list[Path]]:
+    """Description and tables of a LeRobot data set."""
+    try:
+        info = json.loads(read_whole(folder / INFO))
+    except (OSError, ValueError, RecursionError) as error:
+        raise RecordingError(f"{folder / INFO}: cannot be read: {error}. Copy the data set again.") from error
+    files = sorted((folder / "data").glob("chunk-*/file-*.parquet"))
+    if not files or not isinstance(info, dict):
+        raise RecordingError(f"{folder}: no data/chunk-*/file-*.parquet, as LeRobot's data sets of version 3 have.")
+    return info, files
+
+
+def _joints_of(info: Mapping[str, Any], column: str) -> tuple[str, ...]:
+    """Names of the numbers in a LeRobot column, such as "elbow.pos"; none where the description has none."""
+    try:
+        names = info["features"][column]["names"]
+        names = next(iter(names.values())) if isinstance(names, dict) else names
+        return tuple(str(name).removesuffix(".pos") for name in names)
+    except (KeyError, TypeError, StopIteration):
+        return ()
+
+
+def _holds_lists(kind: Any) -> bool:
+    return bool(pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind))
+
+
+def _numbers(column: Any) -> FloatArray:
+    """(N, k) numbers of a column, k above 1 where it holds lists; NaN where there is none."""
+    if not _holds_lists(column.type):
+        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False)).reshape(-1, 1)
+    flat = column.flatten().cast(pa.float64()).to_numpy(zero_copy_only=False)
+    if len(column) == 0 or flat.size % len(column) or column.null_count:
+        raise ValueError("a list without a number for each joint")
+    lengths = column.value_lengths().to_numpy(zero_copy_only=False)
+    if not (lengths == lengths[0]).all():
+        raise ValueError("lists of different lengths")
+    return np.asarray(flat, dtype=np.float64).reshape(len(column), -1)

@@ -1,0 +1,299 @@
+"""ROS 2 bags: a folder, or one of its storage files.
+
+Read are `sensor_msgs/JointState`, `control_msgs/DynamicJointState` and `control_msgs/JointTrajectoryControllerState`.
+Joints are matched by name in every message, as their order may change. On one topic several nodes may publish, such as
+arm and gripper: of the groups of joints that occur together one is taken, and messages without all of its joints are
+passed over.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import apsw
+import numpy as np
+from mcap.exceptions import McapError
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import ReaderError
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+
+from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reading_options import Effort, ReadingOptions
+from armload_identification.recording.row_block import RowBlock
+
+STORAGE_SUFFIXES: Final = (".db3", ".mcap")
+METADATA: Final = "metadata.yaml"
+_BLOCK_ROWS: Final = 2**9
+_COPY_BYTES: Final = 2**16
+_LEARNT_FROM: Final = 400
+"""Messages of each topic by which joints and time stamps are chosen."""
+_INCREASING: Final = 0.9
+"""Share of the header stamps that must increase."""
+_LONGEST_REASON: Final = 200
+_TYPES: Final = (
+    "sensor_msgs/msg/JointState",
+    "control_msgs/msg/DynamicJointState",
+    "control_msgs/msg/JointTrajectoryControllerState",
+)
+_CONTROL_MESSAGES: Final = {
+    "control_msgs/msg/InterfaceValue": "string[] interface_names\nfloat64[] values\n",
+    "control_msgs/msg/DynamicJointState": (
+        "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n"
+    ),
+    "control_msgs/msg/JointTrajectoryControllerState": (
+        "std_msgs/Header header\nstring[] joint_names\ntrajectory_msgs/JointTrajectoryPoint desired\n"
+        "trajectory_msgs/JointTrajectoryPoint actual\ntrajectory_msgs/JointTrajectoryPoint error\n"
+    ),
+}
+"""As of ROS 2 Humble, whose bags in SQLite do not hold the definitions of their messages."""
+_BROKEN: Final = (
+    AnyReaderError,
+    ReaderError,
+    SerdeError,
+    TypesysError,
+    McapError,
+    apsw.Error,
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)
+"""What the libraries raise on a damaged bag."""
+
+
+@dataclass(frozen=True, eq=False)
+class _JointSample:
+    """One message: names, and numbers in their order; an empty array where there are none."""
+
+    names: tuple[str, ...]
+    stamp_ns: int
+    position: FloatArray
+    velocity: FloatArray
+    effort: FloatArray
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """What is read of a bag."""
+
+    topic: str
+    names: tuple[str, ...]
+    velocity: bool
+    effort: bool
+    by_header: bool
+
+
+class RosReader:
+    """Reads the joint states of a ROS 2 bag.
+
+    Args:
+        path: The bag's folder, or a storage file.
+        options: What the effort is, and which joints are wanted.
+
+    Raises:
+        RecordingError: no bag, or one without messages of joints.
+    """
+
+    kind = "ros2"
+    attachments: Mapping[str, str] = {}
+
+    def __init__(self, path: Path, options: ReadingOptions) -> None:
+        self._path, self._options = path, options
+        self._bag = _bag_of(path)
+        with self._opened() as reader:
+            self._choice = self._chosen(reader)
+
+    def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
+        """See `RecordingReader`; a message that cannot be read is counted as malformed.
+
+        Raises:
+            RecordingError: the bag is damaged.
+        """
+        account.joint_names = self._choice.names
+        account.sha256 = _hash_of(self._bag)
+        rows: list[list[float]] = []
+        with self._opened() as reader:
+            for when_ns, sample in self._samples(reader, [self._choice.topic]):
+                if sample is not None and not set(self._choice.names) <= set(sample.names):
+                    continue
+                account.rows_read += 1
+                row = None if sample is None else self._row(sample, when_ns)
+                if row is None:
+                    account.leave_out(1, "malformed message")
+                    continue
+                rows.append(row)
+                if len(rows) == _BLOCK_ROWS:
+                    yield self._block(rows)
+                    rows = []
+        if rows:
+            yield self._block(rows)
+
+    def _chosen(self, reader: AnyReader) -> _Choice:
+        """Topic, joints and time stamps that are read."""
+        topics = sorted({connection.topic for connection in reader.connections if connection.msgtype in _TYPES})
+        groups: dict[tuple[str, frozenset[str]], list[tuple[int, _JointSample]]] = {}
+        for topic in topics:
+            for count, (when_ns, sample) in enumerate(self._samples(reader, [topic])):
+                if sample is not None and sample.position.size == len(sample.names) > 0:
+                    groups.setdefault((topic, frozenset(sample.names)), []).append((when_ns, sample))
+                if count >= _LEARNT_FROM:
+                    break
+        if not groups:
+            others = ", ".join(sorted({connection.msgtype for connection in reader.connections})) or "nothing"
+            raise RecordingError(
+                f"{self._path}: the bag has no positions of joints; it has {others}. "
+                f"Record a topic of one of these types: {', '.join(_TYPES)}."
+            )
+        wanted = set(self._options.joint_names)
+
+        def worth(key: tuple[str, frozenset[str]]) -> tuple[int, int, int, int]:
+            samples = [sample for _, sample in groups[key]]
+            with_effort = sum(_has(sample.effort, sample) for sample in samples)
+            return len(wanted & key[1]), with_effort > 0, len(key[1]), len(samples)
+
+        best = max(groups, key=worth)
+        samples = [sample for _, sample in groups[best]]
+        stamps = np.array([sample.stamp_ns for sample in samples], dtype=np.int64)
+        return _Choice(
+            best[0],
+            _in_order(self._options.joint_names, samples[0].names),
+            velocity=any(_has(sample.velocity, sample) for sample in samples),
+            effort=any(_has(sample.effort, sample) for sample in samples),
+            by_header=stamps.size > 1 and float(np.mean(np.diff(stamps) > 0)) >= _INCREASING,
+        )
+
+    def _row(self, sample: _JointSample, when_ns: int) -> list[float] | None:
+        """Numbers of a message in the order of the chosen joints; none where there are fewer than names."""
+        place = {name: index for index, name in enumerate(sample.names)}
+        order = [place[name] for name in self._choice.names]
+        if sample.position.size != len(sample.names):
+            return None
+        row = [(sample.stamp_ns if self._choice.by_header else when_ns) * 1e-9, *sample.position[order]]
+        for values, there in ((sample.velocity, self._choice.velocity), (sample.effort, self._choice.effort)):
+            if there:
+                row += values[order].tolist() if _has(values, sample) else [np.nan] * len(order)
+        return row
+
+    def _block(self, rows: list[list[float]]) -> RowBlock:
+        """Rows as a block."""
+        table = np.array(rows, dtype=np.float64)
+        n = len(self._choice.names)
+        parts = [table[:, 1 + i * n : 1 + (i + 1) * n] for i in range((table.shape[1] - 1) // n)]
+        velocity = parts[1] if self._choice.velocity else None
+        effort = parts[-1] if self._choice.effort else None
+        current = self._options.effort is Effort.CURRENT
+        return RowBlock(
+            time_s=table[:, 0],
+            position_rad=parts[0],
+            velocity_rad_s=velocity,
+            current_a=effort if current else None,
+            torque_nm=None if current else effort,
+            phase_s=None,
+        )
+
+    def _samples(self, reader: AnyReader, topics: Sequence[str]) -> Iterator[tuple[int, _JointSample | None]]:
+        """The bag's time of each message of some topics, and the message; none where it cannot be read."""
+        wanted = [c for c in reader.connections if c.topic in topics and c.msgtype in _TYPES]
+        for connection, when_ns, raw in reader.messages(wanted):
+            try:
+                yield when_ns, _sample(connection, reader.deserialize(raw, connection.msgtype))
+            except _BROKEN:
+                yield when_ns, None
+
+    @contextmanager
+    def _opened(self) -> Iterator[AnyReader]:
+        """The bag, open."""
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        for name, definition in _CONTROL_MESSAGES.items():
+            store.register(get_types_from_msg(definition, name))
+        try:
+            with AnyReader([self._bag], default_typestore=store) as reader:
+                yield reader
+        except RecordingError:
+            raise
+        except (*_BROKEN, OSError) as error:
+            raise RecordingError(
+                f"{self._path}: the bag cannot be read: {_short(error)}. Copy it again from where it was recorded, or "
+                "make its index anew: ros2 bag reindex."
+            ) from error
+
+
+def _sample(connection: Connection, message: Any) -> _JointSample:
+    """Joints of a message of one of the types."""
+    stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+    if connection.msgtype == _TYPES[0]:
+        return _JointSample(
+            tuple(message.name),
+            stamp_ns,
+            *(np.asarray(v, dtype=np.float64) for v in (message.position, message.velocity, message.effort)),
+        )
+    names = tuple(message.joint_names)
+    if connection.msgtype == _TYPES[1]:
+        values = [dict(zip(value.interface_names, value.values, strict=True)) for value in message.interface_values]
+        columns = (
+            [value[key] for value in values] if all(key in value for value in values) else []
+            for key in ("position", "velocity", "effort")
+        )
+        return _JointSample(names, stamp_ns, *(np.array(column, dtype=np.float64) for column in columns))
+    point = message.feedback if hasattr(message, "feedback") else message.actual
+    return _JointSample(
+        names,
+        stamp_ns,
+        *(np.asarray(v, dtype=np.float64) for v in (point.positions, point.velocities, point.effort)),
+    )
+
+
+def _short(error: Exception) -> str:
+    """What a library says, on one line."""
+    return " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
+
+
+def _has(values: FloatArray, sample: _JointSample) -> bool:
+    """Whether a message has a quantity of all its joints, and not for the form's sake only."""
+    return values.size == len(sample.names) and not np.isnan(values).all()
+
+
+def _in_order(wanted: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """The joints that are wanted, in that order, and behind them the others."""
+    first = [name for name in wanted if name in names]
+    return (*first, *(name for name in names if name not in first))
+
+
+def _bag_of(path: Path) -> Path:
+    """What the library opens: a folder with its metadata, or a storage file.
+
+    Raises:
+        RecordingError: a folder that is no bag.
+    """
+    if not path.is_dir() or (path / METADATA).is_file():
+        return path
+    files = sorted(file for file in path.iterdir() if file.suffix in STORAGE_SUFFIXES)
+    if len(files) != 1:
+        raise RecordingError(
+            f"{path}: the folder has no {METADATA} and {len(files)} storage files ({' or '.join(STORAGE_SUFFIXES)}). "
+            "Make its index anew: ros2 bag reindex; or give one of its files."
+        )
+    return files[0]
+
+
+def _hash_of(bag: Path) -> str:
+    """Hash of a file, or of all files of a folder."""
+    digest = hashlib.sha256()
+    for file in sorted(file for file in bag.iterdir() if file.is_file()) if bag.is_dir() else [bag]:
+        with file.open("rb") as content:
+            while piece := content.read(_COPY_BYTES):
+                digest.update(piece)
+    return digest.hexdigest()

@@ -1,0 +1,31 @@
+"""What a reader may be told of a file that does not say it itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from armload_identification.recording.csv_columns import CsvColumns
+
+
+class Effort(StrEnum):
+    """What a format's field `effort` holds."""
+
+    TORQUE = "torque"
+    CURRENT = "current"
+
+
+@dataclass(frozen=True)
+class ReadingOptions:
+    """What is known of a recording beforehand.
+
+    Attributes:
+        columns: What stands where in a table; None leaves it to the names of its columns.
+        effort: Unit of an effort of which the format does not say it: JOINT torque in N m, or MOTOR current in A.
+        joint_names: Names of the arm's joints, where they are known: of several groups of joints the reader takes
+            the one with these.
+    """
+
+    columns: CsvColumns | None = None
+    effort: Effort = Effort.TORQUE
+    joint_names: tuple[str, ...] = ()

@@ -1,0 +1,280 @@
+"""ROS 2 bags, written by `rosbags` in every storage format: joints by name, stamps that make sense, what is refused."""
+
+from __future__ import annotations
+
+import builtins
+import sqlite3
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.formats.ros_reader import _CONTROL_MESSAGES
+from armload_identification.recording.reading_options import Effort
+
+ROWS = 60
+START_NS = 1_700_000_000_000_000_000
+STEP_NS = 10_000_000
+NAMES = ["shoulder", "elbow", "wrist"]
+TIME = 0.01 * np.arange(ROWS)
+POSITION = np.sin(TIME[:, None] + np.arange(3))
+VELOCITY = np.cos(TIME[:, None] + np.arange(3))
+EFFORT = 5.0 * np.sin(3.0 * TIME[:, None] + np.arange(3))
+STATE = "sensor_msgs/msg/JointState"
+
+
+@pytest.fixture(scope="module")
+def store():
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for name, definition in _CONTROL_MESSAGES.items():
+        store.register(get_types_from_msg(definition, name))
+    return store
+
+
+@pytest.fixture
+def bag(tmp_path, store):
+    """Write a bag: topic, type, the bag's time in ns and message of each; returns its folder."""
+
+    def bag(messages, plugin=StoragePlugin.MCAP, compression=None, name="bag"):
+        path = tmp_path / name
+        writer = Writer(path, version=8, storage_plugin=plugin)
+        if compression is not None:
+            writer.set_compression(compression, CompressionFormat.ZSTD)
+        with writer:
+            connections = {}
+            for topic, kind, when_ns, message in messages:
+                if (topic, kind) not in connections:
+                    connections[topic, kind] = writer.add_connection(topic, kind, typestore=store)
+                writer.write(connections[topic, kind], when_ns, store.serialize_cdr(message, kind))
+        return path
+
+    return bag
+
+
+@pytest.fixture
+def header(store):
+    def header(stamp_ns):
+        stamp = store.types["builtin_interfaces/msg/Time"](stamp_ns // 10**9, stamp_ns % 10**9)
+        return store.types["std_msgs/msg/Header"](stamp, "")
+
+    return header
+
+
+@pytest.fixture
+def state(store, header):
+    """A JointState of some joints at one row."""
+
+    def state(row, names=NAMES, stamp_ns=None, velocity=True, effort=True):
+        order = [NAMES.index(name) for name in names]
+        stamp = START_NS + STEP_NS * row if stamp_ns is None else stamp_ns
+        nothing = np.zeros(0)
+        return store.types[STATE](
+            header(stamp),
+            list(names),
+            POSITION[row][order],
+            VELOCITY[row][order] if velocity else nothing,
+            EFFORT[row][order] if effort else nothing,
+        )
+
+    return state
+
+
+def states(state, topic="/joint_states", late_ns=0, **changes):
+    return [(topic, STATE, START_NS + STEP_NS * row + late_ns, state(row, **changes)) for row in range(ROWS)]
+
+
+def assert_read(recording, names=tuple(NAMES)):
+    order = [NAMES.index(name) for name in names]
+    assert recording.joint_names == tuple(names)
+    np.testing.assert_array_equal(recording.position_rad, POSITION[:, order])
+    np.testing.assert_array_equal(recording.torque_nm, EFFORT[:, order])
+    np.testing.assert_allclose(recording.time_s - recording.time_s[0], TIME, atol=1e-6)
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP], ids=str)
+@pytest.mark.parametrize("compression", [None, CompressionMode.FILE, CompressionMode.MESSAGE], ids=str)
+def test_every_storage_gives_the_same(bag, state, plugin, compression):
+    path = bag(states(state), plugin, compression)
+    recording = read_recording(path)
+    assert_read(recording)
+    np.testing.assert_array_equal(recording.velocity_rad_s, VELOCITY)
+    assert recording.source.kind == "ros2"
+    assert len(recording.source.sha256) == 64
+    if compression is None:
+        (file,) = [file for file in path.iterdir() if file.suffix in {".db3", ".mcap"}]
+        assert_read(read_recording(file))
+        (path / "metadata.yaml").unlink()
+        assert_read(read_recording(path))
+
+
+def test_the_order_of_the_joints_may_change_from_message_to_message(bag, state):
+    messages = states(state)
+    messages[1::2] = [
+        (topic, kind, when, state(row, names=["wrist", "shoulder", "elbow"]))
+        for row, (topic, kind, when, _) in list(enumerate(messages))[1::2]
+    ]
+    path = bag(messages)
+    assert_read(read_recording(path))
+    assert_read(read_recording(path, joint_names=["elbow", "wrist", "shoulder"]), ("elbow", "wrist", "shoulder"))
+
+
+def test_of_two_publishers_on_one_topic_the_arm_is_read(bag, state, store, header):
+    """The gripper's messages are none of the arm's rows, and no malformed ones."""
+    gripper = [
+        ("/joint_states", STATE, START_NS + STEP_NS * row + 1, store.types[STATE](
+            header(START_NS), ["finger"], np.array([0.02]), np.zeros(0), np.zeros(0)
+        ))
+        for row in range(ROWS)
+    ]  # fmt: skip
+    both = sorted([*states(state), *gripper], key=lambda message: message[2])
+    recording = read_recording(bag(both))
+    assert_read(recording)
+    assert recording.source.rows_read == ROWS
+
+
+def test_the_joints_that_are_wanted_decide_between_two_arms(bag, state, store, header):
+    other = [
+        ("/other", STATE, START_NS + STEP_NS * row, store.types[STATE](
+            header(START_NS + STEP_NS * row), ["a", "b", "c", "d"], np.full(4, 1e-3 * row), np.zeros(4), np.ones(4)
+        ))
+        for row in range(ROWS)
+    ]  # fmt: skip
+    path = bag([*states(state), *other])
+    assert_read(read_recording(path, joint_names=NAMES))
+    assert read_recording(path).joint_names == ("a", "b", "c", "d")
+
+
+@pytest.mark.parametrize(
+    ("stamp", "by_header"),
+    [
+        (lambda row: 0, False),
+        (lambda row: 1, False),
+        (lambda row: 10**18 - row, False),
+        (lambda row: 1 + STEP_NS * row, True),
+        (lambda row: 2 * STEP_NS * row, True),
+    ],
+)
+def test_header_stamps_count_where_they_make_sense(bag, state, stamp, by_header):
+    rng = np.random.default_rng(3)
+    late = np.sort(rng.integers(0, STEP_NS // 2, ROWS))
+    messages = [
+        ("/joint_states", STATE, START_NS + STEP_NS * row + int(late[row]), state(row, stamp_ns=stamp(row)))
+        for row in range(ROWS)
+    ]
+    stamps = [stamp(row) if by_header else when for row, (_, _, when, _) in enumerate(messages)]
+    elapsed = (np.array(stamps) - stamps[0]) * 1e-9
+    recording = read_recording(bag(messages))
+    np.testing.assert_allclose(recording.time_s - recording.time_s[0], elapsed, atol=1e-6)
+
+
+def test_an_effort_may_be_a_current(bag, state):
+    recording = read_recording(bag(states(state)), effort=Effort.CURRENT)
+    np.testing.assert_array_equal(recording.current_a, EFFORT)
+    assert recording.torque_nm is None
+
+
+def test_messages_without_velocity_or_effort(bag, state):
+    assert read_recording(bag(states(state, velocity=False))).velocity_rad_s is None
+    messages = states(state)
+    messages[7] = (*messages[7][:3], state(7, effort=False))
+    recording = read_recording(bag(messages, name="one"))
+    assert recording.source.reasons == {"not finite": 1}
+    with pytest.raises(RecordingError, match="neither motor current nor joint torque"):
+        read_recording(bag(states(state, effort=False), name="none"))
+
+
+@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP], ids=str)
+def test_messages_of_ros2_control(bag, store, header, plugin):
+    """Bags in SQLite hold no definitions of messages; rosbags knows those of ROS itself only."""
+    value, dynamic, trajectory, point = (
+        store.types[name]
+        for name in (
+            "control_msgs/msg/InterfaceValue",
+            "control_msgs/msg/DynamicJointState",
+            "control_msgs/msg/JointTrajectoryControllerState",
+            "trajectory_msgs/msg/JointTrajectoryPoint",
+        )
+    )
+    nothing = store.types["builtin_interfaces/msg/Duration"](0, 0)
+
+    def points(*columns):
+        return point(*columns[:2], np.zeros(0), columns[2], nothing)
+
+    for name, message in (
+        (
+            "control_msgs/msg/DynamicJointState",
+            lambda row: dynamic(
+                header(START_NS + STEP_NS * row),
+                NAMES,
+                [
+                    value(["effort", "position", "velocity"], np.array([EFFORT[row, j], POSITION[row, j], 0.0]))
+                    for j in range(3)
+                ],
+            ),
+        ),
+        (
+            "control_msgs/msg/JointTrajectoryControllerState",
+            lambda row: trajectory(
+                header(START_NS + STEP_NS * row),
+                NAMES,
+                points(np.zeros(3), np.zeros(3), np.zeros(3)),
+                points(POSITION[row], VELOCITY[row], EFFORT[row]),
+                points(np.zeros(3), np.zeros(3), np.zeros(3)),
+            ),
+        ),
+    ):
+        messages = [("/state", name, START_NS + STEP_NS * row, message(row)) for row in range(ROWS)]
+        assert_read(read_recording(bag(messages, plugin, name=name.split("/")[-1])))
+
+
+def test_bags_that_cannot_be_read_are_refused_in_a_sentence(bag, state, store, tmp_path):
+    text = "std_msgs/msg/String"
+    talk = [("/chatter", text, START_NS + k, store.types[text]("hello")) for k in range(5)]
+    with pytest.raises(RecordingError, match="no positions of joints; it has std_msgs/msg/String"):
+        read_recording(bag(talk, name="talk"))
+    path = bag(states(state), StoragePlugin.SQLITE3)
+    (file,) = path.glob("*.db3")
+    whole = file.read_bytes()
+    for damaged in (whole[:5000], whole[:100] + b"\xff" * 3000 + whole[3100:]):
+        file.write_bytes(damaged)
+        with pytest.raises(RecordingError, match=r"the bag cannot be read|no positions of joints|usable rows"):
+            read_recording(path)
+    (path / "metadata.yaml").write_text("nonsense: [")
+    with pytest.raises(RecordingError, match=r"the bag cannot be read.*ros2 bag reindex"):
+        read_recording(path)
+    sqlite3.connect(tmp_path / "no.db3").execute("create table a (b)").connection.close()
+    with pytest.raises(RecordingError, match=r"no\.db3: the bag cannot be read"):
+        read_recording(tmp_path / "no.db3")
+    (tmp_path / "two").mkdir()
+    for name in ("a.db3", "b.db3"):
+        (tmp_path / "two" / name).write_bytes(whole)
+    with pytest.raises(RecordingError, match=r"no metadata.yaml and 2 storage files"):
+        read_recording(tmp_path / "two")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RecordingError, match=r"a folder of no known format.*ROS 2 bag"):
+        read_recording(tmp_path / "empty")
+
+
+def test_without_the_library_its_command_is_named(bag, state, monkeypatch):
+    path = bag(states(state))
+    load = builtins.__import__
+
+    def absent(name, *rest):
+        if name.endswith("ros_reader"):
+            raise ImportError("No module named 'rosbags'", name="rosbags")
+        return load(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", absent)
+    with pytest.raises(RecordingError, match=r"needs rosbags, which is not installed.*pip install 'armload\[ros\]'"):
+        read_recording(path)
+
+
+def test_a_real_bag(shared_data):
+    path = shared_data / "ros2" / "panda_exciting"
+    recording = read_recording(path)
+    assert recording.joint_names == tuple(f"fer_joint{k}" for k in range(1, 8))
+    assert recording.size == 727
+    assert recording.time_s[-1] - recording.time_s[0] == pytest.approx(24.2, abs=0.1)

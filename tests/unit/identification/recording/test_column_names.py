@@ -1,0 +1,166 @@
+"""Columns that say by their names what they hold, and columns that somebody says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.column_names import columns_by_name
+from armload_identification.recording.csv_columns import CsvColumns, parse_columns
+from armload_identification.recording.file_reading import read_recording
+
+pytestmark = pytest.mark.pure
+
+HERE = Path("log.csv")
+DEGREE = np.pi / 180.0
+
+
+def numbered(*patterns, joints=range(1, 7)):
+    return [pattern.format(joint) for pattern in patterns for joint in joints]
+
+
+RTDE = [
+    "timestamp",
+    *numbered(
+        "target_q_{}",
+        "target_qd_{}",
+        "target_current_{}",
+        "target_moment_{}",
+        "actual_q_{}",
+        "actual_qd_{}",
+        "actual_current_{}",
+        "actual_current_window_{}",
+        "joint_control_output_{}",
+        "actual_TCP_pose_{}",
+        "actual_TCP_speed_{}",
+        "joint_temperatures_{}",
+        "actual_joint_voltage_{}",
+        joints=range(6),
+    ),
+    "actual_execution_time",
+    "speed_scaling",
+    "target_speed_fraction",
+    "actual_momentum",
+    "runtime_state",
+]
+
+
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [
+        (
+            RTDE,
+            CsvColumns(
+                "timestamp",
+                numbered("actual_q_{}", joints=range(6)),
+                numbered("actual_qd_{}", joints=range(6)),
+                numbered("actual_current_{}", joints=range(6)),
+            ),
+        ),
+        (
+            ["t", *numbered("q{}", "dq{}", "tau{}", "tau_cmd{}")],
+            CsvColumns("t", numbered("q{}"), numbered("dq{}"), torque=numbered("tau{}")),
+        ),
+        (
+            ["Time [ms]", *numbered("J{} Position [deg]", "J{} Velocity [deg/s]", "J{} Current [mA]")],
+            CsvColumns(
+                "Time [ms]",
+                numbered("J{} Position [deg]"),
+                numbered("J{} Velocity [deg/s]"),
+                numbered("J{} Current [mA]"),
+                scale={"time_s": 1e-3, "position_rad": DEGREE, "velocity_rad_s": DEGREE, "current_a": 1e-3},
+            ),
+        ),
+        (
+            ["time_s", "i1", "i2", "q1", "q2"],
+            CsvColumns("time_s", ["q1", "q2"], current=["i1", "i2"]),
+        ),
+        (
+            ["wristPosition", "elbowPosition", "elbowTorque", "wristTorque", "Timestamp"],
+            CsvColumns(
+                "Timestamp",
+                ["wristPosition", "elbowPosition"],
+                torque=["wristTorque", "elbowTorque"],
+                joint_names=("wrist", "elbow"),
+            ),
+        ),
+        (
+            ["timestamp_ns", "shoulder_joint.pos", "elbow_joint.pos", "shoulder_joint.effort", "elbow_joint.effort"],
+            CsvColumns(
+                "timestamp_ns",
+                ["shoulder_joint.pos", "elbow_joint.pos"],
+                torque=["shoulder_joint.effort", "elbow_joint.effort"],
+                scale={"time_s": 1e-9},
+                joint_names=("shoulder_joint", "elbow_joint"),
+            ),
+        ),
+        (["t", "q[0]", "q[1]", "effort[0]"], CsvColumns("t", ["q[0]", "q[1]"])),
+        (["t", "q2", "q1", "q10"], CsvColumns("t", ["q1", "q2", "q10"])),
+    ],
+    ids=["RTDE", "short", "units", "currents", "camel", "ros", "torque of one", "order"],
+)
+def test_columns_are_recognised(header, expected):
+    found = columns_by_name(HERE, header)
+    assert found.groups() == expected.groups()
+    assert found.joint_names == expected.joint_names
+    assert found.scale == pytest.approx(expected.scale)
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (["a", "b"], r"no column of the time can be recognised in the header a, b.*--columns"),
+        (["q1", "q2"], "no column of the time"),
+        (["t", "q1"], "no positions of two or more joints"),
+        (["t", "left_q1", "left_q2", "right_q1", "right_q2"], "left_q1 and right_q1 could both be the position_rad"),
+    ],
+)
+def test_what_is_not_clear_is_asked_for(header, said):
+    with pytest.raises(RecordingError, match=said):
+        columns_by_name(HERE, header)
+
+
+def test_a_table_is_read_in_si_units(tmp_path):
+    path = tmp_path / "log.csv"
+    time_s = 0.01 * np.arange(50)
+    position = np.column_stack([np.sin(time_s), np.cos(time_s)])
+    rows = np.column_stack([1e3 * time_s, position / DEGREE, 1e3 * position])
+    np.savetxt(path, rows, delimiter=",", header="time_ms,q1_deg,q2_deg,i1_mA,i2_mA", comments="")
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.time_s, time_s, atol=1e-12)
+    np.testing.assert_allclose(recording.position_rad, position, atol=1e-12)
+    np.testing.assert_allclose(recording.current_a, position, atol=1e-12)
+    assert recording.joint_names == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("time=0 position=1-3 current=4-6", CsvColumns(0, [1, 2, 3], current=[4, 5, 6])),
+        ("time=t position=q1-2 torque=tau1-2", CsvColumns("t", ["q1", "q2"], torque=["tau1", "tau2"])),
+        ("torque=c,7 velocity=a,b position=x,y time=9", CsvColumns(9, ["x", "y"], ["a", "b"], torque=["c", 7])),
+    ],
+)
+def test_columns_are_written_briefly(text, expected):
+    assert parse_columns(text).groups() == expected.groups()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("position=1-6", "lacks one column of the time, or the positions"),
+        ("time=0,1 position=1-6", "lacks one column of the time"),
+        ("time=0 position", "'position' cannot be understood"),
+        ("time=0 positon=1-6", "'positon=1-6' cannot be understood"),
+        ("time=0 time=1 position=1", "'time=1' cannot be understood"),
+        ("time=0 position=6-1", "'6-1' goes nowhere"),
+        ("time=0 position=1-999999999", "goes nowhere"),
+        ("time=0 position=1-6 torque=7-11", "6 of position, 5 of torque"),
+    ],
+)
+def test_columns_that_cannot_be_understood_are_named(text, said):
+    with pytest.raises(RecordingError, match=said):
+        parse_columns(text)
