@@ -18,7 +18,7 @@ from armload_controller.config.robot import Robot, load_robot
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
-from armload_identification.pipeline.payload_identification import Identification
+from armload_identification.pipeline.identification import Identification
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.recording import Recording
 from benchmarks.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid

@@ -16,14 +16,16 @@ from armload_controller.config.robot_recordings import read_of
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import read_payload
-from armload_identification.identification_errors import PayloadFileError
+from armload_identification.identification_errors import EstimationError, PayloadFileError
 from armload_identification.model.payload import PayloadResult
 from armload_identification.pipeline import payload_identification, payload_validation
+from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
 from armload_identification.pipeline.payload_identification import FLANGE, payload_result
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.recording import Recording
 from armload_identification.report.content import ReportContent, ShownRuns
 from armload_identification.results.findings import Findings
+from armload_identification.results.payload_over_time import PayloadOverTime
 from armload_identification.verdict.agreement import Tolerance
 
 RunPair = tuple[Recording | FilePath, Recording | FilePath]
@@ -115,6 +117,40 @@ def identify(
     content = ReportContent.of_identification(identification)
     findings = Findings(arm, payload, content, version("armload"))
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
+
+
+def identify_over_time(
+    robot: MeasuredArm | str, loaded: Recording | FilePath, every_s: float, *, calibration: FilePath | None = None
+) -> PayloadOverTime:
+    """Identify what a calibrated arm carried in one window of a run of any motion after the other.
+
+    Args:
+        robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
+        loaded: The run.
+        every_s: Length of a window; 10 to 20 s of brisk motion are good.
+        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+
+    Returns:
+        Mass and centre of mass with intervals, to print, save as JSON and draw.
+
+    Raises:
+        EstimationError: the arm is not calibrated, or the windows are too short to say anything.
+        RecordingError: a recording that does not fit the arm or cannot be right.
+    """
+    arm = _robot(robot)
+    used = arm_in_use(arm, calibration)
+    if used.known is None:
+        raise EstimationError(
+            "what an arm carries from window to window needs its calibration: calibrate it once with "
+            "`armload calibrate` and give that file as --calibration."
+        )
+    if not every_s >= SHORTEST_WINDOW_S:
+        raise EstimationError(
+            f"windows of {every_s:g} s: expected {SHORTEST_WINDOW_S:g} s or more; 10 to 20 s of brisk motion are good."
+        )
+    run = _run(arm, loaded)
+    windows = identify_windows(run, used.chain, used.transmission, used.known, every_s)
+    return PayloadOverTime(arm.name, windows, run.source, version("armload"))
 
 
 def validate(

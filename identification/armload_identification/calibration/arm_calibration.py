@@ -103,6 +103,7 @@ class ArmCalibration:
         covariance: (k, k) as above.
         drift: (3, n) standard deviation of a run's Coulomb, viscous and offset changes.
         noise_nm: (n,) RMS residual, axis torque by nominal gains.
+        correlation_s: (n,) time for which that residual stays like itself: its integrated autocorrelation.
         level_nm: (n,) RMS effort, for scale.
         payloads: One per mounting.
         runs: One per run that was used.
@@ -121,6 +122,7 @@ class ArmCalibration:
     covariance: FloatArray
     drift: FloatArray
     noise_nm: FloatArray
+    correlation_s: FloatArray
     level_nm: FloatArray
     payloads: tuple[CalibratedPayload, ...]
     runs: tuple[CalibratedRun, ...]
@@ -265,7 +267,15 @@ class ArmCalibration:
             chain: As configured.
         """
         level = self.level(chain)
-        return KnownArm(self._body_fit(), lambda *motion: self._torque_doubts(level, *motion), self.drift)
+        to_joint = np.linalg.inv(self.body.coupling)
+        noise = np.sqrt((self.noise_nm * self.gain_nm_a / self.nominal) ** 2 @ to_joint**2)
+        return KnownArm(
+            self._body_fit(),
+            lambda *motion: self.torque_doubts(level, *motion),
+            drift=self.drift,
+            noise_nm=noise,
+            correlation_s=self.correlation_s,
+        )
 
     def _body_fit(self) -> BodyFit:
         """Body and how well it is known."""
@@ -280,17 +290,6 @@ class ArmCalibration:
             load_deviation=self.deviation("load"),
             delay_deviation_s=float(self.deviation("delay")[0]),
         )
-
-    def _torque_doubts(
-        self, chain: Chain, states: JointStates, interval_s: float, measured_nm: FloatArray
-    ) -> FloatArray:
-        """(k, K, n) torque left of a run for one standard deviation of each independent error, the run's drift too."""
-        dq = states.velocity_rad_s
-        direction = smooth_sign(dq, self.body.reversal_speed_rad_s)
-        drift = [self._per_joint(values) for values in (direction, dq, np.ones_like(dq))]
-        size = self.drift.ravel()[:, None, None]
-        shared = self.torque_doubts(chain, states, interval_s, measured_nm)
-        return np.concatenate([shared, np.concatenate(drift) * size])
 
     def _per_joint(self, values: FloatArray) -> FloatArray:
         """(n, K, n) from (K, n): what each joint's friction does to itself alone."""

@@ -385,6 +385,8 @@ class _Calibration:
             covariance=fit.covariance[: of.arm, : of.arm] * turn[:, None] * turn,
             drift=fit.runs[0].change_deviation.reshape(PER_RUN, n),
             noise_nm=fit.noise_nm,
+            correlation_s=fit.correlation
+            * float(np.median(np.concatenate([np.diff(run.time_s) for run in self._rows]))),
             level_nm=fit.level_nm,
             payloads=tuple(
                 CalibratedPayload(

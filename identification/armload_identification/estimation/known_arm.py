@@ -11,7 +11,8 @@ from armload_identification.model.joint_states import JointStates
 
 TorqueDoubts = Callable[[JointStates, float, FloatArray], FloatArray]
 """From K states, the time between them and the (K, n) measured torque to (k, K, n): the torque of one standard
-deviation of each independent error of what is left when the empty arm's torque is taken away, gains included."""
+deviation of each independent error of what is left when the empty arm's torque is taken away, gains included; the run's
+own friction is not among them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +24,12 @@ class KnownArm:
         doubts: By how much a payload's torque is off where this body is taken away from one run.
         drift: (3, n) standard deviation of what a run's Coulomb friction (N m), viscous friction (N m s/rad) and offset
             (N m) differ by from the body's.
+        noise_nm: (n,) standard deviation of what the arm's model leaves of a joint's torque far from reversals.
+        correlation_s: (n,) time for which that stays like itself.
     """
 
     fit: BodyFit
     doubts: TorqueDoubts
     drift: FloatArray
+    noise_nm: FloatArray
+    correlation_s: FloatArray

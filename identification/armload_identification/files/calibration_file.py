@@ -82,9 +82,10 @@ class _BodyTable(Table):
 
 
 class _FitTable(Table):
-    """What is left, and of how much, per axis by nominal gains."""
+    """What is left, for how long it stays like itself, and of how much, per axis by nominal gains."""
 
     residual_nm: NumberList
+    correlation_s: NumberList
     effort_nm: NumberList
 
 
@@ -164,6 +165,8 @@ class _CalibrationFile(Table):
     def _makes_sense(self) -> _CalibrationFile:
         if self.arm.effort not in tuple(Effort):
             raise BadValue("arm.effort", self.arm.effort, f"expected {' or '.join(Effort)}")
+        if (self.fit.correlation_s <= 0.0).any():
+            raise BadValue("fit.correlation_s", self.fit.correlation_s.tolist(), "expected times above 0")
         for key in ("gain", "nominal"):
             if (getattr(self.gains, key) <= 0.0).any():
                 raise BadValue(f"gains.{key}", getattr(self.gains, key).tolist(), "expected numbers above 0")
@@ -223,6 +226,7 @@ def format_calibration(result: ArmCalibration) -> str:
         "",
         "[fit]",
         f"residual_nm = {array(result.noise_nm)}",
+        f"correlation_s = {array(result.correlation_s)}",
         f"effort_nm = {array(result.level_nm)}",
         "",
     ]
@@ -323,6 +327,7 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
         covariance=tables.uncertainty.covariance,
         drift=np.stack([friction.coulomb_drift_nm, friction.viscous_drift_nm_s_rad, friction.offset_drift_nm]),
         noise_nm=tables.fit.residual_nm,
+        correlation_s=tables.fit.correlation_s,
         level_nm=tables.fit.effort_nm,
         payloads=tuple(
             CalibratedPayload(

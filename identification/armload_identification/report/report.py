@@ -18,7 +18,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M
 from armload_identification.identification_errors import ReportError
 from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
-from armload_identification.pipeline.payload_identification import Identification
+from armload_identification.pipeline.identification import Identification
 from armload_identification.report import figures
 from armload_identification.report.center_figure import FLANGE_MM, center_views
 from armload_identification.report.content import ReportContent, ReportSubject

@@ -132,6 +132,15 @@ class LoadSignal:
         """The unloaded run, with the difference's noise and holes."""
         return replace(self.unloaded, valid=self.valid, averaged_noise_nm=self.averaged_noise_nm)
 
+    def part(self, start_s: float, end_s: float) -> LoadSignal:
+        """The samples from one time to before another.
+
+        Args:
+            start_s: Since the first sample.
+            end_s: Likewise.
+        """
+        return replace(self, loaded=self.loaded.part(start_s, end_s), unloaded=self.unloaded.part(start_s, end_s))
+
     def with_delay(self, delay_s: float) -> LoadSignal:
         """The same torque with the motion that it belongs to.
 

@@ -101,6 +101,24 @@ class Motion:
             valid=self.valid[::step],
         )
 
+    def part(self, start_s: float, end_s: float) -> Motion:
+        """The samples from one time to before another.
+
+        Args:
+            start_s: Since the first sample.
+            end_s: Likewise.
+        """
+        rows = slice(*np.searchsorted(self.time_s, [start_s, end_s]))
+        return replace(
+            self,
+            time_s=self.time_s[rows],
+            periodic=False,
+            states=JointStates(*(values[rows] for values in self.states)),
+            raw_nm=self.raw_nm[rows],
+            torque_nm=self.torque_nm[rows],
+            valid=self.valid[rows],
+        )
+
 
 def motion_of(run: Recording, transmission: Transmission) -> Motion:
     """Motion and torque of one run.
@@ -118,6 +136,20 @@ def motion_of(run: Recording, transmission: Transmission) -> Motion:
     require_motion(run)
     if whole_periods(run):
         return average_period(run, transmission, phases_per_period(run))
+    return motion_over_time(run, transmission)
+
+
+def motion_over_time(run: Recording, transmission: Transmission) -> Motion:
+    """Motion and torque of one run from its first movement to its last, periodic or not.
+
+    Args:
+        run: The run.
+        transmission: Gains and coupling.
+
+    Raises:
+        RecordingError: a run without motion, too short, or without torque.
+    """
+    require_motion(run)
     timed = TimedRun.of(run, transmission)
     return timed.sampled(timed.moving_grid(0.0, timed.path.duration_s))
 

@@ -20,6 +20,7 @@ from armload_controller.cli.output.findings_output import ReportOption, Validati
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
+from armload_controller.cli.output.windows_output import show_windows
 from armload_identification.estimation.estimator_names import Estimator
 
 if TYPE_CHECKING:
@@ -52,17 +53,35 @@ def identify(
         Estimator, typer.Option(help="How to fit; 'friction' is the best on every benchmark.")
     ] = Estimator.FRICTION,
     tolerance: ToleranceOption = TOLERANCE,
+    every: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Payload by windows of this length, such as 10s, with a calibrated arm."),
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Mass over the windows as a picture (.png, .svg) to write, with --every.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Identify a payload from a recording with it and one without it, or from the former and a calibrated arm."""
+    """Identify a payload from a recording with it and one without it, or from any motion of a calibrated arm."""
     from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
 
-    for file in (output, report):
+    for file in (output, report, picture):
         if file is not None:
             require_folder(file)
+    arm = given_arm(robot, urdf, base, flange)
+    if every is not None:
+        if any(given is not None for given in (unloaded, output, report, validation, mass_kg, center_of_mass_m, cad)):
+            raise typer.BadParameter(
+                "goes with --loaded, --calibration, --picture and --json alone", param_hint="--every"
+            )
+        history = robot_payload.identify_over_time(arm, loaded, _seconds(every), calibration=calibration)
+        show_windows(Screen(as_json=as_json), history, picture=picture, as_json=as_json)
+        return
+    if picture is not None:
+        raise typer.BadParameter("needs --every", param_hint="--picture")
     findings = robot_payload.identify(
-        given_arm(robot, urdf, base, flange),
+        arm,
         loaded,
         unloaded,
         validation=validation,
@@ -73,6 +92,14 @@ def identify(
     )
     finish(Screen(as_json=as_json), findings, payload=output, report=report, as_json=as_json)
     require_not_wrong(findings)
+
+
+def _seconds(text: str) -> float:
+    """Seconds of '10s' or '10'."""
+    try:
+        return float(text.removesuffix("s"))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r}: expected a time such as 10s", param_hint="--every") from None
 
 
 def _known(

@@ -23,6 +23,8 @@ from armload_controller.session.feedforward_comparison import Comparison, Measur
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_identification.calibration.arm_calibration import Effort
+from armload_identification.pipeline.any_motion import Window
+from armload_identification.results.payload_over_time import PayloadOverTime
 
 PAGE = Path(__file__).resolve().parents[4] / "controller" / "JSON.md"
 COMMON = {"schema", "armload_version"}
@@ -107,7 +109,13 @@ def made():
         left_out=(("other", "a sign"),),
         warnings=("a sentence",),
     )
+    body = SimpleNamespace(mass_kg=1.0, center_of_mass_m=np.zeros(3))
+    sure = SimpleNamespace(half_width_95=0.1 * np.ones(10), determined=np.arange(10) < 3)
+    found = SimpleNamespace(parameters=body, uncertainty=sure)
+    windows = (Window(0.0, 10.0, found, ""), Window(10.0, 20.0, None, "the arm stands still"))
+    history = PayloadOverTime("arm", windows, SimpleNamespace(path=Path("shift.mcap")), "0")
     return [
+        history.to_dict() | {"files": {"picture": None}},
         calibration_document("arm", joints, arm, Path("arm.toml"), Path("arm.html")),
         feedforward_document("arm", offset, [compared], Path("picture.svg")),
         nodes_document("socketcan", "can0", [node]),
@@ -116,7 +124,9 @@ def made():
 
 
 def test_what_is_not_determined_has_no_number():
-    calibrated, fed, *_ = made()
+    over_time, calibrated, fed, *_ = made()
+    assert over_time["windows"][0]["center_of_mass_m"] == [0.0, 0.0, None]
+    assert [window["mass_kg"] for window in over_time["windows"]] == [1.0, None]
     assert [joint["gain"] for joint in calibrated["joints"]] == [1.0, None]
     assert [run["mounting"] for run in calibrated["runs"]] == [None, "m"]
     assert [joint["gain"] for joint in fed["offset"]] == [1.0, None]

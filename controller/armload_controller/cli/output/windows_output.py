@@ -1,0 +1,35 @@
+"""A payload over time on the console, as a picture and as JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from armload_controller.cli.output.json_output import print_document
+
+if TYPE_CHECKING:
+    from armload_controller.cli.screen import Screen
+    from armload_identification.results.payload_over_time import PayloadOverTime
+
+
+def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | None, as_json: bool) -> None:
+    """Show the windows as a table, and write the picture that was asked for."""
+    from rich.table import Table
+
+    from armload_controller.control_errors import CommissioningError
+    from armload_identification.results.payload_over_time import HEADINGS
+
+    table = Table(title=f"What {history.robot} carried, 95 % intervals, flange frame", title_justify="left")
+    for heading in HEADINGS:
+        table.add_column(heading)
+    for row in history.rows():
+        table.add_row(*row)
+    screen.table(table)
+    if picture is not None:
+        try:
+            history.picture(picture)
+        except (OSError, ValueError) as error:
+            raise CommissioningError(f"{picture}: {error}: choose a .png or .svg that can be written") from error
+        screen.step(f"written: {picture}")
+    if as_json:
+        print_document(history.to_dict() | {"files": {"picture": None if picture is None else str(picture)}})

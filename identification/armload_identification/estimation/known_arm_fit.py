@@ -1,0 +1,110 @@
+"""A payload from one run of any motion, the empty arm being known: its own torque and friction are taken away first.
+
+    tau - tau_arm = (1 + mu s sgn(tau_l)) Phi theta + s dFc + dq dFv + dF0,    tau_l torque of links and payload
+
+with tau_arm of the calibrated arm, s the direction of motion, and three changes of friction per joint, which differ
+from run to run by as much as the calibration says. Without them the median error of 20 s of the UR10e's motion is
+three times as great. A row's noise is that which the calibration left, or the run's own where that is the greater,
+and stays like itself for a while: rows within that time count as one. Near a reversal rows weigh little.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.friction_columns import FrictionDifference, load_column
+from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.least_squares import NOTHING_KNOWN, Estimate, Prior, estimate_reweighted
+from armload_identification.estimation.uncertainty import nuisance_deviation
+from armload_identification.model.body_model import BodyModel, smooth_sign
+from armload_identification.model.chain import Chain
+from armload_identification.signals.load_signal import LoadSignal
+
+CHANGES: Final = 3
+"""Of a run's friction per joint: Coulomb, viscous, offset."""
+MOVING: Final = 10.0
+"""A row weighs 0.7 at this multiple of the speed about which the direction turns over: a tenth of the greatest speed
+in the calibration, as there."""
+_ITERATIONS: Final = 8
+_SETTLED: Final = 1e-5
+
+
+def moving_weights(velocity_rad_s: FloatArray, body: BodyModel) -> FloatArray:
+    """Weights that leave out standstill and reversals, where no model says what friction is.
+
+    Args:
+        velocity_rad_s: (K, n).
+        body: The calibrated arm.
+
+    Returns:
+        (K, n) x / sqrt(1 + x^2), x = (dq / v)^2.
+    """
+    ratio = (velocity_rad_s / (MOVING * body.reversal_speed_rad_s)) ** 2
+    return np.asarray(ratio / np.sqrt(1.0 + ratio**2))
+
+
+def fit_on_known_arm(
+    signal: LoadSignal, regressor: FloatArray, chain: Chain, arm: KnownArm, prior: Prior | None = None
+) -> tuple[Estimate, FrictionDifference]:
+    """Fit a payload to one run less its arm.
+
+    Args:
+        signal: The run less the calibrated arm's torque, friction included.
+        regressor: (K, n, 10) of the payload.
+        chain: The arm.
+        arm: What is known of it.
+        prior: What is known of the payload beforehand.
+
+    Returns:
+        The fit, whose parameters behind the ten are the changes of Coulomb friction, viscous friction and offset of all
+        joints, and its friction.
+
+    Raises:
+        EstimationError: too few samples, or no motion at all.
+    """
+    body, n = arm.fit.model, chain.n
+    velocity = signal.states.velocity_rad_s
+    direction = smooth_sign(velocity, body.reversal_speed_rad_s)
+    empty = body.link_torque(chain, *signal.states)
+    own = np.concatenate([direction, velocity, np.ones_like(velocity)], axis=1)
+    changes = own[:, None, :] * np.tile(np.eye(n), CHANGES)
+    known = (prior or NOTHING_KNOWN).and_nuisance(np.zeros(CHANGES * n), arm.drift.ravel())
+    independent = np.sqrt(np.minimum(signal.interval_s / arm.correlation_s, 1.0))
+    weight = moving_weights(velocity, body) * independent
+    theta = np.zeros(10)
+    for _ in range(_ITERATIONS):
+        turned = np.sign(empty + regressor @ theta)
+        through = 1.0 + body.load_friction * direction * turned
+        columns = np.concatenate([through[:, :, None] * regressor, changes], axis=2)
+        already = body.load_friction * direction * (turned * empty - np.abs(empty))
+        fit = estimate_reweighted(columns, signal.torque_nm - already, signal.valid, arm.noise_nm, weight, known)
+        before, theta = theta, fit.theta[:10]
+        if np.abs((theta - before) / fit.scale[:10]).max() <= _SETTLED * np.abs(theta / fit.scale[:10]).max():
+            break
+    carried = load_column(empty, regressor @ theta, direction) * body.load_friction
+    return fit, _named(fit, carried + changes @ fit.theta[10:], arm)
+
+
+def _named(fit: Estimate, torque_nm: FloatArray, arm: KnownArm) -> FrictionDifference:
+    """The friction by name; the load's is the calibration's."""
+    n = arm.noise_nm.size
+    nothing, unknown = np.zeros(n), np.full(2 * n, np.inf)
+    body = arm.fit.model
+    viscous = fit.theta[10 + n : 10 + 2 * n]
+    return FrictionDifference(
+        load_joints=np.zeros(n, dtype=bool),
+        load=body.load_friction,
+        load_t=np.divide(
+            body.load_friction, arm.fit.load_deviation, out=nothing.copy(), where=body.load_friction > 0.0
+        ),
+        viscous_joints=np.zeros(n, dtype=bool),
+        viscous_nm_s_rad=viscous,
+        viscous_t=viscous / nuisance_deviation(fit)[0][n : 2 * n],
+        torque_nm=torque_nm,
+        known_deviation=unknown,
+        known=np.zeros(2 * n),
+        doubts_nm=np.zeros((0, *torque_nm.shape)),
+    )

@@ -1,0 +1,164 @@
+"""A payload from one run of any motion, as a whole or window by window, on an arm that is calibrated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.known_arm_fit import fit_on_known_arm
+from armload_identification.estimation.least_squares import Prior
+from armload_identification.estimation.uncertainty import DETERMINED_SHARE, quantify
+from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters
+from armload_identification.model.regressor import payload_regressor
+from armload_identification.pipeline.identification import Fit, Identification, completed, without_blows
+from armload_identification.recording.recording import Recording, check_joints
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.load_signal import LoadSignal, without_body
+from armload_identification.signals.motion import Motion, motion_of, motion_over_time
+from armload_identification.verdict.friction_validity import friction_notes
+from armload_identification.verdict.motion_quality import MotionQuality
+from armload_identification.verdict.sanity import check_run
+
+FLOOR_KG: Final = 0.010
+FLOOR_SHARE: Final = 0.001
+"""What no calibrated arm's mass is more certain than, one standard deviation: the servo gives way, encoders err."""
+SHORTEST_WINDOW_S: Final = 2.0
+_ROW_S: Final = 0.05
+"""Samples closer together than this say the same of one run: it stays like itself for some tenths of a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """What an arm carried during a part of a run.
+
+    Attributes:
+        start_s: Since the first movement.
+        end_s: Likewise.
+        found: The payload; None where the motion does not show it.
+        refusal: Why there is none; empty where there is one.
+    """
+
+    start_s: float
+    end_s: float
+    found: Identification | None
+    refusal: str
+
+
+def identify_alone(
+    loaded: Recording, chain: Chain, transmission: Transmission, arm: KnownArm, prior: Prior | None
+) -> Identification:
+    """Identify a payload from one run.
+
+    Args:
+        loaded: A run of any motion.
+        chain: The arm, as level as its calibration says.
+        transmission: Calibrated gains, and coupling.
+        arm: The empty arm by its calibration.
+        prior: What is known of the payload beforehand.
+
+    Raises:
+        RecordingError: a recording that cannot be right.
+        EstimationError: a motion that does not show what the payload weighs, saying which motion is missing.
+    """
+    check_run(loaded, transmission)
+    signal = _less_arm(motion_of(loaded, transmission), chain, arm)
+    return _on_known_arm(signal, loaded, chain, transmission, arm, prior)
+
+
+def identify_windows(
+    loaded: Recording,
+    chain: Chain,
+    transmission: Transmission,
+    arm: KnownArm,
+    every_s: float,
+) -> tuple[Window, ...]:
+    """Identify what an arm carries in one window of a run after the other.
+
+    Args:
+        loaded: A run of any motion.
+        chain: The arm, as level as its calibration says.
+        transmission: Calibrated gains, and coupling.
+        arm: The empty arm by its calibration.
+        every_s: Length of a window.
+
+    Returns:
+        Whole windows from the first movement on; one that shows too little says so.
+
+    Raises:
+        RecordingError: a recording that does not fit the arm, cannot be right, or is shorter than a window.
+    """
+    check_joints(loaded, chain.n)
+    if loaded.average is not None:
+        raise RecordingError(
+            f"{loaded.source.path}: so long a run along an excitation is reduced to its average period while it is "
+            "read, which has no windows. Give a part of it."
+        )
+    check_run(loaded, transmission)
+    with threadpool_limits(1):
+        motion = motion_over_time(loaded, transmission)
+        signal = _less_arm(motion, chain, arm)
+        windows = []
+        for number in range(int((signal.time_s[-1] + signal.interval_s) / every_s)):
+            start_s, end_s = number * every_s, (number + 1) * every_s
+            try:
+                found = _on_known_arm(signal.part(start_s, end_s), loaded, chain, transmission, arm, None)
+            except EstimationError as problem:
+                windows.append(Window(start_s, end_s, None, str(problem).removeprefix(f"{loaded.source.path}: ")))
+                continue
+            windows.append(Window(start_s, end_s, found, ""))
+    if not windows:
+        raise RecordingError(
+            f"{loaded.source.path}: the arm moves for {signal.time_s[-1]:.1f} s, expected one window of {every_s:g} s "
+            "or more. Give shorter windows."
+        )
+    return tuple(windows)
+
+
+def _less_arm(motion: Motion, chain: Chain, arm: KnownArm) -> LoadSignal:
+    """A run less the calibrated arm's torque, with no more samples than its noise makes worth while."""
+    body = arm.fit.model
+    moved = motion.with_delay(body.torque_delay_s)
+    if not moved.periodic:
+        moved = moved.every(max(int(_ROW_S / moved.interval_s), 1))
+    return without_body(moved, body.torque(chain, *moved.states))
+
+
+def _on_known_arm(
+    signal: LoadSignal,
+    loaded: Recording,
+    chain: Chain,
+    transmission: Transmission,
+    arm: KnownArm,
+    prior: Prior | None,
+) -> Identification:
+    """A payload from one run of any motion."""
+    name = str(loaded.source.path)
+    quality = MotionQuality.of(signal.loaded, arm.fit.model)
+    quality.require_enough(name)
+    regressor = payload_regressor(chain, *signal.states)
+
+    def fit_to(run: LoadSignal) -> Fit:
+        return fit_on_known_arm(run, regressor, chain, arm, prior)
+
+    signal, fit, friction, struck = without_blows(signal, fit_to)
+    plain = InertialParameters(fit.theta[:10])
+    width = float(quantify(fit, plain).half_width_95[0]) if plain.mass_kg != 0.0 else np.inf
+    if plain.mass_kg <= 0.0 or width > DETERMINED_SHARE * plain.mass_kg:
+        raise quality.undetermined(name, plain.mass_kg, width)
+    floor = float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.mass_kg)) / plain.mass_kg
+    changes = np.abs(fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1) / arm.drift[:2])
+    said = friction_notes(changes.max(axis=0))
+    # Gains and body err together: what is left of one run has the errors of both.
+    doubts = np.concatenate(
+        [
+            arm.doubts(signal.states, signal.interval_s, signal.loaded.torque_nm),
+            floor * (regressor @ plain.theta)[None],
+        ]
+    )
+    return completed(signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, struck, said)

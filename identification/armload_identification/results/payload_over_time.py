@@ -1,0 +1,98 @@
+"""What an arm carried over time: one line per window of a run, to print and to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from armload_identification.pipeline.any_motion import Window
+from armload_identification.recording.recording import RecordingSource
+from armload_identification.results.payload_text import plain_table
+
+_PICTURE_DPI = 130
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadOverTime:
+    """Payload by window of one run; printed, it is a table.
+
+    Attributes:
+        robot: Name of the arm.
+        windows: One after the other.
+        source: Of the recording.
+        armload_version: Version of the program.
+    """
+
+    robot: str
+    windows: tuple[Window, ...]
+    source: RecordingSource
+    armload_version: str
+
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Per window its time, mass, centre of mass where it is determined, and a remark."""
+        rows = []
+        for window in self.windows:
+            when = f"{window.start_s:.1f} to {window.end_s:.1f}"
+            if window.found is None:
+                rows.append((when, "", "", window.refusal))
+                continue
+            known = window.found.uncertainty
+            center = window.found.parameters.center_of_mass_m
+            listed = [f"{1e3 * c:.0f}" if sure else "?" for c, sure in zip(center, known.determined[1:4], strict=True)]
+            mass = f"{window.found.parameters.mass_kg:.3f} +- {known.half_width_95[0]:.3f}"
+            rows.append((when, mass, ", ".join(listed), ""))
+        return rows
+
+    def to_dict(self) -> dict[str, Any]:
+        """Numbers, texts, lists and dictionaries: the schema `armload/windows/1`."""
+        return {
+            "schema": "armload/windows/1",
+            "armload_version": self.armload_version,
+            "robot": self.robot,
+            "recording": str(self.source.path),
+            "windows": [_window(window) for window in self.windows],
+        }
+
+    def picture(self, path: str | PathLike[str]) -> None:
+        """Draw mass and its 95 % interval over time, .png, .svg or .pdf; an existing file is replaced.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        # Imported here: matplotlib is slow to load.
+        from armload_identification.report.figure_file import write_figure
+        from armload_identification.report.mass_figure import mass_figure
+
+        found = [window for window in self.windows if window.found is not None]
+        marks = [
+            (0.5 * (w.start_s + w.end_s), w.found.parameters.mass_kg, float(w.found.uncertainty.half_width_95[0]))
+            for w in found
+            if w.found is not None
+        ]
+        gaps = [(window.start_s, window.end_s) for window in self.windows if window.found is None]
+        write_figure(Path(path), mass_figure(marks, gaps, f"{self.robot}: {self.source.path.name}"), _PICTURE_DPI)
+
+    def __str__(self) -> str:
+        """The table."""
+        return "\n".join(plain_table(HEADINGS, self.rows(), text_columns=(0, 3)))
+
+
+HEADINGS: Sequence[str] = ("time s", "mass kg", "centre of mass mm", "remark")
+
+
+def _window(window: Window) -> dict[str, Any]:
+    """One window; what is not determined has no number."""
+    entry: dict[str, Any] = {"start_s": window.start_s, "end_s": window.end_s}
+    if window.found is None:
+        return entry | {"mass_kg": None, "half_width_95_kg": None, "center_of_mass_m": None, "refusal": window.refusal}
+    known = window.found.uncertainty
+    center = zip(window.found.parameters.center_of_mass_m, known.determined[1:4], strict=True)
+    return entry | {
+        "mass_kg": float(window.found.parameters.mass_kg),
+        "half_width_95_kg": float(known.half_width_95[0]),
+        "center_of_mass_m": [float(value) if sure else None for value, sure in center],
+        "refusal": None,
+    }

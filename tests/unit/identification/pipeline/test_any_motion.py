@@ -1,0 +1,120 @@
+"""A payload from one run of any motion: Pinocchio's torque of a calibrated arm, window by window, and refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.estimation.estimator_names import Estimator
+from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.pipeline.any_motion import FLOOR_KG, identify_windows
+from armload_identification.pipeline.payload_identification import identify
+from armload_identification.recording.recording import Recording
+from armload_identification.results.payload_over_time import PayloadOverTime
+
+pytestmark = pytest.mark.pure
+
+
+@pytest.fixture(scope="module")
+def calibration(pinocchio_arm):
+    trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
+    runs = [
+        MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
+        for load in (False, True)
+    ]
+    return calibrate_arm(
+        runs,
+        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
+        pinocchio_arm.chain,
+        pinocchio_arm.transmission,
+        robot="six",
+        armload_version="0",
+        configuration_sha256="c" * 64,
+    )
+
+
+@pytest.fixture(scope="module")
+def known(calibration, pinocchio_arm):
+    """Chain, transmission and empty arm as calibrated."""
+    chain = pinocchio_arm.chain
+    return calibration.level(chain), calibration.transmission(pinocchio_arm.transmission), calibration.known_arm(chain)
+
+
+@pytest.fixture(scope="module")
+def loaded(pinocchio_arm):
+    """Another motion than that of the calibration."""
+    return pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
+
+
+def only(run, moving):
+    """The run with every joint but some held where it was first."""
+    held = np.where(moving, run.position_rad, run.position_rad[:1])
+    return replace(run, position_rad=held, velocity_rad_s=None)
+
+
+def test_windows_hold_the_payload(pinocchio_arm, known, loaded):
+    windows = identify_windows(loaded, *known, 5.0)
+    assert len(windows) >= 2
+    for window in windows:
+        error = np.abs(window.found.uncertainty.values - pinocchio_arm.payload.values)[:4]
+        assert (error < 1.5 * window.found.uncertainty.half_width_95[:4]).all()
+        assert window.found.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.02)
+        assert window.found.uncertainty.half_width_95[0] > 1.9 * FLOOR_KG
+        assert window.found.parameters.is_physical
+
+
+def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, known, loaded):
+    """A colder gear: Coulomb friction of every joint up by one standard deviation of what runs differ by."""
+    chain, transmission, arm = known
+    colder = np.sign(np.gradient(loaded.position_rad, loaded.time_s, axis=0)) * arm.drift[0]
+    run = replace(
+        loaded, current_a=loaded.current_a + colder @ np.linalg.inv(transmission.joint_torque(np.eye(chain.n)))
+    )
+    found = identify(run, None, chain, transmission, arm=arm)
+    assert found.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.015)
+    changes = found.plain.theta[10 : 10 + chain.n] / arm.drift[0]
+    assert (np.abs(changes - 1.0) < 0.6).sum() >= 4, changes
+
+
+def test_what_the_motion_does_not_show_is_refused_with_what_is_missing(known, loaded):
+    chain, transmission, arm = known
+    with pytest.raises(EstimationError, match=r"only joint 3 moves.*move joints 1, 2, 4, 5 and 6 at 0\.\d+ rad/s"):
+        identify(only(loaded, np.arange(chain.n) == 2), None, chain, transmission, arm=arm)
+    slow = replace(loaded, time_s=30.0 * loaded.time_s, velocity_rad_s=None)
+    with pytest.raises(EstimationError, match=r"stands still, or nearly so.*move joints 1 to 6 at"):
+        identify(slow, None, chain, transmission, arm=arm)
+
+
+def test_an_empty_arm_has_no_mass(pinocchio_arm, known):
+    chain, transmission, arm = known
+    empty = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), False, seed=9, with_phase=False)
+    with pytest.raises(EstimationError, match="the mass is not determined"):
+        identify(empty, None, chain, transmission, arm=arm)
+    assert all(window.found is None for window in identify_windows(empty, chain, transmission, arm, 5.0))
+
+
+def test_wrong_use_is_named(known, loaded):
+    chain, transmission, arm = known
+    with pytest.raises(RecordingError, match=r"expected one window of 900 s"):
+        identify_windows(loaded, chain, transmission, arm, 900.0)
+    with pytest.raises(EstimationError, match="'ols' is for the difference of two runs"):
+        identify(loaded, None, chain, transmission, arm=arm, estimator=Estimator.OLS)
+
+
+def test_a_table_a_document_and_a_picture(known, loaded, tmp_path):
+    still = loaded.time_s[-1] + np.arange(0.01, 6.0, 0.01)
+    run = Recording.from_arrays(
+        np.concatenate([loaded.time_s, still]),
+        np.vstack([loaded.position_rad, loaded.position_rad[-1] + 1e-3 * np.sin(still)[:, None]]),
+        current_a=np.vstack([loaded.current_a, loaded.current_a[-1] + 1e-3 * np.cos(9.0 * still)[:, None]]),
+        name="shift.csv",
+    )
+    history = PayloadOverTime("six", identify_windows(run, *known, 10.0), run.source, "0")
+    assert str(history).splitlines()[1].startswith("0.0 to 10.0 ")
+    document = history.to_dict()
+    assert document["windows"][0]["mass_kg"] > 1.0
+    history.picture(tmp_path / "mass.svg")
+    assert b"mass" in (tmp_path / "mass.svg").read_bytes()
