@@ -35,6 +35,7 @@ from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.storage.strict_toml import read_text, toml_values, validated
+from armload_identification.verdict.magnitudes import ArmMagnitudes, require_possible
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +145,20 @@ class Robot:
         if recording.torque_nm is None:
             self.drives.require_current_gains(str(path))
         if set(self.joint_names) & set(recording.joint_names):
-            return recording.named_joints(self.joint_names)
+            recording = recording.named_joints(self.joint_names)
         check_joints(recording, self.n)
+        torque = self.transmission.measured(recording.torque_nm, recording.current_a)
+        require_possible(recording, self.chain, torque, self._magnitudes)
         return recording
+
+    @cached_property
+    def _magnitudes(self) -> ArmMagnitudes:
+        """What the joints can have."""
+        limits = self.limits.motion
+        body = None if self.source.tables.body is None else self.strength.arm_body
+        return ArmMagnitudes(
+            self.joint_names, limits.position_min_rad, limits.position_max_rad, self.limits.torque_max_nm, body
+        )
 
     @cached_property
     def drives(self) -> RobotDrives:

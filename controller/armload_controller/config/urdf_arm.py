@@ -30,10 +30,12 @@ from armload_controller.control_errors import ConfigurationError
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError, RecordingError
 from armload_identification.model.chain import Chain
+from armload_identification.model.dynamics import ArmBody
 from armload_identification.model.payload import InertialParameters
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.verdict.magnitudes import ArmMagnitudes, require_possible
 
 FEWEST_JOINTS, MOST_JOINTS = 4, 16
 STANDARD_FLANGES = ("tool0", "flange")
@@ -113,9 +115,20 @@ class UrdfArm:
                 "Make a robot file with `armload init` and give its joints gear_ratio and torque_constant_nm_a."
             )
         if recording.joint_names:
-            return recording.named_joints(self.joint_names)
+            recording = recording.named_joints(self.joint_names)
         check_joints(recording, self.n)
+        require_possible(recording, self.chain, recording.torque_nm, self._magnitudes)
         return recording
+
+    @property
+    def _magnitudes(self) -> ArmMagnitudes:
+        """What its joints can have; NaN where the file gives 0, as some do for what they leave open."""
+        body, none = None, np.zeros(self.n)
+        links = [link.theta for link in self.links if link is not None]
+        if len(links) == self.n:
+            body = ArmBody(np.array(links), none, none, none)
+        torque_max_nm = np.where(self.torque_max_nm > 0.0, self.torque_max_nm, np.nan)
+        return ArmMagnitudes(self.joint_names, self.position_min_rad, self.position_max_rad, torque_max_nm, body)
 
 
 def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: str | None = None) -> UrdfArm:

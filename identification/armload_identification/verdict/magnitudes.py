@@ -1,0 +1,144 @@
+"""Recordings whose numbers an arm cannot have: other units, torques at the motor, another arm.
+
+Compared with what the arm's file says: its ranges, the torque of its joints, and, where it knows them, its links. A
+torque that holds the links up is known within tens of per cent then, and units are off by far more.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import RecordingError
+from armload_identification.model.chain import Chain
+from armload_identification.model.dynamics import ArmBody, ArmDynamics
+from armload_identification.recording.recording import Recording
+
+_ROWS: Final = 500
+_DEGREE: Final = 180.0 / np.pi
+_TOO_STRONG: Final = 20.0
+"""Times a joint's greatest torque that no drive gives, even for a moment; units are a thousand times off."""
+_WIDE: Final = 3.0
+"""Times a joint's range that no motion takes: the angles are in another unit."""
+_OUTSIDE_RAD: Final = 0.2
+_HEAVY: Final = 0.02
+"""Share of the greatest torque from which what the links weigh shows in a joint."""
+_FOLLOWS: Final = 0.6
+"""Correlation from which a torque is the links', whatever its scale."""
+_WEAK, _STRONG = 0.1, 10.0
+"""Measured over expected torque beyond which it is another unit, or the other side of the gear."""
+_MILLI: Final = (300.0, 3000.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ArmMagnitudes:
+    """What an arm of n joints can have, as far as it is known.
+
+    Attributes:
+        joint_names: From the base to the flange.
+        position_min_rad: (n,) NaN or -inf where not known.
+        position_max_rad: (n,) NaN or inf likewise.
+        torque_max_nm: (n,) NaN where not known.
+        body: Its links; None where they are not known.
+    """
+
+    joint_names: tuple[str, ...]
+    position_min_rad: FloatArray
+    position_max_rad: FloatArray
+    torque_max_nm: FloatArray
+    body: ArmBody | None
+
+
+def require_possible(run: Recording, chain: Chain, torque_nm: FloatArray | None, arm: ArmMagnitudes) -> None:
+    """Refuse a run that the arm cannot have made.
+
+    Args:
+        run: The run, with the arm's joints.
+        chain: The arm.
+        torque_nm: (N, n) joint torque of the run; None where there is none.
+        arm: What it can have.
+
+    Raises:
+        RecordingError: naming joint, value, what the arm has, and the likely unit.
+    """
+    every = slice(None, None, max(1, run.size // _ROWS))
+    position = run.position_rad[every]
+    _refuse_positions(run, position, arm)
+    if torque_nm is None:
+        return
+    torque = torque_nm[every]
+    _refuse_strength(run, torque, arm)
+    if arm.body is not None:
+        _refuse_scale(run, position, torque, chain, arm, arm.body)
+
+
+def _refuse_positions(run: Recording, position: FloatArray, arm: ArmMagnitudes) -> None:
+    """Refuse positions beyond the joints' ranges."""
+    low, high = np.nanmin(position, axis=0), np.nanmax(position, axis=0)
+    with np.errstate(invalid="ignore"):
+        beyond = np.maximum(arm.position_min_rad - low, high - arm.position_max_rad)
+        width = arm.position_max_rad - arm.position_min_rad
+        reach = np.maximum(np.abs(low), np.abs(high))
+        bound = np.maximum(np.abs(arm.position_min_rad), np.abs(arm.position_max_rad))
+        wide = (reach > _WIDE * bound) | (high - low > _WIDE * width)
+        degrees = wide & (reach / _DEGREE < bound + _OUTSIDE_RAD)
+    for joint in np.flatnonzero(degrees | (beyond > np.maximum(_OUTSIDE_RAD, 0.1 * np.nan_to_num(width, posinf=0.0)))):
+        question = (
+            "The positions look like degrees: convert them."
+            if degrees[joint]
+            else "Is this a recording of another arm, or are its joints in another order or their zeros elsewhere? "
+            "Give the file of the arm that it was recorded on, or correct the range."
+        )
+        raise RecordingError(
+            f"{run.source.path}: {arm.joint_names[joint]} goes from {low[joint]:.3g} to {high[joint]:.3g}, its range "
+            f"is {arm.position_min_rad[joint]:.3g} to {arm.position_max_rad[joint]:.3g} rad. {question}"
+        )
+
+
+def _refuse_strength(run: Recording, torque: FloatArray, arm: ArmMagnitudes) -> None:
+    """Refuse torques that no joint can give."""
+    with np.errstate(invalid="ignore"):
+        times = np.nanpercentile(np.abs(torque), 99.0, axis=0) / arm.torque_max_nm
+    if not (times > _TOO_STRONG).any():
+        return
+    joint = int(np.nanargmax(times))
+    raise RecordingError(
+        f"{run.source.path}: {arm.joint_names[joint]} reaches {times[joint] * arm.torque_max_nm[joint]:.3g} N m, "
+        f"{times[joint]:.0f} times its greatest torque, {arm.torque_max_nm[joint]:.3g} N m. Currents look like "
+        "milliampere, or torques like N mm: convert them to A or N m, or correct gear_ratio and torque_constant_nm_a."
+    )
+
+
+def _refuse_scale(
+    run: Recording, position: FloatArray, torque: FloatArray, chain: Chain, arm: ArmMagnitudes, body: ArmBody
+) -> None:
+    """Refuse torques that follow the links' weight at another scale, on the joint that carries most."""
+    still = np.zeros_like(position)
+    expected = ArmDynamics(chain, body).torque(np.nan_to_num(position), still, still)
+    swing, measured = expected - expected.mean(axis=0), torque - np.nanmean(torque, axis=0)
+    size = np.sqrt(np.mean(swing**2, axis=0))
+    joint = int(np.argmax(size))
+    if not size[joint] > _HEAVY * np.nan_to_num(arm.torque_max_nm[joint], nan=0.0) or size[joint] <= 0.0:
+        return
+    good = np.isfinite(measured[:, joint])
+    one, other = measured[good, joint], swing[good, joint]
+    scale = float(one @ other / (other @ other))
+    if not float(one @ other) > _FOLLOWS * float(np.sqrt((one @ one) * (other @ other))):
+        return
+    if _WEAK <= scale <= _STRONG:
+        return
+    guess = "Is this a recording of this arm, in N m or A?"
+    if scale < _WEAK:
+        guess = (
+            "The torques look like those of the motors, in front of the gears: multiply them by the gear ratio, or "
+            "correct gear_ratio and torque_constant_nm_a."
+        )
+    elif _MILLI[0] <= scale <= _MILLI[1]:
+        guess = "Torques look like N mm, or currents like milliampere: convert them to N m or A."
+    raise RecordingError(
+        f"{run.source.path}: the torque of {arm.joint_names[joint]} is {scale:.2g} times what the arm's links weigh on "
+        f"it. {guess}"
+    )

@@ -1,0 +1,86 @@
+"""What an arm cannot have is refused, with the unit that it looks like; what it can have passes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.identification_errors import RecordingError
+from armload_identification.model.dynamics import ArmBody, ArmDynamics
+from armload_identification.recording.recording import Recording
+from armload_identification.verdict.magnitudes import ArmMagnitudes, require_possible
+
+pytestmark = pytest.mark.pure
+
+NAMES = ("base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3")
+
+
+@pytest.fixture(scope="module")
+def chain_and_links(any_arm):
+    return any_arm(np.random.default_rng(5), 6)
+
+
+@pytest.fixture(scope="module")
+def moved(chain_and_links):
+    """Times, positions, and the torque that holds the links, with some friction."""
+    time_s = np.arange(0.0, 10.0, 0.02)
+    position = 1.2 * np.sin(np.outer(time_s, np.linspace(0.6, 1.6, 6)))
+    still = np.zeros_like(position)
+    torque = ArmDynamics(chain_and_links[0], body_of(chain_and_links[1])).torque(position, still, still)
+    friction = 0.1 * torque.std(axis=0)
+    return time_s, position, torque + friction * np.sign(np.gradient(position, axis=0))
+
+
+def body_of(links):
+    none = np.zeros(len(links))
+    return ArmBody(np.array([link.theta for link in links]), none, none, none)
+
+
+@pytest.fixture(scope="module")
+def arm(chain_and_links, moved):
+    """Ranges, strength and links."""
+    strength = 2.0 * np.abs(moved[2]).max(axis=0) + 1.0
+    return ArmMagnitudes(NAMES, np.full(6, -2.0), np.full(6, 2.0), strength, body_of(chain_and_links[1]))
+
+
+@pytest.fixture
+def judged(chain_and_links, arm, moved):
+    def judged(turn=1.0, strength=1.0, shift=0.0, **changes):
+        time_s, position, torque = moved
+        run = Recording.from_arrays(time_s, turn * position + shift, torque_nm=strength * torque, name="run")
+        require_possible(run, chain_and_links[0], run.torque_nm, replace(arm, **changes))
+
+    return judged
+
+
+def test_what_the_arm_can_have_passes(judged):
+    judged()
+    judged(strength=0.4)
+    judged(shift=0.9)
+    unknown = np.full(6, np.nan)
+    judged(position_min_rad=unknown, position_max_rad=unknown, torque_max_nm=unknown, body=None)
+    judged(position_min_rad=np.full(6, -np.inf), position_max_rad=np.full(6, np.inf))
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"turn": 15.0}, "base goes from -18 to 18, its range is -2 to 2 rad. The positions look like degrees"),
+        ({"shift": 1.5}, "base goes from 0.3 to 2.7, its range is -2 to 2 rad. Is this a recording of another arm"),
+        ({"strength": 1000.0}, "times its greatest torque.*Currents look like milliampere, or torques like N mm"),
+        ({"strength": 0.01}, "look like those of the motors, in front of the gears"),
+        ({"strength": 1000.0, "torque_max_nm": np.full(6, np.nan)}, "Torques look like N mm, or currents like"),
+        ({"strength": 40.0, "torque_max_nm": np.full(6, np.nan)}, "Is this a recording of this arm, in N m or A"),
+    ],
+)
+def test_what_it_cannot_have_is_refused_with_what_it_looks_like(judged, changes, text):
+    with pytest.raises(RecordingError, match=f"^run: .*{text}"):
+        judged(**changes)
+
+
+def test_a_torque_that_does_not_follow_the_links_is_not_judged_by_them(chain_and_links, arm, moved):
+    time_s, position, torque = moved
+    noise = 0.01 * np.random.default_rng(0).normal(size=torque.shape)
+    run = Recording.from_arrays(time_s, position, torque_nm=noise)
+    require_possible(run, chain_and_links[0], run.torque_nm, arm)
+    require_possible(run, chain_and_links[0], None, arm)
