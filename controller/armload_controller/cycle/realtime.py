@@ -1,6 +1,6 @@
 """The process tuned for the cycle, as far as it is permitted.
 
-    SCHED_FIFO            nothing ordinary runs before the cycle's thread
+    SCHED_FIFO            nothing ordinary runs before the cycle's thread, nor before those that share its interpreter
     locked memory         no page of the process must be read from disk
     CPU affinity          the cycle's thread stays on one CPU
     garbage collection    none while the arm moves
@@ -17,8 +17,9 @@ import errno
 import gc
 import os
 import sys
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 PRIORITY = 50
 SWITCH_INTERVAL_S = 0.0005
@@ -53,12 +54,35 @@ def tuned_for_cycles(report: Callable[[str], None]) -> Iterator[None]:
 
 
 def _real_time() -> Callable[[], None]:
-    """SCHED_FIFO for the calling thread, unless there is but one CPU, which others need as well."""
+    """SCHED_FIFO for the calling thread and the others of this interpreter, unless there is but one CPU.
+
+    The others come one priority below. They share the interpreter's lock: one that holds it and is kept from running by
+    other programs keeps the cycle from running as well, whatever the cycle's own priority is.
+    """
     if len(os.sched_getaffinity(0)) == 1:
         raise OSError(errno.EBUSY, "there is only one CPU")
-    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
-    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    return lambda: os.sched_setscheduler(0, policy, parameters)
+    own = threading.get_native_id()
+    with ExitStack() as raised:
+        raised.callback(_raise(own, PRIORITY))
+        for thread in threading.enumerate():
+            if thread.native_id is not None and thread.native_id != own:
+                raised.callback(_raise(thread.native_id, PRIORITY - 1))
+        return raised.pop_all().close
+
+
+def _raise(thread: int, priority: int) -> Callable[[], None]:
+    """SCHED_FIFO for one thread; what sets it back."""
+    try:
+        policy, parameters = os.sched_getscheduler(thread), os.sched_getparam(thread)
+        os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
+    except ProcessLookupError:
+        return lambda: None
+
+    def restore() -> None:
+        with suppress(ProcessLookupError):
+            os.sched_setscheduler(thread, policy, parameters)
+
+    return restore
 
 
 def _locked_memory() -> Callable[[], None]:

@@ -4,6 +4,9 @@ import gc
 import os
 import subprocess
 import sys
+import threading
+
+import pytest
 
 from armload_controller.cycle.realtime import SWITCH_INTERVAL_S, tuned_for_cycles
 
@@ -21,6 +24,21 @@ def test_everything_is_set_and_set_back():
         assert (len(os.sched_getaffinity(0)) == 1) == (not any("affinity" in line for line in told))
     assert state() == before
     assert len(told) <= 1, "what is not permitted is said once"
+
+
+def test_threads_that_share_the_interpreter_come_next(request):
+    """Simulated drives in this process, for one: where they are kept from running, so is the cycle."""
+    stop = threading.Event()
+    other = threading.Thread(target=stop.wait)
+    other.start()
+    request.addfinalizer(lambda: (stop.set(), other.join()))
+    told = []
+    with tuned_for_cycles(told.append):
+        if any("SCHED_FIFO" in line for line in told):
+            pytest.skip(told[0])
+        assert os.sched_getscheduler(other.native_id) == os.SCHED_FIFO
+        assert os.sched_getparam(other.native_id).sched_priority == os.sched_getparam(0).sched_priority - 1
+    assert os.sched_getscheduler(other.native_id) == os.SCHED_OTHER
 
 
 def test_what_is_not_permitted_is_said_with_what_to_do():
