@@ -21,6 +21,7 @@ from armload_identification.excitation.fourier import Excitation, FourierTraject
 
 PROGRAM = """
 import json, sys, time
+from dataclasses import replace
 from pathlib import Path
 import can, numpy as np
 from armload_controller.config.robot import load_robot
@@ -36,6 +37,10 @@ class Plant(IdealPlant):
         if self.powered[axis] and not on:
             speeds.append(float(np.abs(self.velocity_rad_s).max()))
         super().set_powered(axis, on)
+
+    def sample(self, cycle_s):
+        sample = super().sample(cycle_s)
+        return replace(sample, axis_torque_nm=np.sign(sample.axis_velocity_rad_s))
 
 plant = Plant(robot.simulation.start_rad, np.zeros(robot.n))
 begun_s = time.monotonic()
@@ -111,10 +116,10 @@ def wait_for_rows(process, folder, size):
         time.sleep(0.02)
 
 
-def ended(process, tmp_path):
+def ended(process, tmp_path, number=signal.SIGTERM):
     """What it printed; its exit status and the arm are as they should be."""
     printed, _ = process.communicate(timeout=LONGEST_S)
-    assert process.returncode == 128 + signal.SIGTERM, printed
+    assert process.returncode == 128 + number, printed
     assert "Motion stopped (along the path): the system asked the program to end" in printed
     assert "While stopping" not in printed
     found = json.loads((tmp_path / "found.json").read_text())
@@ -124,11 +129,11 @@ def ended(process, tmp_path):
     return printed
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_a_signal_brings_the_arm_to_rest_and_removes_its_torque(started, tmp_path, number):
     process = started()
     process.send_signal(number)
-    ended(process, tmp_path)
+    ended(process, tmp_path, number)
 
 
 def test_a_background_job_goes_on_where_signals_are_ignored_and_is_stopped_by_sigterm(started, tmp_path):

@@ -9,7 +9,8 @@ import sys
 
 EXIT_REFUSED = 1
 EXIT_INTERRUPTED = 130
-EXIT_TERMINATED = 143
+EXIT_BY_SIGNAL = 128
+"""Plus the signal's number: 129 for a lost terminal, 131 for SIGQUIT, 143 for `kill`."""
 
 
 def main() -> None:
@@ -54,5 +55,5 @@ def _exit_status(error: Exception) -> int:
         if isinstance(reason, OperatorStop | KeyboardInterrupt):
             return EXIT_INTERRUPTED
         if isinstance(reason, TerminationStop):
-            return EXIT_TERMINATED
+            return EXIT_BY_SIGNAL + reason.signal_number
     return EXIT_REFUSED

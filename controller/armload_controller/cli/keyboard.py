@@ -13,7 +13,7 @@ import sys
 import termios
 import tty
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import Enum
 
 from armload_controller.motion.motion_control import Goal, MotionControl
@@ -94,7 +94,9 @@ class Keyboard:
         try:
             yield
         finally:
-            termios.tcsetattr(self._terminal, termios.TCSANOW, before)
+            # Of a terminal that is gone there is nothing to restore.
+            with suppress(termios.error):
+                termios.tcsetattr(self._terminal, termios.TCSANOW, before)
 
     def forget(self) -> None:
         """Drop what was typed and not read: a question is not answered before it is asked."""
@@ -110,7 +112,10 @@ class Keyboard:
         ready, _, _ = select.select([self._terminal], [], [], 0.0)
         # A process in the background that reads its terminal is halted, with the arm moving.
         if ready and self._in_foreground():
-            for key in decode(os.read(self._terminal, _AT_ONCE)):
+            typed = b""
+            with suppress(OSError):
+                typed = os.read(self._terminal, _AT_ONCE)
+            for key in decode(typed):
                 press(self._control, key)
         return described(self._control.goal)
 

@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from typing import TextIO
 
 from rich.progress import (
     BarColumn,
@@ -30,6 +31,8 @@ from armload_controller.control_errors import CommissioningError
 
 UNBOUNDED_WIDTH = 1000
 """Width of what is no terminal."""
+_USUAL_WIDTH = 80
+"""Width of a terminal that does not know its own."""
 _LEAST_BAR = 8
 _GREATEST_BAR = 30
 _TIME = Column(no_wrap=True, min_width=7)
@@ -49,12 +52,8 @@ class Screen:
         self._as_json = as_json
         self._keyboard = keyboard
         self._hinted = False
-        # In a file or a pipe lines may be as long as they are, unless COLUMNS says otherwise.
-        shown = sys.stderr if as_json else sys.stdout
-        bounded = shown.isatty() or "COLUMNS" in os.environ
-        width = None if bounded else UNBOUNDED_WIDTH
-        self.console = PrintableConsole(stderr=as_json, width=width)
-        self.errors = PrintableConsole(stderr=True)
+        self.console = PrintableConsole(stderr=as_json, width=_width(sys.stderr if as_json else sys.stdout))
+        self.errors = PrintableConsole(stderr=True, width=_width(sys.stderr))
 
     def step(self, text: str) -> None:
         """One line: something begins."""
@@ -126,3 +125,19 @@ class Screen:
         except CommissioningError:
             return False
         return answer.strip().lower() in {"y", "yes"}
+
+
+def _width(stream: TextIO | None) -> int:
+    """Columns of a stream: what COLUMNS says, else the terminal's; in a file or a pipe lines are as long as they are.
+
+    COLUMNS=0, as some shells and consoles without a size have it, says nothing.
+    """
+    said = os.environ.get("COLUMNS", "")
+    if said.isdecimal() and int(said) > 0:
+        return int(said)
+    if stream is None or not stream.isatty():
+        return UNBOUNDED_WIDTH
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or _USUAL_WIDTH
+    except OSError:
+        return _USUAL_WIDTH

@@ -11,6 +11,7 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -50,16 +51,28 @@ class Recorder:
             raise CommissioningError(f"{path} exists: recordings are never overwritten, choose another --output")
         try:
             self._file: io.BufferedWriter = self._partial.open("xb")
+            self._begin(attachments)
         except OSError as error:
             raise CommissioningError(f"{path}: {error.strerror}: choose an --output that can be written") from error
-        self._writer = Writer(self._file)
-        self._writer.start(profile="", library="armload")
-        for name, text in attachments.items():
-            self._writer.add_attachment(0, 0, name, _media_type(name), text.encode())
-        schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", orjson.dumps(MESSAGE_SCHEMA))
-        self._channel = self._writer.register_channel(TOPIC, "json", schema)
         self._flushed_s = -float("inf")
         self.rows = 0
+
+    def _begin(self, attachments: Mapping[str, str]) -> None:
+        """What comes before the first row, on the disk: where there is no room for that, nothing is switched on."""
+        self._writer = Writer(self._file)
+        try:
+            self._writer.start(profile="", library="armload")
+            for name, text in attachments.items():
+                self._writer.add_attachment(0, 0, name, _media_type(name), text.encode())
+            schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", orjson.dumps(MESSAGE_SCHEMA))
+            self._channel = self._writer.register_channel(TOPIC, "json", schema)
+            self._file.flush()
+        except OSError:
+            with suppress(OSError):
+                self._file.close()
+            with suppress(OSError):
+                self._partial.unlink()
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -119,9 +132,19 @@ class Recorder:
             self.rows += 1
             if feedback.time_s - self._flushed_s >= FLUSH_S:
                 self._writer.flush()
+                self._require_there()
                 self._flushed_s = feedback.time_s
         except OSError as error:
             raise self._failed(error) from error
+
+    def _require_there(self) -> None:
+        """Refuse to go on writing a file that nobody will find.
+
+        Raises:
+            RecordingFailed: it was removed, or its folder was.
+        """
+        if os.fstat(self._file.fileno()).st_nlink == 0:
+            raise RecordingFailed(f"{self._partial} was removed while it was written")
 
     def _flush_to_disk(self) -> None:
         """What has the name of a whole run is on the disk."""

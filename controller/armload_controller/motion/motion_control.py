@@ -5,6 +5,7 @@ The cycle looks at the goal once per cycle. A stop is final; to move again, make
 
 from __future__ import annotations
 
+import signal
 from dataclasses import dataclass
 
 from armload_controller.control_errors import ControlError
@@ -22,7 +23,15 @@ class OperatorStop(StopRequested):
 
 
 class TerminationStop(StopRequested):
-    """The operating system asked the program to end: SIGTERM."""
+    """The operating system asked the program to end: SIGTERM, SIGQUIT, or SIGHUP when the terminal is gone.
+
+    Attributes:
+        signal_number: Of the signal.
+    """
+
+    def __init__(self, text: str, signal_number: int = signal.SIGTERM) -> None:
+        super().__init__(text)
+        self.signal_number = signal_number
 
 
 class PluginStop(StopRequested):

@@ -1,9 +1,10 @@
-"""Signals as stops: what Ctrl-C, a lost terminal and `kill` do to a motion.
+r"""Signals as stops: what Ctrl-C, a lost terminal and `kill` do to a motion.
 
     SIGINT   Ctrl-C           the operator asked for a stop
     SIGTSTP  Ctrl-Z           likewise: a halted program would leave the arm to its drives
     SIGHUP   terminal lost    the system asked the program to end
     SIGTERM  kill             likewise
+    SIGQUIT  Ctrl-\           likewise: ended at once, it would leave the arm in motion and the terminal without echo
 
 Rules. The first signal stops along the path, a second one at once. While a question waits for its answer the drives are
 off, and a signal ends the program there. A signal that is ignored when the program starts stays ignored: SIGINT and
@@ -36,8 +37,9 @@ class StopSignals:
         reasons: dict[int, StopRequested] = {
             signal.SIGINT: OperatorStop("Ctrl-C"),
             signal.SIGTSTP: OperatorStop("Ctrl-Z"),
-            signal.SIGHUP: TerminationStop("SIGHUP, the terminal is gone"),
+            signal.SIGHUP: TerminationStop("SIGHUP, the terminal is gone", signal.SIGHUP),
             signal.SIGTERM: TerminationStop("SIGTERM"),
+            signal.SIGQUIT: TerminationStop("SIGQUIT", signal.SIGQUIT),
         }
 
         def on_signal(number: int, frame: FrameType | None) -> None:

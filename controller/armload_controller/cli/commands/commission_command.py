@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
@@ -83,17 +83,18 @@ def commission(
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
-    from armload_controller.session.arm_access import VIRTUAL, open_arm, require_rules
-    from armload_controller.session.commissioning import missing_roles, record_half, require_recordings
-    from armload_controller.session.run_session import Consent, Load, Operator
-    from armload_controller.session.stop_signals import StopSignals
-    from armload_drivers.servos import JointServos
+    from armload_controller.session.arm_access import VIRTUAL, require_rules
+    from armload_controller.session.commissioning import missing_roles, require_recordings
+    from armload_controller.session.folder_claim import claimed
+    from armload_controller.session.run_session import Load
 
     allowed = tolerance_of(tolerance)
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
-    require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
+    halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
+    if any(missing_roles(directory, load) for load in halves[runs]):
+        require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     if runs is Runs.LOADED:
         if output is None:
             raise CommissioningError("--runs loaded needs --output: the folder that --runs unloaded recorded into")
@@ -101,36 +102,19 @@ def commission(
     make_folder(directory)
     control = MotionControl()
     screen = Screen(Keyboard.of_this_process(control), as_json=as_json)
-    halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
-    todo = [load for load in halves[runs] if missing_roles(directory, load)]
-    if not todo:
-        raise CommissioningError(
-            f"{directory} holds these recordings already, none is overwritten: choose another --output"
-        )
-    in_this_process = arm.bus.interface == VIRTUAL
-
-    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
-        return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
-
-    with StopSignals(control) as signals:
-        consent = Consent(lambda question: signals.ask(question, screen.confirm), given=yes)
-        operator = Operator(screen, control, consent)
-        for load in halves[runs]:
-            if load not in todo:
-                screen.step(f"{load}: recorded already in {directory}, taken up")
-                continue
-            if load is Load.LOADED and runs is Runs.BOTH:
-                _mount(arm, screen, consent, in_this_process)
-            begun_s = time.monotonic()
-            summaries = record_half(
-                arm, load, open_servos, directory, operator, now.isoformat(timespec="seconds"), mass_kg
+    with claimed(directory):
+        todo = [load for load in halves[runs] if missing_roles(directory, load)]
+        if not todo and (runs is Runs.UNLOADED or all((directory / n).exists() for n in (PAYLOAD_NAME, REPORT_NAME))):
+            raise CommissioningError(
+                f"{directory} holds these recordings already, none is overwritten: choose another --output"
             )
-            screen.step(_account(load, summaries, time.monotonic() - begun_s))
-    if runs is Runs.UNLOADED:
-        _show_half(screen, directory, as_json=as_json)
-        return
-    truth = arm.simulation.payload(arm.simulation.payload_name) if in_this_process else None
-    findings = _evaluate(arm, directory, screen, truth, now, allowed, calibration, mass_kg)
+        plan = _Plan(arm, directory, now, simulated_drives, yes, mass_kg)
+        _record(plan, screen, control, halves[runs], todo)
+        if runs is Runs.UNLOADED:
+            _show_half(screen, directory, as_json=as_json)
+            return
+        truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.interface == VIRTUAL else None
+        findings = _evaluate(arm, directory, screen, truth, now, allowed, calibration, mass_kg)
     if as_json:
         print_document(findings.to_dict() | {"files": _files(directory)})
     require_not_wrong(findings)
@@ -141,6 +125,55 @@ def _files(directory: Path) -> dict[str, str]:
     names = {"payload": PAYLOAD_NAME, "report": REPORT_NAME, "calibration": CALIBRATION_NAME}
     there = {key: directory / name for key, name in names.items() if (directory / name).exists()}
     return {"directory": str(directory)} | {key: str(path) for key, path in there.items()}
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What is to be recorded, and how.
+
+    Attributes:
+        arm: The arm.
+        directory: Where to.
+        now: Date and time of the commissioning.
+        simulated_drives: Only drives with the simulation's identity are driven.
+        yes: The operator has agreed to what allows that.
+        mass_kg: Of the payload, where it was weighed.
+    """
+
+    arm: Robot
+    directory: Path
+    now: datetime
+    simulated_drives: bool
+    yes: bool
+    mass_kg: float | None
+
+
+def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequence[Load], todo: Sequence[Load]) -> None:
+    """Record the halves that are not there yet."""
+    from armload_controller.session.arm_access import VIRTUAL, open_arm
+    from armload_controller.session.commissioning import record_half
+    from armload_controller.session.run_session import Consent, Load, Operator
+    from armload_controller.session.stop_signals import StopSignals
+    from armload_drivers.servos import JointServos
+
+    arm, directory = plan.arm, plan.directory
+
+    def open_servos(load: Load) -> AbstractContextManager[JointServos]:
+        return open_arm(arm, load, screen.step, simulated_drives=plan.simulated_drives)
+
+    with StopSignals(control) as signals:
+        consent = Consent(lambda question: signals.ask(question, screen.confirm), given=plan.yes)
+        operator = Operator(screen, control, consent)
+        for load in halves:
+            if load not in todo:
+                screen.step(f"{load}: recorded already in {directory}, taken up")
+                continue
+            if load is Load.LOADED and len(halves) > 1:
+                _mount(arm, screen, consent, arm.bus.interface == VIRTUAL)
+            begun_s = time.monotonic()
+            created = plan.now.isoformat(timespec="seconds")
+            summaries = record_half(arm, load, open_servos, directory, operator, created, plan.mass_kg)
+            screen.step(_account(load, summaries, time.monotonic() - begun_s))
 
 
 def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) -> None:

@@ -252,7 +252,8 @@ os.execv(sys.executable, sys.argv[1:])
         ("SIGINT", 130, False),
         ("SIGTERM", 143, True),
         ("SIGTSTP", 130, False),
-        ("SIGHUP", 143, False),
+        ("SIGHUP", 129, False),
+        ("SIGQUIT", 131, False),
     ],
 )
 def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, status, background):

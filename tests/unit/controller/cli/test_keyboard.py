@@ -68,6 +68,32 @@ def test_a_stop_is_what_the_line_tells():
     assert described(control.goal) == "stopping"
 
 
+def test_a_terminal_that_went_away_is_nothing_to_stumble_over():
+    """Its keys read as the end of a file or an error, and its settings cannot be restored."""
+    program = """
+import os, pty, sys
+from armload_controller.cli.keyboard import Keyboard
+from armload_controller.motion.motion_control import MotionControl
+child, keys = pty.fork()
+if child == 0:
+    import signal
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    os.write(1, b"ready")
+    control = MotionControl()
+    keyboard = Keyboard(control, 0)
+    with keyboard.awake():
+        os.kill(os.getpid(), signal.SIGSTOP)
+        keyboard.poll()
+    os._exit(7 if control.goal.share == 1.0 else 8)
+os.read(keys, 5)
+os.waitpid(child, os.WUNTRACED)
+os.close(keys)
+os.kill(child, 18)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    assert subprocess.run([sys.executable, "-c", program], timeout=60, check=False).returncode == 7
+
+
 def test_a_terminal_that_listens_to_somebody_else_is_left_alone():
     """The pseudo-terminal is not this process's: nothing is read from it, and its settings stay."""
     keys, terminal = pty.openpty()

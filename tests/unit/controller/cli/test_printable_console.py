@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import sys
+from pathlib import Path
 
+import pytest
 from rich.table import Table
 
 from armload_controller.cli.output.json_output import print_document
@@ -50,3 +54,34 @@ def test_a_document_says_the_same_without_control_characters(capsys):
     text = capsys.readouterr().out
     assert json.loads(text) == {"name": HOSTILE, "path": "\\\x9b"}
     assert not set(text) & set("\x1b\x9b\x7f\u202e")
+
+
+def test_a_pipe_whose_reader_has_gone_is_written_to_no_more():
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "w") as shown:
+        console = PrintableConsole(file=shown)
+        console.print("heard")
+        os.close(reading)
+        for _ in range(3):
+            console.print("x" * 100_000)
+    assert shown.closed, "what was left in its buffer went nowhere as well"
+
+
+def test_a_full_disk_is_not_taken_for_a_reader_that_has_gone():
+    with pytest.raises(OSError, match="No space left"), Path("/dev/full").open("w") as shown:
+        PrintableConsole(file=shown).print("a result")
+
+
+@pytest.mark.parametrize(("columns", "width"), [("0", 1000), ("", 1000), ("no", 1000), ("72", 72)])
+def test_columns_that_say_nothing_are_no_width(monkeypatch, columns, width):
+    monkeypatch.setenv("COLUMNS", columns)
+    screen = Screen()
+    assert (screen.console.width, screen.errors.width) == (width, width)
+
+
+def test_errors_are_printed_where_standard_output_is_closed(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "stdout", None)
+    screen = Screen()
+    screen.step("goes nowhere")
+    screen.errors.print("what went wrong")
+    assert capsys.readouterr().err == "what went wrong\n"

@@ -123,6 +123,30 @@ def test_a_folder_that_went_away_is_named(tmp_path):
         recorder.__exit__(None, None, None)
 
 
+def test_a_recording_that_is_removed_while_it_is_written_ends_the_run_at_the_next_flush(tmp_path):
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    with (  # noqa: PT012
+        pytest.raises(RecordingFailed, match=r"a\.partial\.mcap was removed"),
+        Recorder(folder / "a.mcap", {}) as recorder,
+    ):
+        recorder.write(feedback(1), COMMAND, Segment.APPROACH, None)
+        shutil.rmtree(folder)
+        for cycle in range(2, 60):
+            recorder.write(feedback(cycle), COMMAND, Segment.APPROACH, None)
+
+
+def test_a_disk_without_room_for_the_beginning_is_named_before_anything_is_switched_on(tmp_path):
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+    try:
+        with pytest.raises(CommissioningError, match="choose an --output that can be written"):
+            Recorder(tmp_path / "a.mcap", {"configuration.toml": "x" * 5000})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_run_of_which_nothing_was_recorded_leaves_no_file(tmp_path):
     with Recorder(tmp_path / "a.mcap", {"run.json": "{}"}):
         pass

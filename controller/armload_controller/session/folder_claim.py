@@ -1,0 +1,38 @@
+"""One commissioning at a time in a folder: a lock of the operating system, which ends with its process."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from armload_controller.control_errors import CommissioningError
+
+
+@contextmanager
+def claimed(directory: Path) -> Iterator[None]:
+    """Keep others out of a folder while the block lasts; no file is left, not even after kill -9.
+
+    Some network file systems lock no folders; there nobody is kept out.
+
+    Args:
+        directory: The folder; it exists.
+
+    Raises:
+        CommissioningError: another process has claimed it.
+    """
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise CommissioningError(
+                f"another commissioning is at work in {directory}: wait until it has ended, or choose another --output"
+            ) from error
+        except OSError:
+            pass
+        yield
+    finally:
+        os.close(descriptor)

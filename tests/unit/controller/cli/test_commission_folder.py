@@ -1,0 +1,63 @@
+"""The folder of a commissioning: what was recorded is no dead end, and two do not work in it at once."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from armload_controller.control_errors import CommissioningError
+from armload_controller.session.folder_claim import claimed
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from armload_controller.session.folder_claim import claimed
+with claimed(Path(sys.argv[1])):
+    print("claimed", flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.fixture
+def recorded(recorded_er50, tmp_path):
+    """Four finished recordings, and nothing that was made of them."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for path in (recorded_er50 / "runs" / "today").glob("*.mcap"):
+        os.link(path, folder / path.name)
+    return folder
+
+
+def test_four_recordings_without_a_result_are_taken_to_one(armload, recorded):
+    before = {path.name: path.stat().st_mtime_ns for path in recorded.iterdir()}
+    result = armload("commission", "er50", "--output", recorded)
+    assert result.exit_code in (0, 3), result.output
+    assert "unloaded: recorded already" in result.output
+    assert "loaded: recorded already" in result.output
+    assert "connecting" not in result.output
+    assert (recorded / "payload.toml").is_file()
+    assert (recorded / "report.html").is_file()
+    assert {name: (recorded / name).stat().st_mtime_ns for name in before} == before
+    again = armload("commission", "er50", "--output", recorded)
+    assert "holds these recordings already" in str(again.exception)
+
+
+def test_a_folder_in_which_another_commissioning_is_at_work_is_left_alone(armload, recorded):
+    with claimed(recorded):
+        result = armload("commission", "er50", "--output", recorded)
+    assert isinstance(result.exception, CommissioningError)
+    assert f"another commissioning is at work in {recorded}" in str(result.exception)
+    assert not (recorded / "payload.toml").exists()
+
+
+def test_a_claim_ends_with_its_process_even_by_kill_minus_nine(tmp_path):
+    holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    with holder:
+        assert holder.stdout.readline() == "claimed\n"
+        with pytest.raises(CommissioningError, match="at work"), claimed(tmp_path):
+            pass
+        holder.kill()
+    with claimed(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
