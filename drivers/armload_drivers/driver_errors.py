@@ -6,7 +6,7 @@ DriverError
  |    +-- ServoFault       ... and says so itself (statusword FAULT, EMCY)
  |    +-- SdoRefused       ... and answered an SDO with an abort code
  |    +-- WrongDevice      ... but is not the configured device, or contradicts its configuration
- |    +-- MissingSafety    ... because it lacks an object that safety rests on
+ |    +-- MissingSafety    ... because it has no way to a property that safety rests on
  |    +-- AxisMoves        ... and its axis moves without torque: no brake holds it
  +-- BusError              the bus itself: not there, off, queue full
  |    +-- BusOverload      ... would carry more than its configured share
@@ -133,7 +133,7 @@ class WrongDevice(ServoError):
 
 
 class MissingSafety(ServoError):
-    """A drive lacks an object that safety rests on, and the configuration does not accept that."""
+    """A drive has no way to a property that safety rests on, and the configuration does not accept that."""
 
 
 class AxisMoves(ServoError):

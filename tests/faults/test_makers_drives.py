@@ -160,6 +160,11 @@ WRITTEN = {
     "no 6007": own(without=[0x6007], expected=ways(master_lost=2)),
     "no 6007, no 1029": own(without=[0x6007, 0x1029], expected=ways(master_lost=0), consents=("master_lost",)),
     "no 1016": own(without=[0x1016], expected=ways(master_lost=0), consents=("master_lost",)),
+    "1016 that takes no node id": own(
+        changes={"1016sub1": {"LowLimit": "0", "HighLimit": "0x10000"}},
+        expected=ways(master_lost=0),
+        consents=("master_lost",),
+    ),
     "a maker's reaction to a lost master": own(
         {"vendor_settings": (REACTS,)},
         without=[0x6007, 0x1029],

@@ -14,13 +14,13 @@ import time
 from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
-from armload_drivers.cia402.drive_safety import master_watch
+from armload_drivers.cia402.drive_safety import Safety, master_watch
 from armload_drivers.cia402.emergency import describe
 from armload_drivers.cia402.object_dictionary import Entry
 from armload_drivers.cia402.process_image import DriveImage, temperature_entry
 from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State, decode
 from armload_drivers.cia402.timeouts import Timeouts
-from armload_drivers.driver_errors import ServoError, ServoFault, StatuswordError, TransitionError
+from armload_drivers.driver_errors import SdoRefused, ServoError, ServoFault, StatuswordError, TransitionError
 
 
 class DriveDialogue:
@@ -142,7 +142,11 @@ class DriveDialogue:
         """Have the drive watch the master's heartbeat, or not."""
         self._sdo.step = "setting the heartbeat to watch"
         watch = master_watch(self._master_node_id, self._arm.heartbeat_s) if on else 0
-        self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, watch)
+        try:
+            self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, watch)
+        except SdoRefused:
+            if Safety.MASTER_LOST.key not in self.settings.accept_missing:
+                raise
 
     def reset_fault(self) -> State:
         """Reset a fault by SDO, by a bounded number of rising edges; nothing is enabled.

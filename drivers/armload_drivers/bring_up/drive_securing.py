@@ -31,19 +31,18 @@ def _secure_one(drive: DriveObjects, of: Safety, values: SafetyValues) -> Safety
 
 def _try(drive: DriveObjects, way: Way, of: Safety, values: SafetyValues) -> str:
     """Why a way is not met; empty where it is."""
-    reason = way.condition(values)
+    reason = way.condition(values.drive, values.rated_current_a)
     if reason:
         return reason
     settings = settings_of(way, of, values.drive)
     if way.by_vendor and not settings:
         return "the configuration names no object of the maker's (vendor_settings)"
-    optional = [setting for setting in settings if setting.optional]
     for setting in settings:
         reason = drive.hold(setting.entry, setting.wanted(values))
         if not reason:
             continue
         drive.miss(setting.entry)
-        if setting not in optional:
+        if not setting.optional:
             return reason
     return ""
 

@@ -128,7 +128,11 @@ def _holds(value: int) -> Callable[[SafetyValues], int]:
     return lambda values: value
 
 
-def _always(_: SafetyValues) -> str:
+Condition = Callable[[DriveSettings, float | None], str]
+"""Why a way is not open to a drive, from its configuration and the rated current (6075) in A that it reports."""
+
+
+def _always(drive: DriveSettings, rated_current_a: float | None) -> str:
     """A condition that holds."""
     return ""
 
@@ -142,7 +146,7 @@ class Way:
         verified: How that is verified.
         settings: Objects that must hold their values.
         reads: Objects that the condition needs.
-        condition: Why the way is not open to a drive; empty where it is.
+        condition: Why the way is not open to a drive, in words; empty where it is.
         by_vendor: The settings are the maker's own, from the configuration.
     """
 
@@ -150,28 +154,28 @@ class Way:
     verified: str
     settings: tuple[Setting, ...] = ()
     reads: tuple[Entry, ...] = ()
-    condition: Callable[[SafetyValues], str] = _always
+    condition: Condition = _always
     by_vendor: bool = False
 
 
-def _rated_current_known(values: SafetyValues) -> str:
+def _rated_current_known(drive: DriveSettings, rated_current_a: float | None) -> str:
     """6073 is per mille of 6075, so 6075 must be known."""
-    reported, configured = values.rated_current_a, values.drive.rated_current_a
-    if not reported:
+    configured = drive.rated_current_a
+    if not rated_current_a:
         return "6075 reports no rated current"
-    if configured is not None and not math.isclose(reported, configured, rel_tol=RATING_TOLERANCE):
-        return f"6075 reports {reported:g} A, the configuration {configured:g} A"
+    if configured is not None and not math.isclose(rated_current_a, configured, rel_tol=RATING_TOLERANCE):
+        return f"6075 reports {rated_current_a:g} A, the configuration {configured:g} A"
     return ""
 
 
-def _torque_limit_set(values: SafetyValues) -> str:
+def _torque_limit_set(drive: DriveSettings, rated_current_a: float | None) -> str:
     """The configuration says so."""
-    return "" if values.drive.torque_limit_in_drive else "the configuration does not say torque_limit_in_drive = true"
+    return "" if drive.torque_limit_in_drive else "the configuration does not say torque_limit_in_drive = true"
 
 
-def _has_brake(values: SafetyValues) -> str:
+def _has_brake(drive: DriveSettings, rated_current_a: float | None) -> str:
     """A brake holds the axis when the torque goes."""
-    return "" if values.drive.has_brake else "the axis has no brake"
+    return "" if drive.has_brake else "the axis has no brake"
 
 
 def _vendor(what: str) -> Way:
@@ -444,7 +448,7 @@ def has_a_way(of: Safety, drive: DriveSettings | None, is_there: Callable[[Entry
             entries = [setting.entry for setting in way.settings if not setting.optional]
             if all(map(is_there, (*entries, *way.reads))):
                 return True
-        elif way.condition is _always or (drive is not None and drive.torque_limit_in_drive):
+        elif way.condition is _always or (drive is not None and not way.condition(drive, None)):
             return True
     return False
 

@@ -44,7 +44,8 @@ def simulate(
     from armload_controller.session.arm_access import drives_alone
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.bring_up.description_file import read_description
-    from armload_drivers.simulation.drives.drive_eds import write_descriptions
+    from armload_drivers.simulation.drives.drive_eds import drive_eds
+    from armload_identification.storage.strict_toml import write_text
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     name = arm.simulation.payload_name if payload is None else payload
@@ -58,7 +59,15 @@ def simulate(
             "command line", "--description", len(described), f"expected one for all joints, or one per joint: {arm.n}"
         )
     if write_eds is not None:
-        for path in write_descriptions(arm.drives.settings, write_eds):
+        try:
+            write_eds.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigurationError(
+                "command line", "--write-eds", str(write_eds), f"expected a folder: {error.strerror}"
+            ) from error
+        for drive in arm.drives.settings.drives:
+            path = write_eds / f"{drive.joint}.eds"
+            write_text(path, drive_eds(drive, arm.drives.settings.cycle_s), ConfigurationError)
             screen.step(f"written: {path}")
         return
     control = MotionControl()

@@ -20,6 +20,7 @@ from collections.abc import Collection
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.device_description import DescribedObject, DeviceDescription
 from armload_drivers.cia402.object_dictionary import DataType, Entry, PdoDirection
+from armload_drivers.driver_errors import DescriptionError
 from armload_drivers.simulation.drives.sdo_server import Dictionary
 
 _OWN = frozenset(
@@ -73,8 +74,13 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
         dictionary: The objects of a simulated drive without its PDO parameters, freshly reset; changed in place.
         described: The description.
         node_id: Node id of the drive.
+
+    Raises:
+        DescriptionError: an object cannot hold what a drive measures.
     """
-    known = {entry.key for entry in dictionary.entries.values()}
+    known = dictionary.entries
+    for key in _OWN & known.keys() & described.objects.keys():
+        _require_room(described, described.objects[key], known[key])
     dictionary.entries = {key: _entry(found) for key, found in described.objects.items()}
     for key, found in described.objects.items():
         _take_value(dictionary, key, found, node_id, own=key in _OWN and key in known)
@@ -96,6 +102,15 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
             old = dictionary.allowed.get(key)
             dictionary.allowed[key] = limits if old is None else {value for value in old if value in limits}
     dictionary.complete = True
+
+
+def _require_room(described: DeviceDescription, found: DescribedObject, known: Entry) -> None:
+    """Refuse an object that cannot hold what a drive measures or is told."""
+    if found.bits is None or found.bits < known.type.bits:
+        title = f"{found.index:04X}" + (f"sub{found.subindex}" if found.subindex else "")
+        raise DescriptionError(
+            described.source, title, "DataType", f"a simulated drive needs {known.type.bits} bits for its {known.name}"
+        )
 
 
 def _entry(found: DescribedObject) -> Entry:

@@ -6,15 +6,12 @@ References:
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from armload_drivers.cia402 import object_dictionary as od
-from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
+from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.cia402.device_description import DATA_TYPES
 from armload_drivers.cia402.object_dictionary import Access, DataType, Entry, Mappable
-from armload_drivers.driver_errors import DescriptionError
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.sdo_server import Dictionary
 from armload_drivers.simulation.drives.simulated_drive import SimulatedDrive
@@ -26,31 +23,6 @@ _VARIABLE, _ARRAY, _RECORD = 7, 8, 9
 _PDO_PARAMETERS = range(0x1400, 0x1C00)
 _COMMUNICATION = frozenset({0x1018, 0x1200, 0x60C2})
 _BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-
-
-def write_descriptions(arm: ArmSettings, folder: Path) -> list[Path]:
-    """Write the EDS file of every simulated drive of an arm, named after its joint.
-
-    Args:
-        arm: The arm.
-        folder: Where to; made where it is not there.
-
-    Returns:
-        The files.
-
-    Raises:
-        DescriptionError: one cannot be written.
-    """
-    written = []
-    for drive in arm.drives:
-        path = folder / f"{drive.joint}.eds"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            path.write_text(drive_eds(drive, arm.cycle_s), "ascii")
-        except OSError as error:
-            raise DescriptionError(str(path), "", "", f"cannot be written: {error.strerror}") from error
-        written.append(path)
-    return written
 
 
 def drive_eds(drive: DriveSettings, cycle_s: float) -> str:

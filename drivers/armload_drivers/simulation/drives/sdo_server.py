@@ -111,7 +111,11 @@ class Dictionary:
             raise SdoAbort(Abort.WRITE_ONLY)
         if entry.type is DataType.STRING:
             return self.texts[entry.key]
-        return struct.pack("<" + entry.type.code, self.values[entry.key])
+        value = self.values[entry.key]
+        if entry.type.is_real:
+            return struct.pack("<" + entry.type.code, value)
+        # Of what does not fit the low bytes are sent: a description may give an object a type that is too small.
+        return (value & (1 << entry.type.bits) - 1).to_bytes(entry.type.bits // 8, "little")
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object from the bytes that SDO transported."""

@@ -1,12 +1,16 @@
 """A simulated drive that serves the objects of a maker's description, exactly those and as described."""
 
 import struct
+from contextlib import suppress
 
 import can
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY
 from armload_drivers.cia402.device_description import parse_description
+from armload_drivers.driver_errors import DescriptionError, DriverError
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from tests.drive_descriptions import eds, maker_drive
 
@@ -107,3 +111,38 @@ def test_a_pdo_that_maps_what_the_drive_lacks_is_none(virtual_arm):
     described = parse_description(eds(maker_drive(changes=changes)).encode(), "maker.eds")
     arm = virtual_arm(traits={3: DriveTraits(description=described)})
     arm.servos.connect()
+
+
+def test_an_object_that_cannot_hold_what_a_drive_measures_is_refused(virtual_arm):
+    described = parse_description(eds(maker_drive(changes={"6064": {"DataType": "3"}})).encode(), "maker.eds")
+    with pytest.raises(
+        DescriptionError, match=r"maker.eds: \[6064\] DataType: .* 32 bits for its position actual value"
+    ):
+        virtual_arm(traits={3: DriveTraits(description=described)})
+
+
+CHANGE = st.fixed_dictionaries(
+    {},
+    optional={
+        "DataType": st.sampled_from(["1", "2", "3", "5", "6", "7", "8", "9", "0xF", "0x11", "0x1B"]),
+        "AccessType": st.sampled_from(["ro", "rw", "wo", "const", "rwr", "rww", "x"]),
+        "DefaultValue": st.sampled_from(["", "0", "1", "-1", "0xFFFFFFFF", "$NODEID+0x200", "9", "nothing"]),
+        "PDOMapping": st.sampled_from(["0", "1"]),
+        "LowLimit": st.sampled_from(["", "0", "0x80000000", "7"]),
+        "HighLimit": st.sampled_from(["", "0", "0x7FFFFFFF", "3"]),
+    },
+)
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(changes=st.dictionaries(st.sampled_from(sorted(maker_drive())), CHANGE, max_size=12))
+def test_a_drive_of_any_description_is_brought_up_or_refused(virtual_arm, changes):
+    described = parse_description(eds(maker_drive(changes=changes)).encode(), "maker.eds")
+    try:
+        arm = virtual_arm(traits={3: DriveTraits(description=described)})
+    except DescriptionError:
+        return
+    with suppress(DriverError):
+        arm.servos.connect()
+        arm.servos.enable()
+    arm.drives.raise_failure()

@@ -9,9 +9,8 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, VendorEffort
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.cia402.object_dictionary import DataType
-from armload_drivers.driver_errors import DescriptionError
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
-from armload_drivers.simulation.drives.drive_eds import drive_eds, write_descriptions
+from armload_drivers.simulation.drives.drive_eds import drive_eds
 
 
 @pytest.fixture
@@ -49,11 +48,3 @@ def test_a_vendors_effort_is_in_it(arm_settings):
     described = parse_description(drive_eds(drive, 0.01).encode(), "joint_2.eds")
     assert described.objects[0x30D102].bits == 32
     assert described.warnings == ()
-
-
-def test_a_file_per_joint(arm_settings, tmp_path):
-    arm = arm_settings()
-    assert [path.name for path in write_descriptions(arm, tmp_path / "eds")] == [f"joint_{k}.eds" for k in (2, 3, 5)]
-    (tmp_path / "file").write_text("")
-    with pytest.raises(DescriptionError, match="cannot be written"):
-        write_descriptions(arm, tmp_path / "file")
