@@ -25,6 +25,7 @@ from armload_controller.cli.commands.export_command import export
 from armload_controller.cli.commands.feedforward_command import feedforward
 from armload_controller.cli.commands.identify_command import identify
 from armload_controller.cli.commands.init_command import init
+from armload_controller.cli.commands.recordings_command import recordings
 from armload_controller.cli.commands.report_command import report
 from armload_controller.cli.commands.simulate_command import simulate
 from armload_controller.cli.commands.validate_command import validate
@@ -55,6 +56,7 @@ for command in (
     app.command()(command)
 
 app.add_typer(drives, name="drives")
+app.add_typer(recordings, name="recordings")
 
 
 def _print_version(wanted: bool) -> None:

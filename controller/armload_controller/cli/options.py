@@ -24,7 +24,7 @@ InterfaceOption = Annotated[
 ChannelOption = Annotated[str | None, typer.Option("--channel", help="Channel of the interface, such as can0.")]
 BitrateOption = Annotated[int | None, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")]
 CycleOption = Annotated[float | None, typer.Option("--cycle-hz", help="SYNC rate in Hz.")]
-LoadedOption = Annotated[Path, typer.Option("--loaded", help="Recording with the payload (MCAP or CSV).")]
+LoadedOption = Annotated[Path, typer.Option("--loaded", help="Recording with the payload: MCAP, ROS 2 bag, CSV, ...")]
 UnloadedOption = Annotated[Path, typer.Option("--unloaded", help="Recording of the same motion without it.")]
 SimulatedDrivesOption = Annotated[
     bool, typer.Option("--simulated-drives", help="Drive simulated drives only; each node is asked who it is.")

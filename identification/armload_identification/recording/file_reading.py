@@ -38,6 +38,7 @@ def read_recording(
     effort: Effort = Effort.TORQUE,
     joint_names: Sequence[str] = (),
     between_s: tuple[float, float] | None = None,
+    with_effort: bool = True,
     short_rows: int = SHORT_ROWS,
 ) -> Recording:
     """Read a recording of any known format.
@@ -48,6 +49,7 @@ def read_recording(
         effort: What the effort of a ROS message is.
         joint_names: Names of the arm's joints, to choose by where a recording has other joints too.
         between_s: Times since the first row between which rows are used; all of them if not given.
+        with_effort: Whether a recording without torque and current is refused; it is for looking at only.
         short_rows: Rows up to which it is kept as it is.
 
     Returns:
@@ -61,7 +63,8 @@ def read_recording(
     excitation = None if text is None else parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}")
     for reduction in _reductions(path, excitation):
         try:
-            return _read(path, reader, excitation, reduction, short_rows, between_s)
+            garbage = GarbageFilter(path, with_effort=with_effort)
+            return _read(reader, garbage, excitation, reduction, short_rows, between_s)
         except WrongReduction:
             continue
         except OSError as error:
@@ -78,15 +81,15 @@ def _reductions(path: Path, excitation: Excitation | None) -> Iterator[Callable[
 
 
 def _read(
-    path: Path,
     reader: RecordingReader,
+    garbage: GarbageFilter,
     excitation: Excitation | None,
     reduction_of: Callable[[], Reduction],
     short_rows: int,
     between_s: tuple[float, float] | None,
 ) -> Recording:
     """Read once, reducing in one way where the run turns out to be long."""
-    account, garbage = ReadingAccount(), GarbageFilter(path)
+    account = ReadingAccount()
     kept: list[RowBlock] = []
     size = 0
     reduction: Reduction | None = None
@@ -103,7 +106,7 @@ def _read(
     garbage.require_enough(size, account.rows_read, account.reasons)
     reasons = {**account.reasons, **garbage.reasons}
     source = RecordingSource(
-        path=path,
+        path=garbage.path,
         sha256=account.sha256,
         kind=reader.kind,
         rows_read=account.rows_read,

@@ -49,10 +49,15 @@ class GarbageFilter:
 
     Args:
         path: What messages call the recording.
+        with_effort: Whether a recording without torque and current is refused.
+
+    Attributes:
+        path: The same.
+        reasons: Rows left out so far, by reason.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, *, with_effort: bool = True) -> None:
+        self.path, self._with_effort = path, with_effort
         self._waiting: list[RowBlock] = []
         self._before: RowBlock | None = None
         self._interval_s: float | None = None
@@ -104,7 +109,7 @@ class GarbageFilter:
         reasons = {**others, **self.reasons}
         listed = ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "no row dropped"
         raise RecordingError(
-            f"{self._path}: {kept} usable rows of {rows_read} ({listed}), expected {_SHORTEST_ROWS} or more. "
+            f"{self.path}: {kept} usable rows of {rows_read} ({listed}), expected {_SHORTEST_ROWS} or more. "
             "Check that the file is complete and that the columns are the right ones."
         )
 
@@ -119,7 +124,7 @@ class GarbageFilter:
         known = window.size - rows.size
         verdict, self._interval_s = _verdict(window, self._interval_s)
         if first and np.count_nonzero(verdict == _KEPT) > 1:
-            refuse_time_unit(self._path, self._interval_s)
+            refuse_time_unit(self.path, self._interval_s)
         settled = rows.size - left
         verdict = verdict[known : known + settled]
         if self._before is not None:
@@ -135,19 +140,19 @@ class GarbageFilter:
         if recent.size:
             self._before = recent.rows(slice(max(recent.size - _JUMP_WINDOW, 0), None))
         if first and kept.velocity_rad_s is not None and kept.size > 1:
-            refuse_mixed_units(self._path, kept.time_s, kept.position_rad, kept.velocity_rad_s)
+            refuse_mixed_units(self.path, kept.time_s, kept.position_rad, kept.velocity_rad_s)
         return kept
 
     def _learn(self, rows: RowBlock) -> None:
         """Which quantities there are, and whether the positions are in radians."""
         names = ("velocity_rad_s", "current_a", "torque_nm")
         self._absent = tuple(name for name in names if getattr(rows, name) is None)
-        if {"current_a", "torque_nm"} <= set(self._absent):
+        if self._with_effort and {"current_a", "torque_nm"} <= set(self._absent):
             raise RecordingError(
-                f"{self._path}: the recording has neither motor current nor joint torque. "
+                f"{self.path}: the recording has neither motor current nor joint torque. "
                 "Nothing can be identified without one of them; record 6078 or 6077, or correct the column map."
             )
-        refuse_degrees(self._path, rows.position_rad)
+        refuse_degrees(self.path, rows.position_rad)
 
     def _without_absent(self, rows: RowBlock) -> RowBlock:
         """The rows with the quantities that the log began with."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,7 +22,15 @@ from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 from armload_controller.cli.output.windows_output import show_windows
+from armload_controller.cli.recording_options import (
+    BetweenOption,
+    ColumnsOption,
+    EffortOption,
+    JointsOption,
+    recording_choice,
+)
 from armload_identification.estimation.estimator_names import Estimator
+from armload_identification.recording.reading_options import Effort
 
 if TYPE_CHECKING:
     from armload_identification.estimation.prior_knowledge import KnownPayload
@@ -49,6 +58,10 @@ def identify(
         float,
         typer.Option(help="Standard deviation of the CAD values: share of the mass, of 0.1 m, of m (0.1 m)^2."),
     ] = 0.05,
+    columns: ColumnsOption = None,
+    effort: EffortOption = Effort.TORQUE,
+    between: BetweenOption = None,
+    joints: JointsOption = None,
     estimator: Annotated[
         Estimator, typer.Option(help="How to fit; 'friction' is the best on every benchmark.")
     ] = Estimator.FRICTION,
@@ -65,26 +78,32 @@ def identify(
     """Identify a payload from a recording with it and one without it, or from any motion of a calibrated arm."""
     from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot_recordings import read_of
 
     for file in (output, report, picture):
         if file is not None:
             require_folder(file)
-    arm = given_arm(robot, urdf, base, flange)
+    arm, choice = given_arm(robot, urdf, base, flange), recording_choice(columns, effort, between, joints)
+    run = read_of(arm, loaded, choice)
     if every is not None:
         if any(given is not None for given in (unloaded, output, report, validation, mass_kg, center_of_mass_m, cad)):
             raise typer.BadParameter(
                 "goes with --loaded, --calibration, --picture and --json alone", param_hint="--every"
             )
-        history = robot_payload.identify_over_time(arm, loaded, _seconds(every), calibration=calibration)
+        history = robot_payload.identify_over_time(arm, run, _seconds(every), calibration=calibration)
         show_windows(Screen(as_json=as_json), history, picture=picture, as_json=as_json)
         return
     if picture is not None:
         raise typer.BadParameter("needs --every", param_hint="--picture")
+    pair = None
+    if validation is not None:
+        whole = replace(choice, between_s=None)
+        pair = read_of(arm, validation[0], whole), read_of(arm, validation[1], whole)
     findings = robot_payload.identify(
         arm,
-        loaded,
-        unloaded,
-        validation=validation,
+        run,
+        None if unloaded is None else read_of(arm, unloaded, choice),
+        validation=pair,
         tolerance=tolerance_of(tolerance),
         calibration=calibration,
         known=_known(mass_kg, center_of_mass_m, cad, cad_share),

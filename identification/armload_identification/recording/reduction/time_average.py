@@ -47,16 +47,17 @@ class TimeAverager:
     def add(self, rows: RowBlock) -> None:
         """Go on with more rows."""
         effort = rows.effort
-        if not rows.size or effort is None:
+        if not rows.size:
             return
-        if self._repeats is None:
-            self._repeats = RepeatCounter(rows.n)
+        if not self._samples:
+            self._repeats = None if effort is None else RepeatCounter(rows.n)
             interval_s = float(np.median(np.diff(rows.time_s)))
             self._samples = max(int(INTERVAL_S / interval_s * (1.0 + 1e-6)), 1)
             self._width_s = self._samples * interval_s
             # Half an interval earlier, so that jitter moves no sample across an edge.
             self._start_s = float(rows.time_s[0]) - 0.5 * interval_s
-        self._repeats.add(effort)
+        if self._repeats is not None and effort is not None:
+            self._repeats.add(effort)
         rows = rows if self._open is None else joined([self._open, rows])
         number = self._number(rows)
         # Closed are whole pairs of stretches, so that two by two can become one at any time.

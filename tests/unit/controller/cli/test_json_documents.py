@@ -68,6 +68,7 @@ COMMANDS = {
     "compare": "compare {payload} {payload}",
     "export": "export {payload} --robot er50 --format urdf -o {out}",
     "design": "design prbt -o {out}/path.toml --restarts 1 --harmonics 2 --period-s 5",
+    "recordings show": "recordings show {l1} {l2}",
     "drives check": "drives check er50",
     "drives show": "drives show er50 --once",
 }

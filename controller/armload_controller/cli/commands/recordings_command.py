@@ -1,0 +1,66 @@
+"""`armload recordings`: what is in recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armload_controller.cli.command_group import CommandGroup
+from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.recording_options import (
+    BetweenOption,
+    ColumnsOption,
+    EffortOption,
+    JointsOption,
+    recording_choice,
+)
+from armload_identification.recording.reading_options import Effort
+
+recordings = typer.Typer(cls=CommandGroup, help="Look at recordings.", no_args_is_help=True)
+
+
+@recordings.callback()
+def _group() -> None:
+    """Look at recordings."""
+
+
+@recordings.command("show")
+def show_command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording: MCAP, ROS 2 bag, CSV, Parquet, NPZ.")],
+    other: Annotated[
+        Path | None, typer.Argument(metavar="[OTHER]", help="Another one: do the two fit as loaded and unloaded run?")
+    ] = None,
+    columns: ColumnsOption = None,
+    effort: EffortOption = Effort.TORQUE,
+    between: BetweenOption = None,
+    joints: JointsOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Show joints, rate, holes, range and motion of a recording, and what is missing to identify a payload."""
+    from armload_controller.cli.output.recording_output import joint_table, pair_text, recording_document, survey_text
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot_recordings import chosen_joints
+    from armload_identification.pipeline.recording_survey import pair_problem, survey
+    from armload_identification.recording.file_reading import read_recording
+
+    choice = recording_choice(columns, effort, between, joints)
+    runs = [
+        chosen_joints(
+            read_recording(path, choice.columns, effort=choice.effort, between_s=choice.between_s, with_effort=False),
+            choice.joints,
+        )
+        for path in (file, other)
+        if path is not None
+    ]
+    surveys = [survey(run) for run in runs]
+    problem = pair_problem(*runs) if len(runs) == 2 else None
+    if as_json:
+        print_document(recording_document(surveys, problem))
+        return
+    screen = Screen()
+    for facts in surveys:
+        screen.result(survey_text(facts))
+        screen.table(joint_table(facts))
+    screen.result(pair_text(surveys, problem))

@@ -1,0 +1,123 @@
+"""What `armload recordings show` prints: facts in words, a table of the joints, and a document."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+from rich.table import Table
+
+from armload_identification.pipeline.recording_survey import RecordingSurvey
+from armload_identification.results.findings_document import numbers
+
+_RUN_KEYS = ("robot", "load", "role", "created")
+
+
+def survey_text(facts: RecordingSurvey) -> str:
+    """Facts of a recording, a line each."""
+    run, source = facts.recording, facts.recording.source
+    described = source.run()
+    said = ", ".join(f"{key} {described[key]}" for key in _RUN_KEYS if described.get(key))
+    dropped = ", ".join(f"{count} {reason}" for reason, count in source.reasons.items())
+    lines = [
+        f"{source.path}",
+        f"  format       {source.kind}{', cut short' if source.truncated else ''}{': ' + said if said else ''}",
+        f"  rows         {source.rows_read}{f', {source.rows_dropped} left out ({dropped})' if dropped else ''}",
+        f"  time         {facts.duration_s:.4g} s, {facts.rate_hz:.4g} rows per second{_holes(facts)}",
+        f"  joints       {run.n}{': ' + ', '.join(run.joint_names) if run.joint_names else ', not named'}",
+        f"  effort       {facts.effort_kind or 'none'}",
+        f"  motion       {_motion(facts)}",
+    ]
+    return "\n".join(lines + [f"  missing      {sentence}" for sentence in facts.missing])
+
+
+def joint_table(facts: RecordingSurvey) -> Table:
+    """A row for each joint."""
+    unit = {"joint torque": "N m", "motor current": "A"}.get(facts.effort_kind or "", "")
+    table = Table()
+    table.add_column("joint")
+    for heading in ("position, rad", "speed to, rad/s", *([f"{facts.effort_kind}, {unit}"] if unit else [])):
+        table.add_column(heading, justify="right")
+    for joint in range(facts.recording.n):
+        name = facts.recording.joint_names[joint] if facts.recording.joint_names else str(joint + 1)
+        low, high = facts.position_rad[joint]
+        cells = [name, f"{low:.3f} to {high:.3f}", f"{facts.speed_rad_s[joint]:.3f}"]
+        if facts.effort is not None:
+            cells.append(f"{facts.effort[joint, 0]:.3g} to {facts.effort[joint, 1]:.3g}")
+        table.add_row(*cells)
+    return table
+
+
+def pair_text(surveys: Sequence[RecordingSurvey], problem: str | None) -> str:
+    """Whether two recordings fit, or what one of them lacks."""
+    if len(surveys) > 1:
+        return f"no pair: {problem}" if problem else "the two are of one motion: identify takes them as a pair"
+    if surveys[0].missing:
+        return "not enough to identify a payload from, see above"
+    return (
+        "to identify a payload there must be a second run of the same motion, one with and one without the payload, "
+        "or a calibrated arm (armload calibrate)"
+    )
+
+
+def recording_document(surveys: Sequence[RecordingSurvey], problem: str | None) -> dict[str, Any]:
+    """The same for `--json`; controller/JSON.md describes it."""
+    return {
+        "schema": "armload/recordings/1",
+        "armload_version": version("armload"),
+        "recordings": [_fields(facts) for facts in surveys],
+        "pair": None if len(surveys) == 1 else {"fits": problem is None, "problem": problem},
+    }
+
+
+def _fields(facts: RecordingSurvey) -> dict[str, Any]:
+    """One recording."""
+    run, source = facts.recording, facts.recording.source
+    described = source.run()
+    names = run.joint_names or (None,) * run.n
+    effort = [[None, None]] * run.n if facts.effort is None else facts.effort
+    return {
+        "file": str(source.path),
+        "format": source.kind,
+        "sha256": source.sha256,
+        "truncated": source.truncated,
+        **{key: described.get(key) for key in _RUN_KEYS},
+        "rows_read": source.rows_read,
+        "rows_dropped": source.rows_dropped,
+        "duration_s": facts.duration_s,
+        "rate_hz": facts.rate_hz,
+        "holes": facts.holes,
+        "longest_hole_s": facts.longest_hole_s,
+        "effort": facts.effort_kind,
+        "moving_s": None if facts.moving_s is None else list(facts.moving_s),
+        "period_s": facts.period_s,
+        "periods": facts.periods,
+        "joints": [
+            {
+                "name": names[joint],
+                "position_rad": numbers(facts.position_rad[joint]),
+                "speed_rad_s": float(facts.speed_rad_s[joint]),
+                "effort": [None if value is None else float(value) for value in effort[joint]],
+            }
+            for joint in range(run.n)
+        ],
+        "missing": list(facts.missing),
+    }
+
+
+def _holes(facts: RecordingSurvey) -> str:
+    if not facts.holes:
+        return ", no holes"
+    return f", {facts.holes} hole{'s' if facts.holes > 1 else ''}, the longest {facts.longest_hole_s:.3g} s"
+
+
+def _motion(facts: RecordingSurvey) -> str:
+    """When the arm moves, and whether it repeats itself."""
+    if facts.moving_s is None:
+        return "none"
+    text = f"from {facts.moving_s[0]:.4g} to {facts.moving_s[1]:.4g} s"
+    if facts.period_s is None:
+        return f"{text}, does not repeat itself"
+    known = "of a known excitation" if facts.recording.excitation is not None else "found in the motion"
+    return f"{text}, {facts.periods} whole periods of {facts.period_s:.5g} s, {known}"

@@ -1,0 +1,81 @@
+"""Options that say what is used of recordings, and what a table or a bag does not say itself."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armload_identification.recording.reading_options import Effort
+
+if TYPE_CHECKING:
+    from armload_controller.config.robot_recordings import RecordingChoice
+
+BetweenOption = Annotated[
+    tuple[str, str] | None,
+    typer.Option(
+        metavar="BEGIN END",
+        help="Use the rows between two times since the first, such as 10s 1.5min; not of --validation.",
+    ),
+]
+JointsOption = Annotated[
+    str | None, typer.Option(help="Which of the recorded joints are the arm's, such as 1-5,7; else by name, or all.")
+]
+ColumnsOption = Annotated[
+    str | None,
+    typer.Option(help='What the columns of a table hold, such as "time=0 position=1-6 current=7-12", or by names.'),
+]
+EffortOption = Annotated[Effort, typer.Option(help="What the effort of a ROS message is: joint torque, motor current.")]
+
+_SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+_DURATION = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(ms|s|min|h|)")
+_RANGE = re.compile(r"(\d{1,4})(?:-(\d{1,4}))?")
+
+
+def recording_choice(
+    columns: str | None, effort: Effort, between: tuple[str, str] | None, joints: str | None
+) -> RecordingChoice:
+    """The options as one choice.
+
+    Raises:
+        BadParameter: a time or a joint that is none.
+        RecordingError: columns that cannot be understood.
+    """
+    from armload_controller.config.robot_recordings import RecordingChoice
+    from armload_identification.recording.csv_columns import parse_columns
+
+    return RecordingChoice(
+        None if columns is None else parse_columns(columns),
+        effort,
+        None if between is None else _between(*between),
+        () if joints is None else _joints(joints),
+    )
+
+
+def _between(begin: str, end: str) -> tuple[float, float]:
+    """Two times in seconds."""
+    times = []
+    for text in (begin, end):
+        match = _DURATION.fullmatch(text.strip())
+        if match is None:
+            raise typer.BadParameter(f"--between: {text!r} is no time; write 10s, 1.5min, 500ms or 2h")
+        times.append(float(match[1]) * _SECONDS[match[2]])
+    if times[1] <= times[0]:
+        raise typer.BadParameter(f"--between: {begin} is not before {end}")
+    return times[0], times[1]
+
+
+def _joints(text: str) -> tuple[int, ...]:
+    """Columns from 0 of joints that are counted from 1."""
+    chosen: list[int] = []
+    for part in text.split(","):
+        match = _RANGE.fullmatch(part.strip())
+        first = int(match[1]) if match else 0
+        last = int(match[2] or match[1]) if match else 0
+        if not 1 <= first <= last:
+            raise typer.BadParameter(f"--joints: {part!r} is no joint and no range; write 1-5 or 1,2,4")
+        chosen += range(first - 1, last)
+    if len(set(chosen)) < len(chosen):
+        raise typer.BadParameter(f"--joints: {text!r} names a joint twice")
+    return tuple(chosen)

@@ -1,0 +1,57 @@
+"""Whether a motion repeats itself, and after which time."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+
+_ALIKE: Final = 0.998
+"""Normalised square difference function (1 is equal) from which a motion counts as repeated."""
+_MOST_SAMPLES: Final = 2**15
+_MOVES_RAD: Final = 0.01
+
+
+def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | None:
+    """Shortest time after which a motion is the same again, seen at least twice.
+
+        r(T) = 2 sum q(t) q(t + T) / sum (q(t)^2 + q(t + T)^2),    over all joints that move
+
+    Args:
+        elapsed_s: (N,) increasing times.
+        position_rad: (N, n) positions.
+
+    Returns:
+        The period in s; None where the motion does not repeat itself.
+
+    References:
+        McLeod, Wyvill, A smarter way to find pitch, ICMC 2005, equation 8.
+    """
+    samples = min(elapsed_s.size, _MOST_SAMPLES)
+    if samples < 16:
+        return None
+    times = np.linspace(elapsed_s[0], elapsed_s[-1], samples)
+    moving = np.flatnonzero(np.ptp(position_rad, axis=0) > _MOVES_RAD)
+    if not moving.size:
+        return None
+    motion = np.column_stack([np.interp(times, elapsed_s, position_rad[:, joint]) for joint in moving])
+    motion = (motion - motion.mean(axis=0)) / motion.std(axis=0)
+    spectrum = np.fft.rfft(motion, 2 * samples, axis=0)
+    product = np.fft.irfft(np.sum(np.abs(spectrum) ** 2, axis=1), 2 * samples)[:samples]
+    energy = np.concatenate([[0.0], np.cumsum(np.sum(motion**2, axis=1))])
+    lags = np.arange(samples // 2 + 1)
+    both = energy[samples - lags] + energy[samples] - energy[lags]
+    alike = 2.0 * product[lags] / np.maximum(both, 1e-300)
+    apart = np.flatnonzero(alike < 0.5)
+    if not apart.size:
+        return None
+    peaks = np.flatnonzero((alike[1:-1] >= alike[:-2]) & (alike[1:-1] > alike[2:]) & (alike[1:-1] >= _ALIKE)) + 1
+    peaks = peaks[peaks > apart[0]]
+    if not peaks.size:
+        return None
+    lag = int(peaks[0])
+    before, here, after = alike[lag - 1 : lag + 2]
+    shift = 0.5 * (before - after) / (before - 2.0 * here + after)
+    return float((lag + shift) * (times[1] - times[0]))

@@ -1,0 +1,134 @@
+"""`armload recordings show`, and the options of `identify` that choose what is used of a recording."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+DEGREE = np.pi / 180.0
+NAMES = [f"q{j}" for j in range(1, 4)]
+
+
+def write_log(path, load=0.0, *, period_s=3.0, seconds=9.0, effort="tau", hole=(), seed=1):
+    """A log of three joints: a second of standstill, motion, a second of standstill."""
+    time_s = np.delete(0.01 * np.arange(round((seconds + 2.0) * 100)), hole)
+    phase = 2.0 * np.pi / period_s * np.clip(time_s - 1.0, 0.0, seconds)
+    q = np.column_stack([np.sin(phase), 0.5 * np.sin(2 * phase), 0.3 * np.sin(phase + 1.0)])
+    noise = np.random.default_rng(seed).normal(size=q.shape)
+    columns = [time_s, *q.T, *(20.0 + load + 5.0 * q + 0.1 * noise).T]
+    header = ["t", *NAMES, *(f"{effort}{j}" for j in range(1, 4))]
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(header), comments="")
+    return path
+
+
+def shown(armload, *words):
+    result = armload("recordings", "show", *map(str, words))
+    assert result.exit_code == 0, (result.output, result.exception)
+    return result.stdout
+
+
+def document(armload, *words):
+    return json.loads(shown(armload, *words, "--json"))
+
+
+def test_a_log_is_described(armload, tmp_path):
+    path = write_log(tmp_path / "log.csv", hole=np.r_[500:508])
+    text = shown(armload, path)
+    for fact in (
+        r"format +csv",
+        r"rows +1092",
+        r"time +10\.99 s, 100 rows per second, 1 hole, the longest 0\.09 s",
+        r"joints +3, not named",
+        r"effort +joint torque",
+        r"motion +from (0\.9|1)\S* to (10|9\.9)\S* s, \d whole periods of [23]\.\d+ s, found in the motion",
+        r"1 .* -1\.000 to 1\.000",
+        "there must be a second run of the same motion",
+    ):
+        assert re.search(fact, text), (fact, text)
+    (facts,) = document(armload, path)["recordings"]
+    assert facts["period_s"] == pytest.approx(3.0, rel=0.01)
+    assert facts["periods"] == 3
+    assert facts["joints"][0]["position_rad"] == pytest.approx([-1.0, 1.0], abs=1e-3)
+    assert facts["missing"] == []
+
+
+def test_what_is_missing_is_said(armload, tmp_path):
+    path = write_log(tmp_path / "log.csv", effort="x")
+    (facts,) = document(armload, path)["recordings"]
+    assert facts["effort"] is None
+    assert "joint torque or motor current" in facts["missing"][0]
+    assert "not enough to identify" in shown(armload, path)
+    still = document(armload, write_log(tmp_path / "still.csv", seconds=0.0))["recordings"][0]
+    assert (still["moving_s"], still["period_s"]) == (None, None)
+    assert any("no joint moves" in sentence for sentence in still["missing"])
+
+
+def test_two_runs_are_a_pair_or_it_is_said_why_not(armload, tmp_path):
+    one, two = write_log(tmp_path / "a.csv"), write_log(tmp_path / "b.csv", load=3.0, seed=2)
+    other = write_log(tmp_path / "c.csv", period_s=4.3, seed=3)
+    assert document(armload, one, two)["pair"] == {"fits": True, "problem": None}
+    assert "identify takes them as a pair" in shown(armload, one, two)
+    refused = document(armload, one, other)["pair"]
+    assert not refused["fits"]
+    assert "not of the same trajectory" in refused["problem"]
+
+
+def test_a_part_and_some_joints_can_be_chosen(armload, tmp_path):
+    path = write_log(tmp_path / "log.csv")
+    (facts,) = document(armload, path, "--between", "2s", "0.1min", "--joints", "3,1")["recordings"]
+    assert facts["duration_s"] == pytest.approx(4.0, abs=0.02)
+    assert [joint["position_rad"][1] for joint in facts["joints"]] == pytest.approx([0.3, 1.0], abs=0.01)
+    mapped = document(armload, path, "--columns", "time=0 position=2-3 torque=5-6")["recordings"][0]
+    assert len(mapped["joints"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--between", "5s", "2s"], "5s is not before 2s"),
+        (["--between", "soon", "2s"], "'soon' is no time"),
+        (["--joints", "0-2"], "'0-2' is no joint"),
+        (["--joints", "1,1"], "names a joint twice"),
+    ],
+)
+def test_options_that_make_no_sense_are_wrong_usage(armload, tmp_path, words, said):
+    result = armload("recordings", "show", str(write_log(tmp_path / "log.csv")), *words)
+    assert result.exit_code == 2
+    assert said in " ".join(re.sub("[│\n]", " ", result.output).split())
+
+
+def test_joints_that_are_not_there_are_named(armload, tmp_path):
+    result = armload("recordings", "show", str(write_log(tmp_path / "log.csv")), "--joints", "2-4")
+    assert "no joint 4, the recording has 3" in str(result.exception)
+
+
+def test_identify_uses_the_part_and_the_joints_that_it_is_told_to(armload, recorded_er50, tmp_path):
+    """The runs of er50 as tables with a gripper's column in between, and garbage at both ends."""
+    from armload_identification.recording.file_reading import read_recording
+
+    today = recorded_er50 / "runs" / "today"
+    paths = []
+    for load in ("loaded", "unloaded"):
+        run = read_recording(today / f"{load}_identification.mcap")
+        inside = np.isfinite(run.phase_s)
+        finger = np.zeros((np.count_nonzero(inside), 1))
+        q, i = (np.hstack([finger, values[inside]]) for values in (run.position_rad, run.current_a))
+        table = np.column_stack([run.time_s[inside], q, i])
+        junk = table[:200].copy()
+        junk[:, 0] = table[0, 0] - 20.0 + 0.05 * np.arange(200)
+        path = tmp_path / f"{load}.csv"
+        header = ["t", *(f"q{j}" for j in range(7)), *(f"i{j}" for j in range(7))]
+        np.savetxt(path, np.vstack([junk, table]), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
+        paths.append(str(path))
+    words = ["identify", "er50", "--loaded", paths[0], "--unloaded", paths[1], "--json"]
+    result = armload(*words, "--joints", "2-7", "--between", "20s", "1h")
+    assert result.exit_code == 0, (result.output, result.exception)
+    mass_kg = json.loads(result.stdout)["payload"]["model"]["mass_kg"]
+    known = armload(
+        "identify", "er50", *(f"--{k}={today / f'{k}_identification.mcap'}" for k in ("loaded", "unloaded")), "--json"
+    )
+    assert mass_kg == pytest.approx(json.loads(known.stdout)["payload"]["model"]["mass_kg"], rel=0.02)
+    assert armload(*words).exit_code != 0
