@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -32,7 +33,7 @@ from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.model.regressor import PARAMETERS
-from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
+from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.sanity import check_run
 
@@ -155,7 +156,11 @@ class _Calibration:
         self._done = 0
         self._used: list[MountedRun] = []
         self._signals: list[RunSignals] = []
-        for run in runs:
+        names = _distinct([run.recording.source.path for run in runs])
+        # Copies: a run that is given twice is two runs.
+        given = [replace(run) for run in runs]
+        self._names = {id(run): name for run, name in zip(given, names, strict=True)}
+        for run in given:
             self._read(run)
             self._advance()
         self._refuse_other_effort()
@@ -189,7 +194,11 @@ class _Calibration:
         return replace(found, warnings=(*found.warnings, *self._motion_warnings(found)))
 
     def _hashes(self) -> dict[str, str]:
-        return hashes_by_name([run.recording.source for run in self._used])
+        return {self._name(run): run.recording.source.sha256 for run in self._used}
+
+    def _name(self, run: MountedRun) -> str:
+        """File name, with as many folders in front as tell it from those of the other runs."""
+        return self._names[id(run)]
 
     def _advance(self, count: int = 1) -> None:
         self._done += count
@@ -197,7 +206,7 @@ class _Calibration:
 
     def _read(self, run: MountedRun) -> None:
         """Take a run, or name why it cannot be taken."""
-        name = run.recording.source.path.name
+        name = self._name(run)
         try:
             check_joints(run.recording, self._chain.n)
             check_run(run.recording, self._transmission)
@@ -215,7 +224,7 @@ class _Calibration:
             if torque[index] is not keep:
                 kept, other = ("torque", "current") if keep else ("current", "torque")
                 reason = f"it holds {other}, most runs hold {kept}; calibrate the two apart"
-                self._left_out.append((self._used[index].recording.source.path.name, reason))
+                self._left_out.append((self._name(self._used[index]), reason))
                 del self._used[index], self._signals[index]
 
     def _rows_of(self, signals: RunSignals, mounting: str, chain: Chain, spacing: int = 1) -> ArmRows:
@@ -298,7 +307,7 @@ class _Calibration:
         arm = ArmKnowledge(fit, self._chain, self._transmission.coupling, self._base, self._peak)
         said = self._weighed.get(run.mounting)
         reason = explain(arm, signals, run.mounting, None if said is None else said.mass_kg)
-        self._left_out.append((run.recording.source.path.name, f"it contradicts the other runs: {reason}"))
+        self._left_out.append((self._name(run), f"it contradicts the other runs: {reason}"))
 
     def _mass_warnings(self, fit: ArmFit) -> list[str]:
         """Weighed masses that everything else contradicts."""
@@ -330,7 +339,7 @@ class _Calibration:
             joint = int(np.argmax(far))
             if far[joint] > _FAR:
                 warnings.append(
-                    f"{used.recording.source.path.name}: the friction of joint {joint + 1} lies {far[joint]:.0f} "
+                    f"{self._name(used)}: the friction of joint {joint + 1} lies {far[joint]:.0f} "
                     "standard deviations from that of the other runs: a cold gear, or another gain on that day."
                 )
         return warnings
@@ -430,3 +439,13 @@ class _Calibration:
                 "nominal gains'. Add a run with a weighed payload and its mass_kg."
             )
         return warnings
+
+
+def _distinct(paths: Sequence[Path]) -> list[str]:
+    """Names of files with as many folders in front as tell them apart; what is given twice is numbered."""
+    deepest = max((len(path.parts) for path in paths), default=1)
+    for depth in range(1, deepest + 1):
+        names = ["/".join(path.parts[-depth:]) for path in paths]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{path.name} ({number})" for number, path in enumerate(paths, 1)]

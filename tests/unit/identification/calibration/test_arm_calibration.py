@@ -339,6 +339,22 @@ def test_runs_that_cannot_be_used_are_named_and_left_out(runs, weighed, pinocchi
         calibrated([short, five], weighed, pinocchio_arm, nominal)
 
 
+def test_runs_of_one_name_are_told_apart(runs, weighed, pinocchio_arm, nominal):
+    """By their folders; what is given twice is numbered."""
+    short = runs[0].recording.rows(np.arange(len(runs[0].recording.time_s)) < 150)
+    two = [replace(runs[0], recording=in_folder(run, name)) for name, run in (("a", runs[0].recording), ("b", short))]
+    found = calibrated([*two, *runs[1:]], weighed, pinocchio_arm, nominal)
+    assert [name for name, _ in found.left_out] == ["b/empty3.mcap"]
+    assert found.runs[0].name == "a/empty3.mcap"
+    twice = calibrated([*runs, runs[1]], weighed, pinocchio_arm, nominal)
+    assert [run.name for run in twice.runs][-1] == "weighed3.mcap (7)"
+    assert len(twice.provenance.recordings_sha256) == 7
+
+
+def in_folder(run, name):
+    return replace(run, source=replace(run.source, path=run.source.path.parent / name / "empty3.mcap"))
+
+
 def test_progress_ends_where_it_said(runs, weighed, pinocchio_arm, nominal):
     steps = []
     calibrated(runs, weighed, pinocchio_arm, nominal, progress=lambda done, total: steps.append((done, total)))
