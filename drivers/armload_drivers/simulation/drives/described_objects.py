@@ -59,6 +59,7 @@ _WITHOUT = {
 _NAMELESS_CURRENT_MA = 1000
 """6075 of a motor whose rated current nobody gives."""
 
+_PDO_PARAMETERS = range(0x1400, 0x1C00)
 _MOST_PDOS = 512
 
 
@@ -76,11 +77,11 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
         node_id: Node id of the drive.
 
     Raises:
-        DescriptionError: an object cannot hold what a drive measures.
+        DescriptionError: an object of the standard is no integer as it should be, or has too few bits.
     """
     known = dictionary.entries
-    for key in _OWN & known.keys() & described.objects.keys():
-        _require_room(described, described.objects[key], known[key])
+    for key, found in described.objects.items():
+        _require_number(described, found, known.get(key))
     dictionary.entries = {key: _entry(found) for key, found in described.objects.items()}
     for key, found in described.objects.items():
         _take_value(dictionary, key, found, node_id, own=key in _OWN and key in known)
@@ -104,13 +105,16 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
     dictionary.complete = True
 
 
-def _require_room(described: DeviceDescription, found: DescribedObject, known: Entry) -> None:
-    """Refuse an object that cannot hold what a drive measures or is told."""
-    if found.bits is None or found.bits < known.type.bits:
+def _require_number(described: DeviceDescription, found: DescribedObject, known: Entry | None) -> None:
+    """Refuse an object of the standard that is no integer as it should be, or cannot hold what a drive measures."""
+    is_parameter = found.index in _PDO_PARAMETERS
+    if not is_parameter and (known is None or known.type is DataType.STRING or known.type.is_real):
+        return
+    least_bits = known.type.bits if known is not None and known.key in _OWN else 1
+    if found.bits is None or found.bits < least_bits:
         title = f"{found.index:04X}" + (f"sub{found.subindex}" if found.subindex else "")
-        raise DescriptionError(
-            described.source, title, "DataType", f"a simulated drive needs {known.type.bits} bits for its {known.name}"
-        )
+        what = f"an integer of {least_bits} bits at least" if least_bits > 1 else "an integer"
+        raise DescriptionError(described.source, title, "DataType", f"expected {what}: {found.name or 'no name'}")
 
 
 def _entry(found: DescribedObject) -> Entry:

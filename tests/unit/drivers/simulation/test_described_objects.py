@@ -115,9 +115,7 @@ def test_a_pdo_that_maps_what_the_drive_lacks_is_none(virtual_arm):
 
 def test_an_object_that_cannot_hold_what_a_drive_measures_is_refused(virtual_arm):
     described = parse_description(eds(maker_drive(changes={"6064": {"DataType": "3"}})).encode(), "maker.eds")
-    with pytest.raises(
-        DescriptionError, match=r"maker.eds: \[6064\] DataType: .* 32 bits for its position actual value"
-    ):
+    with pytest.raises(DescriptionError, match=r"maker.eds: \[6064\] DataType: expected an integer of 32 bits"):
         virtual_arm(traits={3: DriveTraits(description=described)})
 
 
@@ -134,11 +132,11 @@ CHANGE = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(changes=st.dictionaries(st.sampled_from(sorted(maker_drive())), CHANGE, max_size=12))
 def test_a_drive_of_any_description_is_brought_up_or_refused(virtual_arm, changes):
-    described = parse_description(eds(maker_drive(changes=changes)).encode(), "maker.eds")
     try:
+        described = parse_description(eds(maker_drive(changes=changes)).encode(), "maker.eds")
         arm = virtual_arm(traits={3: DriveTraits(description=described)})
     except DescriptionError:
         return
