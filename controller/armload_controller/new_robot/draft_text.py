@@ -14,8 +14,8 @@ import numpy as np
 
 from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_controller.new_robot.drive_drafts import BusDraft, DriveDraft
+from armload_controller.new_robot.twin_draft import body_lines, twin_bus, twin_drive, twin_simulation
 from armload_controller.new_robot.workspace_draft import BARE_RADIUS_M, KEEP_M, WorkspaceDraft
-from armload_core.arrays import FloatArray
 from armload_identification.excitation.workspace import Sphere
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.toml_text import array, inline, number, text
@@ -101,6 +101,8 @@ def draft_file(
     urdf: str | None,
     bus: BusDraft | None,
     excitations: tuple[str, str] | None = None,
+    *,
+    twin: bool = False,
 ) -> DraftedFile:
     """The file of an arm.
 
@@ -111,6 +113,7 @@ def draft_file(
         urdf: The URDF as the file names it, where its meshes are checked.
         bus: Its drives; None leaves a template.
         excitations: The files of identification and validation.
+        twin: Simulated drives and a simulated arm, in place of `bus`; for links and a payload that are known.
     """
     file = DraftedFile()
     file.add(
@@ -130,9 +133,17 @@ def draft_file(
         file.add(
             "[excitation]", *(f"{role} = {text(name)}" for role, name in zip(_ROLES, excitations, strict=True)), ""
         )
-    _bus(file, bus)
+    _bus(file, arm.name, bus, twin=twin)
     for joint in range(arm.n):
-        _joint(file, arm, joint, whole is not None, None if bus is None else bus.drives[joint], bus)
+        _joint(file, arm, joint, has_body=whole is not None)
+        if twin:
+            file.add(*twin_drive(arm, joint), "")
+        else:
+            _drive(file, joint, None if bus is None else bus.drives[joint], bus)
+    if twin and whole is not None and payload_kg is not None:
+        start, friction = workspace.clear_rad.mean(axis=0), [_coulomb(arm, joint)[0] for joint in range(arm.n)]
+        acceleration = arm.velocity_max_rad_s / FULL_SPEED_AFTER_S
+        file.add(*twin_simulation(arm, whole, cube(payload_kg), start, friction, acceleration))
     return file
 
 
@@ -170,9 +181,7 @@ def _payload(file: DraftedFile, payload_kg: float | None) -> None:
         "# The payload that excitations are designed for and must be safe with. Another one that is heavier goes into",
         "# [heaviest_payload], with the same keys.",
         "[expected_payload]",
-        f"mass_kg = {number(payload_kg)}",
-        f"center_of_mass_m = {array(np.round(body.center_of_mass_m, 4))}  # assumed: a cube in front of the flange",
-        f"inertia_kg_m2 = {_tensor(np.round(body.inertia_about_com, 9))}  # assumed",
+        *(f"{line}  # assumed" if "mass_kg" not in line else line for line in body_lines(body)),
         "",
     )
     file.unchecked.append(f"payload: the lever of {payload_kg:g} kg, a cube in front of the flange")
@@ -238,17 +247,13 @@ def _body(file: DraftedFile, arm: ArmDraft, links: Sequence[InertialParameters])
     file.add("# The arm itself, for the torque that a motion takes.")
     assumed = set()
     for joint, link in enumerate(links):
-        coulomb, comment = arm.coulomb_nm[joint], ""
-        if not 0.0 < coulomb < _WORST_FRICTION * np.nan_to_num(arm.torque_max_nm[joint], nan=np.inf):
-            coulomb = round(FRICTION_SHARE * np.nan_to_num(arm.torque_max_nm[joint], nan=0.0), 6)
-            comment = f"  # assumed: {FRICTION_SHARE:.0%} of the greatest torque"
+        coulomb, comment = _coulomb(arm, joint)
+        if comment:
             assumed.add("friction")
         viscous = np.nan_to_num(arm.viscous_nm_s_rad[joint], nan=0.0)
         file.add(
             "[[body.links]]",
-            f"mass_kg = {number(round(link.mass_kg, 6))}",
-            f"center_of_mass_m = {array(np.round(link.center_of_mass_m, 6) + 0.0)}",
-            f"inertia_kg_m2 = {_tensor(np.round(link.inertia_about_com, 9) + 0.0)}",
+            *body_lines(link),
             "reflected_rotor_inertia_kg_m2 = 0.0  # assumed: not known",
             f"coulomb_nm = {number(coulomb)}{comment}",
             f"viscous_nm_s_rad = {number(max(viscous, 0.0))}",
@@ -259,17 +264,30 @@ def _body(file: DraftedFile, arm: ArmDraft, links: Sequence[InertialParameters])
         file.unchecked.append(f"friction: {FRICTION_SHARE:.0%} of a joint's greatest torque where none is given")
 
 
-def _bus(file: DraftedFile, bus: BusDraft | None) -> None:
+def _coulomb(arm: ArmDraft, joint: int) -> tuple[float, str]:
+    """Friction of a joint, and the comment where it is assumed."""
+    given, greatest = float(arm.coulomb_nm[joint]), float(arm.torque_max_nm[joint])
+    if 0.0 < given < _WORST_FRICTION * float(np.nan_to_num(greatest, nan=np.inf)):
+        return given, ""
+    assumed = round(FRICTION_SHARE * float(np.nan_to_num(greatest, nan=0.0)), 6)
+    return assumed, f"  # assumed: {FRICTION_SHARE:.0%} of the greatest torque"
+
+
+def _bus(file: DraftedFile, name: str, bus: BusDraft | None, *, twin: bool) -> None:
+    interface, channel = ("socketcan", "can0") if bus is None else (bus.interface, bus.channel)
+    head = ["[bus]", f"interface = {text(interface)}", f"channel = {text(channel)}"]
     lines = [
-        "[bus]",
-        f"interface = {text('socketcan' if bus is None else bus.interface)}",
-        f"channel = {text('can0' if bus is None else bus.channel)}",
+        *(twin_bus(name) if twin else head),
         f"bitrate = {1_000_000 if bus is None else bus.bitrate}",
         f"cycle_hz = {CYCLE_HZ}  # assumed",
         "heartbeat_s = 0.1  # assumed",
         "max_missing_cycles = 3  # assumed",
     ]
-    if bus is None:
+    if twin:
+        file.unchecked.append(
+            "drives and arm are simulated, with assumed friction, rotors and noise: nothing real moves"
+        )
+    elif bus is None:
         file.add("# To move this arm over CANopen, take away the # in front of [bus] and of every [joints.drive].")
         lines = [f"# {line}" for line in lines]
         file.unchecked.append(
@@ -280,9 +298,7 @@ def _bus(file: DraftedFile, bus: BusDraft | None) -> None:
     file.add(*lines, "")
 
 
-def _joint(
-    file: DraftedFile, arm: ArmDraft, joint: int, has_body: bool, drive: DriveDraft | None, bus: BusDraft | None
-) -> None:
+def _joint(file: DraftedFile, arm: ArmDraft, joint: int, *, has_body: bool) -> None:
     where = f"joints[{joint + 1}]"
     lower, upper = float(arm.position_min_rad[joint]), float(arm.position_max_rad[joint])
     speed, torque = float(arm.velocity_max_rad_s[joint]), float(arm.torque_max_nm[joint])
@@ -308,11 +324,11 @@ def _joint(
         if not has_body:
             file.unchecked.append(f"what the arm itself takes of its joints' torque: {BODY_SHARE:.0%}")
     file.add("")
-    _drive(file, where, joint, drive, bus)
 
 
-def _drive(file: DraftedFile, where: str, joint: int, drive: DriveDraft | None, bus: BusDraft | None) -> None:
+def _drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusDraft | None) -> None:
     """The drive's table, or the template of one in comments."""
+    where = f"joints[{joint + 1}]"
     lines = ["[joints.drive]"]
 
     def add(key: str, value: str | None, comment: str = "") -> None:
@@ -352,9 +368,3 @@ def _drive(file: DraftedFile, where: str, joint: int, drive: DriveDraft | None, 
         numbers = {"vendor_id": known.identity.vendor_id, "product_code": known.identity.product_code}
         lines.append(f"identity = {inline({key: f'0x{value or 0:08X}' for key, value in numbers.items()})}")
     file.add(*(lines if drive is not None else [f"# {line}".replace("# #", "#") for line in lines]), "")
-
-
-def _tensor(inertia: FloatArray) -> str:
-    """TOML of a tensor."""
-    keys = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
-    return inline({key: number(inertia[place]) for key, place in keys.items()})

@@ -38,6 +38,9 @@ def init(
     ] = None,
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of that bus in bit/s.")] = 1_000_000,
     description: Annotated[Path | None, typer.Option("--description", help="EDS or DCF file of the drives.")] = None,
+    simulated: Annotated[
+        bool, typer.Option("--simulated", help="With a simulated twin of the arm, to try a commissioning of it.")
+    ] = False,
     restarts: Annotated[int, typer.Option(min=1, help="Random starts of each excitation's design.")] = 8,
 ) -> None:
     """Write a first robot file, complete but for what nothing can know, and design its two excitations."""
@@ -56,6 +59,8 @@ def init(
         payload_kg = _asked_payload(screen)
     arm, workspace, meshes = _arm(screen, urdf, base, flange, payload_kg, output)
     arm = named(arm, name)
+    if simulated:
+        _require_twin(arm, payload_kg, scan is not None or description is not None)
     bus = _bus(arm.n, scan, bitrate, description, output)
     drafted = draft_file(arm, payload_kg, workspace, meshes, None)
     excitations = None
@@ -64,11 +69,35 @@ def init(
     else:
         narrow = draft_file(within(arm, workspace.clear_rad), payload_kg, workspace, meshes, None)
         excitations = _designed(screen, output, narrow.text, restarts)
-    drafted = draft_file(arm, payload_kg, workspace, meshes, bus, excitations)
+    drafted = draft_file(arm, payload_kg, workspace, meshes, bus, excitations, twin=simulated)
     _write(output, drafted.text)
     screen.step(f"written: {output}")
     _show_open_points(screen, drafted)
+    if simulated and excitations is not None:
+        screen.step(f"next: `armload commission {output} --output runs/{output.stem}`")
+        return
     screen.step(_next_step(output, drafted, has_bus=bus is not None, designed=excitations is not None))
+
+
+def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> None:
+    """Refuse a twin of what is not known.
+
+    Raises:
+        ConfigurationError: real drives are given as well, no payload, or a URDF without masses or greatest torques.
+    """
+    from math import isnan
+
+    from armload_controller.control_errors import ConfigurationError
+
+    if has_drives:
+        raise ConfigurationError("command line", "--simulated", None, "without --scan and --description")
+    if payload_kg is None:
+        raise ConfigurationError("command line", "--payload-kg", None, "needed for what the simulated arm carries")
+    limits = (*arm.torque_max_nm, *arm.velocity_max_rad_s)
+    if None in arm.links or any(isnan(value) for value in limits):
+        raise ConfigurationError(
+            "command line", "--simulated", None, "only for a URDF with mass, effort and velocity of every joint"
+        )
 
 
 def _asked_payload(screen: Screen) -> float | None:

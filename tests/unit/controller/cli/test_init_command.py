@@ -34,17 +34,18 @@ def urdf(tmp_path):
 
 def test_a_urdf_becomes_a_robot_with_two_excitations(armload, urdf, tmp_path):
     out = tmp_path / "new" / "four.toml"
-    result = armload("init", urdf(), "--payload-kg", "1.5", "--restarts", "1", "--output", out)
+    result = armload("init", urdf(), "--payload-kg", "1.5", "--simulated", "--restarts", "1", "--output", out)
     assert result.exit_code == 0, result.output
     robot = load_robot(str(out))
+    assert robot.simulation.payload("cube").mass_kg == 1.5
     assert set(robot.excitations) == {"identification", "validation"}
     trajectories = [excitation.trajectory for excitation in robot.excitations.values()]
     assert not np.allclose(trajectories[0].sin_rad, trajectories[1].sin_rad)
     assert "assumed, to be checked:" in result.output
     assert "gravity" in result.output
+    assert "armload commission" in result.output
     checked = armload("drives", "check", out)
-    assert isinstance(checked.exception, ConfigurationError)
-    assert "bus" in str(checked.exception)
+    assert checked.exit_code == 0, checked.output
 
 
 def test_holes_are_listed_and_no_excitation_is_designed(armload, urdf, tmp_path):
@@ -54,6 +55,14 @@ def test_holes_are_listed_and_no_excitation_is_designed(armload, urdf, tmp_path)
     assert "joints[4].torque_max_nm" in result.output
     assert "no excitation is designed" in result.output
     assert sorted(file.name for file in tmp_path.iterdir()) == ["arm.urdf", "four.toml"]
+    checked = armload("drives", "check", out)
+    assert isinstance(checked.exception, ConfigurationError)
+    assert "joints[1].velocity_max_rad_s is 'FILL IN'" in str(checked.exception)
+    twin = armload("init", urdf(), "--simulated", "--output", tmp_path / "twin.toml")
+    assert "--payload-kg is missing: needed for what the simulated arm carries" in str(twin.exception)
+    weak = urdf('<limit lower="-1" upper="1"/>')
+    twin = armload("init", weak, "--payload-kg", "1", "--simulated", "--output", tmp_path / "twin.toml")
+    assert "only for a URDF with mass, effort and velocity" in str(twin.exception)
 
 
 def test_nothing_is_replaced_and_nothing_asked_without_a_terminal(armload, urdf, tmp_path):

@@ -1,17 +1,16 @@
-"""`--urdf`: recordings of an arm that has a URDF and no file of armload's; the torque is Pinocchio's."""
+"""`--urdf`: ROS 2 bags of an arm that has a URDF and no file of armload's; the torque is Pinocchio's."""
 
-import json
 import re
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
-from armload_controller.cycle.run_recorder import Recorder
-from armload_controller.motion.phase import Segment
-from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.files.payload_file import read_payload
 from tests.urdf_simulation import PinocchioArm
 
+START_NS = 1_700_000_000_000_000_000
 NAMES = [f"j{i}" for i in range(1, 7)]
 MASS_KG, CENTER_M = 1.5, [0.03, -0.02, 0.06]
 
@@ -43,36 +42,44 @@ URDF = (
 )
 
 
-def record(path, run, load, names, columns, current=False):
-    """A recording with the joints in another order, and a finger."""
-    n = len(names)
-    description = {"armload_version": "0", "robot": "somebody's", "load": load, "joints": list(names)}
-    statusword, missing = np.full(n, 0x0637, dtype=np.uint16), np.zeros(n, dtype=bool)
-    still = np.zeros(n)
-    with Recorder(path, {"run.json": json.dumps(description)}) as recorder:
+def record(path, run, names, columns, plugin):
+    """A bag of JointState with the joints in another order, and a finger."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    state, head, stamp = (
+        store.types[f"{package}/msg/{name}"]
+        for package, name in (
+            ("sensor_msgs", "JointState"),
+            ("std_msgs", "Header"),
+            ("builtin_interfaces", "Time"),
+        )
+    )
+    with Writer(path, version=8, storage_plugin=plugin) as writer:
+        connection = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
         for k, time_s in enumerate(run.time_s):
+            when_ns = START_NS + round(1e9 * time_s)
             position, effort = (np.append(values[k], 0.0)[columns] for values in (run.position_rad, run.torque_nm))
-            measured = (effort, None) if current else (None, effort)
-            feedback = JointFeedback(k, time_s, position, None, *measured, statusword, missing)
-            recorder.write(feedback, JointCommand(position, still, still), Segment.PERIODS, None)
+            header = head(stamp(when_ns // 10**9, when_ns % 10**9), "")
+            message = state(header, list(names), position, np.zeros(0), effort)
+            writer.write(connection, when_ns, store.serialize_cdr(message, state.__msgtype__))
 
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
-    """A URDF and two recordings of it."""
+    """A URDF and two bags of it, one in each storage format."""
     folder = tmp_path_factory.mktemp("urdf")
     (folder / "six.urdf").write_text(URDF)
     arm = PinocchioArm(folder / "six.urdf", NAMES, "base", "tool0")
     lower, upper, speed = np.full(6, -2.5), np.full(6, 2.5), np.full(6, 2.0)
     runs = arm.runs(lower, upper, speed, MASS_KG, CENTER_M, 0.002 * np.eye(3), seed=1)
     columns = [6, 2, 0, 5, 1, 4, 3]
-    for load, run in zip(("loaded", "unloaded"), runs, strict=True):
-        record(folder / f"{load}.mcap", run, load, [[*NAMES, "finger"][i] for i in columns], columns)
+    names = [[*NAMES, "finger"][i] for i in columns]
+    for load, run, plugin in zip(("loaded", "unloaded"), runs, StoragePlugin, strict=True):
+        record(folder / load, run, names, columns, plugin)
     return folder
 
 
 def pair(desk):
-    return "--loaded", desk / "loaded.mcap", "--unloaded", desk / "unloaded.mcap"
+    return "--loaded", desk / "loaded", "--unloaded", desk / "unloaded"
 
 
 def test_a_payload_is_found_with_joints_by_name(armload, desk):

@@ -1,0 +1,113 @@
+"""A simulated twin of a new arm: drives on the virtual bus, and a `[simulation]` of its links with assumed friction.
+
+Its numbers are assumed, but for the links; it shows what a commissioning of the arm is like, not what the arm is like.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from armload_controller.new_robot.arm_draft import ArmDraft
+from armload_core.arrays import FloatArray
+from armload_identification.model.payload import InertialParameters
+from armload_identification.storage.toml_text import array, inline, number, text
+
+COUNTS_PER_TURN: Final = 2**20
+PEAK_OF_RATED: Final = 3
+"""Greatest torque over the rated one."""
+ROTOR_SHARE: Final = 0.05
+"""Of a joint's greatest torque, what its rotor takes at the greatest acceleration."""
+LOAD_FRICTION: Final = 0.05
+
+
+def twin_bus(name: str) -> list[str]:
+    """Lines of `[bus]`: a bus within the process, at the cycle of the drives' template.
+
+    Args:
+        name: Of the robot.
+    """
+    return ["[bus]", 'interface = "virtual"  # nothing real', f"channel = {text(f'armload-{name}')}"]
+
+
+def twin_drive(arm: ArmDraft, joint: int) -> list[str]:
+    """Lines of `[joints.drive]`.
+
+    Args:
+        arm: The arm.
+        joint: Counted from 0.
+    """
+    return [
+        "[joints.drive]  # simulated",
+        f"node_id = {joint + 1}",
+        'mode = "csp"',
+        'feedback = "torque"',
+        f"counts_per_axis_turn = {COUNTS_PER_TURN}",
+        f"rated_torque_nm = {number(arm.torque_max_nm[joint] / PEAK_OF_RATED)}",
+        f"max_torque_permille = {1000 * PEAK_OF_RATED}",
+        "following_error_rad = 0.2",
+        "following_lag_s = 0.05",
+        "has_brake = true",
+    ]
+
+
+def twin_simulation(
+    arm: ArmDraft,
+    links: Sequence[InertialParameters],
+    payload: InertialParameters,
+    start_rad: FloatArray,
+    friction_nm: Sequence[float],
+    acceleration_rad_s2: FloatArray,
+) -> list[str]:
+    """Lines of `[simulation]`.
+
+    Args:
+        arm: The arm.
+        links: What turns with each joint.
+        payload: What hangs on the flange.
+        start_rad: (n,) where it stands.
+        friction_nm: Coulomb friction of each joint.
+        acceleration_rad_s2: (n,) greatest acceleration.
+    """
+    lines = [
+        "# The simulated arm: the truth, which the identification has to find and never reads. The links are the",
+        "# URDF's, all else is assumed.",
+        "[simulation]",
+        "seed = 1",
+        'payload = "cube"',
+        f"start_position_rad = {array(np.round(start_rad, 4) + 0.0)}",
+        "",
+        "[simulation.payloads.cube]",
+        *body_lines(payload),
+        "",
+    ]
+    for joint, link in enumerate(links):
+        rotor = ROTOR_SHARE * arm.torque_max_nm[joint] / acceleration_rad_s2[joint]
+        viscous = max(float(np.nan_to_num(arm.viscous_nm_s_rad[joint], nan=0.0)), 0.0)
+        lines += [
+            "[[simulation.joints]]",
+            f"link = {{ {', '.join(body_lines(link))} }}",
+            f"reflected_rotor_inertia_kg_m2 = {number(round(rotor, 6))}",
+            f"coulomb_nm = {number(friction_nm[joint])}",
+            f"viscous_nm_s_rad = {number(viscous)}",
+            f"stribeck_nm = {number(round(0.2 * friction_nm[joint], 6))}",
+            "stribeck_velocity_rad_s = 0.02",
+            f"load_friction = {LOAD_FRICTION}",
+            "torque_ripple_nm = 0.0",
+            "ripple_per_motor_turn = 2",
+            "",
+        ]
+    return lines
+
+
+def body_lines(body: InertialParameters) -> list[str]:
+    """Keys of a rigid body: mass, centre of mass, inertia about it."""
+    inertia = np.round(body.inertia_about_com, 9) + 0.0
+    keys = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+    return [
+        f"mass_kg = {number(round(body.mass_kg, 6))}",
+        f"center_of_mass_m = {array(np.round(body.center_of_mass_m, 6) + 0.0)}",
+        f"inertia_kg_m2 = {inline({key: number(inertia[place]) for key, place in keys.items()})}",
+    ]
