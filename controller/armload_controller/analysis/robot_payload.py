@@ -13,6 +13,7 @@ from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_us
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_recordings import read_of
+from armload_controller.feedforward.payload_use import another_arms
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import read_payload
@@ -107,7 +108,14 @@ def identify(
     identification = payload_identification.identify(
         run, empty, used.chain, used.transmission, estimator=estimator, known=known, arm=used.known
     )
-    payload = payload_result(identification, version("armload"), arm.sha256, used.calibration_sha256)
+    payload = payload_result(
+        identification,
+        version("armload"),
+        arm.sha256,
+        used.calibration_sha256,
+        robot=arm.name,
+        kinematics_sha256=arm.chain.kinematics_sha256,
+    )
     if used.calibration is not None:
         name = next(iter(used.calibration_sha256))
         taken = (
@@ -187,7 +195,7 @@ def validate(
         'Right within the tolerance'
     """
     arm = _robot(robot)
-    findings = Findings(arm, _payload(payload), ReportContent(), version("armload"))
+    findings = Findings(arm, _payload(payload, arm), ReportContent(), version("armload"))
     return _validated(findings, arm, arm_in_use(arm, calibration), (loaded, unloaded), tolerance)
 
 
@@ -216,7 +224,7 @@ def findings_from_files(
     """
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
-    result = _payload(payload)
+    result = _payload(payload, arm)
     content = ReportContent()
     if fitted is not None:
         loaded, unloaded = (_run(arm, run) for run in fitted)
@@ -247,9 +255,13 @@ def _run(arm: MeasuredArm, run: Recording | FilePath) -> Recording:
     return arm.own(run) if isinstance(run, Recording) else read_of(arm, Path(run))
 
 
-def _payload(payload: PayloadResult | FilePath) -> PayloadResult:
-    """A payload in the flange frame."""
+def _payload(payload: PayloadResult | FilePath, arm: MeasuredArm) -> PayloadResult:
+    """A payload of an arm, in the flange frame."""
     result = payload if isinstance(payload, PayloadResult) else read_payload(Path(payload))
+    problem = another_arms(result, arm.chain, arm.name)
+    if problem is not None:
+        source = "payload" if isinstance(payload, PayloadResult) else str(payload)
+        raise PayloadFileError(source, "provenance.robot", result.provenance.robot, problem)
     if result.frame != FLANGE:
         raise PayloadFileError(
             "payload" if isinstance(payload, PayloadResult) else str(payload),

@@ -7,6 +7,25 @@ from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGI
 from armload_identification.pipeline.payload_identification import FLANGE
 
 
+def another_arms(payload: PayloadResult, chain: Chain, robot: str) -> str | None:
+    """Why a payload is not one of this arm, as far as its file says; None where nothing speaks against it.
+
+    Args:
+        payload: As it was read.
+        chain: Kinematics of the arm.
+        robot: Name of the arm.
+    """
+    known = payload.provenance
+    if known.robot and known.robot != robot:
+        return f"identified on the robot {known.robot!r}, not on {robot!r}; identify it on this arm, or name the other"
+    if known.kinematics_sha256 and known.kinematics_sha256 != chain.kinematics_sha256:
+        return (
+            f"identified on {robot} with other [kinematics] than its file has now: the flange may be elsewhere; "
+            "identify it again"
+        )
+    return None
+
+
 def why_not_usable(payload: PayloadResult, chain: Chain, robot: str, use: str) -> str | None:
     """Why a payload must not be given to a controller, with what to do about it; None where it may.
 
@@ -34,6 +53,9 @@ def why_not_usable(payload: PayloadResult, chain: Chain, robot: str, use: str) -
             f"identified on {len(payload.residual_rms_nm)} joints, but {robot} has {chain.n}; "
             "give --robot the arm that the payload was identified on"
         )
+    other = another_arms(payload, chain, robot)
+    if other is not None:
+        return other
     if payload.model.margin < SMALLEST_MARGIN:
         return (
             f"no body has these parameters: margin {payload.model.margin:.3g}, at least {SMALLEST_MARGIN:g} is "

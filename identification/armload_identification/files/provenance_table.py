@@ -15,6 +15,8 @@ class ProvenanceTable(Table):
     """What a result was made from."""
 
     armload_version: Text
+    robot: Text = ""
+    kinematics_sha256: Text = ""
     configuration_sha256: Text
     calibration_sha256: dict[str, Text] = Field(default={})
     recordings_sha256: dict[str, Text]
@@ -22,7 +24,12 @@ class ProvenanceTable(Table):
     def provenance(self) -> Provenance:
         """As results carry it."""
         return Provenance(
-            self.armload_version, self.configuration_sha256, self.recordings_sha256, self.calibration_sha256
+            self.armload_version,
+            self.configuration_sha256,
+            self.recordings_sha256,
+            self.calibration_sha256,
+            self.robot,
+            self.kinematics_sha256,
         )
 
 
@@ -35,6 +42,11 @@ def provenance_lines(provenance: Provenance) -> list[str]:
     lines = [
         "[provenance]",
         f"armload_version = {toml_text.text(provenance.armload_version)}",
+        *(
+            f"{key} = {toml_text.text(value)}"
+            for key, value in (("robot", provenance.robot), ("kinematics_sha256", provenance.kinematics_sha256))
+            if value
+        ),
         f"configuration_sha256 = {toml_text.text(provenance.configuration_sha256)}",
     ]
     if provenance.calibration_sha256:

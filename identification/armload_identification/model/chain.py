@@ -6,6 +6,7 @@ joint's frame, and q turns it about `axis`. The flange is fixed in the last join
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -72,6 +73,12 @@ class Chain:
     def n(self) -> int:
         """Number of joints."""
         return int(self.placement.shape[0])
+
+    @property
+    def kinematics_sha256(self) -> str:
+        """Hash of where joints and flange are, to a nanometre and a nanoradian; how the base stands does not count."""
+        places = np.concatenate([self.placement.ravel(), self.axis.ravel(), self.flange.ravel()])
+        return hashlib.sha256((np.round(places, 9) + 0.0).astype("<f8").tobytes()).hexdigest()
 
     def turned_back(self, joint: int) -> FloatArray:
         """Orientation of a joint frame in the turned one of `packed`, whose z is the joint's axis.

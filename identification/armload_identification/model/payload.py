@@ -174,12 +174,16 @@ class Provenance:
         configuration_sha256: Hash of the robot's configuration file.
         recordings_sha256: File name and hash of each recording.
         calibration_sha256: File name and hash of the arm's calibration; empty where there was none.
+        robot: Name of the arm; empty where it is not known.
+        kinematics_sha256: Its `Chain.kinematics_sha256`; empty where it is not known.
     """
 
     armload_version: str
     configuration_sha256: str
     recordings_sha256: dict[str, str]
     calibration_sha256: dict[str, str] = field(default_factory=dict)
+    robot: str = ""
+    kinematics_sha256: str = ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -140,6 +140,8 @@ def payload_result(
     configuration_sha256: str,
     calibration_sha256: Mapping[str, str] | None = None,
     frame: str = FLANGE,
+    robot: str = "",
+    kinematics_sha256: str = "",
 ) -> PayloadResult:
     """The content of a payload file.
 
@@ -149,6 +151,8 @@ def payload_result(
         configuration_sha256: Hash of the robot's configuration.
         calibration_sha256: File name and hash of the arm's calibration, where there is one.
         frame: Name of the frame that the chain's flange is.
+        robot: Name of the arm, where it is known.
+        kinematics_sha256: Hash of its kinematics, where it is known.
 
     Returns:
         The content; what is not determined has no interval and no number but in the model.
@@ -167,5 +171,7 @@ def payload_result(
             configuration_sha256=configuration_sha256,
             recordings_sha256=hashes_by_name(result.sources),
             calibration_sha256=dict(calibration_sha256 or {}),
+            robot=robot,
+            kinematics_sha256=kinematics_sha256,
         ),
     )

@@ -73,6 +73,8 @@ def payload_fields(payload: PayloadResult) -> dict[str, Any]:
         "residual_rms_nm": numbers(payload.residual_rms_nm),
         "noise_nm": numbers(payload.noise_nm),
         "feedforward_ready": payload.feedforward_ready,
+        "robot": payload.provenance.robot,
+        "kinematics_sha256": payload.provenance.kinematics_sha256,
         "configuration_sha256": payload.provenance.configuration_sha256,
         "recordings_sha256": dict(payload.provenance.recordings_sha256),
         "calibration_sha256": dict(payload.provenance.calibration_sha256),

@@ -19,7 +19,7 @@ from armload_controller.cli.options import (
 )
 from armload_controller.cli.output.findings_output import ReportOption, ValidationOption, finish, require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
-from armload_controller.cli.output.output_files import require_folder
+from armload_controller.cli.output.output_files import require_folder, require_replaceable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 from armload_controller.cli.output.windows_output import show_windows
 from armload_controller.cli.recording_options import (
@@ -73,6 +73,9 @@ def identify(
     picture: Annotated[
         Path | None, typer.Option(help="Mass over the windows as a picture (.png, .svg) to write, with --every.")
     ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the file of another payload, or another file, at --output.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Identify a payload from a recording with it and one without it, or from any motion of a calibrated arm."""
@@ -109,6 +112,8 @@ def identify(
         known=_known(mass_kg, center_of_mass_m, cad, cad_share),
         estimator=estimator,
     )
+    if output is not None and not force:
+        require_replaceable(output, findings.payload)
     finish(Screen(as_json=as_json), findings, payload=output, report=report, as_json=as_json)
     require_not_wrong(findings)
 

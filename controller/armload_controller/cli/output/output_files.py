@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armload_controller.control_errors import CommissioningError
+
+if TYPE_CHECKING:
+    from armload_identification.model.payload import PayloadResult
 
 
 def require_folder(file: Path) -> None:
@@ -16,6 +20,35 @@ def require_folder(file: Path) -> None:
     if file.is_dir():
         raise CommissioningError(f"{file} is a folder: give the name of a file")
     make_folder(file.parent)
+
+
+def require_replaceable(file: Path, payload: PayloadResult) -> None:
+    """Refuse to write a payload over one that was identified from other recordings.
+
+    Args:
+        file: Where it is to go.
+        payload: What is to be written.
+
+    Raises:
+        CommissioningError: another payload is there, or something that is no payload file.
+    """
+    from armload_identification.files.payload_file import read_payload
+    from armload_identification.identification_errors import PayloadFileError
+
+    if not file.is_file():
+        return
+    try:
+        there = read_payload(file)
+    except PayloadFileError as problem:
+        raise CommissioningError(
+            f"{file} is there already and is no payload file ({problem}): give another --output, or --force"
+        ) from problem
+    if not set(payload.provenance.recordings_sha256.values()) <= set(there.provenance.recordings_sha256.values()):
+        made_from = ", ".join(there.provenance.recordings_sha256) or "recordings that it does not name"
+        raise CommissioningError(
+            f"{file} holds another payload ({there.model.mass_kg:.3f} kg, from {made_from}): give another --output, or "
+            "--force to replace it"
+        )
 
 
 def make_folder(folder: Path) -> None:
