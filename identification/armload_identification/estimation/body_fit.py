@@ -400,7 +400,7 @@ class _System:
         white, robust = np.full(x.size, np.inf), np.full(x.size, np.inf)
         white[used] = self._width[used] * np.sqrt(np.sum(np.linalg.inv(triangle) ** 2, axis=1))
         residual = fit.left * self._weight / fit.noise_nm
-        robust[used] = self._width[used] * coefficient_deviation(everything, residual, triangle)
+        robust[used] = self._width[used] * coefficient_deviation(everything, residual, self._weight, triangle)
         return white, robust
 
     def _noise_of(self, left: FloatArray) -> FloatArray:

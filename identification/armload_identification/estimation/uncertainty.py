@@ -12,6 +12,9 @@ given back bin by bin by its leverage; because a local spectrum rests on few bin
 the freedom of Satterthwaite for each quantity. Systematic error that is alike in every period is in the residual
 and so in the interval, as far as the parameters did not absorb it.
 
+Rows of weight w have their residual where they have their regressor, which no spectrum shows, and so S_j counts
+mean(w^4) / mean(w^2)^2 times: with half of the rows left out, twice.
+
 References:
     Newey, West, Econometrica 55(3), 1987. Bell, McCaffrey, Survey Methodology 28(2), 2002.
     Satterthwaite, Biometrics Bulletin 2(6), 1946.
@@ -166,19 +169,22 @@ def nuisance_deviation(fit: Estimate) -> tuple[FloatArray, FloatArray]:
     return np.sqrt(spectrum.variance(contrast) + known), spectrum.freedom(contrast)
 
 
-def coefficient_deviation(rows: FloatArray, residual: FloatArray, triangle: FloatArray) -> FloatArray:
+def coefficient_deviation(
+    rows: FloatArray, residual: FloatArray, weight: FloatArray, triangle: FloatArray
+) -> FloatArray:
     """Robust standard deviations of all parameters of a least squares fit.
 
     Args:
         rows: (N, n, p) whitened rows, on equidistant samples.
         residual: (N, n) whitened residual.
+        weight: (N, n) factor on every row, as `Estimate.sample_weight`.
         triangle: (p, p) R of a QR factorisation of the rows, a prior's among them.
 
     Returns:
         (p,) standard deviations; the prior's own error is not in them.
     """
     half = np.asarray(np.linalg.inv(triangle), dtype=np.float64)
-    return np.sqrt(ResidualSpectrum(rows @ half, residual).variance(half))
+    return np.sqrt(ResidualSpectrum(rows @ half, residual, weight).variance(half))
 
 
 def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
@@ -220,9 +226,10 @@ class ResidualSpectrum:
     Args:
         basis: (N, n, r) orthonormal columns Q that the fit could use.
         residual: (N, n) whitened residual.
+        weight: (N, n) factor on every row that is in both, as `Estimate.sample_weight`.
     """
 
-    def __init__(self, basis: FloatArray, residual: FloatArray) -> None:
+    def __init__(self, basis: FloatArray, residual: FloatArray, weight: FloatArray) -> None:
         samples = residual.shape[0]
         transformed = np.fft.rfft(basis, axis=0) / np.sqrt(samples)
         leverage = np.sum(np.abs(transformed) ** 2, axis=2)
@@ -237,7 +244,10 @@ class ResidualSpectrum:
             self._twice[-1] = 1.0
         self._window = _window(bins)
         self._free = np.maximum(self._window @ (1.0 - np.minimum(leverage, 1.0)), 1e-12)
-        self._level = (self._window @ power) / self._free
+        square = weight**2
+        gated = np.mean(square**2, axis=0) / np.maximum(np.mean(square, axis=0), 1e-300) ** 2
+        self._level = gated * (self._window @ power) / self._free
+        self._leverage = leverage
         self._expected = self._level * (1.0 - np.minimum(leverage, 1.0))
 
     @classmethod
@@ -248,7 +258,15 @@ class ResidualSpectrum:
             fit: A fit on equidistant samples.
             basis: (p, r) as `determined_basis`.
         """
-        return cls(fit.whitened @ basis, fit.residual_nm * fit.weight_1_nm * fit.sample_weight)
+        residual = fit.residual_nm * fit.weight_1_nm * fit.sample_weight
+        return cls(fit.whitened @ basis, residual, fit.sample_weight)
+
+    def in_band(self) -> FloatArray:
+        """(n,) mean power of each joint where the basis has its own; 1 for white noise of unit deviation."""
+        share = self._leverage * self._twice[:, None]
+        total = share.sum(axis=0)
+        power = np.sum(share * self._level, axis=0)
+        return np.asarray(np.divide(power, total, out=np.ones_like(total), where=total > 0.0))
 
     def covariance(self) -> FloatArray:
         """(r, r) covariance of the coefficients of the basis."""

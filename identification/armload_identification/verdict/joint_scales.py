@@ -90,7 +90,7 @@ def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: Floa
         half = right.T / size
         coefficient = half @ (left.T @ wanted)
         residual = wanted - rows @ coefficient
-        spectrum = ResidualSpectrum((rows @ half)[:, None, :], residual[:, None])
+        spectrum = ResidualSpectrum((rows @ half)[:, None, :], residual[:, None], weight[:, joint, None])
         contrast = half[:1] / length[0]
         scale[joint] = coefficient[0] / length[0]
         quantile = student.ppf(0.5 + 0.5 * CONFIDENCE, spectrum.freedom(contrast)[0])

@@ -128,13 +128,27 @@ def test_what_the_motion_does_not_excite_has_no_interval(pinocchio_arm):
     assert np.isfinite(told.covariance).all()
 
 
+def test_rows_that_are_left_out_take_their_share_of_the_precision(regressor, pinocchio_arm):
+    """White noise of known size: the robust covariance is the textbook's, also with every other half second left out."""
+    used = np.repeat((np.arange(SAMPLES) // 25 % 2 == 0)[:, None], 6, axis=1).astype(float)
+    valid = np.ones(SAMPLES, dtype=bool)
+    ratio = []
+    for seed in range(10):
+        noise = np.random.default_rng(seed).normal(size=(SAMPLES, 6)) * pinocchio_arm.noise_nm
+        torque = regressor @ pinocchio_arm.payload.theta + noise
+        fit = estimate(regressor, torque, valid, pinocchio_arm.noise_nm, used)
+        told = quantify(fit, InertialParameters(fit.theta))
+        ratio.append(np.diag(told.covariance) / np.diag(fit.covariance))
+    assert 0.85 <= np.mean(ratio) <= 1.25, np.mean(ratio)
+
+
 def test_memory_grows_with_the_samples_and_not_with_their_square():
     """37,000 rows of an aperiodic run took 5.8 GB; white rows keep every bin."""
     rng = np.random.default_rng(9)
     samples = 37_000
     basis, _ = np.linalg.qr(rng.normal(size=(samples * 2, 3)))
     tracemalloc.start()
-    spectrum = ResidualSpectrum(basis.reshape(samples, 2, 3), rng.normal(size=(samples, 2)))
+    spectrum = ResidualSpectrum(basis.reshape(samples, 2, 3), rng.normal(size=(samples, 2)), np.ones((samples, 2)))
     freedom = spectrum.freedom(np.eye(3))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
