@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import REVERSAL, BodyFit, reversal_weights
 from armload_identification.estimation.estimator_names import Estimator
-from armload_identification.estimation.friction_columns import FrictionDifference, fit_with_friction
+from armload_identification.estimation.friction_columns import FrictionColumns, FrictionDifference, fit_with_friction
+from armload_identification.estimation.gain_columns import GainFit, fit_with_gains
 from armload_identification.estimation.least_squares import (
     NOTHING_KNOWN,
     Estimate,
@@ -20,6 +22,7 @@ from armload_identification.estimation.least_squares import (
 )
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
+from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import SCATTER
 
@@ -49,6 +52,23 @@ def steadiness(signal: LoadSignal) -> FloatArray:
     return reversal_weights(signal.states.velocity_rad_s, _REPEATED_REVERSAL if repeated else REVERSAL)
 
 
+@dataclass(frozen=True, eq=False)
+class PayloadFit:
+    """A fitted payload and what was fitted with it.
+
+    Attributes:
+        estimate: The fit.
+        friction: The friction beside it; None where the estimator looks for none.
+        gains: What the data say of uncertain gains; None where the estimator takes them as they are.
+        signal: What was fitted: the torque by the estimated gains.
+    """
+
+    estimate: Estimate
+    friction: FrictionDifference | None
+    gains: GainFit | None
+    signal: LoadSignal
+
+
 def fit_payload(
     signal: LoadSignal,
     regressor: FloatArray,
@@ -57,7 +77,8 @@ def fit_payload(
     estimator: Estimator,
     prior: Prior | None = None,
     arm: BodyFit | None = None,
-) -> tuple[Estimate, FrictionDifference | None]:
+    gains: Transmission | None = None,
+) -> PayloadFit:
     """Fit a payload.
 
     Args:
@@ -68,24 +89,28 @@ def fit_payload(
         estimator: How.
         prior: What is known beforehand.
         arm: How well the body is known, where it was fitted to the unloaded run.
-
-    Returns:
-        The fit, and the friction beside it where the estimator looks for some.
+        gains: The gains, where they are to be fitted too; `friction` alone does.
     """
     least = least_noise(signal)
     steady = steadiness(signal)
+    known = prior or NOTHING_KNOWN
 
     def solve(columns: FloatArray, expected: FloatArray, deviation: FloatArray) -> Estimate:
-        known = (prior or NOTHING_KNOWN).and_nuisance(expected, deviation)
-        return estimate_reweighted(columns, signal.torque_nm, signal.valid, least, steady, known)
+        both = known.and_nuisance(expected, deviation)
+        return estimate_reweighted(columns, signal.torque_nm, signal.valid, least, steady, both)
 
+    friction: FrictionDifference | None = None
     match estimator:
         case Estimator.OLS:
-            return estimate(regressor, signal.torque_nm, signal.valid, np.ones_like(least), None, prior), None
+            fit = estimate(regressor, signal.torque_nm, signal.valid, np.ones_like(least), None, prior)
         case Estimator.WLS:
             weighted = estimate if signal.noise_source == SCATTER else estimate_reweighted
-            return weighted(regressor, signal.torque_nm, signal.valid, least, None, prior), None
+            fit = weighted(regressor, signal.torque_nm, signal.valid, least, None, prior)
         case Estimator.ROBUST:
-            return estimate_robust(regressor, signal.torque_nm, signal.valid, least, steady, prior), None
+            fit = estimate_robust(regressor, signal.torque_nm, signal.valid, least, steady, prior)
         case Estimator.FRICTION:
-            return fit_with_friction(signal, regressor, chain, body, solve, arm)
+            columns = FrictionColumns(signal, regressor, chain, body)
+            fit, friction = fit_with_friction(columns, body, solve, arm)
+            if gains is not None and (gains.deviation > 0.0).any():
+                return PayloadFit(*fit_with_gains(signal, columns, fit, friction, gains, known, arm))
+    return PayloadFit(fit, friction, None, signal)

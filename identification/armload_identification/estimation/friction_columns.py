@@ -22,6 +22,7 @@ and mu are only poorly distinguishable.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import Final
 
@@ -120,15 +121,13 @@ def load_column(empty_nm: FloatArray, payload_nm: FloatArray, direction: FloatAr
 
 
 def fit_with_friction(
-    signal: LoadSignal, regressor: FloatArray, chain: Chain, body: BodyModel, solve: Solver, arm: BodyFit | None = None
+    columns: FrictionColumns, body: BodyModel, solve: Solver, arm: BodyFit | None = None
 ) -> tuple[Estimate, FrictionDifference]:
     """Fit a payload together with the friction that the data justify.
 
     Args:
-        signal: Torque difference and its motion.
-        regressor: (K, n, 10) of the payload.
-        chain: The arm.
-        body: Its links; only their torque is used.
+        columns: Of payload and friction.
+        body: The arm's body, for its load-dependent friction.
         solve: Fits a regressor to the torque difference.
         arm: How well the body is known, where it was fitted to the unloaded run; its friction is used too then.
 
@@ -136,89 +135,145 @@ def fit_with_friction(
         The fit, whose parameters behind the ten are mu of the joints that have it and then the viscous changes,
         and these by joint.
     """
-    columns = _Columns(signal, regressor, chain, body, solve)
-    n = chain.n
-    moving = np.abs(signal.states.velocity_rad_s).max(axis=0) > reversal_speed(signal.states.velocity_rad_s)
-    fit, chosen = _justified(columns, np.concatenate([moving, moving]))
+    n = body.n
+    moving = columns.moving
+    fit, chosen = _justified(columns, solve, np.concatenate([moving, moving]))
     expected = np.concatenate([body.load_friction, np.zeros(n)])
     deviation = np.full(2 * n, np.inf)
     if arm is not None:
         own, doubt = body.load_friction, np.hypot(arm.load_deviation, _ALIKE * body.load_friction)
         known = moving & (own > SIGNIFICANT_LOAD * arm.load_deviation)
         both = chosen | np.concatenate([known, np.zeros(n, dtype=bool)])
-        trial, coefficient = columns.iterate(fit, both, _ROUGH)
+        trial, coefficient = _iterate(columns, solve, fit, both, _ROUGH)
         free = _deviation(trial, both)[:n]
         known &= np.abs(coefficient[:n] - own) <= SIGNIFICANT_LOAD * np.hypot(free, doubt)
         chosen = chosen | np.concatenate([known, np.zeros(n, dtype=bool)])
         deviation[:n][known] = doubt[known]
-    if not chosen.any():
-        return fit, columns.result(fit, np.zeros(2 * n), chosen, expected, deviation, arm)
-    fit, coefficient = columns.iterate(fit, chosen, _ITERATIONS, expected, deviation)
-    return fit, columns.result(fit, coefficient, chosen, expected, deviation, arm)
+    coefficient = np.zeros(2 * n)
+    if chosen.any():
+        fit, coefficient = _iterate(columns, solve, fit, chosen, _ITERATIONS, expected, deviation)
+    return fit, columns.difference(fit, coefficient, chosen, expected, deviation, arm)
 
 
-def _justified(columns: _Columns, chosen: NDArray[np.bool_]) -> tuple[Estimate, NDArray[np.bool_]]:
+def _justified(
+    columns: FrictionColumns, solve: Solver, chosen: NDArray[np.bool_]
+) -> tuple[Estimate, NDArray[np.bool_]]:
     """The columns that the difference alone justifies, (2 n,), and a rough fit with them."""
     n = chosen.size // 2
     threshold = np.repeat([SIGNIFICANT_LOAD, SIGNIFICANT_VISCOUS], n)
-    fit = columns.plain()
+    plain = solve(columns.regressor, np.empty(0), np.empty(0))
+    fit = plain
     while chosen.any():
-        fit, coefficient = columns.iterate(fit, chosen, _ROUGH)
+        fit, coefficient = _iterate(columns, solve, fit, chosen, _ROUGH)
         merit = np.where(chosen, coefficient / _deviation(fit, chosen) / threshold, np.inf)
         merit[:n] = np.where(coefficient[:n] > GREATEST_LOAD_FRICTION, 0.0, merit[:n])
         merit[n:] = np.abs(merit[n:])
         if merit.min() >= 1.0:
             return fit, chosen
         chosen = chosen & (merit >= _HOPELESS) & (np.arange(2 * n) != np.argmin(merit))
-    return columns.plain(), chosen
+    return plain, chosen
+
+
+def _iterate(
+    columns: FrictionColumns,
+    solve: Solver,
+    fit: Estimate,
+    chosen: NDArray[np.bool_],
+    rounds: int,
+    expected: FloatArray | None = None,
+    deviation: FloatArray | None = None,
+) -> tuple[Estimate, FloatArray]:
+    """The fit with the chosen columns, and all 2 n coefficients, until the payload in the columns stays."""
+    mean = np.zeros(chosen.size) if expected is None else expected
+    spread = np.full(chosen.size, np.inf) if deviation is None else deviation
+    for _ in range(rounds):
+        theta = fit.theta[:10]
+        everything = np.concatenate([columns.regressor, columns.chosen(theta, chosen)], axis=2)
+        fit = solve(everything, mean[chosen], spread[chosen])
+        size = np.abs(theta / fit.scale[:10]).max()
+        if np.abs((fit.theta[:10] - theta) / fit.scale[:10]).max() < _SETTLED * size:
+            break
+    coefficient = np.zeros(chosen.size)
+    coefficient[chosen] = fit.theta[10:]
+    return fit, coefficient
 
 
 def _deviation(fit: Estimate, chosen: NDArray[np.bool_]) -> FloatArray:
     """(2 n,) standard deviations, inf where there is no column."""
     deviation = np.full(chosen.size, np.inf)
-    deviation[chosen] = nuisance_deviation(fit)[0]
+    deviation[chosen] = nuisance_deviation(fit)[0][: int(np.count_nonzero(chosen))]
     return deviation
 
 
-class _Columns:
-    """The 2 n columns beside the payload's: load-dependent friction, then viscous changes."""
+class FrictionColumns:
+    """The payload's ten columns, and the 2 n beside them: load-dependent friction, then viscous changes.
 
-    def __init__(self, signal: LoadSignal, regressor: FloatArray, chain: Chain, body: BodyModel, solve: Solver) -> None:
-        self._signal, self._regressor, self._solve, self._coupling = signal, regressor, solve, body.coupling
-        self._velocity = signal.states.velocity_rad_s
-        self._empty = body.link_torque(chain, *signal.states)
-        self._direction = smooth_sign(signal.states.velocity_rad_s, reversal_speed(signal.states.velocity_rad_s))
+    Args:
+        signal: Torque difference and its motion.
+        regressor: (K, n, 10) of the payload.
+        chain: The arm.
+        body: Its links; only their torque is used.
+    """
 
-    def plain(self) -> Estimate:
-        """The payload alone."""
-        return self._solve(self._regressor, np.empty(0), np.empty(0))
+    def __init__(self, signal: LoadSignal, regressor: FloatArray, chain: Chain, body: BodyModel) -> None:
+        self.regressor = regressor
+        self._interval_s, self._coupling = signal.interval_s, body.coupling
+        _, self._velocity, self._acceleration = signal.states
+        turn_over = reversal_speed(self._velocity)
+        self.moving = np.abs(self._velocity).max(axis=0) > turn_over
+        self.empty_nm = body.link_torque(chain, *signal.states)
+        self._direction = smooth_sign(self._velocity, turn_over)
 
-    def iterate(
-        self,
-        fit: Estimate,
-        chosen: NDArray[np.bool_],
-        rounds: int,
-        expected: FloatArray | None = None,
-        deviation: FloatArray | None = None,
-    ) -> tuple[Estimate, FloatArray]:
-        """The fit with the chosen columns, and all 2 n coefficients, until the payload in the columns stays."""
-        n = self._velocity.shape[1]
-        mean = np.zeros(2 * n) if expected is None else expected
-        spread = np.full(2 * n, np.inf) if deviation is None else deviation
-        for _ in range(rounds):
-            theta = fit.theta[:10]
-            own = np.concatenate([self._load(theta), self._velocity], axis=1)
-            tall = own[:, None, :] * np.tile(np.eye(n), 2)
-            everything = np.concatenate([self._regressor, tall[:, :, chosen]], axis=2)
-            fit = self._solve(everything, mean[chosen], spread[chosen])
-            size = np.abs(theta / fit.scale[:10]).max()
-            if np.abs((fit.theta[:10] - theta) / fit.scale[:10]).max() < _SETTLED * size:
-                break
-        coefficient = np.zeros(2 * n)
-        coefficient[chosen] = fit.theta[10:]
-        return fit, coefficient
+    def with_empty_times(self, matrix: FloatArray) -> FrictionColumns:
+        """The same with the torque of the arm's links replaced by itself times a matrix.
 
-    def result(
+        Args:
+            matrix: (n, n), as other gains make it.
+        """
+        other = copy(self)
+        other.empty_nm = self.empty_nm @ matrix
+        return other
+
+    def chosen(self, theta: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
+        """Columns of friction.
+
+        Args:
+            theta: (10,) the payload that loads the gears.
+            chosen: (2 n,) which.
+
+        Returns:
+            (K, n, c).
+        """
+        own = np.concatenate([self._load(theta), self._velocity], axis=1)
+        return np.asarray((own[:, None, :] * np.tile(np.eye(self._velocity.shape[1]), 2))[:, :, chosen])
+
+    def slope(self, theta: FloatArray, load: FloatArray) -> FloatArray:
+        """How load-dependent friction grows with the payload's parameters, mu s sgn(tau_link) Phi.
+
+        Args:
+            theta: (10,) the payload that loads the gears.
+            load: (n,) mu.
+
+        Returns:
+            (K, n, 10).
+        """
+        turned = np.sign(self.empty_nm + self.regressor @ theta)
+        return np.asarray((load * self._direction * turned)[:, :, None] * self.regressor)
+
+    def slope_of_empty(self, theta: FloatArray, load: FloatArray) -> FloatArray:
+        """The same with the torque of the links, mu s (sgn tau_link,loaded - sgn tau_link,unloaded).
+
+        Args:
+            theta: (10,) the payload that loads the gears.
+            load: (n,) mu.
+
+        Returns:
+            (K, n).
+        """
+        turned = np.sign(self.empty_nm + self.regressor @ theta) - np.sign(self.empty_nm)
+        return np.asarray(load * self._direction * turned)
+
+    def difference(
         self,
         fit: Estimate,
         coefficient: FloatArray,
@@ -227,7 +282,16 @@ class _Columns:
         deviation: FloatArray,
         arm: BodyFit | None,
     ) -> FrictionDifference:
-        """Coefficients by name."""
+        """Coefficients by name.
+
+        Args:
+            fit: The fit that they come from; behind the ten it has those chosen, and behind these whatever else.
+            coefficient: (2 n,) all of them.
+            chosen: (2 n,) which have a column.
+            expected: (2 n,) what was known of them.
+            deviation: (2 n,) how well.
+            arm: How well the body is known, where it was fitted to the unloaded run.
+        """
         load, viscous = np.split(coefficient, 2)
         load_joints, viscous_joints = np.split(chosen, 2)
         t = coefficient / _deviation(fit, chosen) if chosen.any() else np.zeros(chosen.size)
@@ -247,15 +311,15 @@ class _Columns:
         )
 
     def _load(self, theta: FloatArray) -> FloatArray:
-        return load_column(self._empty, self._regressor @ theta, self._direction)
+        return load_column(self.empty_nm, self.regressor @ theta, self._direction)
 
     def _doubts(self, fit: Estimate, load: FloatArray, friction: FloatArray, arm: BodyFit | None) -> FloatArray:
         """What one standard deviation of every rotor, and of the delay, does to the torque difference."""
         if arm is None:
-            return np.zeros((0, *self._empty.shape))
-        payload = self._regressor @ fit.theta[:10]
-        turned = np.sign(self._empty + payload) - np.sign(self._empty)
-        per_rotor = rotor_columns(self._signal.states.acceleration_rad_s2, self._coupling).transpose(1, 0, 2)
+            return np.zeros((0, *self.empty_nm.shape))
+        payload = self.regressor @ fit.theta[:10]
+        turned = np.sign(self.empty_nm + payload) - np.sign(self.empty_nm)
+        per_rotor = rotor_columns(self._acceleration, self._coupling).transpose(1, 0, 2)
         rotors = per_rotor * arm.rotor_deviation_kg_m2[:, None, None] * (load * self._direction * turned)
-        change = np.gradient(payload + friction, self._signal.interval_s, axis=0)
+        change = np.gradient(payload + friction, self._interval_s, axis=0)
         return np.concatenate([rotors, arm.delay_deviation_s * change[None]])

@@ -12,9 +12,12 @@ References:
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.uncertainty import ResidualSpectrum, derived, determined_basis, shifts_by
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
@@ -22,12 +25,44 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.signals.joint_torque import Transmission
 
 
+@dataclass(frozen=True, eq=False)
+class GainShare:
+    """What the gains do to a fit.
+
+    Attributes:
+        gain: (n,) gains that currents, or reported torques, were multiplied by.
+        slope: (p, n) change of theta per change of the logarithm of each.
+        covariance: (n, n) of the logarithms.
+        fitted: They are among the equations of what was known, and so in its share already.
+    """
+
+    gain: FloatArray
+    slope: FloatArray
+    covariance: FloatArray
+    fitted: bool
+
+    @classmethod
+    def of(cls, fit: Estimate, torque_nm: FloatArray, transmission: Transmission, gains: GainFit | None) -> GainShare:
+        """Of gains that were fitted with the payload, or taken as they are.
+
+        Args:
+            fit: The plain estimate.
+            torque_nm: (N, n) torque that was fitted.
+            transmission: The gains.
+            gains: As they were fitted; None where they were not.
+        """
+        used = transmission.torque_gain if transmission.torque_calibrated else transmission.gain_nm_a
+        if gains is not None:
+            return cls(used, gains.slope, gains.covariance, fitted=True)
+        slope = shifts_by(fit, transmission.gain_shares(torque_nm)).T
+        return cls(used, slope, transmission.covariance, fitted=False)
+
+
 def mass_center_covariance(
     fit: Estimate,
     parameters: InertialParameters,
     doubts_nm: FloatArray,
-    torque_nm: FloatArray,
-    transmission: Transmission | None,
+    gains: GainShare | None,
 ) -> MassCenterCovariance:
     """Covariance of mass and centre of mass of a fit.
 
@@ -35,8 +70,7 @@ def mass_center_covariance(
         fit: The plain estimate, on equidistant samples.
         parameters: What is reported; derivatives are taken there.
         doubts_nm: (k, N, n) torque of one standard deviation of each systematic error but the gains'.
-        torque_nm: (N, n) torque that was fitted.
-        transmission: The gains; None where none was applied.
+        gains: What the gains do to the fit; None where none was applied.
 
     Returns:
         The covariance; directions that the data say nothing about are as good as infinitely wide.
@@ -51,13 +85,14 @@ def mass_center_covariance(
     random = contrast @ spectrum.covariance() @ contrast.T
     shifts = shifts_by(fit, doubts_nm)[:, :10] @ slope.T
     measured = random + known @ known.T + shifts.T @ shifts
+    by_gain = np.zeros((4, 0)) if gains is None else slope @ gains.slope[:10]
+    if gains is not None and gains.fitted:
+        measured = measured - by_gain @ gains.covariance @ by_gain.T
     measured = measured + _blind(fit, gradient, parameters.mass_kg)
     freedom = spectrum.joint_freedom(contrast, measured)
-    if transmission is None:
+    if gains is None:
         return MassCenterCovariance.of_measured(measured, freedom)
-    gains = shifts_by(fit, transmission.gain_shares(torque_nm))[:, :10] @ slope.T
-    used = transmission.torque_gain if transmission.torque_calibrated else transmission.gain_nm_a
-    return MassCenterCovariance(measured, freedom, used, gains.T, transmission.covariance)
+    return MassCenterCovariance(measured, freedom, gains.gain, by_gain, gains.covariance)
 
 
 def _blind(fit: Estimate, gradient: FloatArray, mass_kg: float) -> FloatArray:

@@ -8,7 +8,8 @@ from the residual itself, and
     cov(theta) = A^-1 [ sum_j sum_f Phi_j(f)^* S_j(f) Phi_j(f)^T ] A^-1,     A = Phi^T S^-1 Phi
 
 (the sandwich of White and of Newey and West in the frequency domain). What the fit took out of the residual is
-given back bin by bin by its leverage; because a local spectrum rests on few bins, the quantile is Student's with
+given back bin by bin by the square of its leverage's complement (HC3): the first power is right for white noise alone,
+and slow noise lies where the leverage does. Because a local spectrum rests on few bins, the quantile is Student's with
 the freedom of Satterthwaite for each quantity. Systematic error that is alike in every period is in the residual
 and so in the interval, as far as the parameters did not absorb it.
 
@@ -17,7 +18,7 @@ mean(w^4) / mean(w^2)^2 times: with half of the rows left out, twice.
 
 References:
     Newey, West, Econometrica 55(3), 1987. Bell, McCaffrey, Survey Methodology 28(2), 2002.
-    Satterthwaite, Biometrics Bulletin 2(6), 1946.
+    MacKinnon, White, Journal of Econometrics 29(3), 1985. Satterthwaite, Biometrics Bulletin 2(6), 1946.
 """
 
 from __future__ import annotations
@@ -243,12 +244,13 @@ class ResidualSpectrum:
         if bins == held.size and samples % 2 == 0:
             self._twice[-1] = 1.0
         self._window = _window(bins)
-        self._free = np.maximum(self._window @ (1.0 - np.minimum(leverage, 1.0)), 1e-12)
+        left = (1.0 - np.minimum(leverage, 1.0)) ** 2
+        self._free = np.maximum(self._window @ left, 1e-12)
         square = weight**2
         gated = np.mean(square**2, axis=0) / np.maximum(np.mean(square, axis=0), 1e-300) ** 2
         self._level = gated * (self._window @ power) / self._free
         self._leverage = leverage
-        self._expected = self._level * (1.0 - np.minimum(leverage, 1.0))
+        self._expected = self._level * left
 
     @classmethod
     def of(cls, fit: Estimate, basis: FloatArray) -> ResidualSpectrum:

@@ -12,8 +12,9 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.blows import struck_samples
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
+from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate
-from armload_identification.estimation.mass_center_covariance import mass_center_covariance
+from armload_identification.estimation.mass_center_covariance import GainShare, mass_center_covariance
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
 from armload_identification.estimation.uncertainty import Uncertainty, quantify, shifts_by
 from armload_identification.model.mass_center import MassCenterCovariance
@@ -39,10 +40,11 @@ class Identification:
             residuals, condition number, rank, singular values and weights.
         physical: The physically possible estimate; this is what is reported and written.
         friction: Friction that was fitted with it; None where the estimator has none.
+        gains: What the data say of nominal gains; None where gains were taken as they are.
         uncertainty: Values, robust 95 % intervals and what is determined, about the physical estimate.
         mass_center: Covariance of mass and centre of mass, for comparison with another identification.
-        signal: Measured torque difference over time, raw and smoothed, with the motion it belongs to, the noise
-            per joint, the smoothing loss and how the two runs were laid over each other.
+        signal: Measured torque difference over time, by the gains that were fitted where there are such, raw and
+            smoothed, with the motion it belongs to, the noise per joint, the smoothing loss and how the two runs were laid over each other.
         predicted_nm: (K, n) torque that the physical estimate predicts at the samples of `signal`, friction
             that was fitted with it included.
         residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus prediction, comparable to
@@ -53,6 +55,7 @@ class Identification:
 
     plain: Estimate
     friction: FrictionDifference | None
+    gains: GainFit | None
     physical: PhysicalEstimate
     uncertainty: Uncertainty
     mass_center: MassCenterCovariance
@@ -85,6 +88,7 @@ def completed(
     arm: BodyFit | None,
     struck: NDArray[np.bool_],
     arm_notes: tuple[str, ...] = (),
+    fitted_gains: GainFit | None = None,
 ) -> Identification:
     """The possible body, intervals and notes of a fit.
 
@@ -100,25 +104,29 @@ def completed(
         arm: The body fitted to the unloaded run, or None.
         struck: (K,) samples left out as blows.
         arm_notes: What the runs say of the calibrated arm.
+        fitted_gains: Gains that were fitted with the payload, in place of their errors.
     """
     physical = make_physical(fit)
-    shifts = shifts_by(fit, np.concatenate([_gain_doubts(gains, signal), doubts_nm]))
+    taken_as_they_are = gains if fitted_gains is None else None
+    shifts = shifts_by(fit, np.concatenate([_gain_doubts(taken_as_they_are, signal), doubts_nm]))
     uncertainty = quantify(fit, physical.parameters, shifts)
+    share = None if gains is None else GainShare.of(fit, signal.torque_nm, gains, fitted_gains)
     predicted = regressor @ physical.parameters.theta
     if friction is not None:
         predicted = predicted + friction.torque_nm
     return Identification(
         plain=fit,
         friction=friction,
+        gains=fitted_gains,
         physical=physical,
         uncertainty=uncertainty,
-        mass_center=mass_center_covariance(fit, physical.parameters, doubts_nm, signal.torque_nm, gains),
+        mass_center=mass_center_covariance(fit, physical.parameters, doubts_nm, share),
         signal=signal,
         predicted_nm=predicted,
         residual_rms_nm=raw_residual_rms(signal, predicted),
         sources=tuple(run.source for run in runs),
         notes=(
-            *notes_on(runs, transmission, signal, arm, fit, friction, physical, uncertainty),
+            *notes_on(runs, transmission, signal, arm, fit, friction, fitted_gains, physical, uncertainty),
             *_on_blows(signal, struck),
             *arm_notes,
         ),

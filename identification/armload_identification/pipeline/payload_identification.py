@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.estimators import fit_payload
 from armload_identification.estimation.friction_columns import unloaded_body
+from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.servo_sag import on_one_motion
@@ -106,13 +107,19 @@ def _identified(
     signal = on_one_motion(signal.with_delay(body.torque_delay_s), chain, body)
     regressor = payload_regressor(chain, *signal.states)
 
+    gains = transmission if loaded.torque_nm is None or transmission.torque_calibrated else None
+    fitted_gains: GainFit | None = None
+
     def fit_to(difference: LoadSignal) -> Fit:
-        return fit_payload(difference, regressor, chain, body, estimator, prior, arm)
+        found = fit_payload(difference, regressor, chain, body, estimator, prior, arm)
+        return found.estimate, found.friction
 
     # Measured on the UR10e: with a calibrated arm this corrects the mass; with one pair's gains it corrects the mass
     # too, but drives the two mountings' centres apart, from 1.8 to 2.2 mm. So it is done where gains are known well.
     if known_arm is None:
-        fit, friction = fit_to(signal)
+        nominal = None if gains is None or gains.calibrated.any() else gains
+        found = fit_payload(signal, regressor, chain, body, estimator, prior, arm, nominal)
+        signal, fit, friction, fitted_gains = found.signal, found.estimate, found.friction, found.gains
         struck = np.zeros_like(signal.valid)
     else:
         signal, fit, friction, struck = without_blows(signal, fit_to)
@@ -122,9 +129,8 @@ def _identified(
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
         raise explain_negative_mass(plain.mass_kg, float(width))
     doubts = np.zeros((0, *signal.torque_nm.shape)) if friction is None else friction.doubts_nm
-    gains = transmission if loaded.torque_nm is None or transmission.torque_calibrated else None
     said = () if known_arm is None else _on_friction(known_arm, chain, signal)
-    return completed(signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, struck, said)
+    return completed(signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, struck, said, fitted_gains)
 
 
 def _on_friction(arm: KnownArm, chain: Chain, signal: LoadSignal) -> tuple[str, ...]:

@@ -126,6 +126,14 @@ class Transmission:
         kept = size > 0.0
         return np.asarray(np.einsum("ak,atj->ktj", vectors[:, kept] * size[kept], self.gain_shares(torque_nm)))
 
+    def changed_by(self, log_gain: FloatArray) -> FloatArray:
+        """Matrix M with which joint torques by these gains become tau M by others.
+
+        Args:
+            log_gain: (n,) logarithms of the other gains over these.
+        """
+        return np.asarray((self.coupling * np.exp(log_gain)) @ np.linalg.inv(self.coupling))
+
     def reported_torque(self, torque_nm: FloatArray) -> FloatArray:
         """Joint torque of torques that drives report, tau = C^-T diag(gain) C^T tau_reported.
 

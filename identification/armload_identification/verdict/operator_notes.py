@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
+from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.physical_consistency import PhysicalEstimate
 from armload_identification.estimation.uncertainty import Uncertainty
@@ -24,6 +25,7 @@ _LOUD: Final = 5.0
 """A joint's torque counts as evidence about the arm from this multiple of its noise."""
 _STRANGE: Final = 0.3
 """Share of a joint's torque that an arm's own model does not leave; 0.24 is the most on the UR10e, at a wrist."""
+_DEVIATIONS_95: Final = 2.0
 _PUSHES: Final = 0.02
 """Friction that pushes by more than this share of the torque."""
 
@@ -35,6 +37,7 @@ def notes_on(
     arm: BodyFit | None,
     fit: Estimate,
     friction: FrictionDifference | None,
+    gains: GainFit | None,
     physical: PhysicalEstimate,
     uncertainty: Uncertainty,
 ) -> list[str]:
@@ -47,12 +50,14 @@ def notes_on(
         arm: The body fitted to the unloaded run, or None.
         fit: The plain estimate.
         friction: Friction that was fitted, or None.
+        gains: What the data say of the gains, or None.
         physical: The physically possible estimate.
         uncertainty: Intervals.
     """
     return [
         *_on_recordings(runs),
         *_on_gains(runs[0], transmission),
+        *_on_contradictions(gains),
         *_on_signal(signal),
         *_on_result(fit, friction, physical, uncertainty),
         *_on_arm(signal, arm),
@@ -84,15 +89,33 @@ def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
     if loaded.torque_nm is not None or transmission.calibrated.all():
         return []
     if not transmission.calibrated.any():
+        allowed = _DEVIATIONS_95 * transmission.deviation.max()
         return [
-            "Drive gains are nominal: an error in them is an error of the same size in the result. The intervals "
-            f"allow for {2 * transmission.deviation.max():.0%} (95 %) on each joint. Calibrate them with a weighed "
-            "payload: `armload calibrate`."
+            "Drive gains are nominal: an error that all of them share is an error of the same size in the mass. The "
+            f"intervals allow for {allowed:.0%} (95 %) on each joint. Calibrate them with a weighed payload: "
+            "`armload calibrate`."
         ]
     return [
         f"The drive gains of joint {joint_list(~transmission.calibrated)} are nominal: the calibration could not "
         "determine them."
     ]
+
+
+def _on_contradictions(gains: GainFit | None) -> list[str]:
+    """Gains that the data contradict, each with its size."""
+    if gains is None:
+        return []
+    notes = []
+    for joint in np.flatnonzero(gains.contradicted):
+        size, half_width = gains.log_gain[joint], gains.half_width_95[joint]
+        off, low, high = (f"{np.expm1(value):+.1%}" for value in (size, size - half_width, size + half_width))
+        allowed = _DEVIATIONS_95 * gains.assumed_deviation[joint]
+        notes.append(
+            f"The data contradict the drive gain of joint {joint + 1}: by the other joints it is {off} off "
+            f"(95 %: {low} to {high}), where {allowed:.1%} were allowed for. It was estimated with the payload. "
+            "Check its torque constant and gear ratio, or calibrate the arm: `armload calibrate`."
+        )
+    return notes
 
 
 def _on_signal(signal: LoadSignal) -> list[str]:

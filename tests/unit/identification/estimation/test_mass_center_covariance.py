@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import t as student
 
 from armload_identification.estimation.least_squares import estimate
-from armload_identification.estimation.mass_center_covariance import mass_center_covariance
+from armload_identification.estimation.mass_center_covariance import GainShare, mass_center_covariance
 from armload_identification.estimation.uncertainty import quantify, shifts_by
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
@@ -35,7 +35,7 @@ def test_it_is_the_covariance_of_the_intervals(regressor, pinocchio_arm):
     fit, torque = fitted(regressor, pinocchio_arm, 1)
     doubts = 0.02 * torque[None] * np.eye(6)[:, None, :]
     body = InertialParameters(fit.theta)
-    known = mass_center_covariance(fit, body, doubts, torque, None)
+    known = mass_center_covariance(fit, body, doubts, None)
     told = quantify(fit, body, shifts_by(fit, doubts))
     deviation = told.half_width_95[:4] / student.ppf(0.975, told.degrees_of_freedom[:4])
     np.testing.assert_allclose(np.sqrt(np.diag(known.measured)), deviation, rtol=1e-9)
@@ -47,7 +47,9 @@ def test_gains_stand_apart_as_slopes(regressor, pinocchio_arm):
     """Half a per cent on one gain moves the result by half a per cent of its slope, as a fit to that torque shows."""
     fit, torque = fitted(regressor, pinocchio_arm, 2)
     transmission = pinocchio_arm.transmission
-    known = mass_center_covariance(fit, InertialParameters(fit.theta), NOTHING, torque, transmission)
+    known = mass_center_covariance(
+        fit, InertialParameters(fit.theta), NOTHING, GainShare.of(fit, torque, transmission, None)
+    )
     for axis in range(6):
         step = 5e-4 * transmission.gain_shares(torque)[axis]
         again = estimate(regressor, torque + step, np.ones(SAMPLES, dtype=bool), pinocchio_arm.noise_nm)
@@ -63,8 +65,8 @@ def test_the_freedom_is_that_of_the_matrix_scatter(regressor, pinocchio_arm):
     """Over 120 fits the whitened matrices scatter as Wishart matrices of about that many degrees of freedom."""
     made = []
     for seed in range(120):
-        fit, torque = fitted(regressor, pinocchio_arm, 100 + seed)
-        made.append(mass_center_covariance(fit, pinocchio_arm.payload, NOTHING, torque, None))
+        fit, _ = fitted(regressor, pinocchio_arm, 100 + seed)
+        made.append(mass_center_covariance(fit, pinocchio_arm.payload, NOTHING, None))
     mean = np.mean([each.measured for each in made], axis=0)
     root = np.linalg.inv(np.linalg.cholesky(mean))
     scatter = np.mean([np.sum((root @ each.measured @ root.T - np.eye(4)) ** 2) for each in made])
@@ -80,7 +82,7 @@ def test_what_the_motion_does_not_show_is_as_good_as_unknown(regressor, pinocchi
     torque = blind @ pinocchio_arm.payload.theta + np.random.default_rng(4).normal(size=(SAMPLES, 6))
     fit = estimate(blind, torque, np.ones(SAMPLES, dtype=bool), pinocchio_arm.noise_nm)
     assert fit.rank == 3
-    deviation = np.sqrt(np.diag(mass_center_covariance(fit, pinocchio_arm.payload, NOTHING, torque, None).measured))
+    deviation = np.sqrt(np.diag(mass_center_covariance(fit, pinocchio_arm.payload, NOTHING, None).measured))
     assert deviation[2] == pytest.approx(1.0, rel=0.01)
     assert deviation[0] < 0.05 * pinocchio_arm.payload.mass_kg
     assert deviation[1] < 0.01

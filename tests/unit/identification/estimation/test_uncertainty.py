@@ -129,7 +129,7 @@ def test_what_the_motion_does_not_excite_has_no_interval(pinocchio_arm):
 
 
 def test_rows_that_are_left_out_take_their_share_of_the_precision(regressor, pinocchio_arm):
-    """White noise of known size: the robust covariance is the textbook's, also with every other half second left out."""
+    """White noise of known size: the robust covariance is the textbook's, with every other half second left out."""
     used = np.repeat((np.arange(SAMPLES) // 25 % 2 == 0)[:, None], 6, axis=1).astype(float)
     valid = np.ones(SAMPLES, dtype=bool)
     ratio = []

@@ -1,0 +1,242 @@
+"""Nominal drive gains, fitted with the payload within what is assumed of them.
+
+A gain that is assumed too low by exp(e_j) makes the measured torque of its axis tau exp(-e_j). Every gain is an unknown
+with the covariance that is assumed of it:
+
+    y = (Phi theta + friction) - sum_j share_j e_j,        (mu, e) ~ (known, Sigma)
+
+Axes that agree with each other correct those that do not: by nominal gains the two mountings' centres of mass on the
+UR10e lie 168 and 173 mm from the flange axis and 43 and 47 mm out; with the gains taken as they are, 175, 181, 51 and
+55; by calibrated gains 170 and 43.
+
+What is known weighs as much as it should only beside data that weigh as much as they should: a joint's noise is that
+in the band in which the payload moves, 4 to 8 times the residual's RMS on that arm. By the RMS, friction of its joint 1
+was read as a gain 12 % off.
+
+A gain that the data contradict is one that, estimated from the other axes alone, lies beyond what was assumed of it and
+beyond two and a half of its own deviations. It is taken as unknown then, and named; at most a third of the axes, for of
+more nothing says which are right. Nor is a gain found that no other axis measures the payload beside.
+
+Calibrated gains are known from more than one pair, and are taken as they are, their covariance among the doubts: fitted
+again, the two heights on the UR10e are 2.6 mm apart, not 0.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.body_fit import BodyFit
+from armload_identification.estimation.friction_columns import FrictionColumns, FrictionDifference
+from armload_identification.estimation.least_squares import Estimate, Prior, estimate
+from armload_identification.estimation.uncertainty import (
+    CONFIDENCE,
+    ResidualSpectrum,
+    determined_basis,
+    nuisance_deviation,
+)
+from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.load_signal import LoadSignal
+
+UNKNOWN_DEVIATION: Final = 0.1
+"""Relative standard deviation of a gain that the data contradict."""
+_CONTRADICTS: Final = 2.5
+_ASSUMED: Final = 2.0
+"""Deviations that a gain may be off and still be within what was assumed of it, 95 %."""
+_MATTERS: Final = 0.03
+"""Friction of one pair of runs is read as a gain of this size: on the UR10e, 0.962 to 1.037 at one joint."""
+_MINORITY: Final = 3
+"""One axis in so many may be contradicted."""
+_ITERATIONS: Final = 12
+_SETTLED: Final = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class GainFit:
+    """What a pair of runs says of n gains.
+
+    Attributes:
+        log_gain: (n,) e: the logarithm of the estimated gain over the assumed one.
+        half_width_95: (n,) of it.
+        contradicted: (n,) True where the data contradict what was assumed, so that the gain was taken as unknown.
+        assumed_deviation: (n,) relative standard deviation that was assumed.
+        slope: (p, n) by how much theta moves with the logarithm of each gain as it was assumed.
+        covariance: (n, n) of the logarithms of the gains, as assumed or, where contradicted, as unknown.
+    """
+
+    log_gain: FloatArray
+    half_width_95: FloatArray
+    contradicted: NDArray[np.bool_]
+    assumed_deviation: FloatArray
+    slope: FloatArray
+    covariance: FloatArray
+
+
+def fit_with_gains(
+    signal: LoadSignal,
+    columns: FrictionColumns,
+    fit: Estimate,
+    friction: FrictionDifference,
+    transmission: Transmission,
+    prior: Prior,
+    arm: BodyFit | None,
+) -> tuple[Estimate, FrictionDifference, GainFit, LoadSignal]:
+    """Fit a payload and friction again, together with the gains.
+
+    Args:
+        signal: Torque difference and its motion, by the gains as they are assumed.
+        columns: Of payload and friction.
+        fit: With the gains as they are.
+        friction: What has columns in it, and what is known of it.
+        transmission: The gains; which of them are uncertain, and by how much, is in its covariance.
+        prior: What is known of the payload.
+        arm: How well the body is known, where it was fitted to the unloaded run.
+
+    Returns:
+        The fit, whose parameters behind payload and friction are what is left of e, and so next to 0; friction and
+        gains; and the signal by the estimated gains, which is what was fitted.
+    """
+    system = _System(signal, columns, fit, friction, transmission, prior)
+    assumed = transmission.covariance
+    covariance, contradicted = assumed.copy(), np.zeros(len(assumed), dtype=bool)
+    while True:
+        found = system.solve(covariance)
+        worst = system.contradiction(found, assumed, contradicted)
+        if worst is None or _MINORITY * (np.count_nonzero(contradicted) + 1) > len(assumed):
+            return found.fit, system.friction(found, arm), system.gains(found, covariance, contradicted), found.signal
+        contradicted[worst] = True
+        covariance[worst], covariance[:, worst] = 0.0, 0.0
+        covariance[worst, worst] = UNKNOWN_DEVIATION**2
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A solution.
+
+    Attributes:
+        fit: The last step of it.
+        coefficient: (2 n,) of friction.
+        log_gain: (n,) e.
+        signal: By these gains.
+        known: Covariance of what was known of friction and gains, in the order of `fit`'s columns that it is about.
+    """
+
+    fit: Estimate
+    coefficient: FloatArray
+    log_gain: FloatArray
+    signal: LoadSignal
+    known: FloatArray
+
+
+class _System:
+    """Payload, friction and gains of one pair of runs."""
+
+    def __init__(
+        self,
+        signal: LoadSignal,
+        columns: FrictionColumns,
+        fit: Estimate,
+        friction: FrictionDifference,
+        transmission: Transmission,
+        prior: Prior,
+    ) -> None:
+        self._signal, self._columns, self._start, self._prior = signal, columns, fit, prior
+        self._transmission, self._friction = transmission, friction
+        self._chosen = np.concatenate([friction.load_joints, friction.viscous_joints])
+        self._axes = np.flatnonzero(transmission.deviation > 0.0)
+        self._first_gain = 10 + int(np.count_nonzero(self._chosen))
+        spectrum = ResidualSpectrum.of(fit, determined_basis(fit))
+        self._noise_nm = np.sqrt(np.maximum(spectrum.in_band(), 1.0)) / fit.weight_1_nm
+        self._known_friction = np.flatnonzero(np.isfinite(friction.known_deviation[self._chosen]))
+
+    def solve(self, covariance: FloatArray) -> _Found:
+        """Gauss and Newton, with a covariance of all log gains."""
+        transmission, axes = self._transmission, self._axes
+        theta, own = self._start.theta[:10], self._start.theta[10:]
+        log_gain = np.zeros(len(covariance))
+        known = self._known(covariance)
+        for _ in range(_ITERATIONS):
+            changed = transmission.changed_by(log_gain)
+            signal, columns = self._signal.with_torque_times(changed), self._columns.with_empty_times(changed)
+            beside = columns.chosen(theta, self._chosen)
+            torque = columns.regressor @ theta + beside @ own
+            # An error that all gains share changes links, payload and their friction alike, and no data show it.
+            load = self._coefficients(own)[: len(covariance)]
+            grown = columns.slope(theta, load)
+            of_links = columns.slope_of_empty(theta, load) * transmission.gain_shares(columns.empty_nm)[axes]
+            shares = (of_links - transmission.gain_shares(torque)[axes]).transpose(1, 2, 0)
+            everything = np.concatenate([columns.regressor + grown, beside, shares], axis=2)
+            target = signal.torque_nm + grown @ theta
+            knowledge = self._equations(known, log_gain, everything.shape[2])
+            fit = estimate(everything, target, signal.valid, self._noise_nm, self._start.sample_weight, knowledge)
+            theta, own, step = fit.theta[:10], fit.theta[10 : self._first_gain], fit.theta[self._first_gain :]
+            if np.abs(step).max() < _SETTLED:
+                break
+            log_gain[axes] += step
+        return _Found(fit, self._coefficients(own), log_gain, signal, known)
+
+    def contradiction(self, found: _Found, assumed: FloatArray, known: NDArray[np.bool_]) -> int | None:
+        """The axis whose gain the data contradict most, leaving out those that are known to be; None without any."""
+        axes = self._axes
+        before = np.diag(assumed)[axes]
+        after = np.minimum(np.diag(found.fit.covariance)[self._first_gain :], 0.999 * before)
+        # What the other axes and the data say by themselves, the axis' own prior taken out again.
+        by_others = found.log_gain[axes] * before / (before - after)
+        deviation = np.sqrt(after * before / (before - after))
+        limit = np.maximum(np.maximum(_ASSUMED * np.sqrt(before), _MATTERS), _CONTRADICTS * deviation)
+        excess = np.where(known[axes], 0.0, np.abs(by_others) / limit)
+        worst = int(np.argmax(excess))
+        return int(axes[worst]) if excess[worst] > 1.0 else None
+
+    def friction(self, found: _Found, arm: BodyFit | None) -> FrictionDifference:
+        """Friction as it came out beside the gains."""
+        before = self._friction
+        return self._columns.difference(
+            found.fit, found.coefficient, self._chosen, before.known, before.known_deviation, arm
+        )
+
+    def gains(self, found: _Found, covariance: FloatArray, contradicted: NDArray[np.bool_]) -> GainFit:
+        """The gains of a solution."""
+        axes, known = self._axes, self._known_friction.size
+        half_width = np.zeros(len(covariance))
+        deviation, freedom = (values[self._first_gain - 10 :] for values in nuisance_deviation(found.fit))
+        half_width[axes] = student.ppf(0.5 + CONFIDENCE / 2.0, freedom) * deviation
+        # Theta's answer to another mean of what was known, W (x - mean) = 0 among the equations.
+        rows = found.fit.prior_rows[self._prior.target.size :]
+        basis = determined_basis(found.fit)
+        answer = basis @ (basis.T @ rows.T) @ np.linalg.inv(np.linalg.cholesky(found.known))
+        slope = np.zeros((found.fit.theta.size, len(covariance)))
+        slope[:, axes] = answer[:, known:]
+        assumed = np.asarray(self._transmission.deviation)
+        return GainFit(found.log_gain, half_width, contradicted, assumed, slope, covariance)
+
+    def _coefficients(self, own: FloatArray) -> FloatArray:
+        """(2 n,) coefficients of friction from those that have columns."""
+        coefficient = np.zeros(self._chosen.size)
+        coefficient[self._chosen] = own
+        return coefficient
+
+    def _known(self, covariance: FloatArray) -> FloatArray:
+        """Covariance of the known coefficients of friction and of the gains that have columns."""
+        own = np.flatnonzero(self._chosen)[self._known_friction]
+        axes, known = self._axes, own.size
+        whole = np.zeros((known + axes.size, known + axes.size))
+        whole[:known, :known] = np.diag(self._friction.known_deviation[own] ** 2)
+        whole[known:, known:] = covariance[np.ix_(axes, axes)]
+        return whole
+
+    def _equations(self, known: FloatArray, log_gain: FloatArray, parameters: int) -> Prior:
+        """What is known of payload, friction and gains, about the gains as they are now."""
+        own = np.flatnonzero(self._chosen)[self._known_friction]
+        mean = np.concatenate([self._friction.known[own], -log_gain[self._axes]])
+        whitening = np.linalg.inv(np.linalg.cholesky(known))
+        place = np.concatenate([10 + self._known_friction, np.arange(self._first_gain, parameters)])
+        rows = np.zeros((self._prior.target.size + place.size, parameters))
+        rows[: self._prior.target.size, :10] = self._prior.rows
+        rows[self._prior.target.size :, place] = whitening
+        return Prior(rows, np.concatenate([self._prior.target, whitening @ mean]))
