@@ -44,7 +44,8 @@ class Identification:
         uncertainty: Values, robust 95 % intervals and what is determined, about the physical estimate.
         mass_center: Covariance of mass and centre of mass, for comparison with another identification.
         signal: Measured torque difference over time, by the gains that were fitted where there are such, raw and
-            smoothed, with the motion it belongs to, the noise per joint, the smoothing loss and how the two runs were laid over each other.
+            smoothed, with the motion it belongs to, the noise per joint, the smoothing loss and how the two runs were
+            laid over each other.
         predicted_nm: (K, n) torque that the physical estimate predicts at the samples of `signal`, friction
             that was fitted with it included.
         residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus prediction, comparable to

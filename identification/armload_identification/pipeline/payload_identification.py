@@ -130,7 +130,9 @@ def _identified(
         raise explain_negative_mass(plain.mass_kg, float(width))
     doubts = np.zeros((0, *signal.torque_nm.shape)) if friction is None else friction.doubts_nm
     said = () if known_arm is None else _on_friction(known_arm, chain, signal)
-    return completed(signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, struck, said, fitted_gains)
+    return completed(
+        signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, struck, said, fitted_gains
+    )
 
 
 def _on_friction(arm: KnownArm, chain: Chain, signal: LoadSignal) -> tuple[str, ...]:

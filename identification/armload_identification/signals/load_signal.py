@@ -141,6 +141,15 @@ class LoadSignal:
         """
         return replace(self, loaded=self.loaded.part(start_s, end_s), unloaded=self.unloaded.part(start_s, end_s))
 
+    def with_torque_times(self, matrix: FloatArray) -> LoadSignal:
+        """The same motion with every torque tau replaced by tau M; the noise is left as it is.
+
+        Args:
+            matrix: (n, n) M, as other gains make it.
+        """
+        loaded, unloaded = (run.with_torque_times(matrix) for run in (self.loaded, self.unloaded))
+        return replace(self, loaded=loaded, unloaded=unloaded)
+
     def with_delay(self, delay_s: float) -> LoadSignal:
         """The same torque with the motion that it belongs to.
 

@@ -84,6 +84,14 @@ class Motion:
         """
         return replace(self, states=self.states.earlier(delay_s, self.interval_s))
 
+    def with_torque_times(self, matrix: FloatArray) -> Motion:
+        """The same motion with every torque tau replaced by tau M; the noise is left as it is.
+
+        Args:
+            matrix: (n, n) M, as other gains make it.
+        """
+        return replace(self, raw_nm=self.raw_nm @ matrix, torque_nm=self.torque_nm @ matrix)
+
     def every(self, step: int) -> Motion:
         """Every `step`-th sample.
 
