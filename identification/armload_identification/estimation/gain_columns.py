@@ -43,6 +43,9 @@ from armload_identification.estimation.uncertainty import (
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 
+COMMON_DEVIATION: Final = 0.01
+"""Relative standard deviation of what all nominal gains share, such as magnets that are warm: no data show it, and
+independent errors of many axes would average out."""
 UNKNOWN_DEVIATION: Final = 0.1
 """Relative standard deviation of a gain that the data contradict."""
 _CONTRADICTS: Final = 2.5

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.gain_columns import GainFit
+from armload_identification.estimation.gain_columns import COMMON_DEVIATION, GainFit
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.uncertainty import ResidualSpectrum, derived, determined_basis, shifts_by
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
@@ -33,13 +33,14 @@ class GainShare:
         gain: (n,) gains that currents, or reported torques, were multiplied by.
         slope: (p, n) change of theta per change of the logarithm of each.
         covariance: (n, n) of the logarithms.
-        fitted: They are among the equations of what was known, and so in its share already.
+        known_covariance: (n, n) the part of it that is among the equations of what was known, and so in its share; 0
+            where the gains were taken as they are.
     """
 
     gain: FloatArray
     slope: FloatArray
     covariance: FloatArray
-    fitted: bool
+    known_covariance: FloatArray
 
     @classmethod
     def of(cls, fit: Estimate, torque_nm: FloatArray, transmission: Transmission, gains: GainFit | None) -> GainShare:
@@ -53,9 +54,9 @@ class GainShare:
         """
         used = transmission.torque_gain if transmission.torque_calibrated else transmission.gain_nm_a
         if gains is not None:
-            return cls(used, gains.slope, gains.covariance, fitted=True)
+            return cls(used, gains.slope, gains.covariance + COMMON_DEVIATION**2, gains.covariance)
         slope = shifts_by(fit, transmission.gain_shares(torque_nm)).T
-        return cls(used, slope, transmission.covariance, fitted=False)
+        return cls(used, slope, transmission.covariance, np.zeros_like(transmission.covariance))
 
 
 def mass_center_covariance(
@@ -86,8 +87,8 @@ def mass_center_covariance(
     shifts = shifts_by(fit, doubts_nm)[:, :10] @ slope.T
     measured = random + known @ known.T + shifts.T @ shifts
     by_gain = np.zeros((4, 0)) if gains is None else slope @ gains.slope[:10]
-    if gains is not None and gains.fitted:
-        measured = measured - by_gain @ gains.covariance @ by_gain.T
+    if gains is not None:
+        measured = measured - by_gain @ gains.known_covariance @ by_gain.T
     measured = measured + _blind(fit, gradient, parameters.mass_kg)
     freedom = spectrum.joint_freedom(contrast, measured)
     if gains is None:

@@ -12,7 +12,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.blows import struck_samples
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
-from armload_identification.estimation.gain_columns import GainFit
+from armload_identification.estimation.gain_columns import COMMON_DEVIATION, GainFit
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.mass_center_covariance import GainShare, mass_center_covariance
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
@@ -110,6 +110,8 @@ def completed(
     physical = make_physical(fit)
     taken_as_they_are = gains if fitted_gains is None else None
     shifts = shifts_by(fit, np.concatenate([_gain_doubts(taken_as_they_are, signal), doubts_nm]))
+    if fitted_gains is not None:
+        shifts = np.vstack([shifts, COMMON_DEVIATION * fitted_gains.slope.sum(axis=1)])
     uncertainty = quantify(fit, physical.parameters, shifts)
     share = None if gains is None else GainShare.of(fit, signal.torque_nm, gains, fitted_gains)
     predicted = regressor @ physical.parameters.theta

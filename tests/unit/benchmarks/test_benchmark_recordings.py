@@ -82,7 +82,7 @@ def test_a_seed_agrees_with_fake_servos_within_its_interval(setup):
         template = record(setup.loaded, setup.scales, PERIODS, np.random.default_rng(seed), np.zeros(6))
         runs.append(replace(template, position_rad=position, current_a=current))
     over_servos = identify(*runs, setup.chain, setup.transmission)
-    seeded = identified(setup, 0)
+    seeded = identified(setup, 1)
     apart = np.abs(over_servos.parameters.values - seeded.parameters.values)
     both = np.hypot(over_servos.uncertainty.half_width_95, seeded.uncertainty.half_width_95)
     known = over_servos.uncertainty.determined & seeded.uncertainty.determined
