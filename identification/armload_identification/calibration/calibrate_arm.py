@@ -51,7 +51,8 @@ _DOUBTFUL: Final = 0.12
 """Share of a joint's torque on other motions from which its error is worth a warning."""
 _FAR: Final = 5.0
 """Standard deviations of a change of friction that is worth a warning."""
-_ROWS_PER_UNKNOWN: Final = 4
+_ROWS_PER_UNKNOWN: Final = 3
+"""Rows of joints in motion per unknown, below which a fit is good whatever the arm is."""
 _TRIED_RUNS: Final = 4
 _TRIED_SPACING: Final = 3
 _LITTLE: Final = 0.025
