@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +21,7 @@ import orjson
 from mcap.writer import Writer
 
 from armload_controller.control_errors import CommissioningError, RecordingFailed
+from armload_controller.cycle.arm_frames import FRAMES_SCHEMA, FRAMES_SCHEMA_NAME, FRAMES_TOPIC, ArmFrames
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.phase import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
@@ -27,6 +29,10 @@ from armload_identification.recording.run_format import MESSAGE_SCHEMA, SCHEMA_N
 
 FLUSH_S = 0.2
 """Recorded time between two flushes; a quarter of a second is promised."""
+
+
+FRAMES_S = 0.05
+"""Recorded time between two messages of where the links are; only to look at."""
 
 
 class Recorder:
@@ -38,6 +44,8 @@ class Recorder:
     Args:
         path: File to write; it must not exist.
         attachments: Text by name, written first.
+        frames: Where the arm's links are, recorded every `FRAMES_S` for Foxglove; None where the arm is not known.
+        clock_ns: Wall-clock time in ns since 1970; asked once, at the first row.
 
     Raises:
         CommissioningError: the file exists or cannot be written.
@@ -45,7 +53,17 @@ class Recorder:
 
     name = "recorder"
 
-    def __init__(self, path: Path, attachments: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        attachments: Mapping[str, str],
+        *,
+        frames: ArmFrames | None = None,
+        clock_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._frames, self._clock_ns = frames, clock_ns
+        self._started_ns: int | None = None
+        self._framed_s = -float("inf")
         self._path, self._partial = path, _partial_of(path)
         if path.exists():
             raise CommissioningError(f"{path} exists: recordings are never overwritten, choose another --output")
@@ -66,6 +84,9 @@ class Recorder:
                 self._writer.add_attachment(0, 0, name, _media_type(name), text.encode())
             schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", orjson.dumps(MESSAGE_SCHEMA))
             self._channel = self._writer.register_channel(TOPIC, "json", schema)
+            if self._frames is not None:
+                schema = self._writer.register_schema(FRAMES_SCHEMA_NAME, "jsonschema", orjson.dumps(FRAMES_SCHEMA))
+                self._frames_channel = self._writer.register_channel(FRAMES_TOPIC, "json", schema)
             self._file.flush()
         except OSError:
             with suppress(OSError):
@@ -125,11 +146,17 @@ class Recorder:
         message["torque_offset_nm"] = command.torque_offset_nm
         message["statusword"] = feedback.statusword
         message["missing"] = feedback.missing
-        stamp_ns = round(feedback.time_s * 1e9)
+        if self._started_ns is None:
+            self._started_ns = self._clock_ns() - round(feedback.time_s * 1e9)
+        stamp_ns = self._started_ns + round(feedback.time_s * 1e9)
         data = orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY)
         try:
             self._writer.add_message(self._channel, stamp_ns, data, stamp_ns, feedback.cycle)
             self.rows += 1
+            if self._frames is not None and feedback.time_s - self._framed_s >= FRAMES_S:
+                data = self._frames.message(feedback.position_rad, stamp_ns)
+                self._writer.add_message(self._frames_channel, stamp_ns, data, stamp_ns, feedback.cycle)
+                self._framed_s = feedback.time_s
             if feedback.time_s - self._flushed_s >= FLUSH_S:
                 self._writer.flush()
                 self._require_there()

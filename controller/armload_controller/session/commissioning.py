@@ -19,6 +19,7 @@ from pathlib import Path
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import CommissioningError
+from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.monitors import CycleSummary
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.checked_path import CheckedPath, check_path
@@ -102,7 +103,8 @@ def _record(
         EXCITATION_ATTACHMENT: format_excitation(path.excitation),
         RUN_ATTACHMENT: json.dumps(run),
     }
-    with Recorder(recording_path(directory, session.load, role), attachments) as recorder:
+    frames = ArmFrames(robot.chain, robot.joint_names)
+    with Recorder(recording_path(directory, session.load, role), attachments, frames=frames) as recorder:
         return session.run(path, f"{session.load}: {role}", recorder=recorder)
 
 

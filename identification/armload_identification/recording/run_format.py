@@ -1,8 +1,9 @@
 """The format of the recordings that armload makes.
 
-One MCAP file per run, one channel `TOPIC` with a JSON message per cycle after `MESSAGE_SCHEMA`, log time = `time_s` in
-nanoseconds, and the attachments named here. `armload_controller.cycle.run_recorder` writes it, `mcap_reader` reads it.
-Attachments are written first, so that they survive a crash.
+One MCAP file per run, a channel `TOPIC` with a JSON message per cycle after `MESSAGE_SCHEMA`, log time = wall-clock
+time of the SYNC, and the attachments named here, which are written first so that they survive a crash. Beside `TOPIC`
+there may be channels for people to look at, which are not read. `armload_controller.cycle.run_recorder` writes it,
+`formats.mcap_reader` reads it.
 """
 
 from __future__ import annotations

@@ -10,10 +10,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from mcap.reader import make_reader
 
+from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, RecordingFailed
+from armload_controller.cycle.arm_frames import FRAMES_TOPIC, ArmFrames
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.setpoints import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
@@ -57,18 +60,54 @@ def test_every_number_comes_back(tmp_path):
 
 def test_independent_readers_find_channel_schema_and_index(tmp_path):
     path = tmp_path / "a.mcap"
-    with Recorder(path, {}) as recorder:
+    with Recorder(path, {}, clock_ns=lambda: 1_700_000_000_000_000_000) as recorder:
         for cycle in range(200):
             recorder.write(feedback(cycle), COMMAND, Segment.PERIODS, cycle * CYCLE_S)
     with path.open("rb") as stream:
         reader = make_reader(stream)
+        *_, (_, _, last) = reader.iter_messages()
         schema, channel, message = next(iter(reader.iter_messages()))
         assert reader.get_summary().statistics.message_count == 200
     assert (channel.topic, channel.message_encoding, schema.encoding) == (TOPIC, "json", "jsonschema")
     body = json.loads(message.data)
     assert set(body) <= set(MESSAGE_SCHEMA["properties"])
     assert set(MESSAGE_SCHEMA["required"]) <= set(body)
-    assert message.log_time == 12_500_000_000
+    assert message.log_time == 1_700_000_000_000_000_000
+    assert last.log_time - message.log_time == pytest.approx(199 * CYCLE_S * 1e9)
+
+
+def test_foxglove_gets_the_arm_in_3d_and_identification_does_not(tmp_path):
+    """Read by the library's own reader, put together link by link, and compared with Pinocchio's flange."""
+    robot = load_robot("er50")
+    n, path = robot.n, tmp_path / "a.mcap"
+    model = pin.Model()
+    for i in range(n):
+        axis = pin.JointModelRevoluteUnaligned(robot.chain.axis[i])
+        model.addJoint(i, axis, pin.SE3(robot.chain.placement[i]), f"joint {i}")
+    still, state_word = np.zeros(n), np.full(n, 0x1637, np.uint16)
+    position = np.sin(0.02 * np.arange(100)[:, None] + np.arange(n))
+    with Recorder(path, {}, frames=ArmFrames(robot.chain, robot.joint_names)) as recorder:
+        for cycle, q in enumerate(position):
+            measured = JointFeedback(cycle, 5.0 + 0.01 * cycle, q, still, still, None, state_word, still.astype(bool))
+            recorder.write(measured, JointCommand(q, still, still), Segment.PERIODS, 0.01 * cycle)
+    assert read_recording(path).size == 100
+    with path.open("rb") as stream:
+        frames = list(make_reader(stream).iter_messages(topics=[FRAMES_TOPIC]))
+    assert 17 <= len(frames) <= 20
+    assert {schema.name for schema, _, _ in frames} == {"foxglove.FrameTransforms"}
+    for _, _, message in frames:
+        pose, parent = np.eye(4), "base"
+        for link in json.loads(message.data)["transforms"]:
+            assert link["parent_frame_id"] == parent
+            parent = link["child_frame_id"]
+            shift = [link["translation"][key] for key in "xyz"]
+            turn = [link["rotation"][key] for key in "xyzw"]
+            pose = pose @ pin.SE3(pin.Quaternion(np.array(turn)).matrix(), np.array(shift)).homogeneous
+            assert link["timestamp"]["sec"] * 10**9 + link["timestamp"]["nsec"] == message.log_time
+        assert parent == "flange"
+        data = model.createData()
+        pin.forwardKinematics(model, data, position[message.sequence])
+        np.testing.assert_allclose(pose, data.oMi[n].homogeneous @ robot.chain.flange, atol=1e-9)
 
 
 def test_recordings_are_never_overwritten(tmp_path):

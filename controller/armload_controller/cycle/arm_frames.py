@@ -1,0 +1,91 @@
+"""The frames of an arm as messages that Foxglove shows in 3-D.
+
+References:
+    Foxglove schemas, foxglove.FrameTransforms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import orjson
+from scipy.spatial.transform import Rotation
+
+from armload_core.arrays import FloatArray
+from armload_identification.model.chain import Chain
+
+FRAMES_TOPIC: Final = "/frames"
+FRAMES_SCHEMA_NAME: Final = "foxglove.FrameTransforms"
+BASE_FRAME: Final = "base"
+FLANGE_FRAME: Final = "flange"
+
+_TIME: Final[dict[str, Any]] = {
+    "type": "object",
+    "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+}
+
+
+def _numbers(keys: str) -> dict[str, Any]:
+    return {"type": "object", "properties": {key: {"type": "number"} for key in keys}}
+
+
+FRAMES_SCHEMA: Final[dict[str, Any]] = {
+    "title": FRAMES_SCHEMA_NAME,
+    "type": "object",
+    "properties": {
+        "transforms": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "properties": {
+                    "timestamp": _TIME,
+                    "parent_frame_id": {"type": "string"},
+                    "child_frame_id": {"type": "string"},
+                    "translation": _numbers("xyz"),
+                    "rotation": _numbers("xyzw"),
+                },
+            },
+        }
+    },
+}
+
+
+class ArmFrames:
+    """Makes a message of the pose of every link in the one before it.
+
+    Args:
+        chain: The arm of n joints.
+        joint_names: Its joints' names, which are the names of the links that turn with them.
+    """
+
+    def __init__(self, chain: Chain, joint_names: Sequence[str]) -> None:
+        frames = (BASE_FRAME, *joint_names)
+        self._edges = list(zip((*frames[:-1], frames[-1]), (*frames[1:], FLANGE_FRAME), strict=True))
+        poses = np.concatenate([chain.placement, chain.flange[None]])
+        self._shifts = [dict(zip("xyz", pose[:3, 3].tolist(), strict=True)) for pose in poses]
+        self._turns = Rotation.from_matrix(poses[:, :3, :3])
+        self._axes = np.vstack([chain.axis, np.zeros(3)])
+
+    def message(self, position_rad: FloatArray, stamp_ns: int) -> bytes:
+        """One message.
+
+        Args:
+            position_rad: (n,) positions of the joints.
+            stamp_ns: Wall-clock time.
+        """
+        turned = Rotation.from_rotvec(np.append(position_rad, 0.0)[:, None] * self._axes)
+        quaternions = (self._turns * turned).as_quat().tolist()
+        stamp = {"sec": stamp_ns // 10**9, "nsec": stamp_ns % 10**9}
+        transforms = [
+            {
+                "timestamp": stamp,
+                "parent_frame_id": parent,
+                "child_frame_id": child,
+                "translation": shift,
+                "rotation": dict(zip("xyzw", quaternion, strict=True)),
+            }
+            for (parent, child), shift, quaternion in zip(self._edges, self._shifts, quaternions, strict=True)
+        ]
+        return orjson.dumps({"transforms": transforms})
