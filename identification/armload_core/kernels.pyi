@@ -171,6 +171,73 @@ class PayloadTorque:
             calls: At least 1; the last of them has the new parameters.
         """
 
+class PayloadEstimator:
+    """What a calibrated arm carries, sample by sample, without any allocation.
+
+    Args:
+        packed: (15 + 21 n,) `Chain.packed`; this and the rest are copied.
+        links: (n, 10) the arm's links in the turned joint frames.
+        from_effort: (n, n) joint torque is effort @ from_effort.
+        rotors: (n, n) joint torque per joint acceleration of the rotors.
+        parameter: (ESTIMATOR_PARAMETERS, n) friction, speeds, noise and drift.
+        scale: (10,) standard deviation of a payload's parameters beforehand.
+        memory_s: Time after which what was seen counts 37 %.
+        delay_s: By how much later than positions the drives report efforts.
+    """
+
+    def __init__(
+        self,
+        packed: FloatArray,
+        links: FloatArray,
+        from_effort: FloatArray,
+        rotors: FloatArray,
+        parameter: FloatArray,
+        scale: FloatArray,
+        memory_s: float,
+        delay_s: float,
+        /,
+    ) -> None: ...
+    def update(self, time_s: float, position_rad: FloatArray, effort: FloatArray, /) -> None:
+        """Take a sample; one that is not finite, or not later than the last, is counted and left out.
+
+        Args:
+            time_s: Its stamp, of any clock.
+            position_rad: (n,) joint positions.
+            effort: (n,) motor currents in A or joint torques in N m, as the drives report them.
+
+        Raises:
+            ValueError: arrays that are not float64 of n numbers.
+        """
+
+    def update_all(self, time_s: FloatArray, position_rad: FloatArray, effort: FloatArray, /) -> None:
+        """Take N samples, (N,) and (N, n) each."""
+
+    def read_into(
+        self,
+        theta: FloatArray,
+        covariance: FloatArray,
+        friction: FloatArray,
+        moving_s: FloatArray,
+        status: FloatArray,
+        /,
+    ) -> None:
+        """The estimate.
+
+        Args:
+            theta: (10,) parameters of the payload.
+            covariance: (10, 10) of them, for a misfit of 1 and an arm that is known exactly.
+            friction: (3, n) changes of Coulomb friction, viscous friction and offset.
+            moving_s: (n,) time for which each joint moved fast enough, within the memory.
+            status: (ESTIMATOR_STATUS,) what the estimator says of itself.
+        """
+
+    def rows_into(self, rows: FloatArray, /) -> int:
+        """The rows of the last 20 s, since the payload changed last; how many there are.
+
+        Args:
+            rows: (REMEMBERED_ROWS, 1 + 4 n) time, q, dq, ddq, joint torque; the oldest first.
+        """
+
 class ServoLoops:
     """The servo loops of a simulated arm, over arrays that they share with it.
 
@@ -276,3 +343,30 @@ SERVO_JOINT_VELOCITY: int
 SERVO_JOINT_TORQUE: int  # of the motors
 SERVO_LINK_TORQUE: int
 SERVO_MEASUREMENTS: int
+
+# Rows of the recursive estimator's parameters, each (n,).
+ESTIMATOR_COULOMB: int
+ESTIMATOR_VISCOUS: int
+ESTIMATOR_ROOT: int
+ESTIMATOR_LOAD: int
+ESTIMATOR_REVERSAL: int  # speed about which the direction turns over
+ESTIMATOR_GATE: int  # speed at which a row weighs 0.7
+ESTIMATOR_NOISE: int  # of a row, as if rows were independent
+ESTIMATOR_COULOMB_DRIFT: int
+ESTIMATOR_VISCOUS_DRIFT: int
+ESTIMATOR_OFFSET_DRIFT: int
+ESTIMATOR_PARAMETERS: int
+
+# Rows of its status.
+ESTIMATOR_TIME: int
+ESTIMATOR_ROWS: int
+ESTIMATOR_REFUSED: int
+ESTIMATOR_MISFIT: int  # variance of the innovations in terms of what was expected, 1 or more
+ESTIMATOR_CHANGE_TEST: int
+ESTIMATOR_CHANGES: int
+ESTIMATOR_CHANGED: int  # when
+ESTIMATOR_CHANGE_MASS: int  # by about how much, from the last second
+ESTIMATOR_CONTACT_RATIO: int  # torque at rest over what friction can hold
+ESTIMATOR_CONTACT: int  # 0 or 1
+ESTIMATOR_STATUS: int
+REMEMBERED_ROWS: int

@@ -3,6 +3,7 @@
 #include "batch.h"
 #include "chain.h"
 #include "joint_messages.h"
+#include "payload_estimator.h"
 #include "python_types.h"
 #include "servo_loops.h"
 
@@ -395,11 +396,22 @@ static int fill_module(PyObject *module)
     ADD_ROW(STATES)
     ADD_ROW(MEASUREMENTS)
 #undef ADD_ROW
+#define ADD_ROW(name)                                                                                                  \
+    if (PyModule_AddIntConstant(module, "ESTIMATOR_" #name, ESTIMATOR_##name) < 0) {                                   \
+        return -1;                                                                                                     \
+    }
+    ESTIMATOR_PARAMETER_ROWS(ADD_ROW)
+    ESTIMATOR_STATUS_ROWS(ADD_ROW)
+    ADD_ROW(PARAMETERS)
+    ADD_ROW(STATUS)
+#undef ADD_ROW
     if (PyModule_AddIntConstant(module, "MOST_JOINTS", MOST_JOINTS) < 0
         || PyModule_AddIntConstant(module, "MOST_JOINTS_OF_A_MESSAGE", MOST_JOINTS_OF_A_MESSAGE) < 0
         || PyModule_AddIntConstant(module, "BODY_PARAMETERS", BODY_PARAMETERS) < 0
         || PyModule_AddIntConstant(module, "BOX_NUMBERS", BOX_NUMBERS) < 0
         || add_type(module, "PayloadTorque", &PAYLOAD_TORQUE_SPEC) < 0
+        || PyModule_AddIntConstant(module, "REMEMBERED_ROWS", REMEMBERED_ROWS) < 0
+        || add_type(module, "PayloadEstimator", &PAYLOAD_ESTIMATOR_SPEC) < 0
         || add_type(module, "ServoLoops", &SERVO_LOOPS_SPEC) < 0) {
         return -1;
     }

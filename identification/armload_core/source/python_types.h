@@ -13,6 +13,7 @@ extern const batch_kernels *batch; /* in use; set when the module is loaded */
 PyObject *joint_rows_into(PyObject *module, PyObject *args);
 
 extern PyType_Spec PAYLOAD_TORQUE_SPEC;
+extern PyType_Spec PAYLOAD_ESTIMATOR_SPEC;
 extern PyType_Spec SERVO_LOOPS_SPEC;
 
 #endif

@@ -1,0 +1,593 @@
+#include "payload_estimator.h"
+
+#include <math.h>
+#include <string.h>
+
+extern const batch_kernels *batch;
+
+static const double BIN_S = 0.0095;      /* samples that come faster are averaged over this */
+static const double WINDOW_S = 0.30;     /* what a cubic is fitted to: a Savitzky-Golay filter at the stamps as they are */
+static const double ROW_S = 0.05;
+static const double HOLE_S = 0.10;       /* without samples for longer, the front end begins anew */
+static const double CLOCK_BACK_S = 1.0;  /* a stamp so much earlier is a clock that was set */
+static const double FASTEST_RAD_S = 20.0; /* no joint moves faster, and a position that does has jumped */
+static const double JUMP_RAD = 0.02;
+static const double LEAST_WEIGHT = 0.05;
+static const double CLIP = 3.0;          /* an innovation counts for at most so many standard deviations */
+static const double MISFIT_MEMORY_S = 10.0;
+static const double CHANGE_MEMORY_S = 1.0;
+static const double CHANGE_TEST = 20.0;
+static const double HELD_S = 0.3;
+static const double AT_REST = 0.05;      /* of the speed of the gate */
+static const double CONTACT_RATIO = 3.0; /* friction holds 1.4 times itself at most on a free arm, 6 and more in a push */
+
+enum { LEAST_MEANS = 8, POWERS = 4 };
+
+static void clear_payload(payload_estimator *e)
+{
+    memset(e->payload, 0, sizeof e->payload);
+    memset(e->right, 0, sizeof e->right);
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        e->payload[k][k] = 1.0;
+    }
+}
+
+static void clear_change(payload_estimator *e)
+{
+    memset(e->change, 0, sizeof e->change);
+    memset(e->change_right, 0, sizeof e->change_right);
+    e->change_test = 0.0;
+    e->suspected_since = -1.0;
+}
+
+static void clear_front(payload_estimator *e)
+{
+    e->held = e->next = e->gathered = 0;
+}
+
+/* Lower factor of a positive definite matrix of 10, in place of it; returns 0 where it is none. */
+static int factorised(double (*a)[BODY_PARAMETERS])
+{
+    for (int j = 0; j < BODY_PARAMETERS; j++) {
+        double d = a[j][j];
+        for (int k = 0; k < j; k++) {
+            d -= a[j][k] * a[j][k];
+        }
+        if (!(d > 0.0)) {
+            return 0;
+        }
+        const double root = sqrt(d);
+        a[j][j] = root;
+        for (int i = j + 1; i < BODY_PARAMETERS; i++) {
+            double s = a[i][j];
+            for (int k = 0; k < j; k++) {
+                s -= a[i][k] * a[j][k];
+            }
+            a[i][j] = s / root;
+        }
+    }
+    return 1;
+}
+
+static void solve_lower(const double (*l)[BODY_PARAMETERS], double *x)
+{
+    for (int i = 0; i < BODY_PARAMETERS; i++) {
+        for (int k = 0; k < i; k++) {
+            x[i] -= l[i][k] * x[k];
+        }
+        x[i] /= l[i][i];
+    }
+}
+
+static void solve_upper(const double (*l)[BODY_PARAMETERS], double *x)
+{
+    for (int i = BODY_PARAMETERS - 1; i >= 0; i--) {
+        for (int k = i + 1; k < BODY_PARAMETERS; k++) {
+            x[i] -= l[k][i] * x[k];
+        }
+        x[i] /= l[i][i];
+    }
+}
+
+/* Inverse of a symmetric positive definite matrix of 3. */
+static void inverted(const double (*a)[FRICTION_STATES], double (*inverse)[FRICTION_STATES])
+{
+    const double c00 = a[1][1] * a[2][2] - a[1][2] * a[1][2], c01 = a[0][2] * a[1][2] - a[0][1] * a[2][2];
+    const double c02 = a[0][1] * a[1][2] - a[0][2] * a[1][1];
+    const double scale = 1.0 / (a[0][0] * c00 + a[0][1] * c01 + a[0][2] * c02);
+    inverse[0][0] = scale * c00;
+    inverse[0][1] = inverse[1][0] = scale * c01;
+    inverse[0][2] = inverse[2][0] = scale * c02;
+    inverse[1][1] = scale * (a[0][0] * a[2][2] - a[0][2] * a[0][2]);
+    inverse[1][2] = inverse[2][1] = scale * (a[0][1] * a[0][2] - a[0][0] * a[1][2]);
+    inverse[2][2] = scale * (a[0][0] * a[1][1] - a[0][1] * a[0][1]);
+}
+
+/* What the payload has to do with a joint's friction, B D^-1 (10, 3). */
+static void through_friction(const friction_information *f, double (*through)[FRICTION_STATES])
+{
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            through[k][a] = f->with_payload[k][0] * f->inverse[0][a] + f->with_payload[k][1] * f->inverse[1][a]
+                            + f->with_payload[k][2] * f->inverse[2][a];
+        }
+    }
+}
+
+/* Estimates from the information. */
+static void solve(payload_estimator *e)
+{
+    double right[BODY_PARAMETERS], through[BODY_PARAMETERS][FRICTION_STATES];
+    memcpy(e->factor, e->payload, sizeof e->factor);
+    memcpy(right, e->right, sizeof right);
+    for (int j = 0; j < e->n; j++) {
+        friction_information *f = e->friction + j;
+        inverted((const double(*)[FRICTION_STATES])f->own, f->inverse);
+        through_friction(f, through);
+        for (int k = 0; k < BODY_PARAMETERS; k++) {
+            for (int i = 0; i <= k; i++) {
+                e->factor[k][i] -= through[k][0] * f->with_payload[i][0] + through[k][1] * f->with_payload[i][1]
+                                   + through[k][2] * f->with_payload[i][2];
+            }
+            right[k] -= through[k][0] * f->right[0] + through[k][1] * f->right[1] + through[k][2] * f->right[2];
+        }
+    }
+    if (!factorised(e->factor)) {
+        estimator_begin(e); /* not reached with finite information; what is not finite must not stay */
+        return;
+    }
+    solve_lower((const double(*)[BODY_PARAMETERS])e->factor, right);
+    solve_upper((const double(*)[BODY_PARAMETERS])e->factor, right);
+    memcpy(e->theta, right, sizeof e->theta);
+    for (int j = 0; j < e->n; j++) {
+        friction_information *f = e->friction + j;
+        double left[FRICTION_STATES];
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            left[a] = f->right[a];
+            for (int k = 0; k < BODY_PARAMETERS; k++) {
+                left[a] -= f->with_payload[k][a] * e->theta[k];
+            }
+        }
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            f->change[a] = f->inverse[a][0] * left[0] + f->inverse[a][1] * left[1] + f->inverse[a][2] * left[2];
+        }
+    }
+}
+
+void estimator_begin(payload_estimator *e)
+{
+    e->started = 0;
+    e->row_time = -HUGE_VAL;
+    e->misfit = 1.0;
+    e->remembered = e->next_row = 0;
+    e->changed = e->change_mass = e->changes = e->contact_ratio = e->rows = e->refused = e->last_time = 0.0;
+    e->touched_since = -1.0;
+    memset(e->moving_s, 0, sizeof e->moving_s);
+    memset(e->friction, 0, sizeof e->friction);
+    clear_front(e);
+    clear_payload(e);
+    clear_change(e);
+    for (int j = 0; j < e->n; j++) {
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            e->friction[j].own[a][a] = 1.0;
+        }
+    }
+    solve(e);
+}
+
+/* Another payload: nothing is known of it, and of each joint's friction what was known beside the old one. */
+static void forget_payload(payload_estimator *e)
+{
+    for (int j = 0; j < e->n; j++) {
+        friction_information *f = e->friction + j;
+        double through[BODY_PARAMETERS][FRICTION_STATES], covariance[FRICTION_STATES][FRICTION_STATES];
+        through_friction(f, through);
+        memcpy(covariance, f->inverse, sizeof covariance);
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            double column[BODY_PARAMETERS];
+            for (int k = 0; k < BODY_PARAMETERS; k++) {
+                column[k] = through[k][a];
+            }
+            solve_lower((const double(*)[BODY_PARAMETERS])e->factor, column);
+            solve_upper((const double(*)[BODY_PARAMETERS])e->factor, column);
+            for (int b = 0; b <= a; b++) {
+                double sum = 0.0;
+                for (int k = 0; k < BODY_PARAMETERS; k++) {
+                    sum += column[k] * through[k][b];
+                }
+                covariance[a][b] += sum;
+                if (b < a) {
+                    covariance[b][a] = covariance[a][b];
+                }
+            }
+        }
+        inverted((const double(*)[FRICTION_STATES])covariance, f->own);
+        memset(f->with_payload, 0, sizeof f->with_payload);
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            f->right[a] =
+                f->own[a][0] * f->change[0] + f->own[a][1] * f->change[1] + f->own[a][2] * f->change[2];
+        }
+    }
+    clear_payload(e);
+    clear_change(e);
+    e->remembered = e->next_row = 0;
+    memset(e->moving_s, 0, sizeof e->moving_s);
+    solve(e);
+}
+
+/* Cubic over the window by least squares: value at its middle, and of positions the derivatives. Returns 0 without
+   enough of it. */
+static int smoothed_row(const payload_estimator *e, estimator_row *row)
+{
+    const joint_sample *newest = e->smoothed + (e->next + SMOOTHED - 1) % SMOOTHED;
+    double moment[2 * POWERS - 1] = {0.0}, factor[POWERS][POWERS], weight[POWERS];
+    double power[SMOOTHED][POWERS];
+    int used = 0;
+    while (used < e->held
+           && newest->time - e->smoothed[(e->next + 2 * SMOOTHED - 1 - used) % SMOOTHED].time <= WINDOW_S) {
+        used++;
+    }
+    if (used < LEAST_MEANS) {
+        return 0;
+    }
+    const joint_sample *oldest = e->smoothed + (e->next + SMOOTHED - used) % SMOOTHED;
+    const double half = 0.5 * (newest->time - oldest->time);
+    if (!(half > 0.3 * WINDOW_S)) {
+        return 0;
+    }
+    row->time = oldest->time + half;
+    for (int k = 0; k < used; k++) {
+        const double u = (e->smoothed[(e->next + SMOOTHED - used + k) % SMOOTHED].time - row->time) / half;
+        double p = 1.0;
+        for (int m = 0; m < 2 * POWERS - 1; m++, p *= u) {
+            moment[m] += p;
+            if (m < POWERS) {
+                power[k][m] = p;
+            }
+        }
+    }
+    for (int i = 0; i < POWERS; i++) {
+        for (int j = 0; j <= i; j++) {
+            double s = moment[i + j];
+            for (int k = 0; k < j; k++) {
+                s -= factor[i][k] * factor[j][k];
+            }
+            if (i == j && !(s > 1e-9)) {
+                return 0;
+            }
+            factor[i][j] = i == j ? sqrt(s) : s / factor[j][j];
+        }
+    }
+    memset(row->position, 0, sizeof row->position);
+    memset(row->velocity, 0, sizeof row->velocity);
+    memset(row->acceleration, 0, sizeof row->acceleration);
+    memset(row->torque, 0, sizeof row->torque);
+    for (int k = 0; k < used; k++) {
+        const joint_sample *at = e->smoothed + (e->next + SMOOTHED - used + k) % SMOOTHED;
+        for (int i = 0; i < POWERS; i++) {
+            weight[i] = power[k][i];
+            for (int m = 0; m < i; m++) {
+                weight[i] -= factor[i][m] * weight[m];
+            }
+            weight[i] /= factor[i][i];
+        }
+        for (int i = POWERS - 1; i >= 0; i--) {
+            for (int m = i + 1; m < POWERS; m++) {
+                weight[i] -= factor[m][i] * weight[m];
+            }
+            weight[i] /= factor[i][i];
+        }
+        const double speed = weight[1] / half, acceleration = 2.0 * weight[2] / (half * half);
+        for (int j = 0; j < e->n; j++) {
+            const double from_newest = at->position[j] - newest->position[j];
+            row->position[j] += weight[0] * from_newest;
+            row->velocity[j] += speed * from_newest;
+            row->acceleration[j] += acceleration * from_newest;
+            row->torque[j] += weight[0] * at->torque[j];
+        }
+    }
+    for (int j = 0; j < e->n; j++) {
+        row->position[j] += newest->position[j] - e->delay_s * row->velocity[j];
+        row->velocity[j] -= e->delay_s * row->acceleration[j];
+    }
+    return 1;
+}
+
+static void fade(payload_estimator *e, double elapsed)
+{
+    const double kept = exp(-elapsed / e->memory_s), change = exp(-elapsed / CHANGE_MEMORY_S);
+    for (int i = 0; i < BODY_PARAMETERS; i++) {
+        for (int k = 0; k < BODY_PARAMETERS; k++) {
+            e->payload[i][k] *= kept;
+            e->change[i][k] *= change;
+        }
+        e->payload[i][i] += 1.0 - kept;
+        e->right[i] *= kept;
+        e->change_right[i] *= change;
+    }
+    for (int j = 0; j < e->n; j++) {
+        friction_information *f = e->friction + j;
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            for (int b = 0; b < FRICTION_STATES; b++) {
+                f->own[a][b] *= kept;
+            }
+            for (int k = 0; k < BODY_PARAMETERS; k++) {
+                f->with_payload[k][a] *= kept;
+            }
+            f->own[a][a] += 1.0 - kept;
+            f->right[a] *= kept;
+        }
+        e->moving_s[j] *= kept;
+    }
+}
+
+/* A joint's row, added to the information; `h` and `f` in the units of the states. */
+static void add_row(payload_estimator *e, int joint, const double *h, const double *f, double target, double weight,
+                    double elapsed)
+{
+    friction_information *own = e->friction + joint;
+    double expected = 0.0, seen[BODY_PARAMETERS], by[FRICTION_STATES], variance = 0.0;
+    for (int a = 0; a < FRICTION_STATES; a++) {
+        by[a] = own->inverse[a][0] * f[0] + own->inverse[a][1] * f[1] + own->inverse[a][2] * f[2];
+        expected += f[a] * own->change[a];
+        variance += f[a] * by[a];
+    }
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        expected += h[k] * e->theta[k];
+        seen[k] = h[k] - own->with_payload[k][0] * by[0] - own->with_payload[k][1] * by[1]
+                  - own->with_payload[k][2] * by[2];
+    }
+    solve_lower((const double(*)[BODY_PARAMETERS])e->factor, seen);
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        variance += seen[k] * seen[k];
+    }
+    const double spread = e->misfit / weight + variance, bound = CLIP * sqrt(spread);
+    const double off = target - expected, innovation = fmax(fmin(off, bound), -bound);
+    const double size = innovation * innovation / spread, memory = elapsed / (MISFIT_MEMORY_S * e->n);
+    e->misfit = fmax(e->misfit * (1.0 + memory * (size - 1.0)), 1.0);
+    const double counts = weight * (expected + innovation);
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        const double wh = weight * h[k], ch = h[k] / spread;
+        for (int i = 0; i < BODY_PARAMETERS; i++) {
+            e->payload[k][i] += wh * h[i];
+            e->change[k][i] += ch * h[i];
+        }
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            own->with_payload[k][a] += wh * f[a];
+        }
+        e->right[k] += counts * h[k];
+        e->change_right[k] += ch * innovation;
+    }
+    for (int a = 0; a < FRICTION_STATES; a++) {
+        for (int b = 0; b < FRICTION_STATES; b++) {
+            own->own[a][b] += weight * f[a] * f[b];
+        }
+        own->right[a] += counts * f[a];
+    }
+}
+
+/* Whether the payload is another one: its change by the innovations of the last second, and how significant that is. */
+static void watch_change(payload_estimator *e, double now)
+{
+    double factor[BODY_PARAMETERS][BODY_PARAMETERS], change[BODY_PARAMETERS];
+    memcpy(factor, e->change, sizeof factor);
+    memcpy(change, e->change_right, sizeof change);
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        factor[k][k] += 1.0;
+    }
+    if (!factorised(factor)) {
+        clear_change(e);
+        return;
+    }
+    solve_lower((const double(*)[BODY_PARAMETERS])factor, change);
+    e->change_test = 0.0;
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        e->change_test += change[k] * change[k];
+    }
+    if (e->change_test <= CHANGE_TEST) {
+        e->suspected_since = -1.0;
+    } else if (e->suspected_since < 0.0) {
+        e->suspected_since = now;
+    } else if (now - e->suspected_since >= HELD_S) {
+        solve_upper((const double(*)[BODY_PARAMETERS])factor, change);
+        e->changed = now;
+        e->change_mass = change[0] * e->scale[0];
+        e->changes += 1.0;
+        forget_payload(e);
+    }
+}
+
+/* At rest friction holds a joint; what it cannot hold is a push. */
+static void watch_contact(payload_estimator *e, const estimator_row *row, const double *links, const double *payload)
+{
+    double worst = 0.0;
+    for (int j = 0; j < e->n; j++) {
+        if (fabs(row->velocity[j]) > AT_REST * e->parameter[ESTIMATOR_GATE][j]) {
+            e->contact_ratio = 0.0;
+            e->touched_since = -1.0;
+            return;
+        }
+        const double carried = links[j] + payload[j];
+        const double held = e->parameter[ESTIMATOR_COULOMB][j] + e->parameter[ESTIMATOR_LOAD][j] * fabs(carried);
+        worst = fmax(worst, fabs(row->torque[j] - carried) / fmax(held, 1e-9));
+    }
+    e->contact_ratio = worst;
+    if (worst < CONTACT_RATIO) {
+        e->touched_since = -1.0;
+    } else if (e->touched_since < 0.0) {
+        e->touched_since = row->time;
+    }
+}
+
+static void take_row(payload_estimator *e)
+{
+    estimator_row *row = e->row + e->next_row;
+    double regressor[MOST_JOINTS * BODY_PARAMETERS] = {0.0}, links[MOST_JOINTS], payload[MOST_JOINTS];
+    const int n = e->n;
+    if (!smoothed_row(e, row)) {
+        return;
+    }
+    const double elapsed = fmin(row->time - e->row_time, e->memory_s);
+    e->row_time = row->time;
+    e->rows += 1.0;
+    e->next_row = (e->next_row + 1) % REMEMBERED_ROWS;
+    e->remembered += e->remembered < REMEMBERED_ROWS;
+    batch->regressor(e->chain, n, 0, 1, row->position, row->velocity, row->acceleration, regressor);
+    batch->arm_torque(e->chain, n, e->links, 1, row->position, row->velocity, row->acceleration, links);
+    for (int j = 0; j < n; j++) {
+        payload[j] = 0.0;
+        for (int k = 0; k < BODY_PARAMETERS; k++) {
+            regressor[j * BODY_PARAMETERS + k] *= e->scale[k];
+            payload[j] += regressor[j * BODY_PARAMETERS + k] * e->theta[k];
+        }
+    }
+    watch_contact(e, row, links, payload);
+    fade(e, elapsed);
+    const double counted = fmin(elapsed, 2.0 * ROW_S);
+    for (int j = 0; j < n; j++) {
+        const double dq = row->velocity[j], gate = e->parameter[ESTIMATOR_GATE][j];
+        const double ratio = (dq / gate) * (dq / gate), gated = ratio / sqrt(1.0 + ratio * ratio);
+        if (gated < LEAST_WEIGHT) {
+            continue;
+        }
+        e->moving_s[j] += fabs(dq) > gate ? counted : 0.0;
+        const double s = tanh(dq / e->parameter[ESTIMATOR_REVERSAL][j]);
+        const double turned = links[j] + payload[j] < 0.0 ? -1.0 : 1.0;
+        const double through = 1.0 + e->parameter[ESTIMATOR_LOAD][j] * s * turned;
+        double arm = through * links[j] + e->parameter[ESTIMATOR_VISCOUS][j] * dq
+                     + s * (e->parameter[ESTIMATOR_COULOMB][j] + e->parameter[ESTIMATOR_ROOT][j] * sqrt(fabs(dq)));
+        for (int k = 0; k < n; k++) {
+            arm += e->rotors[j * n + k] * row->acceleration[k];
+        }
+        const double f[FRICTION_STATES] = {s * e->parameter[ESTIMATOR_COULOMB_DRIFT][j],
+                                           dq * e->parameter[ESTIMATOR_VISCOUS_DRIFT][j],
+                                           e->parameter[ESTIMATOR_OFFSET_DRIFT][j]};
+        double h[BODY_PARAMETERS];
+        for (int k = 0; k < BODY_PARAMETERS; k++) {
+            h[k] = through * regressor[j * BODY_PARAMETERS + k];
+        }
+        const double noise = e->parameter[ESTIMATOR_NOISE][j] / gated;
+        add_row(e, j, h, f, row->torque[j] - arm, 1.0 / (noise * noise), counted);
+    }
+    solve(e);
+    watch_change(e, row->time);
+}
+
+/* The gathered samples as one mean into the window. */
+static void close_mean(payload_estimator *e)
+{
+    joint_sample *mean = e->smoothed + e->next;
+    const double share = 1.0 / e->gathered;
+    mean->time = e->gathering_since + share * e->gathering.time;
+    for (int j = 0; j < e->n; j++) {
+        mean->position[j] = share * e->gathering.position[j];
+        mean->torque[j] = share * e->gathering.torque[j];
+    }
+    e->next = (e->next + 1) % SMOOTHED;
+    e->held += e->held < SMOOTHED;
+    e->gathered = 0;
+}
+
+void estimator_update(payload_estimator *e, double time_s, const double *position, const double *effort)
+{
+    double sum = time_s;
+    for (int j = 0; j < e->n; j++) {
+        sum += fabs(position[j]) + fabs(effort[j]);
+    }
+    const double since = time_s - e->last_time;
+    if (!(fabs(sum) < 1e12) || (e->started && since <= 0.0 && since > -CLOCK_BACK_S)) {
+        e->refused += 1.0;
+        return;
+    }
+    if (e->started && since <= -CLOCK_BACK_S) {
+        e->row_time = -HUGE_VAL;
+        e->remembered = e->next_row = 0;
+        e->touched_since = -1.0;
+        clear_front(e);
+        clear_change(e);
+    } else if (e->started) {
+        int jumped = since > HOLE_S;
+        for (int j = 0; j < e->n; j++) {
+            jumped |= fabs(position[j] - e->last_position[j]) > JUMP_RAD + FASTEST_RAD_S * since;
+        }
+        if (jumped) {
+            clear_front(e);
+        }
+    }
+    e->started = 1;
+    e->last_time = time_s;
+    memcpy(e->last_position, position, (size_t)e->n * sizeof(double));
+    if (e->gathered && time_s - e->gathering_since >= BIN_S) {
+        close_mean(e);
+        const double newest = e->smoothed[(e->next + SMOOTHED - 1) % SMOOTHED].time;
+        if (newest - 0.5 * WINDOW_S - e->row_time >= ROW_S - 0.5 * BIN_S) {
+            take_row(e);
+        }
+    }
+    if (!e->gathered) {
+        memset(&e->gathering, 0, sizeof e->gathering);
+        e->gathering_since = time_s;
+    }
+    e->gathering.time += time_s - e->gathering_since;
+    for (int j = 0; j < e->n; j++) {
+        double torque = 0.0;
+        for (int k = 0; k < e->n; k++) {
+            torque += effort[k] * e->from_effort[k * e->n + j];
+        }
+        e->gathering.position[j] += position[j];
+        e->gathering.torque[j] += torque;
+    }
+    e->gathered++;
+}
+
+void estimator_read(const payload_estimator *e, double *theta, double *covariance, double *friction, double *moving_s,
+                    double *status)
+{
+    double whole[BODY_PARAMETERS][BODY_PARAMETERS];
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        double column[BODY_PARAMETERS] = {0.0};
+        column[k] = 1.0;
+        solve_lower((const double(*)[BODY_PARAMETERS])e->factor, column);
+        solve_upper((const double(*)[BODY_PARAMETERS])e->factor, column);
+        for (int i = 0; i < BODY_PARAMETERS; i++) {
+            whole[i][k] = column[i];
+        }
+        theta[k] = e->theta[k] * e->scale[k];
+    }
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        for (int i = 0; i < BODY_PARAMETERS; i++) {
+            covariance[k * BODY_PARAMETERS + i] = 0.5 * (whole[k][i] + whole[i][k]) * e->scale[k] * e->scale[i];
+        }
+    }
+    for (int j = 0; j < e->n; j++) {
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            friction[a * e->n + j] = e->friction[j].change[a] * e->parameter[ESTIMATOR_COULOMB_DRIFT + a][j];
+        }
+        moving_s[j] = e->moving_s[j];
+    }
+    status[ESTIMATOR_TIME] = e->last_time;
+    status[ESTIMATOR_ROWS] = e->rows;
+    status[ESTIMATOR_REFUSED] = e->refused;
+    status[ESTIMATOR_MISFIT] = e->misfit;
+    status[ESTIMATOR_CHANGE_TEST] = e->change_test;
+    status[ESTIMATOR_CHANGES] = e->changes;
+    status[ESTIMATOR_CHANGED] = e->changed;
+    status[ESTIMATOR_CHANGE_MASS] = e->change_mass;
+    status[ESTIMATOR_CONTACT_RATIO] = e->contact_ratio;
+    status[ESTIMATOR_CONTACT] = e->touched_since >= 0.0 && e->row_time - e->touched_since >= HELD_S ? 1.0 : 0.0;
+}
+
+int estimator_rows(const payload_estimator *e, double *out)
+{
+    const size_t joints = (size_t)e->n;
+    for (int k = 0; k < e->remembered; k++) {
+        const estimator_row *row = e->row + (e->next_row + REMEMBERED_ROWS - e->remembered + k) % REMEMBERED_ROWS;
+        *out++ = row->time;
+        memcpy(out, row->position, joints * sizeof(double));
+        memcpy(out + joints, row->velocity, joints * sizeof(double));
+        memcpy(out + 2 * joints, row->acceleration, joints * sizeof(double));
+        memcpy(out + 3 * joints, row->torque, joints * sizeof(double));
+        out += 4 * joints;
+    }
+    return e->remembered;
+}

@@ -1,0 +1,112 @@
+/* What an arm carries, sample by sample: the recursive estimator. It allocates nothing and takes bounded time.
+
+   Row of joint j, at most 20 a second, of the calibrated arm's torque less what was measured:
+
+       tau - tau_arm = (1 + mu s sgn(tau_l)) Phi_j theta + s dFc_j + dq_j dFv_j + dF0_j
+
+   Unknown are the payload's ten parameters theta and three changes of friction per joint, in units of their standard
+   deviations beforehand, so that the information about them begins as the identity. It fades towards that:
+
+       Lambda <- f Lambda + (1 - f) 1 + sum_j W_j h_j h_j^T,      f = exp(-dt / memory)
+
+   so that Lambda - 1 is never negative, whatever comes in: no rounding and no number of updates makes it indefinite.
+   A joint's friction meets the payload alone: Lambda is an arrow, and theta follows from one factorisation of 10 x 10. */
+
+#ifndef ARMLOAD_PAYLOAD_ESTIMATOR_H
+#define ARMLOAD_PAYLOAD_ESTIMATOR_H
+
+#include "batch.h"
+#include "chain.h"
+
+/* Rows of the arm's constants, (ESTIMATOR_PARAMETERS, n). */
+#define ESTIMATOR_PARAMETER_ROWS(ROW)                                                                                  \
+    ROW(COULOMB)                                                                                                       \
+    ROW(VISCOUS)                                                                                                       \
+    ROW(ROOT)                                                                                                          \
+    ROW(LOAD)                                                                                                          \
+    ROW(REVERSAL)                                                                                                      \
+    ROW(GATE)                                                                                                          \
+    ROW(NOISE)                                                                                                         \
+    ROW(COULOMB_DRIFT)                                                                                                 \
+    ROW(VISCOUS_DRIFT)                                                                                                 \
+    ROW(OFFSET_DRIFT)
+
+/* What the estimator says of itself. */
+#define ESTIMATOR_STATUS_ROWS(ROW)                                                                                     \
+    ROW(TIME)                                                                                                          \
+    ROW(ROWS)                                                                                                          \
+    ROW(REFUSED)                                                                                                       \
+    ROW(MISFIT)                                                                                                        \
+    ROW(CHANGE_TEST)                                                                                                   \
+    ROW(CHANGES)                                                                                                       \
+    ROW(CHANGED)                                                                                                       \
+    ROW(CHANGE_MASS)                                                                                                   \
+    ROW(CONTACT_RATIO)                                                                                                 \
+    ROW(CONTACT)
+
+#define ESTIMATOR_NAME(name) ESTIMATOR_##name,
+enum { ESTIMATOR_PARAMETER_ROWS(ESTIMATOR_NAME) ESTIMATOR_PARAMETERS };
+enum { ESTIMATOR_STATUS_ROWS(ESTIMATOR_NAME) ESTIMATOR_STATUS };
+#undef ESTIMATOR_NAME
+
+enum {
+    FRICTION_STATES = 3,
+    SMOOTHED = 40,       /* means over 10 ms that the front end holds at most */
+    REMEMBERED_ROWS = 400 /* what the sensitivity to gains and body is computed from: 20 s */
+};
+
+typedef struct {
+    double time, position[MOST_JOINTS], torque[MOST_JOINTS];
+} joint_sample;
+
+typedef struct {
+    double time, position[MOST_JOINTS], velocity[MOST_JOINTS], acceleration[MOST_JOINTS], torque[MOST_JOINTS];
+} estimator_row;
+
+typedef struct {
+    double own[FRICTION_STATES][FRICTION_STATES], with_payload[BODY_PARAMETERS][FRICTION_STATES];
+    double right[FRICTION_STATES], change[FRICTION_STATES], inverse[FRICTION_STATES][FRICTION_STATES];
+} friction_information;
+
+typedef struct {
+    int n; /* 0 before it is made */
+    double chain[15 + 21 * MOST_JOINTS], links[MOST_JOINTS * BODY_PARAMETERS]; /* links in the turned frames */
+    double from_effort[MOST_JOINTS * MOST_JOINTS], rotors[MOST_JOINTS * MOST_JOINTS];
+    double parameter[ESTIMATOR_PARAMETERS][MOST_JOINTS], scale[BODY_PARAMETERS];
+    double memory_s, delay_s;
+
+    /* front end */
+    int started, held, next, gathered;
+    double last_time, last_position[MOST_JOINTS], gathering_since, row_time;
+    joint_sample gathering, smoothed[SMOOTHED];
+
+    /* payload and friction */
+    double payload[BODY_PARAMETERS][BODY_PARAMETERS], right[BODY_PARAMETERS], theta[BODY_PARAMETERS];
+    double factor[BODY_PARAMETERS][BODY_PARAMETERS];
+    friction_information friction[MOST_JOINTS];
+    double misfit, moving_s[MOST_JOINTS];
+
+    /* change of payload, and contact */
+    double change[BODY_PARAMETERS][BODY_PARAMETERS], change_right[BODY_PARAMETERS];
+    double change_test, suspected_since, changed, change_mass, changes;
+    double contact_ratio, touched_since;
+
+    double rows, refused;
+    int remembered, next_row;
+    estimator_row row[REMEMBERED_ROWS];
+} payload_estimator;
+
+/* Begin anew with the constants that are there. */
+void estimator_begin(payload_estimator *e);
+
+/* Take a sample: joint positions in rad, and efforts as the drives report them. */
+void estimator_update(payload_estimator *e, double time_s, const double *position, const double *effort);
+
+/* Parameters (10), their covariance (10, 10) for a misfit of one, changes of friction (3, n), status. */
+void estimator_read(const payload_estimator *e, double *theta, double *covariance, double *friction, double *moving_s,
+                    double *status);
+
+/* The remembered rows, the oldest first: time, and q, dq, ddq, tau (n each). Returns how many. */
+int estimator_rows(const payload_estimator *e, double *out);
+
+#endif

@@ -1,0 +1,216 @@
+"""What a calibrated arm carries while it works: the recursive estimator for a loop, and its estimate with intervals.
+
+`update` is one call of the kernel (`armload_core/source/payload_estimator.c`): it takes the drives' unfiltered feedback,
+on stamps as they come. `estimate` is for outside the loop: it takes some milliseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from armload_core import kernels
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration, Effort
+from armload_identification.estimation.known_arm_fit import MOVING, moving_weights
+from armload_identification.estimation.uncertainty import CONFIDENCE, DETERMINED_SHARE, REFERENCE_LENGTH_M, derived
+from armload_identification.model.body_model import smooth_sign
+from armload_identification.model.chain import Chain
+from armload_identification.model.joint_states import JointStates
+from armload_identification.model.payload import InertialParameters
+from armload_identification.model.regressor import payload_regressor
+from armload_identification.pipeline.any_motion import FLOOR_KG, FLOOR_SHARE
+from armload_identification.signals.joint_torque import Transmission
+
+ROW_S: Final = 0.05
+"""Time between rows of the estimator."""
+_COLOUR: Final = 2.0
+"""By how much the variance of an estimate exceeds that of rows as independent as they are weighted: ARM.md, part B."""
+_WEIGHTLESS_KG: Final = 1e-3
+"""Below this there is no centre of mass."""
+_TOOL_M: Final = 0.3
+_OF_GRAVITY: Final = 9.81
+_LEVER_M: Final = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class LivePayload:
+    """What an arm carries, as far as its motion has shown.
+
+    Attributes:
+        time_s: Stamp of the last sample.
+        theta: (10,) parameters as estimated, possible or not.
+        values: (4,) mass in kg and centre of mass in m, flange frame.
+        half_width_95: (4,) half widths of their 95 % intervals.
+        determined: (4,) half widths of at most 20 % of the mass, and of 0.1 m.
+        moving_s: (n,) time for which each joint has moved fast enough to show its load.
+        friction: (3, n) changes of Coulomb friction, viscous friction and offset since the calibration.
+        changes: How many times the payload has changed.
+        changed_s: When, last; 0 without a change.
+        change_kg: By about how much, from the second before it was noticed.
+        contact: At rest something pushes harder than friction could hold.
+        refused: Samples left out: not finite, or not later than the last.
+    """
+
+    time_s: float
+    theta: FloatArray
+    values: FloatArray
+    half_width_95: FloatArray
+    determined: NDArray[np.bool_]
+    moving_s: FloatArray
+    friction: FloatArray
+    changes: int
+    changed_s: float
+    change_kg: float
+    contact: bool
+    refused: int
+
+    @property
+    def mass_kg(self) -> float:
+        """The mass."""
+        return float(self.values[0])
+
+
+class PayloadEstimator:
+    """The recursive estimator of a calibrated arm.
+
+    Args:
+        calibration: The arm.
+        chain: As configured.
+        transmission: Nominal gains, and coupling.
+        memory_s: Time after which what was seen counts 37 %.
+
+    Raises:
+        ModelError: the calibration belongs to another arm.
+
+    Examples:
+        >>> estimator = PayloadEstimator(calibration, robot.chain, robot.transmission)  # doctest: +SKIP
+        >>> estimator.update(time_s, position_rad, current_a)  # doctest: +SKIP
+        >>> estimator.estimate().mass_kg  # doctest: +SKIP
+        2.81
+    """
+
+    def __init__(
+        self, calibration: ArmCalibration, chain: Chain, transmission: Transmission, *, memory_s: float = 60.0
+    ) -> None:
+        calibration.require_arm(chain, transmission.coupling)
+        self._chain = calibration.level(chain)
+        self._arm = calibration.known_arm(chain)
+        n, body = chain.n, calibration.body
+        used = calibration.transmission(transmission)
+        unit = np.eye(n)
+        from_effort = used.reported_torque(unit) if calibration.effort is Effort.TORQUE else used.joint_torque(unit)
+        to_axis = np.linalg.inv(body.coupling)
+        links = np.empty((n, 10))
+        for i, theta in enumerate(body.links):
+            into_turned = np.eye(4)
+            into_turned[:3, :3] = self._chain.turned_back(i)
+            links[i] = InertialParameters(theta).transformed(into_turned).theta
+        colour = np.sqrt(np.maximum(self._arm.correlation_s / ROW_S, 1.0))
+        parameter = np.zeros((kernels.ESTIMATOR_PARAMETERS, n))
+        rows = {
+            kernels.ESTIMATOR_COULOMB: body.coulomb_nm,
+            kernels.ESTIMATOR_VISCOUS: body.viscous_nm_s_rad,
+            kernels.ESTIMATOR_ROOT: body.root_nm,
+            kernels.ESTIMATOR_LOAD: body.load_friction,
+            kernels.ESTIMATOR_REVERSAL: body.reversal_speed_rad_s,
+            kernels.ESTIMATOR_GATE: MOVING * body.reversal_speed_rad_s,
+            kernels.ESTIMATOR_NOISE: self._arm.noise_nm * colour,
+            kernels.ESTIMATOR_COULOMB_DRIFT: calibration.drift[0],
+            kernels.ESTIMATOR_VISCOUS_DRIFT: calibration.drift[1],
+            kernels.ESTIMATOR_OFFSET_DRIFT: calibration.drift[2],
+        }
+        for row, values in rows.items():
+            parameter[row] = values
+        mass = float(calibration.level_nm.max()) / (_OF_GRAVITY * _LEVER_M)
+        self._scale = mass * np.array([1.0] + [_TOOL_M] * 3 + [_TOOL_M**2] * 6)
+        self._parameter = parameter
+        self._kernel = kernels.PayloadEstimator(
+            self._chain.packed,
+            links,
+            np.ascontiguousarray(from_effort),
+            np.ascontiguousarray(to_axis.T * body.rotor_inertia_kg_m2 @ to_axis),
+            parameter,
+            self._scale,
+            memory_s,
+            body.torque_delay_s,
+        )
+        self._memory_s = memory_s
+        self.update = self._kernel.update
+        self.update_all = self._kernel.update_all
+
+    @property
+    def changes(self) -> int:
+        """How many times the payload has changed; takes a microsecond or two, unlike `estimate`."""
+        return int(self._read()[-1][kernels.ESTIMATOR_CHANGES])
+
+    def _read(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Parameters, covariance, friction, moving time and status."""
+        n = self._chain.n
+        read = np.empty(10), np.empty((10, 10)), np.empty((3, n)), np.empty(n), np.empty(kernels.ESTIMATOR_STATUS)
+        self._kernel.read_into(*read)
+        return read
+
+    def estimate(self) -> LivePayload:
+        """Payload and 95 % intervals: P = 2 chi2 C + S C_arm S^T + floor^2.
+
+        Returns:
+            What the motion has shown since the payload changed last.
+        """
+        theta, covariance, friction, moving_s, status = self._read()
+        mass = float(theta[0])
+        values, slope = np.zeros(4), np.eye(4, 10)
+        if mass > _WEIGHTLESS_KG:
+            values, slope = (part[:4] for part in derived(InertialParameters(theta)))
+        spread = _COLOUR * status[kernels.ESTIMATOR_MISFIT] * covariance
+        shifts = self._shifts(theta)
+        variance = np.einsum("ij,jk,ik->i", slope, spread, slope) + np.sum((slope @ shifts.T) ** 2, axis=1)
+        variance[0] += FLOOR_KG**2 + (FLOOR_SHARE * mass) ** 2
+        values[0] = mass
+        width = float(norm.ppf(0.5 + CONFIDENCE / 2.0)) * np.sqrt(variance)
+        unit = np.array([abs(mass)] + [REFERENCE_LENGTH_M] * 3)
+        width[1:] = np.where(mass > _WEIGHTLESS_KG, width[1:], np.inf)
+        determined = width <= DETERMINED_SHARE * unit
+        determined &= determined[0]
+        return LivePayload(
+            time_s=float(status[kernels.ESTIMATOR_TIME]),
+            theta=theta,
+            values=values,
+            half_width_95=width,
+            determined=determined,
+            moving_s=moving_s,
+            friction=friction,
+            changes=int(status[kernels.ESTIMATOR_CHANGES]),
+            changed_s=float(status[kernels.ESTIMATOR_CHANGED]),
+            change_kg=float(status[kernels.ESTIMATOR_CHANGE_MASS]),
+            contact=bool(status[kernels.ESTIMATOR_CONTACT]),
+            refused=int(status[kernels.ESTIMATOR_REFUSED]),
+        )
+
+    def _shifts(self, theta: FloatArray) -> FloatArray:
+        """(k, 10) by how much theta moves with one standard deviation of each error of gains and body."""
+        n = self._chain.n
+        memory = np.empty((kernels.REMEMBERED_ROWS, 1 + 4 * n))
+        rows = memory[: self._kernel.rows_into(memory)]
+        if len(rows) < 2:
+            return np.zeros((0, 10))
+        q, dq, ddq, tau = (np.ascontiguousarray(part) for part in np.split(rows[:, 1:], 4, axis=1))
+        body = self._arm.fit.model
+        empty = body.link_torque(self._chain, q, dq, ddq)
+        direction = smooth_sign(dq, body.reversal_speed_rad_s)
+        regressor = payload_regressor(self._chain, q, dq, ddq)
+        through = 1.0 + body.load_friction * direction * np.sign(empty + regressor @ theta)
+        own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * self._arm.drift.ravel()
+        changes = own[:, None, :] * np.tile(np.eye(n), 3)
+        columns = np.concatenate([through[:, :, None] * regressor * self._scale, changes], axis=2)
+        faded = np.exp((rows[:, 0] - rows[-1, 0]) / (2.0 * self._memory_s))
+        weight = moving_weights(dq, body) / self._parameter[kernels.ESTIMATOR_NOISE] * faded[:, None]
+        tall = (columns * weight[:, :, None]).reshape(-1, columns.shape[2])
+        doubts = self._arm.doubts(JointStates(q, dq, ddq), ROW_S, tau) * weight
+        information = np.eye(tall.shape[1]) + tall.T @ tall
+        moved = np.linalg.solve(information, tall.T @ doubts.reshape(len(doubts), -1).T)
+        return np.asarray(moved[:10].T * self._scale)

@@ -1,0 +1,179 @@
+"""The recursive estimator: Pinocchio's torque of a calibrated arm, sample by sample, and what must not break it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_core import kernels
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.identification_errors import ModelError
+from armload_identification.model.chain import Chain
+from armload_identification.pipeline.payload_estimator import PayloadEstimator
+
+pytestmark = pytest.mark.pure
+
+
+@pytest.fixture(scope="module")
+def calibration(pinocchio_arm):
+    trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
+    runs = [
+        MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
+        for load in (False, True)
+    ]
+    return calibrate_arm(
+        runs,
+        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
+        pinocchio_arm.chain,
+        pinocchio_arm.transmission,
+        robot="six",
+        armload_version="0",
+        configuration_sha256="c" * 64,
+    )
+
+
+@pytest.fixture(scope="module")
+def streams(pinocchio_arm):
+    """Time, position and current of one motion: empty, and loaded."""
+    trajectory = pinocchio_arm.trajectory(6, period_s=10.0)
+    runs = [pinocchio_arm.run(trajectory, load, seed=8 + load, with_phase=False) for load in (False, True)]
+    rows = min(run.size for run in runs)
+    return [(run.time_s[:rows].copy(), run.position_rad[:rows].copy(), run.current_a[:rows].copy()) for run in runs]
+
+
+@pytest.fixture
+def estimator(calibration, pinocchio_arm):
+    return PayloadEstimator(calibration, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def within(found, payload, times=1.5):
+    return (np.abs(found.values - payload.values[:4]) < times * found.half_width_95).all()
+
+
+def test_the_payload_is_found_sample_by_sample(estimator, streams, pinocchio_arm):
+    time_s, position, current = streams[1]
+    for k in range(len(time_s)):
+        estimator.update(time_s[k], position[k], current[k])
+    found = estimator.estimate()
+    assert found.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
+    assert within(found, pinocchio_arm.payload)
+    assert found.determined.all()
+    assert found.changes == 0
+    assert found.refused == 0
+    assert (found.moving_s > 5.0).all()
+
+
+def test_an_empty_arm_carries_nothing(estimator, streams):
+    estimator.update_all(*streams[0])
+    found = estimator.estimate()
+    assert abs(found.mass_kg) < found.half_width_95[0]
+    assert not found.determined.any()
+    assert found.changes == 0
+
+
+def test_nothing_is_said_before_anything_is_seen(estimator):
+    found = estimator.estimate()
+    assert found.mass_kg == 0.0
+    assert not found.determined.any()
+    assert np.isinf(found.half_width_95[1:]).all()
+
+
+def test_grasped_and_dropped(estimator, streams, pinocchio_arm):
+    (time_s, position, empty), (_, _, loaded) = streams
+    third = len(time_s) // 3
+    current = empty.copy()
+    current[third : 2 * third] = loaded[third : 2 * third]
+    changed = []
+    for start in range(0, len(time_s), 10):
+        rows = slice(start, start + 10)
+        before = estimator.changes
+        estimator.update_all(time_s[rows], position[rows], current[rows])
+        if estimator.changes > before:
+            found = estimator.estimate()
+            changed.append((found.changed_s, np.sign(found.change_kg)))
+        if start + 10 >= 2 * third > start:
+            carried = estimator.estimate()
+    assert carried.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.05)
+    assert within(carried, pinocchio_arm.payload, 2.0)
+    (grasped, up), (dropped, down) = changed
+    assert (up, down) == (1.0, -1.0)
+    assert 0.0 < grasped - time_s[third] < 1.0
+    assert 0.0 < dropped - time_s[2 * third] < 1.0
+    assert abs(estimator.estimate().mass_kg) < 0.1
+
+
+def test_what_drives_and_buses_do_does_not_break_it(estimator, streams, pinocchio_arm):
+    """Irregular stamps, lost samples, a hole, numbers that are none, an encoder that jumps, stamps out of order."""
+    rng = np.random.default_rng(3)
+    time_s, position, current = (values.copy() for values in streams[1])
+    position[500] = np.nan
+    current[700, 2] = np.inf
+    current[710, 2] = 1e300
+    position[900:905, 1] += 1.0
+    time_s[1000] = time_s[990]
+    kept = rng.random(len(time_s)) > 0.2
+    kept[1200:1240] = False
+    kept[[500, 700, 710, 1000]] = True
+    time_s += rng.uniform(-2e-3, 2e-3, len(time_s))
+    estimator.update_all(time_s[kept], position[kept], current[kept])
+    found = estimator.estimate()
+    assert found.refused == 4
+    assert found.changes == 0
+    assert found.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.015)
+    assert within(found, pinocchio_arm.payload)
+
+
+def test_a_clock_that_is_set_begins_a_new_window(estimator, streams, pinocchio_arm):
+    time_s, position, current = streams[1]
+    half = len(time_s) // 2
+    estimator.update_all(time_s[:half], position[:half], current[:half])
+    estimator.update_all(time_s[half:] - 1e5, position[half:].copy(), current[half:].copy())
+    assert estimator.estimate().mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
+
+
+@pytest.mark.parametrize("memory_s", [0.5, 60.0, 1e9])
+def test_the_information_stays_positive_definite(calibration, pinocchio_arm, streams, memory_s):
+    """Ever the same motion, then standstill: a million updates are `python -m benchmarks.any_motion`."""
+    estimator = PayloadEstimator(calibration, pinocchio_arm.chain, pinocchio_arm.transmission, memory_s=memory_s)
+    time_s, position, current = streams[1]
+    rng, length = np.random.default_rng(1), time_s[-1] - time_s[0] + 0.01
+    for number in range(12):
+        estimator.update_all(time_s + number * length, position, current + rng.normal(0.0, 0.1, current.shape))
+    still = time_s[-1] + 12.0 * length + np.arange(1, 3000) * 0.01
+    estimator.update_all(still, np.tile(position[-1], (len(still), 1)), np.tile(current[-1], (len(still), 1)))
+    _, covariance, *_ = estimator._read()
+    scaled = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    assert np.linalg.eigvalsh(scaled).min() > 0.0
+
+
+def test_a_push_at_rest_is_contact(calibration, pinocchio_arm, estimator, streams):
+    _, position, _ = streams[0]
+    still = np.tile(position[0], (200, 1))
+    body = calibration.body
+    nothing = np.zeros_like(still[:1])
+    carried = body.link_torque(calibration.level(pinocchio_arm.chain), still[:1], nothing, nothing)[0]
+    transmission = calibration.transmission(pinocchio_arm.transmission)
+    per_ampere = transmission.joint_torque(np.eye(6))
+    for push, expected in ((1.4, False), (6.0, True)):
+        torque = carried.copy()
+        torque[1] += push * (body.coulomb_nm[1] + body.load_friction[1] * abs(carried[1]))
+        current = np.tile(np.linalg.solve(per_ampere.T, torque), (200, 1))
+        time_s = np.arange(200) * 0.01 + 10.0 * push
+        estimator.update_all(time_s, still, current)
+        assert estimator.estimate().contact is expected
+        assert estimator.changes == 0
+
+
+def test_wrong_use_is_named(calibration, pinocchio_arm, estimator):
+    with pytest.raises(ValueError, match="float64 arrays of 6 numbers"):
+        estimator.update(0.0, np.zeros(5), np.zeros(6))
+    with pytest.raises(ValueError, match="float64 arrays of 6 numbers"):
+        estimator.update(0.0, np.zeros(6), np.zeros(6, dtype=np.float32))
+    with pytest.raises(TypeError):
+        estimator.update(0.0, np.zeros(6))
+    with pytest.raises(TypeError, match="__init__"):
+        kernels.PayloadEstimator.__new__(kernels.PayloadEstimator).update(0.0, np.zeros(6), np.zeros(6))
+    chain = pinocchio_arm.chain
+    turned = Chain(chain.placement, chain.axis, chain.flange, -chain.gravity_m_s2)
+    with pytest.raises(ModelError, match="other kinematics"):
+        PayloadEstimator(calibration, turned, pinocchio_arm.transmission)
