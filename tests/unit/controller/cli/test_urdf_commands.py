@@ -1,5 +1,6 @@
 """`--urdf`: ROS 2 bags of an arm that has a URDF and no file of armload's; the torque is Pinocchio's."""
 
+import json
 import re
 
 import numpy as np
