@@ -22,7 +22,9 @@ def found_table(found: list[FoundNode]) -> Table:
     for heading in ("node", "device", "vendor", "product", "revision", "modes", "lacks for safety"):
         table.add_column(heading)
     for node in found:
-        kind = node.name or ("CiA 402 drive" if node.is_drive else "no CiA 402 drive")
+        kind = node.name or "CiA 402 drive"
+        if not node.is_drive:
+            kind = f"{node.name or 'unnamed'}, no CiA 402 drive: device type {_hexadecimal(node.device_type)}"
         identity = node.identity
         numbers = (identity.vendor_id, identity.product_code, identity.revision)
         modes = " ".join(MODE_NAMES.get(mode, str(mode)) for mode in node.modes)

@@ -1,0 +1,46 @@
+"""What `armload drives` shows of nodes, and of what safety rests on."""
+
+import io
+
+from rich.console import Console
+
+from armload_controller.cli.output.drive_result_tables import found_table, safety_table
+from armload_drivers.bring_up.drive_check import DriveSafety
+from armload_drivers.bring_up.inspection import FoundNode
+from armload_drivers.cia402.arm_settings import Identity
+from armload_drivers.cia402.drive_safety import Safety, SafetyFinding
+
+
+def shown(table):
+    console = Console(file=io.StringIO(), width=400, markup=False)
+    console.print(table)
+    return console.file.getvalue()
+
+
+def rows(text):
+    return [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if line.startswith("│")]
+
+
+def test_a_property_is_given_or_what_a_person_must_do_is_said():
+    torque, lost = Safety.TORQUE_LIMIT.value, Safety.MASTER_LOST.value
+    obstacles = (("6007 ...", "no 6007"), ("1029 ...", "no 1029:1"))
+    findings = (
+        SafetyFinding(Safety.TORQUE_LIMIT, torque.ways[1], False, (("6072", "no 6072"),)),
+        SafetyFinding(Safety.MASTER_LOST, None, False, obstacles),
+        SafetyFinding(Safety.MASTER_LOST, None, True, obstacles),
+    )
+    given, missing, accepted = rows(shown(safety_table([DriveSafety("joint_2", 5, findings)])))
+    assert given == ["joint_2 (5)", torque.title, "ok", f"{torque.ways[1].text}: {torque.ways[1].verified}"]
+    reason = f"no 6007; no 1029:1. Lost: {lost.lost}. {lost.remedy}"
+    assert missing[2:] == ["missing", f'{reason}. Then name "master_lost" in accept_missing']
+    assert accepted[2:] == ["accepted", reason]
+
+
+def test_a_node_that_is_no_drive_shows_its_device_type():
+    nodes = [
+        FoundNode(3, 0x0002_0192, "servo", Identity(1, 2), (7, 8), ("master_lost",)),
+        FoundNode(9, 0x0022_0811, "", Identity(1, 2), (), ()),
+    ]
+    drive, other = rows(shown(found_table(nodes)))
+    assert (drive[1], drive[5:]) == ("servo", ["IP CSP", "master_lost"])
+    assert (other[1], other[6]) == ("unnamed, no CiA 402 drive: device type 0x00220811", "-")
