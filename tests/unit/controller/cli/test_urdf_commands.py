@@ -1,6 +1,5 @@
 """`--urdf`: ROS 2 bags of an arm that has a URDF and no file of armload's; the torque is Pinocchio's."""
 
-import json
 import re
 
 import numpy as np
@@ -9,7 +8,6 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from armload_identification.files.payload_file import read_payload
-from armload_identification.recording.file_reading import read_recording
 from tests.urdf_simulation import PinocchioArm
 
 START_NS = 1_700_000_000_000_000_000
@@ -80,38 +78,9 @@ def desk(tmp_path_factory):
     return folder
 
 
-def write_bag(path, recording, plugin, seed):
-    """The same run as a ROS 2 bag: a gripper publishes on the topic too, and the joints change their order."""
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    kind = "sensor_msgs/msg/JointState"
-    state, header, time = (store.types[name] for name in (kind, "std_msgs/msg/Header", "builtin_interfaces/msg/Time"))
-    rng = np.random.default_rng(seed)
-    with Writer(path, version=8, storage_plugin=plugin) as writer:
-        connection = writer.add_connection("/joint_states", kind, typestore=store)
-        for k, time_s in enumerate(recording.time_s):
-            when_ns = 1_700_000_000_000_000_000 + round(1e9 * time_s)
-            stamp = header(time(when_ns // 10**9, when_ns % 10**9), "")
-            order = rng.permutation(recording.n)
-            names = [recording.joint_names[joint] for joint in order]
-            position, effort = recording.position_rad[k][order], recording.torque_nm[k][order]
-            message = state(stamp, names, position, np.zeros(0), effort)
-            writer.write(connection, when_ns, store.serialize_cdr(message, kind))
-            gripper = state(stamp, ["left_pad", "right_pad"], np.zeros(2), np.zeros(0), np.zeros(0))
-            writer.write(connection, when_ns + 1000, store.serialize_cdr(gripper, kind))
-    return path
-
-
-@pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP], ids=["sqlite", "mcap"])
-def test_a_payload_is_found_from_two_bags(armload, desk, tmp_path, plugin):
-    bags = [
-        write_bag(tmp_path / load, read_recording(desk / f"{load}.mcap"), plugin, seed)
-        for seed, load in enumerate(("loaded", "unloaded"))
-    ]
-    result = armload("identify", "--urdf", desk / "six.urdf", "--loaded", bags[0], "--unloaded", bags[1], "--json")
-    assert result.exit_code == 0, (result.output, result.exception)
-    assert json.loads(result.stdout)["payload"]["model"]["mass_kg"] == pytest.approx(MASS_KG, rel=0.005)
-    alone = armload("identify", "--urdf", desk / "six.urdf", "--loaded", bags[0])
-    assert re.search("unloaded|calibrat", str(alone.exception))
+def test_one_bag_alone_lacks_the_other_run(armload, desk):
+    result = armload("identify", "--urdf", desk / "six.urdf", "--loaded", desk / "loaded")
+    assert re.search("unloaded|calibrat", str(result.exception))
 
 
 def pair(desk):
