@@ -24,7 +24,7 @@ SWEEP = FourierTrajectory(
 
 
 def true_body():
-    """The simulated arm as a body file would have it: links as they are, in place of base parameters."""
+    """The simulated arm as a calibration has it: links as they are, in place of base parameters."""
     spec = ROBOT.simulation.plant_spec(None)
     bodies = [joint.link for joint in spec.joints]
     links = [InertialParameters.from_center_of_mass(b.mass_kg, b.center_of_mass_m, b.inertia_kg_m2) for b in bodies]
