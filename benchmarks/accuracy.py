@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import arm_calibration, coverage, operating_curve, other_payloads, real_currents, speed
+from benchmarks import arm_calibration, coverage, operating_curve, other_payloads, pair_coverage, real_currents, speed
 from benchmarks.setups import Twin
 from benchmarks.statistics import Census
 from benchmarks.trials import workers
@@ -17,6 +17,7 @@ def main() -> int:
     real_currents.run(tally, census)
     operating_curve.run_measured(tally)
     arm_calibration.run_measured(tally)
+    pair_coverage.run(tally)
     with workers() as pool:
         speed.run(tally, pool)
         arm_calibration.run_simulated(tally, pool)

@@ -1,7 +1,8 @@
 """What is known of a payload beforehand, as equations beside those of the measurement.
 
 A mass from a scale or a centre of mass from a drawing is as good as exact; a CAD model is believed within a stated
-confidence. Both become rows of the least squares problem with an error of unit standard deviation.
+confidence; a body that is symmetric about the flange axis has its centre of mass on that axis and two equal moments of
+inertia. All of these become rows of the least squares problem with an error of unit standard deviation.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ class KnownPayload:
         cad: A model of it in the flange frame, believed within `confidence`.
         confidence: Standard deviation of the model: relative for the mass, in units of 0.1 m for the centre
             of mass and of m (0.1 m)^2 for the inertia about the centre of mass.
+        symmetric: Whether it is symmetric about the flange axis, z: a chuck, a suction cup, a disc.
 
     Raises:
         ModelError: a mass or confidence that is not positive, or not three coordinates.
@@ -42,6 +44,7 @@ class KnownPayload:
     center_of_mass_m: Sequence[float] | FloatArray | None = None
     cad: InertialParameters | None = None
     confidence: float = 0.05
+    symmetric: bool = False
 
     def __post_init__(self) -> None:
         if self.mass_kg is not None and not (np.isfinite(self.mass_kg) and self.mass_kg > 0.0):
@@ -52,6 +55,11 @@ class KnownPayload:
             center = np.asarray(self.center_of_mass_m, dtype=np.float64)
             if center.shape != (3,) or not np.isfinite(center).all():
                 raise ModelError(f"the known centre of mass is {center.tolist()} m; expected three numbers")
+            if self.symmetric and center[:2].any():
+                raise ModelError(
+                    f"the known centre of mass is {center.tolist()} m, and a body that is symmetric about the flange "
+                    "axis has x and y of 0. Leave one of the two out."
+                )
 
     @classmethod
     def weighed(cls, body: InertialParameters) -> KnownPayload:
@@ -92,6 +100,10 @@ class KnownPayload:
                 row[0], row[1 + axis] = -coordinate, 1.0
                 rows.append(row / size)
                 target.append(0.0)
+        if self.symmetric:
+            from_symmetry = _symmetry_rows(self.reference_mass_kg or 1.0)
+            rows.extend(from_symmetry)
+            target.extend(0.0 for _ in from_symmetry)
         if self.cad is not None:
             from_model = _model_rows(self.cad, self.confidence)
             rows.extend(from_model)
@@ -105,3 +117,13 @@ def _model_rows(cad: InertialParameters, confidence: float) -> FloatArray:
     mass = cad.mass_kg
     unit = np.array([mass] + [REFERENCE_LENGTH_M] * 3 + [mass * REFERENCE_LENGTH_M**2] * 6)
     return np.asarray(slope / (confidence * unit)[:, None])
+
+
+def _symmetry_rows(mass_kg: float) -> FloatArray:
+    """(6, 10) rows: s_x = s_y = 0, I_xx = I_yy, I_xy = I_xz = I_yz = 0; a body symmetric about z."""
+    rows = np.zeros((6, 10))
+    rows[[0, 1], [1, 2]] = 1.0 / (EXACT * mass_kg)
+    rows[2, 4], rows[2, 5] = 1.0, -1.0
+    rows[[3, 4, 5], [7, 8, 9]] = 1.0
+    rows[2:] /= EXACT * mass_kg * REFERENCE_LENGTH_M
+    return rows

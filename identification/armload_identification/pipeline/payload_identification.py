@@ -6,6 +6,7 @@ recordings -> torque difference -> weighted least squares -> intervals -> physic
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -32,6 +33,8 @@ from armload_identification.verdict.friction_validity import friction_change, fr
 from armload_identification.verdict.sanity import check_pair, check_signs, explain_negative_mass
 
 FLANGE: Final = "flange"
+_CONTRADICTS: Final = 2.0
+"""Half widths of the 95 % interval: by chance in one of 10,000."""
 
 
 def identify(
@@ -70,7 +73,22 @@ def identify(
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
     # Matrices of a few dozen columns: threads would wait for each other, on a busy machine for minutes.
     with threadpool_limits(1):
+        if known is not None and known.symmetric:
+            free = replace(known, symmetric=False)
+            _require_symmetric(_identified(loaded, unloaded, chain, transmission, estimator, free, arm))
         return _identified(loaded, unloaded, chain, transmission, estimator, known, arm)
+
+
+def _require_symmetric(found: Identification) -> None:
+    """Refuse a symmetry about the flange axis that the data contradict."""
+    center, half_width = found.uncertainty.values[1:3], found.uncertainty.half_width_95[1:3]
+    if (np.abs(center) > _CONTRADICTS * half_width).any():
+        raise EstimationError(
+            "the payload was called symmetric about the flange axis, and by the data its centre of mass lies "
+            f"{1e3 * center[0]:+.1f} and {1e3 * center[1]:+.1f} mm off that axis (95 %: "
+            f"+-{1e3 * half_width[0]:.1f} and {1e3 * half_width[1]:.1f} mm). Leave the symmetry out, or "
+            "check the flange's frame."
+        )
 
 
 def _identified(

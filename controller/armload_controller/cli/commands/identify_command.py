@@ -53,6 +53,9 @@ def identify(
     center_of_mass_m: Annotated[
         tuple[float, float, float] | None, typer.Option(help="The centre of mass is known, in the flange frame.")
     ] = None,
+    symmetric: Annotated[
+        bool, typer.Option("--symmetric", help="The payload is symmetric about the flange axis, z.")
+    ] = False,
     cad: Annotated[Path | None, typer.Option(help="Payload file with CAD values, believed within --cad-share.")] = None,
     cad_share: Annotated[
         float,
@@ -63,7 +66,12 @@ def identify(
     between: BetweenOption = None,
     joints: JointsOption = None,
     estimator: Annotated[
-        Estimator, typer.Option(help="How to fit; 'friction' is the best on every benchmark.")
+        Estimator,
+        typer.Option(
+            help="How to fit. ols: all joints alike, as in the paper. wls: by each joint's noise. robust: by each "
+            "joint's residual, reversals and outliers weigh less. friction: by each joint's residual, reversals weigh "
+            "less, and load-dependent friction and changes of viscous friction are fitted where the data justify them."
+        ),
     ] = Estimator.FRICTION,
     tolerance: ToleranceOption = TOLERANCE,
     every: Annotated[
@@ -89,7 +97,9 @@ def identify(
     arm, choice = given_arm(robot, urdf, base, flange), recording_choice(columns, effort, between, joints)
     run = read_of(arm, loaded, choice)
     if every is not None:
-        if any(given is not None for given in (unloaded, output, report, validation, mass_kg, center_of_mass_m, cad)):
+        if symmetric or any(
+            given is not None for given in (unloaded, output, report, validation, mass_kg, center_of_mass_m, cad)
+        ):
             raise typer.BadParameter(
                 "goes with --loaded, --calibration, --picture and --json alone", param_hint="--every"
             )
@@ -109,7 +119,7 @@ def identify(
         validation=pair,
         tolerance=tolerance_of(tolerance),
         calibration=calibration,
-        known=_known(mass_kg, center_of_mass_m, cad, cad_share),
+        known=_known(mass_kg, center_of_mass_m, cad, cad_share, symmetric=symmetric),
         estimator=estimator,
     )
     if output is not None and not force:
@@ -127,12 +137,18 @@ def _seconds(text: str) -> float:
 
 
 def _known(
-    mass_kg: float | None, center_of_mass_m: tuple[float, float, float] | None, cad: Path | None, cad_share: float
+    mass_kg: float | None,
+    center_of_mass_m: tuple[float, float, float] | None,
+    cad: Path | None,
+    cad_share: float,
+    *,
+    symmetric: bool,
 ) -> KnownPayload | None:
     """What the operator knows of the payload; None where it is nothing."""
     from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.files.payload_file import read_payload
 
-    if mass_kg is None and center_of_mass_m is None and cad is None:
+    if mass_kg is None and center_of_mass_m is None and cad is None and not symmetric:
         return None
-    return KnownPayload(mass_kg, center_of_mass_m, None if cad is None else read_payload(cad).model, cad_share)
+    model = None if cad is None else read_payload(cad).model
+    return KnownPayload(mass_kg, center_of_mass_m, model, cad_share, symmetric)

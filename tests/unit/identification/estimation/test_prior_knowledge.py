@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 import pytest
 
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import format_payload, parse_payload
-from armload_identification.identification_errors import PayloadFileError
+from armload_identification.identification_errors import EstimationError, ModelError, PayloadFileError
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.signals.joint_torque import Transmission
@@ -118,3 +120,24 @@ def test_two_frames_are_not_compared():
     other = paper_payload(1.0, [0, 0, 0.1], np.array([0.1, 0.1, 0.1, 0, 0, 0]), "flange")
     with pytest.raises(PayloadFileError, match="one frame"):
         compare(one, other)
+
+
+def test_a_symmetric_payload_lies_on_the_axis_and_one_that_is_not_is_refused(pinocchio_arm, noisy, exact):
+    with pytest.raises(EstimationError, match="symmetric about the flange axis") as refused:
+        found(pinocchio_arm, noisy, exact, symmetric=True)
+    assert "-12" in str(refused.value)
+    disc = copy(pinocchio_arm)
+    disc.payload = InertialParameters.from_center_of_mass(4.2, [0.0, 0.0, 0.09], np.diag([0.03, 0.03, 0.04]))
+    pair = [disc.run(disc.trajectory(), load, seed=420 + load, noise=10.0) for load in (True, False)]
+    free, known = found(disc, pair, exact), found(disc, pair, exact, symmetric=True)
+    np.testing.assert_allclose(known.parameters.center_of_mass_m[:2], 0.0, atol=1e-4)
+    assert (known.uncertainty.half_width_95[1:3] < 0.01 * free.uncertainty.half_width_95[1:3]).all()
+    told = known.uncertainty.determined
+    error = np.abs(known.uncertainty.values - disc.payload.values)
+    assert told[:4].all()
+    assert (error <= known.uncertainty.half_width_95)[told].all()
+
+
+def test_a_symmetric_payload_has_no_centre_of_mass_beside_the_axis():
+    with pytest.raises(ModelError, match="Leave one of the two out"):
+        KnownPayload(center_of_mass_m=[0.01, 0.0, 0.1], symmetric=True)
