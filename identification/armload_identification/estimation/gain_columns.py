@@ -6,7 +6,7 @@ with the covariance that is assumed of it:
     y = (Phi theta + friction) - sum_j share_j e_j,        (mu, e) ~ (known, Sigma)
 
 Axes that agree with each other correct those that do not: by nominal gains the two mountings' centres of mass on the
-UR10e lie 168 and 173 mm from the flange axis and 43 and 47 mm out; with the gains taken as they are, 175, 181, 51 and
+UR10e lie 168 and 173 mm from the flange axis and 43 and 46 mm out; with the gains taken as they are, 175, 181, 51 and
 55; by calibrated gains 170 and 43.
 
 What is known weighs as much as it should only beside data that weigh as much as they should: a joint's noise is that
