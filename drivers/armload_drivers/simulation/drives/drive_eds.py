@@ -20,8 +20,10 @@ from armload_drivers.simulation.plant_interface import IdealPlant
 _CODES = {kind: code for code, kind in reversed(DATA_TYPES.items())}
 _MANDATORY = (0x1000, 0x1001, 0x1018)
 _VARIABLE, _ARRAY, _RECORD = 7, 8, 9
-_PDO_PARAMETERS = range(0x1400, 0x1C00)
-_COMMUNICATION = frozenset({0x1018, 0x1200, 0x60C2})
+_PDO_COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
+_PDO_MAPPING = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+_RECORDS = frozenset({0x1018, 0x1200, 0x60C2})
+_COB_IDS = frozenset({od.EMERGENCY_COB_ID.key, od.SDO_RX_COB_ID.key, od.SDO_TX_COB_ID.key})
 _BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 
 
@@ -100,7 +102,8 @@ def _object(index: int, entries: list[Entry], dictionary: Dictionary, node_id: i
     """The sections of one object: itself, or a record and its sub-indices."""
     if len(entries) == 1 and entries[0].subindex == 0:
         return [_variable(f"{index:04X}", entries[0], dictionary, node_id)]
-    kind = _RECORD if index in _PDO_PARAMETERS or index in _COMMUNICATION else _ARRAY
+    is_record = index in _RECORDS or any(index in indices for indices in (*_PDO_COMMUNICATION, *_PDO_MAPPING))
+    kind = _RECORD if is_record else _ARRAY
     title = f"[{index:04X}]\nParameterName=object {index:04X}\nObjectType=0x{kind:X}\nSubNumber={len(entries)}"
     return [title, *(_variable(f"{index:04X}sub{e.subindex:X}", e, dictionary, node_id) for e in entries)]
 
@@ -131,10 +134,5 @@ def _default(entry: Entry, dictionary: Dictionary, node_id: int) -> str:
     if entry.type is DataType.STRING:
         return dictionary.texts[entry.key].decode("ascii", "replace")
     value = dictionary.values[entry.key]
-    is_cob_id = entry.index == od.EMERGENCY_COB_ID.index or (
-        entry.subindex in {1, 2} and entry.type is DataType.U32 and (entry.index == od.SDO_RX_COB_ID.index)
-    )
-    is_pdo = entry.subindex == 1 and entry.index in _PDO_PARAMETERS and not entry.index & 0x200
-    if is_cob_id or is_pdo:
-        return f"$NODEID+0x{value - node_id:X}"
-    return str(value)
+    of_pdo = entry.subindex == 1 and any(entry.index in indices for indices in _PDO_COMMUNICATION)
+    return f"$NODEID+0x{value - node_id:X}" if of_pdo or entry.key in _COB_IDS else str(value)
