@@ -331,6 +331,14 @@ def load_robot(name_or_path: str) -> Robot:
             raise ConfigurationError(
                 "command line", "ROBOT", file, f"no such file, and no shipped robot: {', '.join(shipped)}"
             )
+    if path.suffix.lower() == ".urdf":
+        raise ConfigurationError(
+            "command line",
+            "ROBOT",
+            file,
+            "a robot's TOML: give a URDF as --urdf, in Python as armload.read_urdf_arm(...), or make a robot file of it "
+            "with `armload init`",
+        )
     text = read_text(path, ConfigurationError)
     source = RobotSource(file, text, path.parent, _tables(text, path.parent, file))
     robot = Robot(source, _read_excitations(source))

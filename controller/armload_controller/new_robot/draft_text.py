@@ -15,7 +15,7 @@ import numpy as np
 from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_controller.new_robot.drive_drafts import BusDraft, DriveDraft
 from armload_controller.new_robot.twin_draft import body_lines, twin_bus, twin_drive, twin_simulation
-from armload_controller.new_robot.workspace_draft import BARE_RADIUS_M, KEEP_M, WorkspaceDraft
+from armload_controller.new_robot.workspace_draft import BARE_RADIUS_M, KEEP_M, WorkspaceDraft, up_of
 from armload_identification.excitation.workspace import Sphere
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.toml_text import array, inline, number, text
@@ -125,7 +125,7 @@ def draft_file(
     _robot(file, arm, payload_kg)
     _kinematics(file, arm)
     _payload(file, payload_kg)
-    _workspace(file, arm.n, workspace, urdf)
+    _workspace(file, arm, workspace, urdf)
     whole = _whole_body(arm.links)
     if whole is not None:
         _body(file, arm, whole)
@@ -187,7 +187,9 @@ def _payload(file: DraftedFile, payload_kg: float | None) -> None:
     file.unchecked.append(f"payload: the lever of {payload_kg:g} kg, a cube in front of the flange")
 
 
-def _workspace(file: DraftedFile, n: int, workspace: WorkspaceDraft, urdf: str | None) -> None:
+def _workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf: str | None) -> None:
+    n = arm.n
+
     def link(index: int) -> str:
         return '"tool"' if index == n + 1 else str(index)
 
@@ -195,7 +197,6 @@ def _workspace(file: DraftedFile, n: int, workspace: WorkspaceDraft, urdf: str |
         "# What the arm must not touch. Spheres in the joint frames, 0 the base's, the tool's in the flange frame.",
         "[workspace]",
         f"keep_m = {number(KEEP_M)}  # assumed: clearance to everything",
-        f"floor_height_m = {number(round(workspace.floor_m, 4))}  # assumed: over the base frame",
         "spheres = [",
     )
     for sphere in workspace.spheres:
@@ -223,10 +224,23 @@ def _workspace(file: DraftedFile, n: int, workspace: WorkspaceDraft, urdf: str |
                 *(f"    [{text(a)}, {text(b)}]," for a, b in workspace.touching),
                 "]",
             )
+    if workspace.above_floor:
+        row = {
+            "name": '"floor"',
+            "normal": array(np.round(up_of(arm), 9) + 0.0),
+            "offset_m": number(round(workspace.floor_m, 4) + 0.0),
+            "links": "[" + ", ".join(link(index) for index in workspace.above_floor) + "]",
+        }
+        file.add("half_spaces = [", f"    {inline(row)},  # assumed: at the height of the root", "]")
     file.add("")
     file.unchecked.append(
-        "surroundings: a floor at the height in [workspace], and nothing else; add walls, tables, fences"
+        "surroundings: a floor at the height of the root, and nothing else; add tables, walls, fences"
     )
+    low = [str(index) for index in range(1, n + 1) if index not in workspace.above_floor]
+    if low:
+        file.unchecked.append(
+            f"link {', '.join(low)}: not kept above that floor, which its spheres reach in most poses"
+        )
     if workspace.bare:
         numbers = ", ".join(map(str, workspace.bare))
         file.unchecked.append(f"shape of link {numbers}: a sphere of {BARE_RADIUS_M:g} m around its origin")

@@ -46,7 +46,9 @@ class WorkspaceDraft:
     Attributes:
         spheres: Around every link and the tool.
         bare: Links whose sphere stands for no geometry.
-        floor_m: Height of the floor over the base frame.
+        floor_m: Height of the floor over the base frame: that of the URDF's root.
+        above_floor: Links that are kept above it, the tool n + 1; others reach it in nearly every pose, as what is next
+            to the base does.
         apart: Pairs of links that are kept apart.
         overlapping: Pairs that are not, because their spheres overlap in most poses.
         meshes: Whether the URDF's meshes are checked as well.
@@ -59,6 +61,7 @@ class WorkspaceDraft:
     spheres: tuple[Sphere, ...]
     bare: tuple[int, ...]
     floor_m: float
+    above_floor: tuple[int, ...]
     apart: tuple[tuple[int, int], ...]
     overlapping: tuple[tuple[int, int], ...]
     meshes: bool
@@ -85,7 +88,7 @@ def workspace_of_urdf(arm: UrdfArm, draft: ArmDraft, tool: Sphere) -> WorkspaceD
         Sphere(s.link, base.rotation.T @ (s.center_m - base.translation), s.radius_m) if s.link == 0 else s
         for s in enclosing_spheres(loaded)
     ]
-    workspace = workspace_of_spheres(draft, found, tool)
+    workspace = workspace_of_spheres(draft, found, tool, floor_m=-float(base.translation[2]))
     if not np.allclose(base.homogeneous, np.eye(4), atol=1e-9):
         return replace(workspace, why_no_meshes=f"the arm begins at {arm.base}, which is not the URDF's root")
     try:
@@ -101,7 +104,9 @@ def workspace_of_urdf(arm: UrdfArm, draft: ArmDraft, tool: Sphere) -> WorkspaceD
     )
 
 
-def workspace_of_spheres(draft: ArmDraft, spheres: list[Sphere], tool: Sphere, why: str = "") -> WorkspaceDraft:
+def workspace_of_spheres(
+    draft: ArmDraft, spheres: list[Sphere], tool: Sphere, why: str = "", floor_m: float = 0.0
+) -> WorkspaceDraft:
     """A workspace of spheres alone.
 
     Args:
@@ -109,6 +114,7 @@ def workspace_of_spheres(draft: ArmDraft, spheres: list[Sphere], tool: Sphere, w
         spheres: Those that are known.
         tool: Around what the flange carries.
         why: Why there are no meshes.
+        floor_m: Height of the floor over the base frame.
     """
     n = draft.n
     bare = tuple(sorted(set(range(1, n + 1)) - {s.link for s in spheres}))
@@ -125,7 +131,8 @@ def workspace_of_spheres(draft: ArmDraft, spheres: list[Sphere], tool: Sphere, w
     return WorkspaceDraft(
         spheres=tuple(spheres),
         bare=bare,
-        floor_m=_floor(draft, spheres, poses),
+        floor_m=floor_m,
+        above_floor=_above_floor(draft, spheres, floor_m, poses),
         apart=tuple(pair for pair in candidates if share[pair] >= _MOSTLY),
         overlapping=tuple(pair for pair in candidates if share[pair] < _MOSTLY),
         meshes=False,
@@ -141,9 +148,8 @@ def _clear_range(draft: ArmDraft, workspace: WorkspaceDraft, meshes: Meshes) -> 
     A design avoids spheres while it searches, and meshes only afterwards; in the whole range it may find no motion that
     is clear of them.
     """
-    up = -draft.chain.gravity_m_s2 / np.linalg.norm(draft.chain.gravity_m_s2)
-    floor = HalfSpace("floor", up, workspace.floor_m, tuple(range(1, draft.n + 2)))
-    model = Workspace(draft.chain, workspace.spheres, (floor,), apart=workspace.apart)
+    floor = HalfSpace("floor", up_of(draft), workspace.floor_m, workspace.above_floor)
+    model = Workspace(draft.chain, workspace.spheres, (floor,) if floor.links else (), apart=workspace.apart)
 
     def room(poses: FloatArray) -> FloatArray:
         """(N,) what is left to the nearest thing."""
@@ -189,8 +195,15 @@ def _least_by_pair(model: Workspace, pairs: list[tuple[int, int]], poses: FloatA
     return np.stack([clearances[:, columns[pair]].min(axis=1) for pair in pairs], axis=1)
 
 
-def _floor(draft: ArmDraft, spheres: list[Sphere], poses: FloatArray) -> float:
-    """Height of the floor: that of the base frame, or below the first link wherever it turns."""
-    up = -draft.chain.gravity_m_s2 / np.linalg.norm(draft.chain.gravity_m_s2)
-    model = Workspace(draft.chain, tuple(s for s in spheres if s.link == 1), (HalfSpace("floor", up, 0.0, (1,)),))
-    return min(float(model.clearances(poses).min()) - KEEP_M, 0.0)
+def up_of(draft: ArmDraft) -> FloatArray:
+    """(3,) unit vector against gravity, in the base frame."""
+    return np.asarray(-draft.chain.gravity_m_s2 / np.linalg.norm(draft.chain.gravity_m_s2))
+
+
+def _above_floor(draft: ArmDraft, spheres: list[Sphere], floor_m: float, poses: FloatArray) -> tuple[int, ...]:
+    """Links that can be kept above the floor."""
+    floor = HalfSpace("floor", up_of(draft), floor_m, tuple(range(1, draft.n + 2)))
+    moving = tuple(s for s in spheres if s.link)
+    low = Workspace(draft.chain, moving, (floor,)).clearances(poses) < KEEP_M
+    always = {sphere.link for sphere, share in zip(moving, low.mean(axis=0), strict=True) if share > _TOUCHES}
+    return tuple(link for link in floor.links if link not in always)

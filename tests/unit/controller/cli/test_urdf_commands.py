@@ -103,6 +103,7 @@ def test_a_payload_is_found_with_joints_by_name(armload, desk):
     ("words", "message"),
     [
         (["er50", "--urdf", "six.urdf"], "give one of the two"),
+        (["six.urdf"], "ROBOT is 'six.urdf': a robot's TOML: give a URDF as --urdf"),
         (["er50", "--flange", "tool0"], "give --urdf as well"),
         ([], "no arm: give ROBOT"),
         (["--urdf", "six.urdf", "--flange", "hand"], "--flange is 'hand'.*one of its links: base.*tool0"),

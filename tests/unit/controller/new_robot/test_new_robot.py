@@ -125,6 +125,29 @@ def test_spheres_hold_the_links(drafted):
     assert {s.link for s in workspace.spheres} == set(range(7))
 
 
+def floor_of(path):
+    (floor,) = load_robot(str(path)).workspace.half_spaces
+    return floor.offset_m, floor.links
+
+
+def test_what_is_next_to_the_base_is_not_kept_above_the_floor_and_this_is_listed(drafted):
+    _, file, path = drafted()
+    assert floor_of(path) == (0.0, (1, 2, 3, 4, 5, 6))
+    assert not any("not kept above" in sentence for sentence in file.unchecked)
+    _, file, path = drafted(URDF.replace('xyz="0 0 0.25"', 'xyz="0 0 0.05"'))
+    assert floor_of(path) == (0.0, (2, 3, 4, 5, 6))
+    assert any(sentence.startswith("link 1: not kept above that floor") for sentence in file.unchecked)
+
+
+def test_the_floor_is_at_the_root_of_an_arm_that_begins_above_it(tmp_path):
+    stand = '<link name="ground"/>' + _joint("stand", "fixed", "ground", "base", "0 0 0.7")
+    (tmp_path / "five.urdf").write_text(URDF.replace('<robot name="five">', f'<robot name="five">{stand}'))
+    arm = read_urdf_arm(tmp_path / "five.urdf", "base", "hand")
+    workspace = workspace_of_urdf(arm, draft_of_urdf(arm), tool_sphere(arm.n, 1.0))
+    assert workspace.floor_m == -0.7
+    assert "not the URDF's root" in workspace.why_no_meshes
+
+
 def test_what_is_not_given_is_a_hole_with_its_place(drafted):
     text = URDF.replace('velocity="2" effort="80"', 'velocity="0"', 1)
     _, file, path = drafted(text)
