@@ -336,8 +336,8 @@ def load_robot(name_or_path: str) -> Robot:
             "command line",
             "ROBOT",
             file,
-            "a robot's TOML: give a URDF as --urdf, in Python as armload.read_urdf_arm(...), or make a robot file of it "
-            "with `armload init`",
+            "a robot's TOML: give a URDF as --urdf, in Python as armload.read_urdf_arm(...), or make a robot file "
+            "of it with `armload init`",
         )
     text = read_text(path, ConfigurationError)
     source = RobotSource(file, text, path.parent, _tables(text, path.parent, file))
