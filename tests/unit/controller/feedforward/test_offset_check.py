@@ -1,6 +1,6 @@
 """The torque offset asked at standstill, on the simulated arm: right ones pass, wrong ones never reach motion."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -83,7 +83,9 @@ def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(connected_servos):
     servos = connected_servos(2, 0.01)
     servos.events = {k: lambda f: replace(f, current_a=rng.normal(size=2)) for k in range(10_000)}
     limits = replace(ROBOT.limits.motion, joint_names=("a", "b"))
-    limits = replace(limits, **{k: getattr(limits, k)[:2] for k in limits.__slots__ if k != "joint_names"})
+    limits = replace(
+        limits, **{f.name: getattr(limits, f.name)[:2] for f in fields(limits) if f.init and f.name != "joint_names"}
+    )
     cycle = Cycle(servos, limits, TorqueGate(np.full(2, 50.0), 0.01), MotionControl(), [check])
     with cycle.powered() as arm:
         arm.hold(check.done)

@@ -341,6 +341,25 @@ def test_a_leg_faster_than_reduced_speed_is_not_passed():
         require_reduced_speed(path.measured.leg, ArmPoints(ROBOT.chain, np.array([0.0, 0.0, 0.5])))
 
 
+class Underestimated(ArmPoints):
+    """Points that whoever plans takes to stand still, as a defect of the planning would have it."""
+
+    def greatest_between(self, motion, rates, duration_s, samples):
+        return np.zeros((samples, len(self.names)))
+
+
+def test_a_plan_that_takes_the_arm_for_slower_than_it_is_is_refused():
+    trajectory = ROBOT.excitations["identification"].trajectory
+    honest = ArmPoints(ROBOT.chain, np.array([0.0, 0.0, 0.2]))
+    wrong = replace(CONSTRAINTS, points=Underestimated(ROBOT.chain, honest.tool_m))
+    with pytest.raises(
+        LimitViolation, match=r"tool centre point: speed 0\.5\d+ m/s is beyond the limit of 0\.2500 m/s"
+    ):
+        check_path(Excitation(trajectory, 2), wrong, CYCLE_S, file="my.toml", key="probe")
+    with pytest.raises(LimitViolation, match=r"speed 0\.\d+ m/s is beyond the limit of 0\.2500 m/s"):
+        checked(wrong).approach_from(STANDING)
+
+
 def test_a_path_faster_than_the_file_allows_is_refused():
     points = CONSTRAINTS.points
     fastest = float(points.greatest_on(SWING).max())
