@@ -55,7 +55,7 @@ class OutlivingStream:
 
 
 class PrintableConsole(Console):
-    """Rich's console; every string that it is given is made printable first, and none of it is markup.
+    """Rich's console; every string that it is given is made printable first, and none of it is markup or an emoji.
 
     Args:
         file: Where to print; standard output, or standard error, if not given.
@@ -67,7 +67,7 @@ class PrintableConsole(Console):
         stream = file or (sys.stderr if stderr else sys.stdout)
         # A stream that was closed when the program started is None; Rich drops what is printed to it.
         outliving = None if stream is None else cast(TextIO, OutlivingStream(stream))
-        super().__init__(markup=False, highlight=False, file=outliving, stderr=stderr, **options)
+        super().__init__(markup=False, emoji=False, highlight=False, file=outliving, stderr=stderr, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
         """See `Console.render_str`.

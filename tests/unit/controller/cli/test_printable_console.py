@@ -41,6 +41,11 @@ def test_steps_errors_tables_and_bars_are_printable(capsys):
         assert not set(text) & set("\x1b\x9b\x07\x00\u202e\udc80")
 
 
+def test_text_stays_as_it_is(capsys):
+    Screen().step("root:x:0 [b]:warning:")
+    assert capsys.readouterr().out == "root:x:0 [b]:warning:\n"
+
+
 def test_a_terminal_gets_the_programs_own_colours_only():
     shown = io.StringIO()
     PrintableConsole(file=shown, force_terminal=True, width=200).print("a\x1b[5mb", style="red")
