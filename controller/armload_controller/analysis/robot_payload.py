@@ -5,6 +5,7 @@ Robots, recordings and files are given as objects or by name and path.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 from armload_controller.analysis.arm_in_use import ArmInUse, FilePath, arm_in_use
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_controller.config.robot import load_robot
-from armload_controller.config.robot_recordings import read_of
+from armload_controller.config.robot_recordings import RecordingChoice, chosen_joints, read_of
 from armload_controller.feedforward.payload_use import another_arms
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
@@ -22,7 +23,9 @@ from armload_identification.model.payload import PayloadResult
 from armload_identification.pipeline import payload_identification, payload_validation
 from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
 from armload_identification.pipeline.payload_identification import FLANGE, payload_result
+from armload_identification.recording.csv_columns import CsvColumns, parse_columns
 from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording
 from armload_identification.report.content import ReportContent, ShownRuns
 from armload_identification.results.findings import Findings
@@ -33,15 +36,28 @@ RunPair = tuple[Recording | FilePath, Recording | FilePath]
 """A loaded run, and one of the same motion without the payload."""
 
 
-def read_run(path: FilePath, robot: MeasuredArm | str | None = None) -> Recording:
-    """Read a recording.
+def read_run(
+    path: FilePath,
+    robot: MeasuredArm | str | None = None,
+    *,
+    columns: CsvColumns | str | None = None,
+    effort: Effort | str = Effort.TORQUE,
+    between_s: tuple[float, float] | None = None,
+    joints: Sequence[int] = (),
+) -> Recording:
+    """Read a recording of any format.
 
     Args:
-        path: MCAP of armload, or a table of any other program.
+        path: MCAP of armload, ROS 2 bag, CSV, Parquet, LeRobot data set or NumPy archive.
         robot: The arm it belongs to; its `[log]` says which columns of a table hold what.
+        columns: What the columns of a table hold, such as "time=0 position=1-6 current=7-12"; else `[log]` or the names
+            of the header say it.
+        effort: What the effort of a ROS message is, "torque" or "current".
+        between_s: Times since the first row between which rows are used.
+        joints: Which of the recorded joints are the arm's, from 0; else those of its names, or all.
 
     Raises:
-        RecordingError: it cannot be read.
+        RecordingError: it cannot be read, or has other joints.
         CommissioningError: it was recorded on another arm.
 
     Examples:
@@ -49,10 +65,16 @@ def read_run(path: FilePath, robot: MeasuredArm | str | None = None) -> Recordin
         >>> run = armload.read_recording("runs/today/loaded_identification.mcap", "er50")
         >>> run.n, run.time_s.shape == run.position_rad[:, 0].shape
         (6, True)
+        >>> part = armload.read_recording("runs/today/loaded_identification.mcap", between_s=(5.0, 10.0), joints=[0, 1])
+        >>> part.n, bool(part.time_s[-1] - part.time_s[0] <= 5.0)
+        (2, True)
     """
-    if robot is None:
-        return read_recording(Path(path))
-    return read_of(_robot(robot), Path(path))
+    known = parse_columns(columns) if isinstance(columns, str) else columns
+    choice = RecordingChoice(known, Effort(effort), between_s, tuple(joints))
+    if robot is not None:
+        return read_of(_robot(robot), Path(path), choice)
+    recording = read_recording(Path(path), known, effort=choice.effort, between_s=between_s)
+    return chosen_joints(recording, choice.joints)
 
 
 def identify(
