@@ -128,7 +128,7 @@ def workspace_of_spheres(
         share = dict(zip(candidates, clear.mean(axis=0), strict=True))
     else:
         share = {}
-    return WorkspaceDraft(
+    found = WorkspaceDraft(
         spheres=tuple(spheres),
         bare=bare,
         floor_m=floor_m,
@@ -140,21 +140,24 @@ def workspace_of_spheres(
         why_no_meshes=why,
         clear_rad=np.array([draft.position_min_rad, draft.position_max_rad]),
     )
+    return replace(found, clear_rad=_clear_range(draft, found, None))
 
 
-def _clear_range(draft: ArmDraft, workspace: WorkspaceDraft, meshes: Meshes) -> FloatArray:
+def _clear_range(draft: ArmDraft, workspace: WorkspaceDraft, meshes: Meshes | None) -> FloatArray:
     """(2, n) the widest box of joint positions, about the pose with most room, whose poses are clear.
 
     A design avoids spheres while it searches, and meshes only afterwards; in the whole range it may find no motion that
-    is clear of them.
+    is clear of both.
     """
     floor = HalfSpace("floor", up_of(draft), workspace.floor_m, workspace.above_floor)
     model = Workspace(draft.chain, workspace.spheres, (floor,) if floor.links else (), apart=workspace.apart)
 
     def room(poses: FloatArray) -> FloatArray:
         """(N,) what is left to the nearest thing."""
-        near = np.array([meshes.distances(q).min(initial=np.inf) for q in poses])
-        return np.asarray(np.minimum(near, model.clearances(poses).min(axis=1)) - KEEP_M)
+        near = model.clearances(poses).min(axis=1, initial=np.inf)
+        if meshes is not None:
+            near = np.minimum(near, [meshes.distances(q).min(initial=np.inf) for q in poses])
+        return np.asarray(near - KEEP_M)
 
     whole = np.array([_least(draft), _greatest(draft)])
     poses = _poses(draft, _POSES)

@@ -13,11 +13,12 @@ from armload_controller.new_robot.arm_draft import draft_of_urdf, rpy_rad
 from armload_controller.new_robot.arm_interview import interviewed
 from armload_controller.new_robot.draft_text import draft_file, tool_sphere
 from armload_controller.new_robot.drive_drafts import BusDraft, bus_address, drives_found, nodes_described
-from armload_controller.new_robot.workspace_draft import workspace_of_urdf
+from armload_controller.new_robot.workspace_draft import KEEP_M, workspace_of_urdf
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.simulation.drives.drive_eds import drive_eds
+from armload_identification.excitation.workspace import Workspace
 from armload_identification.model.chain import pose_from_xyz_rpy
 from armload_identification.model.dynamics import ArmDynamics
 from tests.urdf_simulation import PinocchioArm
@@ -145,6 +146,12 @@ def test_the_floor_is_at_the_root_of_an_arm_that_begins_above_it(tmp_path):
     arm = read_urdf_arm(tmp_path / "five.urdf", "base", "hand")
     workspace = workspace_of_urdf(arm, draft_of_urdf(arm), tool_sphere(arm.n, 1.0))
     assert workspace.floor_m == -0.7
+    low, high = workspace.clear_rad
+    assert (low >= -2.0).all()
+    assert (high <= 2.5).all()
+    poses = np.random.default_rng(9).uniform(low, high, (200, 5))
+    model = Workspace(arm.chain, workspace.spheres, apart=workspace.apart)
+    assert np.mean(model.clearances(poses).min(axis=1) >= KEEP_M) > 0.85
     assert "not the URDF's root" in workspace.why_no_meshes
 
 
