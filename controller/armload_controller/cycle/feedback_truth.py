@@ -153,7 +153,8 @@ class FeedbackTruth:
     def _begin(self, feedback: JointFeedback) -> None:
         """The arm has just got torque: nothing of an earlier motion counts."""
         self._required = feedback.statusword & np.uint16(_VOLTAGE | _REMOTE)
-        self._limited_since_s = feedback.time_s
+        self._accepted = b""
+        self._limited_since_s: float | None = None
         self._position = feedback.position_rad
         self._time_s = feedback.time_s
         self._since_s = np.zeros(self._n)
@@ -174,6 +175,9 @@ class FeedbackTruth:
             FeedbackError: a bit is not as it must be.
         """
         word = feedback.statusword
+        seen = word.tobytes()
+        if seen == self._accepted:
+            return
         if ((word & self._required) != self._required).any():
             for bit, kind, what in (
                 (_VOLTAGE, VoltageLost, "the power stage has lost its voltage (statusword bit 4)"),
@@ -186,8 +190,12 @@ class FeedbackTruth:
             joint = int(((word & self._forbidden) != 0).argmax())
             raise DriveLag(self._names[joint], "the drive reports a following error (statusword bit 13)")
         if not (word & _LIMITED).any():
-            self._limited_since_s = feedback.time_s
-        elif feedback.time_s - self._limited_since_s > LIMITED_S:
+            self._accepted, self._limited_since_s = seen, None
+            return
+        self._accepted = b""
+        if self._limited_since_s is None:
+            self._limited_since_s = self._time_s
+        if feedback.time_s - self._limited_since_s > LIMITED_S:
             joint = int(((word & _LIMITED) != 0).argmax())
             raise InternalLimit(self._names[joint], "the drive limits the motion by itself (statusword bit 11)")
 
