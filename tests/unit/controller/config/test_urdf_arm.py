@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,6 +11,9 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.config.urdf_arm import read_urdf_arm
 from armload_controller.control_errors import ConfigurationError
+from armload_identification.identification_errors import RecordingError
+from armload_identification.model.chain import pose_from_xyz_rpy
+from armload_identification.recording.recording import Recording
 
 
 def joint(name, kind, parent, child, inside="", xyz="0.1 -0.2 0.3", rpy="0.4 -0.5 0.6"):
@@ -207,3 +212,56 @@ def test_the_urdf_of_the_measured_arm_agrees_with_its_shipped_configuration(shar
     require_pinocchios(path, arm)
     for q in np.random.default_rng(1).uniform(-3.0, 3.0, (10, 6)):
         np.testing.assert_allclose(arm.chain.forward(q)[-1], shipped.forward(q)[-1], atol=1e-6, rtol=0.0)
+
+
+def run_of(n, names=(), **measured):
+    """A recording of n joints that move a little."""
+    time_s = 0.01 * np.arange(200.0)
+    position = 0.1 * np.sin(time_s[:, None] + np.arange(n))
+    values = {key: scale * np.cos(time_s[:, None] + np.arange(n)) for key, scale in measured.items()}
+    return Recording.from_arrays(time_s, position, joint_names=names, **values)
+
+
+def test_a_recording_becomes_the_arms_own_by_the_names_of_its_joints(written):
+    arm = read_urdf_arm(written(plain()))
+    own = arm.own(run_of(6, ["d", "x", "a", "c", "b", "e"], torque_nm=2.0))
+    assert own.joint_names == arm.joint_names
+    assert own.source.ignored_joints == ("x",)
+    assert arm.own(run_of(5, torque_nm=2.0)).n == 5
+    with pytest.raises(RecordingError, match="no joint named d; the recording has a, b, c, e, f"):
+        arm.own(run_of(5, ["a", "b", "c", "e", "f"], torque_nm=2.0))
+    with pytest.raises(RecordingError, match="has 6 joints, the robot has 5"):
+        arm.own(run_of(6, torque_nm=2.0))
+
+
+def test_motor_currents_are_no_torque_of_a_urdfs_joints(written):
+    with pytest.raises(RecordingError, match=r"only motor currents, and a URDF has no torque constants\. Make a robot"):
+        read_urdf_arm(written(plain())).own(run_of(5, current_a=2.0))
+
+
+def test_gravity_is_that_of_the_root_whatever_the_base(written):
+    arm = read_urdf_arm(written(plain()), "base")
+    down = pose_from_xyz_rpy((0.1, -0.2, 0.3), (0.4, -0.5, 0.6))[:3, :3].T @ [0.0, 0.0, -9.81]
+    np.testing.assert_allclose(arm.chain.gravity_m_s2, down, atol=1e-12)
+    np.testing.assert_array_equal(read_urdf_arm(written(plain())).chain.gravity_m_s2, [0.0, 0.0, -9.81])
+
+
+def test_a_robot_of_which_no_motor_is_known_takes_torques_and_refuses_currents(edited):
+    text = Path(edited("name", "name", robot="ur10e", count=0)).read_text()
+    lines = [line for line in text.splitlines() if not line.startswith(("gear_ratio", "torque_constant_nm_a"))]
+    path = Path(edited("name", "name", robot="ur10e", count=0))
+    path.write_text("\n".join(lines))
+    robot = load_robot(str(path))
+    assert robot.own(run_of(6, torque_nm=2.0)).n == 6
+    with pytest.raises(
+        ConfigurationError, match=r"joints\[1\].torque_constant_nm_a is missing: needed, with gear_ratio"
+    ):
+        robot.own(run_of(6, current_a=2.0))
+    load_robot("ur10e").own(run_of(6, current_a=2.0))
+    with pytest.raises(RecordingError, match="times its greatest torque"):
+        robot.own(run_of(6, torque_nm=1e6))
+
+
+def test_torques_that_no_joint_can_give_are_refused(written):
+    with pytest.raises(RecordingError, match=r"e reaches 1.9e\+05 N m, 21142 times its greatest torque, 9 N m"):
+        read_urdf_arm(written(plain())).own(run_of(5, torque_nm=2e5))
