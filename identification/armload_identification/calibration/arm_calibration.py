@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Final
 
 import numpy as np
@@ -22,6 +21,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import body_regressor
+from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
 
 DETERMINED_WITHIN: Final = 0.05
@@ -31,13 +31,6 @@ TURN_OVER: Final = 0.01
 _DIGITS: Final = 9
 _DAY: Final = 10
 """Characters of a date."""
-
-
-class Effort(StrEnum):
-    """What the drives reported."""
-
-    CURRENT = "current"
-    TORQUE = "torque"
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,6 @@ from armload_identification.calibration.arm_calibration import (
     ArmCalibration,
     CalibratedPayload,
     CalibratedRun,
-    Effort,
     kinematics_sha256,
 )
 from armload_identification.calibration.arm_fit import HALVES, MOVING, ArmFit, fit_arm
@@ -33,6 +32,7 @@ from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, Provenance
 from armload_identification.model.regressor import PARAMETERS
+from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.sanity import check_run

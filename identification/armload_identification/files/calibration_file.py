@@ -9,16 +9,12 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import (
-    ArmCalibration,
-    CalibratedPayload,
-    CalibratedRun,
-    Effort,
-)
+from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedPayload, CalibratedRun
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import CalibrationFileError, ModelError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.regressor import PARAMETERS
+from armload_identification.recording.reading_options import Effort
 from armload_identification.storage import toml_text
 from armload_identification.storage.strict_toml import (
     BadValue,

@@ -1,7 +1,7 @@
 """What a calibrated arm carries while it works: the recursive estimator for a loop, and its estimate with intervals.
 
-`update` is one call of the kernel (`armload_core/source/payload_estimator.c`): it takes the drives' unfiltered feedback,
-on stamps as they come. `estimate` is for outside the loop: it takes some milliseconds.
+`update` is one call of the kernel (`armload_core/source/payload_estimator.c`): it takes the drives' unfiltered
+feedback, on stamps as they come. `estimate` is for outside the loop: it takes some milliseconds.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.stats import norm
 
 from armload_core import kernels
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration, Effort
+from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.estimation.known_arm_fit import MOVING, moving_weights
 from armload_identification.estimation.uncertainty import CONFIDENCE, DETERMINED_SHARE, REFERENCE_LENGTH_M, derived
 from armload_identification.model.body_model import smooth_sign
@@ -24,6 +24,7 @@ from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import FLOOR_KG, FLOOR_SHARE
+from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
 
 ROW_S: Final = 0.05

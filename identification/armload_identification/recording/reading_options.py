@@ -9,7 +9,7 @@ from armload_identification.recording.csv_columns import CsvColumns
 
 
 class Effort(StrEnum):
-    """What a format's field `effort` holds."""
+    """What drives report of their effort: JOINT torque in N m, or MOTOR current in A."""
 
     TORQUE = "torque"
     CURRENT = "current"
@@ -21,7 +21,7 @@ class ReadingOptions:
 
     Attributes:
         columns: What stands where in a table; None leaves it to the names of its columns.
-        effort: Unit of an effort of which the format does not say it: JOINT torque in N m, or MOTOR current in A.
+        effort: What an effort is of which the format does not say it.
         joint_names: Names of the arm's joints, where they are known: of several groups of joints the reader takes
             the one with these.
     """

@@ -14,9 +14,10 @@ from markupsafe import Markup
 from scipy.stats import norm
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedRun, Effort
+from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedRun
 from armload_identification.estimation.uncertainty import CONFIDENCE
 from armload_identification.identification_errors import ReportError
+from armload_identification.recording.reading_options import Effort
 from armload_identification.report.calibration_figures import drift_figure, gains_figure
 from armload_identification.report.figures import COLORS
 from armload_identification.report.numerals import NO_BREAK, decimals_for, numeral

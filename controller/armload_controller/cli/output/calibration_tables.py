@@ -8,8 +8,9 @@ import numpy as np
 from rich.table import Table
 from scipy.stats import norm
 
-from armload_identification.calibration.arm_calibration import ArmCalibration, Effort
+from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.estimation.uncertainty import CONFIDENCE
+from armload_identification.recording.reading_options import Effort
 
 
 def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:

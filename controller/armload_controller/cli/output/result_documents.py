@@ -14,8 +14,9 @@ from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
 from armload_drivers.bring_up.drive_check import ArmCheck
 from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
-from armload_identification.calibration.arm_calibration import ArmCalibration, Effort
+from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.model.payload import PARAMETER_NAMES
+from armload_identification.recording.reading_options import Effort
 from armload_identification.results.findings_document import agreement_fields, numbers
 from armload_identification.verdict.agreement import Agreement
 from armload_identification.verdict.cad_comparison import Comparison

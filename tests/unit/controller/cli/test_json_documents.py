@@ -22,8 +22,8 @@ from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.session.feedforward_comparison import Comparison, Measure
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
-from armload_identification.calibration.arm_calibration import Effort
 from armload_identification.pipeline.any_motion import Window
+from armload_identification.recording.reading_options import Effort
 from armload_identification.results.payload_over_time import PayloadOverTime
 
 PAGE = Path(__file__).resolve().parents[4] / "controller" / "JSON.md"

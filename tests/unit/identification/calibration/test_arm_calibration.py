@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_identification.calibration.arm_calibration import Effort
 from armload_identification.calibration.arm_rows import run_signals, tilt_axes
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
+from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
 
 pytestmark = pytest.mark.pure
