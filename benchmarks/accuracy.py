@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import sys
 
-from benchmarks import arm_calibration, coverage, operating_curve, other_payloads, pair_coverage, real_currents, speed
+from benchmarks import (
+    any_motion,
+    arm_calibration,
+    coverage,
+    operating_curve,
+    other_payloads,
+    pair_coverage,
+    real_currents,
+    speed,
+)
 from benchmarks.setups import Twin
 from benchmarks.statistics import Census
 from benchmarks.trials import workers
@@ -18,6 +27,7 @@ def main() -> int:
     operating_curve.run_measured(tally)
     arm_calibration.run_measured(tally)
     pair_coverage.run(tally)
+    any_motion.run_measured(tally)
     with workers() as pool:
         speed.run(tally, pool)
         arm_calibration.run_simulated(tally, pool)

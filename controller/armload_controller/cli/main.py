@@ -29,6 +29,7 @@ from armload_controller.cli.commands.recordings_command import recordings
 from armload_controller.cli.commands.report_command import report
 from armload_controller.cli.commands.simulate_command import simulate
 from armload_controller.cli.commands.validate_command import validate
+from armload_controller.cli.commands.watch_command import watch
 
 EXIT_USAGE = 2
 
@@ -52,6 +53,7 @@ for command in (
     design,
     export,
     feedforward,
+    watch,
 ):
     app.command()(command)
 

@@ -37,7 +37,7 @@ static void clear_change(payload_estimator *e)
     memset(e->change, 0, sizeof e->change);
     memset(e->change_right, 0, sizeof e->change_right);
     e->change_test = 0.0;
-    e->suspected_since = -1.0;
+    e->suspected_since = -HUGE_VAL;
 }
 
 static void clear_front(payload_estimator *e)
@@ -161,7 +161,7 @@ void estimator_begin(payload_estimator *e)
     e->misfit = 1.0;
     e->remembered = e->next_row = 0;
     e->changed = e->change_mass = e->changes = e->contact_ratio = e->rows = e->refused = e->last_time = 0.0;
-    e->touched_since = -1.0;
+    e->touched_since = -HUGE_VAL;
     memset(e->moving_s, 0, sizeof e->moving_s);
     memset(e->friction, 0, sizeof e->friction);
     clear_front(e);
@@ -385,8 +385,8 @@ static void watch_change(payload_estimator *e, double now)
         e->change_test += change[k] * change[k];
     }
     if (e->change_test <= CHANGE_TEST) {
-        e->suspected_since = -1.0;
-    } else if (e->suspected_since < 0.0) {
+        e->suspected_since = -HUGE_VAL;
+    } else if (e->suspected_since == -HUGE_VAL) {
         e->suspected_since = now;
     } else if (now - e->suspected_since >= HELD_S) {
         solve_upper((const double(*)[BODY_PARAMETERS])factor, change);
@@ -404,7 +404,7 @@ static void watch_contact(payload_estimator *e, const estimator_row *row, const 
     for (int j = 0; j < e->n; j++) {
         if (fabs(row->velocity[j]) > AT_REST * e->parameter[ESTIMATOR_GATE][j]) {
             e->contact_ratio = 0.0;
-            e->touched_since = -1.0;
+            e->touched_since = -HUGE_VAL;
             return;
         }
         const double carried = links[j] + payload[j];
@@ -413,8 +413,8 @@ static void watch_contact(payload_estimator *e, const estimator_row *row, const 
     }
     e->contact_ratio = worst;
     if (worst < CONTACT_RATIO) {
-        e->touched_since = -1.0;
-    } else if (e->touched_since < 0.0) {
+        e->touched_since = -HUGE_VAL;
+    } else if (e->touched_since == -HUGE_VAL) {
         e->touched_since = row->time;
     }
 }
@@ -502,7 +502,7 @@ void estimator_update(payload_estimator *e, double time_s, const double *positio
     if (e->started && since <= -CLOCK_BACK_S) {
         e->row_time = -HUGE_VAL;
         e->remembered = e->next_row = 0;
-        e->touched_since = -1.0;
+        e->touched_since = -HUGE_VAL;
         clear_front(e);
         clear_change(e);
     } else if (e->started) {
@@ -574,7 +574,7 @@ void estimator_read(const payload_estimator *e, double *theta, double *covarianc
     status[ESTIMATOR_CHANGED] = e->changed;
     status[ESTIMATOR_CHANGE_MASS] = e->change_mass;
     status[ESTIMATOR_CONTACT_RATIO] = e->contact_ratio;
-    status[ESTIMATOR_CONTACT] = e->touched_since >= 0.0 && e->row_time - e->touched_since >= HELD_S ? 1.0 : 0.0;
+    status[ESTIMATOR_CONTACT] = e->touched_since > -HUGE_VAL && e->row_time - e->touched_since >= HELD_S ? 1.0 : 0.0;
 }
 
 int estimator_rows(const payload_estimator *e, double *out)

@@ -1,4 +1,4 @@
-"""What a calibrated arm carries while it works: the recursive estimator for a loop, and its estimate with intervals.
+"""What a calibrated arm carries while it works: the recursive estimator, and its estimate with intervals.
 
 `update` is one call of the kernel (`armload_core/source/payload_estimator.c`): it takes the drives' unfiltered
 feedback, on stamps as they come. `estimate` is for outside the loop: it takes some milliseconds.

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import typer
 
+from armload_controller.analysis.payload_watch import PayloadEvent, WatchedMoment
 from armload_controller.cli.main import app
 from armload_controller.cli.output.result_documents import (
     calibration_document,
@@ -23,6 +24,7 @@ from armload_controller.session.feedforward_comparison import Comparison, Measur
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_identification.pipeline.any_motion import Window
+from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.payload_over_time import PayloadOverTime
 
@@ -115,7 +117,12 @@ def made():
     found = SimpleNamespace(parameters=body, uncertainty=sure)
     windows = (Window(0.0, 10.0, found, ""), Window(10.0, 20.0, None, "the arm stands still"))
     history = PayloadOverTime("arm", windows, SimpleNamespace(path=Path("shift.mcap")), "0")
+    four = np.ones(4)
+    sure_of = np.array([True, True, False, False])
+    live = LivePayload(1.0, ones, four, 0.1 * four, sure_of, ones, ones, 1, 0.5, 1.0, contact=False, refused=0)
+    moment = WatchedMoment(live, (PayloadEvent(0.5, "grasped", 1.0),))
     return [
+        moment.to_dict("arm", "0"),
         history.to_dict() | {"files": {"picture": None}},
         calibration_document("arm", joints, arm, Path("arm.toml"), Path("arm.html")),
         feedforward_document("arm", offset, [compared], Path("picture.svg")),
@@ -125,7 +132,8 @@ def made():
 
 
 def test_what_is_not_determined_has_no_number():
-    over_time, calibrated, fed, *_ = made()
+    watched, over_time, calibrated, fed, *_ = made()
+    assert watched["center_of_mass_m"] == [1.0, None, None]
     assert over_time["windows"][0]["center_of_mass_m"] == [0.0, 0.0, None]
     assert [window["mass_kg"] for window in over_time["windows"]] == [1.0, None]
     assert [joint["gain"] for joint in calibrated["joints"]] == [1.0, None]

@@ -1,0 +1,226 @@
+"""Watch what a calibrated arm carries: its recording, finished or still growing, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
+from armload_controller.config.measured_arm import MeasuredArm
+from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.pipeline.payload_estimator import LivePayload, PayloadEstimator
+from armload_identification.recording.garbage_rows import GarbageFilter
+from armload_identification.recording.reader import ReadingAccount
+from armload_identification.recording.reader_registry import reader_of
+from armload_identification.recording.reading_options import Effort, ReadingOptions
+from armload_identification.recording.row_block import RowBlock
+
+WEIGHED_WITHIN: Final = 0.5
+"""A change of payload is told when the half widths of both masses are below this share of it."""
+
+NEVER_LOOKED: Final = -2
+IDLE_LOOKS: Final = 10
+"""Looks without anything new after which a recording counts as finished."""
+
+
+@dataclass(frozen=True)
+class PayloadEvent:
+    """Something that happened to the arm.
+
+    Attributes:
+        time_s: When, as the recording's stamps have it.
+        kind: "changed", as soon as it is noticed; "grasped" or "dropped", when it is weighed; "contact" at rest, and
+            "contact over".
+        mass_kg: By how much the payload changed; None where that is not known or means nothing.
+    """
+
+    time_s: float
+    kind: str
+    mass_kg: float | None
+
+    def __str__(self) -> str:
+        """In a few words."""
+        return self.kind if self.mass_kg is None else f"{self.kind} ({self.mass_kg:+.2f} kg)"
+
+
+@dataclass(frozen=True, eq=False)
+class WatchedMoment:
+    """What is known at one moment.
+
+    Attributes:
+        payload: The estimate.
+        events: What has happened since the moment before.
+    """
+
+    payload: LivePayload
+    events: tuple[PayloadEvent, ...]
+
+    def to_dict(self, robot: str, version: str) -> dict[str, Any]:
+        """Numbers, texts, lists and dictionaries: the schema `armload/watch/1`."""
+        found = self.payload
+        center = zip(found.values[1:], found.determined[1:], strict=True)
+        return {
+            "schema": "armload/watch/1",
+            "armload_version": version,
+            "robot": robot,
+            "time_s": found.time_s,
+            "mass_kg": found.mass_kg,
+            "half_width_95_kg": float(found.half_width_95[0]),
+            "center_of_mass_m": [float(value) if sure else None for value, sure in center],
+            "moving_s": found.moving_s.tolist(),
+            "changes": found.changes,
+            "contact": found.contact,
+            "refused": found.refused,
+            "events": [{"time_s": e.time_s, "kind": e.kind, "mass_kg": e.mass_kg} for e in self.events],
+        }
+
+
+class PayloadWatch:
+    """Watches one arm.
+
+    Args:
+        robot: The arm.
+        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+        every_s: Time between the moments that are shown.
+
+    Raises:
+        EstimationError: the arm is not calibrated.
+        CalibrationFileError: the calibration cannot be used.
+        ModelError: it belongs to another arm.
+    """
+
+    def __init__(self, robot: MeasuredArm, calibration: FilePath | None = None, every_s: float = 1.0) -> None:
+        used = arm_in_use(robot, calibration)
+        if used.calibration is None:
+            raise EstimationError(
+                "what an arm carries while it works shows with its calibration only: calibrate it once with "
+                "`armload calibrate` and give that file as --calibration."
+            )
+        self._robot, self._every_s = robot, every_s
+        self._effort = used.calibration.effort
+        self._estimator = PayloadEstimator(used.calibration, robot.chain, robot.transmission)
+        self._next_s: float | None = None
+        self._last_s = -np.inf
+        self._changes = 0
+        self._weighed: LivePayload | None = None
+        self._before: LivePayload | None = None
+        self._touching = False
+
+    def file(self, path: Path) -> Iterator[WatchedMoment]:
+        """The rows of a recording that have not been seen yet.
+
+        Args:
+            path: The recording; it may still grow.
+
+        Returns:
+            Moments; the last one at the end of what there is.
+
+        Raises:
+            RecordingError: it cannot be read, or does not fit arm or calibration.
+        """
+        options = ReadingOptions(self._robot.csv_columns, joint_names=tuple(self._robot.joint_names))
+        garbage, seen = GarbageFilter(path), self._last_s
+        reader = reader_of(path, options)
+        for block in self._usable(reader.blocks(ReadingAccount()), garbage):
+            yield from self.rows(path, block)
+        if self._last_s > seen:
+            yield self._moment()
+
+    @staticmethod
+    def _usable(blocks: Iterator[RowBlock], garbage: GarbageFilter) -> Iterator[RowBlock]:
+        """Without rows that cannot be right."""
+        for block in blocks:
+            yield from garbage.add(block)
+        yield from garbage.finish()
+
+    def rows(self, path: Path, block: RowBlock) -> Iterator[WatchedMoment]:
+        """Take rows; those that are not later than the last are passed over.
+
+        Args:
+            path: What messages call the recording.
+            block: The rows.
+        """
+        effort = block.torque_nm if self._effort is Effort.TORQUE else block.current_a
+        if effort is None:
+            raise RecordingError(
+                f"{path}: no {self._effort}, which the arm was calibrated with. Record it, or calibrate the arm with "
+                "recordings like this one."
+            )
+        if block.position_rad.shape[1] != self._robot.chain.n:
+            raise RecordingError(
+                f"{path}: the recording has {block.position_rad.shape[1]} joints, the robot has {self._robot.chain.n}. "
+                "Give the recording and the configuration of the same arm."
+            )
+        fresh = int(np.searchsorted(block.time_s, self._last_s, side="right"))
+        time_s, position, measured = (
+            np.ascontiguousarray(values[fresh:]) for values in (block.time_s, block.position_rad, effort)
+        )
+        start = 0
+        while start < time_s.size:
+            if self._next_s is None:
+                self._next_s = float(time_s[start]) + self._every_s
+            end = int(np.searchsorted(time_s, self._next_s))
+            self._take(time_s[start:end], position[start:end], measured[start:end])
+            if end < time_s.size:
+                yield self._moment()
+                self._next_s = float(time_s[end]) + self._every_s
+            start = end
+
+    def _take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> None:
+        self._estimator.update_all(time_s, position, effort)
+        if time_s.size:
+            self._last_s = float(time_s[-1])
+
+    def _moment(self) -> WatchedMoment:
+        """The estimate, and what has happened."""
+        found = self._estimator.estimate()
+        events = []
+        if found.changes > self._changes:
+            self._changes = found.changes
+            self._before = self._before or self._weighed
+            self._weighed = None
+            events.append(PayloadEvent(found.changed_s, "changed", None))
+        if self._before is not None:
+            change = found.mass_kg - self._before.mass_kg
+            doubt = max(found.half_width_95[0], self._before.half_width_95[0])
+            if doubt < WEIGHED_WITHIN * abs(change):
+                events.append(PayloadEvent(found.changed_s, "grasped" if change > 0.0 else "dropped", change))
+                self._before = None
+        if self._before is None:
+            self._weighed = found
+        if found.contact != self._touching:
+            self._touching = found.contact
+            events.append(PayloadEvent(found.time_s, "contact" if found.contact else "contact over", None))
+        return WatchedMoment(found, tuple(events))
+
+
+def follow(watch: PayloadWatch, path: Path, wait: Callable[[float], None], every_s: float) -> Iterator[WatchedMoment]:
+    """Watch a recording until it has got its name, or nobody writes into it any more.
+
+    Args:
+        watch: Of the arm.
+        path: The recording that grows, such as NAME.partial.mcap.
+        wait: Waits for a time in s.
+        every_s: Time between two looks.
+
+    Yields:
+        Moments.
+
+    Raises:
+        RecordingError: there is no such recording, or it does not fit.
+    """
+    idle, size = 0, NEVER_LOOKED
+    while idle < IDLE_LOOKS:
+        grown = path.stat().st_size if path.exists() else -1
+        if grown < 0 and size >= 0:
+            return
+        idle = idle + 1 if grown == size else 0
+        if grown != size:
+            size = grown
+            yield from watch.file(path)
+        wait(every_s)

@@ -1,0 +1,124 @@
+"""Watching a recording: grasped and dropped as events, a file that grows, and what is refused."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from armload_controller.analysis.payload_watch import IDLE_LOOKS, PayloadWatch, follow
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+from armload_identification.files.calibration_file import write_calibration
+from armload_identification.identification_errors import EstimationError, RecordingError
+
+
+@pytest.fixture(scope="module")
+def calibration_file(pinocchio_arm, tmp_path_factory):
+    trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
+    runs = [
+        MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
+        for load in (False, True)
+    ]
+    found = calibrate_arm(
+        runs,
+        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
+        pinocchio_arm.chain,
+        pinocchio_arm.transmission,
+        robot="six",
+        armload_version="0",
+        configuration_sha256="c" * 64,
+    )
+    path = tmp_path_factory.mktemp("arm") / "arm.calibration.toml"
+    write_calibration(path, found)
+    return path
+
+
+@pytest.fixture(scope="module")
+def robot(pinocchio_arm):
+    """What a watch asks of a robot."""
+    return SimpleNamespace(
+        chain=pinocchio_arm.chain,
+        transmission=pinocchio_arm.transmission,
+        csv_columns=None,
+        joint_names=tuple(f"j{joint}" for joint in range(1, 7)),
+        calibration_file=None,
+    )
+
+
+@pytest.fixture(scope="module")
+def table(pinocchio_arm):
+    """Lines of a table: the payload is grasped after a third and dropped after two."""
+    trajectory = pinocchio_arm.trajectory(6, period_s=10.0)
+    empty, loaded = (pinocchio_arm.run(trajectory, load, seed=8 + load, with_phase=False) for load in (False, True))
+    rows = min(empty.size, loaded.size)
+    third = rows // 3
+    current = empty.current_a[:rows].copy()
+    current[third : 2 * third] = loaded.current_a[third : 2 * third]
+    names = ["time_s", *(f"position_{j}" for j in range(1, 7)), *(f"current_{j}" for j in range(1, 7))]
+    values = np.column_stack([loaded.time_s[:rows], loaded.position_rad[:rows], current])
+    lines = [",".join(names), *(",".join(f"{value:.7f}" for value in row) for row in values)]
+    return lines, float(loaded.time_s[third]), float(loaded.time_s[2 * third])
+
+
+def events_of(moments):
+    return [event for moment in moments for event in moment.events]
+
+
+def test_grasped_and_dropped_are_told_with_their_mass(robot, calibration_file, table, pinocchio_arm, tmp_path):
+    lines, grasped_s, dropped_s = table
+    path = tmp_path / "shift.csv"
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+    moments = list(PayloadWatch(robot, calibration_file, 1.0).file(path))
+    events = events_of(moments)
+    assert [event.kind for event in events] == ["changed", "grasped", "changed", "dropped"]
+    for event, at_s in zip(events, (grasped_s, grasped_s, dropped_s, dropped_s), strict=True):
+        assert 0.0 < event.time_s - at_s < 1.0
+    mass_kg = pinocchio_arm.payload.mass_kg
+    assert events[1].mass_kg == pytest.approx(mass_kg, rel=0.2)
+    assert events[3].mass_kg == pytest.approx(-mass_kg, rel=0.2)
+    assert str(events[1]).startswith("grasped (+")
+    document = moments[-1].to_dict("six", "0")
+    assert document["changes"] == 2
+    assert document["center_of_mass_m"] == [None, None, None]
+
+
+def test_a_growing_file_is_seen_once(robot, calibration_file, table, tmp_path):
+    lines, *_ = table
+    path = tmp_path / "shift.partial.csv"
+    half = len(lines) // 2
+    path.write_text("\n".join(lines[:half]) + "\n", "utf-8")
+    watch = PayloadWatch(robot, calibration_file, 1.0)
+    waits = []
+
+    def wait(seconds):
+        waits.append(seconds)
+        if len(waits) == 1:
+            path.write_text("\n".join(lines) + "\n", "utf-8")
+
+    moments = list(follow(watch, path, wait, 0.5))
+    stamps = [moment.payload.time_s for moment in moments]
+    assert stamps == sorted(stamps)
+    assert moments[-1].payload.refused == 0
+    assert moments[-1].payload.time_s == pytest.approx(float(lines[-1].split(",")[0]))
+    assert [event.kind for event in events_of(moments)] == ["changed", "grasped", "changed", "dropped"]
+    assert len(waits) == IDLE_LOOKS + 2
+
+
+def test_a_recording_that_gets_its_name_is_finished(robot, calibration_file, table, tmp_path):
+    path = tmp_path / "shift.partial.csv"
+    path.write_text("\n".join(table[0]) + "\n", "utf-8")
+    moments = list(follow(PayloadWatch(robot, calibration_file), path, lambda _: path.unlink(), 0.5))
+    assert moments[-1].payload.changes == 2
+
+
+def test_what_does_not_fit_is_refused(robot, calibration_file, table, tmp_path):
+    with pytest.raises(EstimationError, match="armload calibrate"):
+        PayloadWatch(robot)
+    lines, *_ = table
+    path = tmp_path / "torque.csv"
+    path.write_text("\n".join([lines[0].replace("current", "torque"), *lines[1:]]) + "\n", "utf-8")
+    with pytest.raises(RecordingError, match="no current, which the arm was calibrated with"):
+        list(PayloadWatch(robot, calibration_file).file(path))
+    with pytest.raises(RecordingError, match="cannot be read"):
+        list(follow(PayloadWatch(robot, calibration_file), tmp_path / "lost.csv", lambda _: None, 0.5))
