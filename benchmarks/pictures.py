@@ -1,4 +1,6 @@
-"""The README's picture, made of a commissioning of er50: `make pictures`.
+"""The README's picture, made of a commissioning of prbt: `make pictures`.
+
+prbt's drives report torque; with er50's nominal gains a commissioning cannot tell 2 % of the mass.
 
 What a report's first screen shows, in one SVG: verdict, mass, the centre of mass on the flange, and one joint's torque.
 """
@@ -21,7 +23,8 @@ from armload_identification.report.parameters import mass_card
 from armload_identification.results.findings import Findings
 
 PICTURE = Path(__file__).parents[1] / "controller" / "pictures" / "result.svg"
-MOST_BYTES = 100_000
+ROBOT = "prbt"
+_COLORS = {"passed": "#009e73", "failed": "#d55e00", "missing": "#e69f00"}
 _JOINT = 1
 _STYLE = """
 text { font-family: Helvetica, Arial, 'Liberation Sans', sans-serif; fill: #1a1a1a; }
@@ -37,13 +40,13 @@ text { font-family: Helvetica, Arial, 'Liberation Sans', sans-serif; fill: #1a1a
 
 
 def run() -> None:
-    """Commission er50 in a folder that is thrown away, and draw what comes out."""
+    """Commission the arm in a folder that is thrown away, and draw what comes out."""
     with tempfile.TemporaryDirectory() as folder:
-        result = CliRunner().invoke(app, ["commission", "er50", "--output", folder])
+        result = CliRunner().invoke(app, ["commission", ROBOT, "--output", folder])
         if result.exit_code != 0:
             raise SystemExit(result.output)
         found = armload.identify(
-            "er50",
+            ROBOT,
             *_pair(Path(folder), "identification"),
             validation=_pair(Path(folder), "validation"),
         )
@@ -73,7 +76,7 @@ def picture(found: Findings) -> str:
     torque = torque_figure(fitted.signal, fitted.predicted_nm, _JOINT, "torque", title)
     parts = [
         '<rect width="960" height="590" fill="#fff"/>',
-        '<rect x="20" y="20" width="8" height="60" fill="#009e73"/>',
+        f'<rect x="20" y="20" width="8" height="60" fill="{_COLORS[found.verdict.kind]}"/>',
         _text(44, 46, 22, f"{found.verdict.title}", weight=700),
         _text(44, 72, 15, f"Simulated arm {found.arm.name}, judged on runs that it was not identified from", soft=True),
         _text(20, 170, 62, mass[0], weight=700),
