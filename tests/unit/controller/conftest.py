@@ -14,7 +14,8 @@ from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.model.payload import InertialParameters
 
-PERIODS = 2
+PERIODS, RATE_HZ = 2, 50.0
+"""Fewer rows than a drive's bus gives, so that what reads them is quick."""
 
 
 @pytest.fixture(scope="session")
@@ -53,8 +54,8 @@ def recorded_er50(tmp_path_factory, in_pinocchio):
 def _cycles(robot, model, trajectory, rng):
     """What the recorder is given in each cycle of some periods."""
     data = model.createData()
-    count = round(trajectory.period_s * robot.bus.cycle_hz)
-    state = trajectory.evaluate(np.arange(1, count + 1) / robot.bus.cycle_hz)
+    count = round(trajectory.period_s * RATE_HZ)
+    state = trajectory.evaluate(np.arange(1, count + 1) / RATE_HZ)
     motion = zip(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2, strict=True)
     torque = np.array([pin.rnea(model, data, *joints) for joints in motion])
     torque += 4.0 * np.tanh(state.velocity_rad_s / 0.01) + 5.0 * state.velocity_rad_s
@@ -65,6 +66,6 @@ def _cycles(robot, model, trajectory, rng):
         noisy = torque[now] + robot.limits.torque_noise_nm * rng.normal(size=robot.n)
         current = (noisy @ robot.drives.coupling) / robot.drives.transmission.gain_nm_a
         position = state.position_rad[now] + 2e-5 * rng.normal(size=robot.n)
-        time_s = (cycle + 1) / robot.bus.cycle_hz
+        time_s = (cycle + 1) / RATE_HZ
         feedback = JointFeedback(cycle, time_s, position, None, current, None, statusword, missing)
         yield feedback, JointCommand(state.position_rad[now], still, still), Segment.PERIODS, time_s
