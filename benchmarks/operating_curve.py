@@ -24,6 +24,7 @@ from armload_identification.calibration.calibrate_arm import WeighedPayload
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_validation import gains_to_compare_by
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.agreement import Agreement, Known, Outcome, Tolerance, compare_known
 from benchmarks.bodies import ER50_PAYLOADS
@@ -103,8 +104,7 @@ def run_measured(tally: Tally) -> None:
     made: list[Commissioning] = []
     for label, transmission in gains.items():
         for name, pair in pairs.items():
-            first, second = (_half(pair, half, robot.chain, transmission) for half in (0, 1))
-            both = [Commissioning(first, second), Commissioning(second, first)]
+            both = [_halves(pair, half, robot.chain, transmission) for half in (0, 1)]
             every = [each for each in both for _ in DIRECTIONS]
             _curve(f"pair {name}, gains: {label}", every, [judge(each.judged, each.measured) for each in both])
             made += both
@@ -120,6 +120,13 @@ def run_measured(tally: Tally) -> None:
         f"{sum(noticed)} of {len(noticed)}",
         all(noticed),
     )
+
+
+def _halves(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> Commissioning:
+    """One half of a pair judged by the other."""
+    judged = _half(pair, half, chain, transmission)
+    gains = gains_to_compare_by(judged.covariance, transmission)
+    return Commissioning(judged, _half(pair, 1 - half, chain, gains))
 
 
 def _half(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> Known:
@@ -162,10 +169,16 @@ def commissionings(
 
 
 def _some(setups: Sequence[Setup], seeds: Sequence[int]) -> list[Commissioning]:
-    return [Commissioning(*(_known(setup, seed, setups[0].name) for setup in setups)) for seed in seeds]
+    identification, validation = setups
+    made = []
+    for seed in seeds:
+        judged = _known(identification, seed, identification.name, identification.transmission)
+        gains = gains_to_compare_by(judged.covariance, validation.transmission)
+        made.append(Commissioning(judged, _known(validation, seed, identification.name, gains)))
+    return made
 
 
-def _known(setup: Setup, seed: int, arm: str) -> Known:
+def _known(setup: Setup, seed: int, arm: str, transmission: Transmission) -> Known:
     """One pair; the drives are the same in both pairs of a seed."""
     gain_error = setup.gain_spread * replace(setup, name=arm).rng(seed).uniform(-1.0, 1.0, setup.scales.n)
     rng = setup.rng(seed)
@@ -173,7 +186,7 @@ def _known(setup: Setup, seed: int, arm: str) -> Known:
     loaded, unloaded = (
         record(period, setup.scales, setup.periods, rng, gain_error) for period in (setup.loaded, setup.unloaded)
     )
-    result = identify(loaded, unloaded, setup.chain, setup.transmission, estimator=setup.estimator)
+    result = identify(loaded, unloaded, setup.chain, transmission, estimator=setup.estimator)
     return Known(result.parameters, result.mass_center)
 
 

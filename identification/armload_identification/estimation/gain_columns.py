@@ -69,7 +69,9 @@ class GainFit:
         contradicted: (n,) True where the data contradict what was assumed, so that the gain was taken as unknown.
         assumed_deviation: (n,) relative standard deviation that was assumed.
         slope: (p, n) by how much theta moves with the logarithm of each gain as it was assumed.
-        covariance: (n, n) of the logarithms of the gains, as assumed or, where contradicted, as unknown.
+        covariance: (n, n) of the logarithms of the estimated gains, without what all of them share.
+        held: The fit of payload and friction with the gains held where they were estimated: the same estimate, for
+            comparison with another that is made with the same gains.
     """
 
     log_gain: FloatArray
@@ -78,6 +80,7 @@ class GainFit:
     assumed_deviation: FloatArray
     slope: FloatArray
     covariance: FloatArray
+    held: Estimate
 
 
 def fit_with_gains(
@@ -111,7 +114,7 @@ def fit_with_gains(
         found = system.solve(covariance)
         worst = system.contradiction(found, assumed, contradicted)
         if worst is None or _MINORITY * (np.count_nonzero(contradicted) + 1) > len(assumed):
-            return found.fit, system.friction(found, arm), system.gains(found, covariance, contradicted), found.signal
+            return found.fit, system.friction(found, arm), system.gains(found, contradicted), found.signal
         contradicted[worst] = True
         covariance[worst], covariance[:, worst] = 0.0, 0.0
         covariance[worst, worst] = UNKNOWN_DEVIATION**2
@@ -123,6 +126,7 @@ class _Found:
 
     Attributes:
         fit: The last step of it.
+        held: The same step with the gains held.
         coefficient: (2 n,) of friction.
         log_gain: (n,) e.
         signal: By these gains.
@@ -130,6 +134,7 @@ class _Found:
     """
 
     fit: Estimate
+    held: Estimate
     coefficient: FloatArray
     log_gain: FloatArray
     signal: LoadSignal
@@ -181,7 +186,15 @@ class _System:
             if np.abs(step).max() < _SETTLED:
                 break
             log_gain[axes] += step
-        return _Found(fit, self._coefficients(own), log_gain, signal, known)
+        held = estimate(
+            everything[:, :, : self._first_gain],
+            target,
+            signal.valid,
+            self._noise_nm,
+            self._start.sample_weight,
+            self._equations(known[: self._known_friction.size, : self._known_friction.size], None, self._first_gain),
+        )
+        return _Found(fit, held, self._coefficients(own), log_gain, signal, known)
 
     def contradiction(self, found: _Found, assumed: FloatArray, known: NDArray[np.bool_]) -> int | None:
         """The axis whose gain the data contradict most, leaving out those that are known to be; None without any."""
@@ -203,20 +216,22 @@ class _System:
             found.fit, found.coefficient, self._chosen, before.known, before.known_deviation, arm
         )
 
-    def gains(self, found: _Found, covariance: FloatArray, contradicted: NDArray[np.bool_]) -> GainFit:
+    def gains(self, found: _Found, contradicted: NDArray[np.bool_]) -> GainFit:
         """The gains of a solution."""
         axes, known = self._axes, self._known_friction.size
-        half_width = np.zeros(len(covariance))
+        half_width = np.zeros(contradicted.size)
         deviation, freedom = (values[self._first_gain - 10 :] for values in nuisance_deviation(found.fit))
         half_width[axes] = student.ppf(0.5 + CONFIDENCE / 2.0, freedom) * deviation
         # Theta's answer to another mean of what was known, W (x - mean) = 0 among the equations.
         rows = found.fit.prior_rows[self._prior.target.size :]
         basis = determined_basis(found.fit)
         answer = basis @ (basis.T @ rows.T) @ np.linalg.inv(np.linalg.cholesky(found.known))
-        slope = np.zeros((found.fit.theta.size, len(covariance)))
+        slope = np.zeros((found.fit.theta.size, contradicted.size))
         slope[:, axes] = answer[:, known:]
+        covariance = np.zeros((contradicted.size, contradicted.size))
+        covariance[np.ix_(axes, axes)] = found.fit.covariance[self._first_gain :, self._first_gain :]
         assumed = np.asarray(self._transmission.deviation)
-        return GainFit(found.log_gain, half_width, contradicted, assumed, slope, covariance)
+        return GainFit(found.log_gain, half_width, contradicted, assumed, slope, covariance, found.held)
 
     def _coefficients(self, own: FloatArray) -> FloatArray:
         """(2 n,) coefficients of friction from those that have columns."""
@@ -233,10 +248,11 @@ class _System:
         whole[known:, known:] = covariance[np.ix_(axes, axes)]
         return whole
 
-    def _equations(self, known: FloatArray, log_gain: FloatArray, parameters: int) -> Prior:
-        """What is known of payload, friction and gains, about the gains as they are now."""
+    def _equations(self, known: FloatArray, log_gain: FloatArray | None, parameters: int) -> Prior:
+        """What is known of payload, friction and, where they are fitted, gains, about the gains as they are now."""
         own = np.flatnonzero(self._chosen)[self._known_friction]
-        mean = np.concatenate([self._friction.known[own], -log_gain[self._axes]])
+        of_gains = np.zeros(0) if log_gain is None else -log_gain[self._axes]
+        mean = np.concatenate([self._friction.known[own], of_gains])
         whitening = np.linalg.inv(np.linalg.cholesky(known))
         place = np.concatenate([10 + self._known_friction, np.arange(self._first_gain, parameters)])
         rows = np.zeros((self._prior.target.size + place.size, parameters))

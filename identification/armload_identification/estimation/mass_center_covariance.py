@@ -27,36 +27,33 @@ from armload_identification.signals.joint_torque import Transmission
 
 @dataclass(frozen=True, eq=False)
 class GainShare:
-    """What the gains do to a fit.
+    """What the gains do to a fit that was made with them.
 
     Attributes:
         gain: (n,) gains that currents, or reported torques, were multiplied by.
         slope: (p, n) change of theta per change of the logarithm of each.
         covariance: (n, n) of the logarithms.
-        known_covariance: (n, n) the part of it that is among the equations of what was known, and so in its share; 0
-            where the gains were taken as they are.
     """
 
     gain: FloatArray
     slope: FloatArray
     covariance: FloatArray
-    known_covariance: FloatArray
 
     @classmethod
     def of(cls, fit: Estimate, torque_nm: FloatArray, transmission: Transmission, gains: GainFit | None) -> GainShare:
-        """Of gains that were fitted with the payload, or taken as they are.
+        """Of gains that were fitted with the payload and then held, or taken as they are.
 
         Args:
-            fit: The plain estimate.
+            fit: The plain estimate with these gains.
             torque_nm: (N, n) torque that was fitted.
-            transmission: The gains.
+            transmission: The gains as they were assumed.
             gains: As they were fitted; None where they were not.
         """
         used = transmission.torque_gain if transmission.torque_calibrated else transmission.gain_nm_a
-        if gains is not None:
-            return cls(used, gains.slope, gains.covariance + COMMON_DEVIATION**2, gains.covariance)
         slope = shifts_by(fit, transmission.gain_shares(torque_nm)).T
-        return cls(used, slope, transmission.covariance, np.zeros_like(transmission.covariance))
+        if gains is None:
+            return cls(used, slope, transmission.covariance)
+        return cls(used * np.exp(gains.log_gain), slope, gains.covariance + COMMON_DEVIATION**2)
 
 
 def mass_center_covariance(
@@ -68,7 +65,7 @@ def mass_center_covariance(
     """Covariance of mass and centre of mass of a fit.
 
     Args:
-        fit: The plain estimate, on equidistant samples.
+        fit: The plain estimate with the gains as they are, on equidistant samples.
         parameters: What is reported; derivatives are taken there.
         doubts_nm: (k, N, n) torque of one standard deviation of each systematic error but the gains'.
         gains: What the gains do to the fit; None where none was applied.
@@ -86,14 +83,11 @@ def mass_center_covariance(
     random = contrast @ spectrum.covariance() @ contrast.T
     shifts = shifts_by(fit, doubts_nm)[:, :10] @ slope.T
     measured = random + known @ known.T + shifts.T @ shifts
-    by_gain = np.zeros((4, 0)) if gains is None else slope @ gains.slope[:10]
-    if gains is not None:
-        measured = measured - by_gain @ gains.known_covariance @ by_gain.T
     measured = measured + _blind(fit, gradient, parameters.mass_kg)
     freedom = spectrum.joint_freedom(contrast, measured)
     if gains is None:
         return MassCenterCovariance.of_measured(measured, freedom)
-    return MassCenterCovariance(measured, freedom, gains.gain, by_gain, gains.covariance)
+    return MassCenterCovariance(measured, freedom, gains.gain, slope @ gains.slope[:10], gains.covariance)
 
 
 def _blind(fit: Estimate, gradient: FloatArray, mass_kg: float) -> FloatArray:

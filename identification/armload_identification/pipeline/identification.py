@@ -113,7 +113,8 @@ def completed(
     if fitted_gains is not None:
         shifts = np.vstack([shifts, COMMON_DEVIATION * fitted_gains.slope.sum(axis=1)])
     uncertainty = quantify(fit, physical.parameters, shifts)
-    share = None if gains is None else GainShare.of(fit, signal.torque_nm, gains, fitted_gains)
+    held = fit if fitted_gains is None else fitted_gains.held
+    share = None if gains is None else GainShare.of(held, signal.torque_nm, gains, fitted_gains)
     predicted = regressor @ physical.parameters.theta
     if friction is not None:
         predicted = predicted + friction.torque_nm
@@ -123,7 +124,7 @@ def completed(
         gains=fitted_gains,
         physical=physical,
         uncertainty=uncertainty,
-        mass_center=mass_center_covariance(fit, physical.parameters, doubts_nm, share),
+        mass_center=mass_center_covariance(held, physical.parameters, doubts_nm, share),
         signal=signal,
         predicted_nm=predicted,
         residual_rms_nm=raw_residual_rms(signal, predicted),

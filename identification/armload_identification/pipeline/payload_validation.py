@@ -9,6 +9,7 @@ import numpy as np
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.model.chain import Chain
+from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import PayloadResult
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.identification import Identification
@@ -67,6 +68,9 @@ def validate(
 ) -> Validation:
     """Judge a payload by a pair of runs that it was not identified from.
 
+    Nominal gains are fitted with a payload. The second pair is then identified with the gains that the first one found,
+    so that what they are still off changes both alike and the verdict is about the payload.
+
     Args:
         loaded: Run with the payload.
         unloaded: Run of the same motion without it.
@@ -83,8 +87,21 @@ def validate(
         RecordingError: recordings that do not fit the arm or each other, or cannot be right.
         EstimationError: no payload explains the runs.
     """
-    measured = identify(loaded, unloaded, chain, transmission, arm=arm)
+    gains = transmission if arm is not None else gains_to_compare_by(payload.mass_center, transmission)
+    measured = identify(loaded, unloaded, chain, gains, arm=arm)
     return judge(measured, chain, known_payload(payload), tolerance or Tolerance())
+
+
+def gains_to_compare_by(judged: MassCenterCovariance | None, transmission: Transmission) -> Transmission:
+    """The gains with which a payload is identified again: those of the first time, unless they are known better.
+
+    Args:
+        judged: Of the payload in question, where its file has it.
+        transmission: The arm's own.
+    """
+    if judged is None or judged.gain_nm_a.shape != transmission.gain_nm_a.shape or transmission.calibrated.any():
+        return transmission
+    return transmission.held_at(judged.gain_nm_a, judged.gain_covariance)
 
 
 def judge(measured: Identification, chain: Chain, judged: Known, tolerance: Tolerance) -> Validation:

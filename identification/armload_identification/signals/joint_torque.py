@@ -100,6 +100,15 @@ class Transmission:
         object.__setattr__(self, "deviation", deviation)
         object.__setattr__(self, "_from_current", gain[:, None] * np.linalg.inv(coupling))
 
+    def held_at(self, gain_nm_a: FloatArray, covariance: FloatArray) -> Transmission:
+        """The same axes with other gains, which are not to be fitted.
+
+        Args:
+            gain_nm_a: (n,) the gains.
+            covariance: (n, n) of their logarithms.
+        """
+        return Transmission(gain_nm_a, self.coupling, np.ones(gain_nm_a.size, dtype=bool), covariance=covariance)
+
     def gain_shares(self, torque_nm: FloatArray) -> FloatArray:
         """How joint torque changes with the logarithm of each gain, C^-T e_a (C^T tau)_a.
 

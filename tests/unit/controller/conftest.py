@@ -15,7 +15,7 @@ from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.model.payload import InertialParameters
 
 PERIODS, RATE_HZ = 2, 50.0
-"""Fewer rows than a drive's bus gives, so that what reads them is quick."""
+"""Fewer rows than a drive's bus gives, each with the noise of their mean, so that what reads them is quick."""
 
 
 @pytest.fixture(scope="session")
@@ -59,11 +59,12 @@ def _cycles(robot, model, trajectory, rng):
     motion = zip(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2, strict=True)
     torque = np.array([pin.rnea(model, data, *joints) for joints in motion])
     torque += 4.0 * np.tanh(state.velocity_rad_s / 0.01) + 5.0 * state.velocity_rad_s
+    noise_nm = robot.limits.torque_noise_nm * np.sqrt(RATE_HZ / robot.bus.cycle_hz)
     still, missing = np.zeros(robot.n), np.zeros(robot.n, dtype=bool)
     statusword = np.full(robot.n, 0x0637, dtype=np.uint16)
     for cycle in range(PERIODS * count):
         now = cycle % count
-        noisy = torque[now] + robot.limits.torque_noise_nm * rng.normal(size=robot.n)
+        noisy = torque[now] + noise_nm * rng.normal(size=robot.n)
         current = (noisy @ robot.drives.coupling) / robot.drives.transmission.gain_nm_a
         position = state.position_rad[now] + 2e-5 * rng.normal(size=robot.n)
         time_s = (cycle + 1) / RATE_HZ

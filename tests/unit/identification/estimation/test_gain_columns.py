@@ -7,7 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_identification.estimation.uncertainty import derived
 from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.payload_validation import gains_to_compare_by
+from armload_identification.verdict.agreement import Known, Outcome, Tolerance, compare_known
 from benchmarks.sagging_panda import PAYLOAD, Effects, SaggingPanda, chain, nominal_transmission
 
 pytestmark = pytest.mark.pure
@@ -62,16 +65,52 @@ def test_the_scale_stays_what_was_assumed(panda):
     np.testing.assert_allclose(other.gains.log_gain, one.gains.log_gain, atol=1e-3)
 
 
-def test_the_share_of_the_gains_is_what_another_gain_does(panda):
-    """2 % on one assumed gain move mass and centre of mass by 2 % of the slope, and all together the mass alone."""
+def test_what_another_gain_does_is_in_the_slopes(panda):
+    """2 % on one assumed gain move theta by 2 % of the slope, and all together as they move the mass alone."""
     nominal = nominal_transmission(exact=False)
     one = found(panda, 1, None)
+    slope = derived(one.parameters)[1][:4] @ one.gains.slope[:10]
     for axis in (1, WRONG):
         gain = np.ones(7)
         gain[axis] = np.exp(0.02)
         other = found(panda, 1, None, replace(nominal, gain_nm_a=gain))
         change = (other.parameters.values - one.parameters.values)[:4] / 0.02
-        np.testing.assert_allclose(one.mass_center.gain_slope[:, axis], change, rtol=0.15, atol=0.006)
-    np.testing.assert_allclose(one.mass_center.gain_slope.sum(axis=1), [PAYLOAD.mass_kg, 0, 0, 0], atol=0.01)
-    whole = one.mass_center.measured + one.mass_center.from_gains
-    assert one.uncertainty.half_width_95[0] == pytest.approx(1.96 * np.sqrt(whole[0, 0]), rel=0.05)
+        np.testing.assert_allclose(slope[:, axis], change, rtol=0.15, atol=0.006)
+    np.testing.assert_allclose(slope.sum(axis=1), [PAYLOAD.mass_kg, 0, 0, 0], atol=0.01)
+
+
+def test_held_at_the_gains_that_were_found_the_payload_is_the_same(panda):
+    """So a second pair can be compared with the first by gains that both have; held gains are seen in full."""
+    one = found(panda, 1, None)
+    nominal, share = nominal_transmission(exact=False), one.mass_center
+    same = found(panda, 1, None, nominal.held_at(share.gain_nm_a, share.gain_covariance))
+    assert same.gains is None
+    assert same.mass_center.same_gains_as(share)
+    deviation = np.sqrt(np.diag(share.measured))
+    assert (np.abs(same.parameters.values - one.parameters.values)[:4] < 0.5 * deviation).all()
+    for axis in (1, WRONG):
+        gain = share.gain_nm_a.copy()
+        gain[axis] *= np.exp(0.001)
+        other = found(panda, 1, None, nominal.held_at(gain, share.gain_covariance))
+        change = (other.parameters.values - same.parameters.values)[:4] / 0.001
+        np.testing.assert_allclose(same.mass_center.gain_slope[:, axis], change, rtol=0.2, atol=0.01)
+    for each in (share, same.mass_center):
+        np.testing.assert_allclose(each.gain_slope.sum(axis=1), [PAYLOAD.mass_kg, 0, 0, 0], atol=0.02)
+    whole = share.measured + share.from_gains
+    assert one.uncertainty.half_width_95[0] == pytest.approx(1.96 * np.sqrt(whole[0, 0]), rel=0.1)
+
+
+def test_a_second_pair_is_compared_by_the_gains_of_the_first(panda):
+    """By gains that each pair found for itself, their noise is in the difference too."""
+    error = np.zeros(7)
+    error[WRONG] = OFF
+    first, nominal = found(panda, 1, error), nominal_transmission(exact=False)
+    alone, compared = (
+        found(panda, 2, error, gains) for gains in (nominal, gains_to_compare_by(first.mass_center, nominal))
+    )
+    judged = Known(first.parameters, first.mass_center)
+    by_own, by_one = (
+        compare_known(judged, Known(second.parameters, second.mass_center), Tolerance()) for second in (alone, compared)
+    )
+    assert by_one.outcome is Outcome.RIGHT
+    assert by_one.noticeable_kg < 0.7 * by_own.noticeable_kg
