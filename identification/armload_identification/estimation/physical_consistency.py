@@ -98,17 +98,6 @@ def make_physical(fit: Estimate) -> PhysicalEstimate:
     )
 
 
-def nuisance_beside(fit: Estimate, payload: InertialParameters) -> FloatArray:
-    """(p - 10,) the nuisance parameters that fit best beside a payload other than the plain one.
-
-    Args:
-        fit: The plain estimate.
-        payload: What is taken for the payload instead.
-    """
-    moved = fit.root[:, :10] @ (payload.theta - fit.theta[:10])
-    return np.asarray(fit.theta[10:] - np.linalg.lstsq(fit.root[:, 10:], moved, rcond=None)[0])
-
-
 def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArray:
     """Minimise ||rows theta - target||^2 over the bodies of margin `WRITTEN_MARGIN`.
 

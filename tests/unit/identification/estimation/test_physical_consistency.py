@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_identification.estimation.least_squares import estimate
-from armload_identification.estimation.physical_consistency import WRITTEN_MARGIN, make_physical, nuisance_beside
+from armload_identification.estimation.physical_consistency import WRITTEN_MARGIN, make_physical
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 
@@ -116,17 +116,6 @@ def test_a_direction_without_data_is_filled_in_beside_what_the_data_tell():
     assert result.changed
     assert result.cost < 1e-4
     assert result.parameters.theta[9] == pytest.approx(-3.0 * -0.05 * 0.2, abs=1e-4), "as of a ball about the centre"
-
-
-def test_nuisance_parameters_beside_another_payload_are_those_that_fit_best():
-    rng = np.random.default_rng(8)
-    regressor = rng.normal(size=(300, 2, 12))
-    torque = regressor @ rng.normal(size=12) + rng.normal(size=(300, 2))
-    fit = estimate(regressor, torque, np.ones(300, dtype=bool), np.ones(2))
-    other = InertialParameters(fit.theta[:10] + 0.3 * rng.normal(size=10))
-    left = (torque - regressor[:, :, :10] @ other.theta).reshape(-1)
-    best, *_ = np.linalg.lstsq(regressor[:, :, 10:].reshape(-1, 2), left, rcond=None)
-    np.testing.assert_allclose(nuisance_beside(fit, other), best, rtol=1e-9)
 
 
 def test_extra_parameters_are_left_free():
