@@ -178,7 +178,7 @@ class Robot:
     @cached_property
     def strength(self) -> RobotStrength:
         """How much torque the joints have for a motion and a payload."""
-        return RobotStrength(self.source, self.payloads)
+        return RobotStrength(self.source, self.payloads, self.drives.coupling)
 
     @cached_property
     def simulation(self) -> RobotSimulation:

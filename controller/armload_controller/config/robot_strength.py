@@ -22,16 +22,18 @@ class RobotStrength:
     Attributes:
         source: The robot's file.
         payloads: What the arm may carry.
+        coupling: (n, n) C with q_joint = C q_axis.
     """
 
     source: RobotSource
     payloads: RobotPayloads
+    coupling: FloatArray
 
     @cached_property
     def arm_body(self) -> ArmBody:
         """The arm itself, from `[body]`; massless without one."""
         body = self.source.tables.body
-        return ArmBody.massless(self.source.n) if body is None else body.arm_body()
+        return ArmBody.massless(self.source.n) if body is None else body.arm_body(self.coupling)
 
     @property
     def is_stated(self) -> bool:

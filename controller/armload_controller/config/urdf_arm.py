@@ -126,7 +126,7 @@ class UrdfArm:
         body, none = None, np.zeros(self.n)
         links = [link.theta for link in self.links if link is not None]
         if len(links) == self.n:
-            body = ArmBody(np.array(links), none, none, none)
+            body = ArmBody(np.array(links), none, none, none, np.eye(self.n))
         torque_max_nm = np.where(self.torque_max_nm > 0.0, self.torque_max_nm, np.nan)
         return ArmMagnitudes(self.joint_names, self.position_min_rad, self.position_max_rad, torque_max_nm, body)
 

@@ -3,7 +3,8 @@
 Two amounts of it, to be fed forward beside the payload's J^T w:
 
     LoadFriction    mu s (|tau_link + tau_payload| - |tau_link|)
-    ArmTorque       all that the arm takes: tau_link + rotors + s (f_c + f_s(dq) + mu |tau_link + tau_payload|) + f_v dq
+    ArmTorque       all that the arm takes: tau_link + rotors + f_v dq
+                    + s (f_c + f_r sqrt|dq| + mu |tau_link + tau_payload|)
 
 with s a smooth direction of motion. A gear under load rubs more, so that the first belongs to the payload's torque as
 a motor sees it. The torque that a drive reports at no load is its sensor's offset, and is not fed forward.
@@ -19,6 +20,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.friction_columns import load_column
 from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
+from armload_identification.model.dynamics import ArmDynamics
 
 HOLDING_SHARE = 0.5
 """Share of a joint's Coulomb friction that holds it in place for certain."""
@@ -45,11 +47,11 @@ class LoadFriction:
     """
 
     def __init__(self, chain: Chain, body: BodyModel) -> None:
-        self._chain, self._body = chain, body
+        self._dynamics, self._body = ArmDynamics(chain, body), body
 
     def torque_nm(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray) -> FloatArray:
         """(n,) friction of the loaded arm beyond the empty one's."""
-        empty = self._body.link_torque(self._chain, q[None], dq[None], ddq[None])[0]
+        empty = self._dynamics.link_torque(q[None], dq[None], ddq[None])[0]
         direction = smooth_sign(dq, self._body.reversal_speed_rad_s)
         return self._body.load_friction * load_column(empty, payload_nm, direction)
 

@@ -16,11 +16,11 @@ from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.estimation.uncertainty import CONFIDENCE
 from armload_identification.identification_errors import ModelError
-from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
+from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import Provenance
-from armload_identification.model.regressor import body_regressor
+from armload_identification.model.regressor import body_regressor, rotor_columns
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
 

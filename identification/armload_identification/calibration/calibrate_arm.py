@@ -371,8 +371,6 @@ class _Calibration:
             viscous_nm_s_rad=x[of.viscous],
             root_nm=x[of.root],
             offset_nm=zero,
-            stribeck_nm=zero,
-            stribeck_velocity_rad_s=np.ones(n),
             load_friction=x[of.load],
             torque_delay_s=float(x[of.delay][0]),
             reversal_speed_rad_s=TURN_OVER * np.where(self._peak > _UNMOVED_RAD_S, self._peak, 1.0),

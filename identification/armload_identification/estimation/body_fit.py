@@ -27,20 +27,15 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import coefficient_deviation
 from armload_identification.model.base_parameters import base_columns
-from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
+from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
-from armload_identification.model.regressor import PARAMETERS, body_regressor
+from armload_identification.model.regressor import PARAMETERS, body_regressor, rotor_columns
 from armload_identification.signals.motion import Motion
+from armload_identification.signals.reversals import reversal_speed, reversal_weights
 
 _PRIOR_FACTOR: Final = 30.0
 """Width of the prior in terms of an arm whose greatest torque is its own weight at full reach."""
 _PRIOR_DELAY_S: Final = 0.02
-_TURN_OVER: Final = 0.01
-"""The direction of motion turns over within this share of a joint's greatest speed."""
-REVERSAL: Final = 0.10
-"""Share of a joint's greatest speed at which a sample weighs 0.7. A servo needs 50 ms to get over a reversal; on
-er50's motions a tenth leaves these out, and rotors, mu and delay come out within 2 % of the truth."""
-_SLOWEST_RAD_S: Final = 1e-4
 _LEAST_NOISE: Final = 0.01
 """Share of a joint's torque that no fit is expected to go below: where it starts from."""
 _ITERATIONS: Final = 30
@@ -53,7 +48,6 @@ _ZERO: Final = 1e-9
 _SHORTEST: Final = 0.05
 _STATES: Final = 100
 _DETERMINED: Final = 0.1
-_STRIBECK_VELOCITIES_RAD_S: Final = (0.01, 0.02, 0.05, 0.1)
 _GRAVITY_M_S2: Final = 9.81
 _HAND_M: Final = 0.1
 
@@ -83,61 +77,19 @@ class BodyFit:
     delay_deviation_s: float
 
 
-def reversal_weights(velocity_rad_s: FloatArray, share: float = REVERSAL) -> FloatArray:
-    """Weights that leave out reversals: x / sqrt(1 + x^2), x = (dq / v)^2, v a small share of the greatest speed.
-
-    Near a reversal friction is what no model of it says: presliding, backlash and ripple. A joint that stands
-    still keeps its weight.
-
-    Args:
-        velocity_rad_s: (N, n).
-        share: v in terms of each joint's greatest speed.
-
-    Returns:
-        (N, n) factors on the rows of the whitened system, 0 to 1.
-    """
-    peak = np.abs(velocity_rad_s).max(axis=0)
-    slow = share * peak
-    moving = peak > _SLOWEST_RAD_S
-    ratio = (velocity_rad_s / np.where(moving, slow, 1.0)) ** 2
-    weight = ratio / np.sqrt(1.0 + ratio**2)
-    return np.asarray(np.where(moving, weight, 1.0), dtype=np.float64)
-
-
-def reversal_speed(velocity_rad_s: FloatArray) -> FloatArray:
-    """(n,) speed about which the direction of motion turns over, from the greatest speed of each joint.
-
-    Args:
-        velocity_rad_s: (N, n).
-    """
-    return np.asarray(np.maximum(_TURN_OVER * np.abs(velocity_rad_s).max(axis=0), _SLOWEST_RAD_S))
-
-
-def fit_body(
-    runs: Sequence[Motion],
-    chain: Chain,
-    coupling: FloatArray,
-    *,
-    stribeck: bool = False,
-    load_friction: bool = True,
-) -> BodyFit:
+def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> BodyFit:
     """Fit links, rotors and friction to runs without a payload.
 
     Args:
         runs: What was measured.
         chain: The arm.
         coupling: (n, n) C of its motors.
-        stribeck: Whether friction near standstill has a column of its own.
-        load_friction: Whether friction grows with the links' torque.
 
     Returns:
         The body.
     """
     system = _System(runs, chain, coupling)
-    velocities = _STRIBECK_VELOCITIES_RAD_S if stribeck else (None,)
-    fits = [system.fit(velocity, load_friction) for velocity in velocities]
-    best = min(fits, key=lambda fit: fit.cost)
-    return system.named(best)
+    return system.named(system.fit())
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +102,6 @@ class _Fit:
         used: (p,) which were free.
         noise_nm: (n,) weighted residual per joint.
         left: (N, n) residual.
-        stribeck: (N, n) shape of the friction near standstill; 0 without it.
-        stribeck_velocity: Of that shape.
     """
 
     cost: float
@@ -159,14 +109,12 @@ class _Fit:
     used: NDArray[np.bool_]
     noise_nm: FloatArray
     left: FloatArray
-    stribeck: FloatArray
-    stribeck_velocity: float | None
 
 
 class _System:
     """The bilinear model of runs, and its solution by Gauss and Newton.
 
-    Parameters in this order: the links' base parameters, rotors, Coulomb, viscous, offset, Stribeck and
+    Parameters in this order: the links' base parameters, rotors, Coulomb, viscous, offset and
     load-dependent friction, each per joint, and the delay. The links' do not hold what their rotors add; where only
     the load-dependent friction could separate the two and there is none, the links' do.
 
@@ -200,18 +148,18 @@ class _System:
         greatest = float(np.abs(self._torque[valid]).max())
         mass, reach = _size(chain, greatest)
         link = np.tile(mass * np.array([1.0] + [reach] * 3 + [reach**2] * 6), n)[self._base]
-        own = np.full(4 * n, _PRIOR_FACTOR * greatest)
+        own = np.full(3 * n, _PRIOR_FACTOR * greatest)
         self._width = np.concatenate([link, np.full(n, mass * reach**2), own, np.ones(n), [_PRIOR_DELAY_S]])
-        edges = np.cumsum([0, link.size, *[n] * 6])
-        names = ("links", "rotors", "coulomb", "viscous", "offset", "stribeck", "load")
+        edges = np.cumsum([0, link.size, *[n] * 5])
+        names = ("links", "rotors", "coulomb", "viscous", "offset", "load")
         self._of = {name: slice(*pair) for name, pair in zip(names, pairwise(edges), strict=True)}
 
-    def fit(self, stribeck_velocity: float | None, load_friction: bool) -> _Fit:
+    def fit(self) -> _Fit:
         """The best solution; a joint whose friction does not grow with its load is left without that column."""
-        plain = self._gauss_newton(stribeck_velocity, np.zeros(self._n, dtype=bool), None)
-        allowed = self._moving & load_friction
+        plain = self._gauss_newton(np.zeros(self._n, dtype=bool), None)
+        allowed = self._moving
         while allowed.any():
-            found = self._gauss_newton(stribeck_velocity, allowed, plain)
+            found = self._gauss_newton(allowed, plain)
             load = found.parameters[self._of["load"]]
             possible = (load > 0.0) & (load <= GREATEST_LOAD_FRICTION)
             if (possible | ~allowed).all():
@@ -233,8 +181,6 @@ class _System:
             viscous_nm_s_rad=x[of["viscous"]],
             root_nm=np.zeros(n),
             offset_nm=x[of["offset"]],
-            stribeck_nm=x[of["stribeck"]],
-            stribeck_velocity_rad_s=np.full(n, fit.stribeck_velocity or _STRIBECK_VELOCITIES_RAD_S[0]),
             load_friction=x[of["load"]],
             torque_delay_s=float(x[-1]),
             reversal_speed_rad_s=self._turn_over,
@@ -254,30 +200,25 @@ class _System:
             delay_deviation_s=float(robust[-1]),
         )
 
-    def _gauss_newton(self, stribeck_velocity: float | None, allowed: NDArray[np.bool_], start: _Fit | None) -> _Fit:
+    def _gauss_newton(self, allowed: NDArray[np.bool_], start: _Fit | None) -> _Fit:
         """A solution with load-dependent friction on the joints allowed."""
         of = self._of
         used = np.ones(self._width.size, dtype=bool)
         used[of["rotors"]] = self._rotor_base | allowed
-        used[of["stribeck"]] = stribeck_velocity is not None
         used[of["load"]] = allowed
         if start is None:
             x = np.zeros(self._width.size)
             noise = np.maximum(np.maximum(self._noise, _LEAST_NOISE * self._level), _ZERO)
-            stribeck = np.zeros_like(self._dq)
-            if stribeck_velocity is not None:
-                stribeck = self._direction * np.exp(-((self._dq / stribeck_velocity) ** 2))
         else:
-            stribeck = start.stribeck
             x, noise = self._searched(start, allowed, used)
         cost = np.inf
-        left, carried = self._left(x, stribeck)
+        left, carried = self._left(x)
         for _ in range(_ITERATIONS):
-            step = self._step(x, left, carried, noise, used, stribeck)
+            step = self._step(x, left, carried, noise, used)
             share = 1.0
             while True:
                 trial = x + share * step
-                left, carried = self._left(trial, stribeck)
+                left, carried = self._left(trial)
                 reached = self._noise_of(left)
                 after = float(np.sum(np.log(reached)))
                 if after < cost or share < _SHORTEST:
@@ -286,8 +227,8 @@ class _System:
             if not after < cost - _SETTLED:
                 break
             x, noise, cost = trial, reached, after
-        left, _ = self._left(x, stribeck)
-        return _Fit(cost, x, used, noise, left, stribeck, stribeck_velocity)
+        left, _ = self._left(x)
+        return _Fit(cost, x, used, noise, left)
 
     def _searched(
         self, start: _Fit, allowed: NDArray[np.bool_], used: NDArray[np.bool_]
@@ -304,15 +245,15 @@ class _System:
             greatest = np.maximum(inertia.min(axis=0), 0.0)
             without = x.copy()
             without[of["load"]] = 0.0
-            left, carried = self._left(without, start.stribeck)
+            left, carried = self._left(without)
             for joint in map(int, np.flatnonzero(allowed)):
                 rotor = self._rotors[joint].column(joint)
                 total = carried[:, joint] + rotor * x[of["rotors"]][joint]
                 found = self._search(joint, total, rotor, float(greatest[joint]), left[:, joint])
                 x[of["rotors"].start + joint], x[of["load"].start + joint] = found
-            left, carried = self._left(x, start.stribeck)
-            x = x + self._step(x, left, carried, noise, others, start.stribeck)
-            noise = self._noise_of(self._left(x, start.stribeck)[0])
+            left, carried = self._left(x)
+            x = x + self._step(x, left, carried, noise, others)
+            noise = self._noise_of(self._left(x)[0])
         return x, noise
 
     def _search(
@@ -330,14 +271,14 @@ class _System:
         best = int(np.argmax(along**2 / size))
         return float(inertia[best]), float(min(along[best] / size[best], GREATEST_LOAD_FRICTION))
 
-    def _left(self, x: FloatArray, stribeck: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _left(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(N, n) what the parameters leave of the torque, and the links' own torque."""
         of = self._of
         carried = np.column_stack([columns @ x[of["links"]] for columns in self._links])
         rotors = np.column_stack([columns @ x[of["rotors"]] for columns in self._rotors])
         friction = x[of["coulomb"]] + x[of["load"]] * np.abs(carried)
         torque = carried + rotors + self._direction * friction + self._dq * x[of["viscous"]]
-        torque += x[of["offset"]] + stribeck * x[of["stribeck"]]
+        torque += x[of["offset"]]
         return self._torque - torque + x[-1] * self._rate(torque), carried
 
     def _step(
@@ -347,14 +288,13 @@ class _System:
         carried: FloatArray,
         noise: FloatArray,
         used: NDArray[np.bool_],
-        stribeck: FloatArray,
     ) -> FloatArray:
         """(p,) by the equations' Gram matrix: what it rounds off the next step makes good."""
         gram = np.diag(np.ones(x.size))
         side = -x / self._width
         change = self._rate(self._torque - left)
         for joint in range(self._n):
-            rows, place = self._rows(joint, x, change, carried, stribeck)
+            rows, place = self._rows(joint, x, change, carried)
             rows = rows * (self._weight[:, joint] / noise[joint])[:, None]
             gram[np.ix_(place, place)] += rows.T @ rows
             side[place] += rows.T @ (left[:, joint] * self._weight[:, joint] / noise[joint])
@@ -363,7 +303,7 @@ class _System:
         return step
 
     def _rows(
-        self, joint: int, x: FloatArray, change: FloatArray, carried: FloatArray, stribeck: FloatArray
+        self, joint: int, x: FloatArray, change: FloatArray, carried: FloatArray
     ) -> tuple[FloatArray, NDArray[np.intp]]:
         """(N, k) derivative of a joint's torque, in the prior's widths, and the parameters' places."""
         of, load = self._of, x[self._of["load"]][joint]
@@ -376,23 +316,22 @@ class _System:
                 direction,
                 self._dq[:, joint],
                 np.ones_like(direction),
-                stribeck[:, joint],
                 direction * np.abs(column),
                 -change[:, joint],
             ]
         )
-        own = [of[name].start + joint for name in ("coulomb", "viscous", "offset", "stribeck", "load")]
+        own = [of[name].start + joint for name in ("coulomb", "viscous", "offset", "load")]
         place = np.concatenate([links.place, of["rotors"].start + rotors.place, own, [x.size - 1]])
         return rows * self._width[place], place
 
     def _deviations(self, fit: _Fit) -> tuple[FloatArray, FloatArray]:
         """(p,) standard deviations, if the residual were white and as it is; inf where a parameter was not used."""
         x, used = fit.parameters, np.flatnonzero(fit.used)
-        _, carried = self._left(x, fit.stribeck)
+        _, carried = self._left(x)
         everything = np.zeros((len(fit.left), self._n, x.size))
         change = self._rate(self._torque - fit.left)
         for joint in range(self._n):
-            rows, place = self._rows(joint, x, change, carried, fit.stribeck)
+            rows, place = self._rows(joint, x, change, carried)
             everything[:, joint, place] = rows * (self._weight[:, joint] / fit.noise_nm[joint])[:, None]
         everything = everything[:, :, used]
         prior = np.eye(used.size)

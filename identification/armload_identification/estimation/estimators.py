@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.body_fit import REVERSAL, BodyFit, reversal_weights
+from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.friction_columns import FrictionColumns, FrictionDifference, fit_with_friction
 from armload_identification.estimation.gain_columns import GainFit, fit_with_gains
@@ -25,6 +25,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import SCATTER
+from armload_identification.signals.reversals import REVERSAL, reversal_weights
 
 _NEGLIGIBLE: Final = 1e-3
 _REPEATED_REVERSAL: Final = 0.05

@@ -30,18 +30,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.body_fit import (
-    GREATEST_LOAD_FRICTION,
-    BodyFit,
-    fit_body,
-    reversal_speed,
-)
+from armload_identification.estimation.body_fit import GREATEST_LOAD_FRICTION, BodyFit, fit_body
 from armload_identification.estimation.least_squares import Estimate
 from armload_identification.estimation.uncertainty import nuisance_deviation
-from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
+from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
+from armload_identification.model.regressor import rotor_columns
 from armload_identification.signals.filters import low_pass_cutoff
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.reversals import reversal_speed
 
 Solver = Callable[[FloatArray, FloatArray, FloatArray], Estimate]
 """Fits a (K, n, 10 + r) regressor, given the expected values of the r last parameters and their deviations."""

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.model.body_model import BodyModel, rotor_columns, smooth_sign
+from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.signals.filters import low_pass, low_pass_cutoff
 from armload_identification.signals.load_signal import LoadSignal
@@ -50,7 +50,7 @@ def _sag_torque(signal: LoadSignal, chain: Chain, body: BodyModel) -> FloatArray
     direction = smooth_sign(signal.states.velocity_rad_s, body.reversal_speed_rad_s)
     links = (1.0 + body.load_friction * direction * np.sign(here)) * (here - there)
     apart = signal.states.acceleration_rad_s2 - signal.unloaded.states.acceleration_rad_s2
-    rotors = np.einsum("tij,i->tj", rotor_columns(apart, body.coupling), body.rotor_inertia_kg_m2)
+    rotors = apart @ body.rotor_mass_kg_m2
     if signal.periodic:
         return np.asarray(links + rotors)
     return low_pass(links + rotors, signal.interval_s, low_pass_cutoff(signal.states.velocity_rad_s, signal.interval_s))

@@ -96,7 +96,7 @@ def torque_curvature(dynamics: ArmDynamics, rates: FloatArray) -> FloatArray:
             moment[i] += about_origin + _product(arm, force)
             arm = arm + offset[i][:3]
     torque = np.array([_product(_fixed(1.0, angular[i])[:3], moment[i])[2] for i in range(n)])
-    return np.asarray(torque + body.rotor_inertia_kg_m2 * rates[3])
+    return np.asarray(torque + np.abs(body.rotor_mass_kg_m2) @ rates[3])
 
 
 def _angular(chain: Chain, rates: FloatArray) -> list[FloatArray]:

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from armload_core.arrays import FloatArray
-from armload_identification.model.body_model import rotor_columns
 from armload_identification.model.chain import Chain
-from armload_identification.model.regressor import PARAMETERS, body_regressor
+from armload_identification.model.regressor import PARAMETERS, body_regressor, rotor_columns
 
 _STATES: Final = 200
 _SEED: Final = 20160606

@@ -1,7 +1,7 @@
 """The empty arm: links, rotors and friction as one model of joint torque.
 
     tau = Y(q, dq, ddq) beta + C^-T diag(I_r) C^-1 ddq
-        + s (f_c + f_r sqrt|dq| + f_s exp(-(dq / v_s)^2) + mu |Y beta|) + f_v dq + f_0
+        + s (f_c + f_r sqrt|dq| + mu |Y beta|) + f_v dq + f_0
 
 with s the direction of motion. Only the links' parameters that are identifiable with the arm's kinematics are
 kept: the base parameters. The others are zero and their effect is lumped into those kept, so that the sum is
@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
+from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.model.links_and_drives import LinksAndDrives, require_finite
-from armload_identification.model.regressor import PARAMETERS, body_regressor
+from armload_identification.model.regressor import PARAMETERS
 
 LINK_PARAMETERS: Final = ("m", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """Names of a link's ten parameters, the inertia about the origin of its joint frame."""
@@ -34,7 +35,7 @@ LINK_PARAMETERS: Final = ("m", "mx", "my", "mz", "ixx", "iyy", "izz", "ixy", "ix
 class BodyModel(LinksAndDrives):
     """Torque of an arm of n joints without a payload.
 
-    Coulomb and viscous friction are those of `LinksAndDrives`.
+    Coulomb and viscous friction and the coupling are those of `LinksAndDrives`.
 
     Attributes:
         links: (n, 10) base parameters of the links in their joint frames; zero where regrouped into others.
@@ -43,12 +44,9 @@ class BodyModel(LinksAndDrives):
             a joint whose rotor turns with a link as one and whose friction does not grow with its load.
         root_nm: (n,) friction per square root of speed, N m / sqrt(rad/s): lubricated gears of high ratio have it.
         offset_nm: (n,) torque reported at no load.
-        stribeck_nm: (n,) what friction near standstill exceeds Coulomb friction by.
-        stribeck_velocity_rad_s: (n,) speed at which that has died away to 37 %.
         load_friction: (n,) friction per torque of the links.
         torque_delay_s: The drives report a torque this much later than the position that it belongs to.
         reversal_speed_rad_s: (n,) speed about which the direction of motion turns over, s = tanh(dq / v).
-        coupling: (n, n) C with q_joint = C q_axis.
 
     Raises:
         ModelError: shapes that do not fit, or numbers that are not finite.
@@ -57,21 +55,18 @@ class BodyModel(LinksAndDrives):
     base: NDArray[np.bool_]
     root_nm: FloatArray
     offset_nm: FloatArray
-    stribeck_nm: FloatArray
-    stribeck_velocity_rad_s: FloatArray
     load_friction: FloatArray
     torque_delay_s: float
     reversal_speed_rad_s: FloatArray
-    coupling: FloatArray
 
     def __post_init__(self) -> None:
         super().__post_init__()
         n = self.n
-        shapes = {"base": (n, PARAMETERS), "coupling": (n, n), "torque_delay_s": ()}
+        shapes = {"base": (n, PARAMETERS), "torque_delay_s": ()}
         for field in fields(self)[len(fields(LinksAndDrives)) :]:
             require_finite(field.name, getattr(self, field.name), shapes.get(field.name, (n,)))
-        if (self.reversal_speed_rad_s <= 0.0).any() or (self.stribeck_velocity_rad_s <= 0.0).any():
-            raise ModelError("the body's reversal and Stribeck speeds must be above 0")
+        if (self.reversal_speed_rad_s <= 0.0).any():
+            raise ModelError("the body's reversal speeds must be above 0")
 
     def link_torque(self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Torque of the links alone, Y beta.
@@ -85,7 +80,7 @@ class BodyModel(LinksAndDrives):
         Returns:
             (N, n) in N m, without rotors and friction.
         """
-        return np.asarray(body_regressor(chain, q, dq, ddq) @ self.links.ravel())
+        return ArmDynamics(chain, self).link_torque(q, dq, ddq)
 
     def torque(
         self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray | None = None
@@ -106,10 +101,9 @@ class BodyModel(LinksAndDrives):
         if payload_nm is not None:
             carried = carried + payload_nm
         direction = smooth_sign(dq, self.reversal_speed_rad_s)
-        slow = np.exp(-((dq / self.stribeck_velocity_rad_s) ** 2))
-        friction = self.coulomb_nm + self.stribeck_nm * slow + self.load_friction * np.abs(carried)
+        friction = self.coulomb_nm + self.load_friction * np.abs(carried)
         friction = friction + self.root_nm * np.sqrt(np.abs(dq))
-        rotors = np.einsum("tij,i->tj", rotor_columns(ddq, self.coupling), self.rotor_inertia_kg_m2)
+        rotors = ddq @ self.rotor_mass_kg_m2
         return np.asarray(carried + rotors + direction * friction + self.viscous_nm_s_rad * dq + self.offset_nm)
 
 
@@ -121,17 +115,3 @@ def smooth_sign(dq: FloatArray, reversal_speed_rad_s: FloatArray) -> FloatArray:
         reversal_speed_rad_s: (n,) v.
     """
     return np.asarray(np.tanh(dq / reversal_speed_rad_s))
-
-
-def rotor_columns(ddq: FloatArray, coupling: FloatArray) -> FloatArray:
-    """Joint torque per unit inertia of each axis' rotor: C^-T e_i (C^-1 ddq)_i.
-
-    Args:
-        ddq: (N, n) joint accelerations in rad/s2.
-        coupling: (n, n) C.
-
-    Returns:
-        (N, n, n) [sample, axis, joint] in N m per kg m2.
-    """
-    to_axis = np.linalg.inv(coupling)
-    return np.asarray((ddq @ to_axis.T)[:, :, None] * to_axis[None, :, :])

@@ -1,11 +1,14 @@
 """Torque of the whole arm, with what hangs on its flange, and its derivative along a motion.
 
 tau = M(q) ddq + C(q, dq) dq + g(q), rotors included                    Chen 2016, eq. (1) without friction
+
+The one evaluator of such torque: for an arm as specified (`ArmBody`) and as identified (`BodyModel`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 
@@ -16,13 +19,19 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.links_and_drives import DRIVE_FIELDS, LinksAndDrives
 from armload_identification.model.payload import InertialParameters
 
+_TENSOR: Final = np.array([[4, 7, 8], [7, 5, 9], [8, 9, 6]])
+"""Where the elements of the inertia tensor are in theta."""
+_ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+"""Elements of the tensor in the order of theta."""
+
 
 @dataclass(frozen=True, eq=False)
 class ArmBody(LinksAndDrives):
-    """What an arm itself is made of, as specified: a rotor's inertia is the one its own joint has.
+    """What an arm itself is made of, as specified.
 
     Raises:
-        ModelError: shapes that do not fit, a number that is not finite, friction or a rotor below zero.
+        ModelError: shapes that do not fit, a number that is not finite, friction or a rotor below zero, or a
+            coupling without an inverse.
     """
 
     def __post_init__(self) -> None:
@@ -35,7 +44,7 @@ class ArmBody(LinksAndDrives):
     @classmethod
     def massless(cls, n: int) -> ArmBody:
         """An arm of n joints that weighs nothing and has no friction: what is left is the payload's torque."""
-        return cls(np.zeros((n, 10)), np.zeros(n), np.zeros(n), np.zeros(n))
+        return cls(np.zeros((n, 10)), np.zeros(n), np.zeros(n), np.zeros(n), np.eye(n))
 
     def carrying(self, chain: Chain, payload: InertialParameters) -> ArmBody:
         """The same arm with a body at its flange, which becomes a part of the last link.
@@ -55,25 +64,37 @@ class ArmDynamics:
 
     Attributes:
         chain: Kinematics and gravity.
-        body: Links, rotors and friction.
+        body: Links, rotors and coupling; its friction is not used.
+        turned_links: (n, 10) the links in the turned joint frames of `chain.packed`, as the kernels take them.
 
     Raises:
         ModelError: numbers of joints that differ.
     """
 
     chain: Chain
-    body: ArmBody
-    _bodies: FloatArray = field(init=False, repr=False)
+    body: LinksAndDrives
+    turned_links: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.chain.n != self.body.n:
             raise ModelError(f"a body of {self.body.n} links for a chain of {self.chain.n} joints")
-        turned = np.empty_like(self.body.links)
-        for i, theta in enumerate(self.body.links):
-            into_turned = np.eye(4)
-            into_turned[:3, :3] = self.chain.turned_back(i)
-            turned[i] = InertialParameters(theta).transformed(into_turned).theta
-        object.__setattr__(self, "_bodies", turned)
+        object.__setattr__(self, "turned_links", _turned(self.chain, self.body.links))
+
+    def link_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """Joint torque of the links alone.
+
+        Args:
+            q: (N, n) positions in rad.
+            dq: (N, n) velocities in rad/s.
+            ddq: (N, n) accelerations in rad/s2.
+
+        Returns:
+            (N, n) torques in N m.
+        """
+        q, dq, ddq = (np.ascontiguousarray(a, dtype=np.float64) for a in (q, dq, ddq))
+        out = np.empty_like(q)
+        kernels.arm_torque_into(self.chain.packed, self.turned_links, q, dq, ddq, out)
+        return out
 
     def torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Joint torque of links and rotors.
@@ -86,10 +107,7 @@ class ArmDynamics:
         Returns:
             (N, n) torques in N m.
         """
-        q, dq, ddq = (np.ascontiguousarray(a) for a in (q, dq, ddq))
-        out = np.empty_like(q)
-        kernels.arm_torque_into(self.chain.packed, self._bodies, q, dq, ddq, out)
-        return np.asarray(out + self.body.rotor_inertia_kg_m2 * ddq)
+        return np.asarray(self.link_torque(q, dq, ddq) + ddq @ self.body.rotor_mass_kg_m2)
 
     def slope(self, weight: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """Derivative of the weighted sum of all torques by the samples.
@@ -105,6 +123,16 @@ class ArmDynamics:
         """
         q, dq, ddq, weight = (np.ascontiguousarray(a) for a in (q, dq, ddq, weight))
         slope = np.zeros((3, *q.shape))
-        kernels.arm_torque_slope_into(self.chain.packed, self._bodies, weight, q, dq, ddq, slope)
-        slope[2] += weight * self.body.rotor_inertia_kg_m2
+        kernels.arm_torque_slope_into(self.chain.packed, self.turned_links, weight, q, dq, ddq, slope)
+        slope[2] += weight @ self.body.rotor_mass_kg_m2
         return slope
+
+
+def _turned(chain: Chain, links: FloatArray) -> FloatArray:
+    """(n, 10) links in the turned joint frames; all at once, because a feed-forward does it in every cycle."""
+    turn = np.array([chain.turned_back(i) for i in range(chain.n)])
+    tensor = turn @ links[:, _TENSOR] @ turn.transpose(0, 2, 1)
+    turned = links.copy()
+    turned[:, 1:4] = (turn @ links[:, 1:4, None])[:, :, 0]
+    turned[:, 4:] = tensor[:, _ROWS, _COLUMNS]
+    return turned

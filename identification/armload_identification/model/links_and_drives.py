@@ -1,8 +1,8 @@
-"""The part that every model of an arm's own torque has: its links, and the rotor and friction of each joint."""
+"""The part that every model of an arm's own torque has: links, rotors and their coupling, friction."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -25,18 +25,22 @@ class LinksAndDrives:
 
     Attributes:
         links: (n, 10) inertial parameters of each link in its own JOINT frame, in the order of theta.
-        rotor_inertia_kg_m2: (n,) inertia of each rotor, reflected through the gear: ratio squared times its own.
+        rotor_inertia_kg_m2: (n,) inertia of each AXIS' rotor, reflected through the gear: ratio squared times its own.
         viscous_nm_s_rad: (n,) friction per speed.
         coulomb_nm: (n,) friction at any speed.
+        coupling: (n, n) C with q_joint = C q_axis; the identity where every motor turns its own joint alone.
+        rotor_mass_kg_m2: (n, n) C^-T diag(I_r) C^-1, the rotors' part of the mass matrix in joint coordinates.
 
     Raises:
-        ModelError: shapes that do not fit, or a number that is not finite.
+        ModelError: shapes that do not fit, a number that is not finite, or a coupling without an inverse.
     """
 
     links: FloatArray
     rotor_inertia_kg_m2: FloatArray
     viscous_nm_s_rad: FloatArray
     coulomb_nm: FloatArray
+    coupling: FloatArray
+    rotor_mass_kg_m2: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         links = np.array(self.links, dtype=np.float64)
@@ -47,6 +51,13 @@ class LinksAndDrives:
             values = np.array(getattr(self, name), dtype=np.float64)
             require_finite(name, values, links.shape[:1])
             object.__setattr__(self, name, values)
+        coupling = np.array(self.coupling, dtype=np.float64)
+        require_finite("coupling", coupling, (self.n, self.n))
+        if np.linalg.matrix_rank(coupling) < self.n:
+            raise ModelError(f"the body's coupling {coupling.tolist()} has no inverse; expected q_joint = C q_axis")
+        object.__setattr__(self, "coupling", coupling)
+        to_axis = np.linalg.inv(coupling)
+        object.__setattr__(self, "rotor_mass_kg_m2", to_axis.T * self.rotor_inertia_kg_m2 @ to_axis)
 
     @property
     def n(self) -> int:

@@ -1,4 +1,4 @@
-"""Torque of a rigid body on an arm, and its regressor: the array front of the kernels.
+"""Torque of a rigid body on an arm, and the regressors of links and rotors: the array front of the kernels.
 
     tau_payload = J(q)^T w = Phi_L(q, dq, ddq) theta_L                     Chen 2016, eqs. (2), (5)
 
@@ -134,6 +134,20 @@ def body_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) ->
     out = np.zeros((states[0].shape[0], chain.n, PARAMETERS * chain.n))
     kernels.body_regressor_into(chain.packed, *states, out)
     return out[0] if single else out
+
+
+def rotor_columns(ddq: FloatArray, coupling: FloatArray) -> FloatArray:
+    """Joint torque per unit inertia of each axis' rotor: C^-T e_i (C^-1 ddq)_i.
+
+    Args:
+        ddq: (N, n) joint accelerations in rad/s2.
+        coupling: (n, n) C.
+
+    Returns:
+        (N, n, n) [sample, axis, joint] in N m per kg m2.
+    """
+    to_axis = np.linalg.inv(coupling)
+    return np.asarray((ddq @ to_axis.T)[:, :, None] * to_axis[None, :, :])
 
 
 def _regressor(chain: Chain, joints: int, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> FloatArray:

@@ -20,6 +20,7 @@ from armload_identification.estimation.known_arm_fit import MOVING, moving_weigh
 from armload_identification.estimation.uncertainty import CONFIDENCE, DETERMINED_SHARE, REFERENCE_LENGTH_M, derived
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
+from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
@@ -105,12 +106,6 @@ class PayloadEstimator:
         used = calibration.transmission(transmission)
         unit = np.eye(n)
         from_effort = used.reported_torque(unit) if calibration.effort is Effort.TORQUE else used.joint_torque(unit)
-        to_axis = np.linalg.inv(body.coupling)
-        links = np.empty((n, 10))
-        for i, theta in enumerate(body.links):
-            into_turned = np.eye(4)
-            into_turned[:3, :3] = self._chain.turned_back(i)
-            links[i] = InertialParameters(theta).transformed(into_turned).theta
         colour = np.sqrt(np.maximum(self._arm.correlation_s / ROW_S, 1.0))
         parameter = np.zeros((kernels.ESTIMATOR_PARAMETERS, n))
         rows = {
@@ -132,9 +127,9 @@ class PayloadEstimator:
         self._parameter = parameter
         self._kernel = kernels.PayloadEstimator(
             self._chain.packed,
-            links,
+            ArmDynamics(self._chain, body).turned_links,
             np.ascontiguousarray(from_effort),
-            np.ascontiguousarray(to_axis.T * body.rotor_inertia_kg_m2 @ to_axis),
+            np.ascontiguousarray(body.rotor_mass_kg_m2),
             parameter,
             self._scale,
             memory_s,

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.body_fit import reversal_speed
 from armload_identification.estimation.estimators import steadiness
 from armload_identification.estimation.uncertainty import CONFIDENCE, ResidualSpectrum
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.reversals import reversal_speed
 
 _DETERMINED_WITHIN: Final = 0.05
 """A joint's scale is determined where its 95 % half width is at most this."""

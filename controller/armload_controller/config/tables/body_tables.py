@@ -62,7 +62,10 @@ class PayloadTable(BodyTable):
 
 
 class ArmLinkTable(BodyTable):
-    """One link in its joint frame, with its drive's rotor and friction."""
+    """One link in its joint frame, with its joint's friction and the rotor of the axis of the same number.
+
+    Where `[transmission]` couples motors, that rotor turns with q_axis = C^-1 q_joint.
+    """
 
     reflected_rotor_inertia_kg_m2: NonNegative
     coulomb_nm: NonNegative
@@ -74,11 +77,16 @@ class ArmBodyTable(Table):
 
     links: list[ArmLinkTable]
 
-    def arm_body(self) -> ArmBody:
-        """Links, rotors and friction as the dynamics take them."""
+    def arm_body(self, coupling: FloatArray) -> ArmBody:
+        """Links, rotors and friction as the dynamics take them.
+
+        Args:
+            coupling: (n, n) C with q_joint = C q_axis.
+        """
         return ArmBody(
             np.array([link.inertial().theta for link in self.links]),
             np.array([link.reflected_rotor_inertia_kg_m2 for link in self.links]),
             np.array([link.viscous_nm_s_rad for link in self.links]),
             np.array([link.coulomb_nm for link in self.links]),
+            coupling,
         )

@@ -41,6 +41,22 @@ def test_prbt_knows_its_body_from_its_maker_and_not_from_the_simulation():
     assert limits.payload.mass_kg == 6.0
 
 
+def test_the_rotors_of_a_body_turn_with_the_axes_that_the_transmission_couples(edited):
+    rows = np.eye(6)
+    rows[5, 4] = 0.25
+    robot = load_robot(edited("[robot]", f"[transmission]\ncoupling = {rows.tolist()}\n\n[robot]", "prbt"))
+    alone, coupled = load_robot("prbt").strength, robot.strength
+    to_axis, rotors = np.linalg.inv(rows), alone.arm_body.rotor_inertia_kg_m2
+    np.testing.assert_allclose(coupled.arm_body.rotor_mass_kg_m2, to_axis.T @ np.diag(rotors) @ to_axis)
+    np.testing.assert_array_equal(alone.arm_body.rotor_mass_kg_m2, np.diag(rotors))
+    pushed = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 20.0])
+    middle = [
+        np.mean(strength.expected_torque(loaded=False).bounds_nm(np.zeros(6), np.zeros(6), pushed), axis=0)
+        for strength in (coupled, alone)
+    ]
+    np.testing.assert_allclose(middle[0] - middle[1], [0.0, 0.0, 0.0, 0.0, -0.25 * 20.0 * rotors[5], 0.0], atol=1e-9)
+
+
 def test_without_a_simulation_the_envelope_is_the_same(edited):
     arm = load_robot("prbt")
     text = Path(edited("[robot]", "[robot]", "prbt"))

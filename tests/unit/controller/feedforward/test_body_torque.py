@@ -40,8 +40,6 @@ def true_body():
         viscous_nm_s_rad=each("viscous_nm_s_rad"),
         root_nm=np.linspace(0.0, 5.0, 6),
         offset_nm=np.full(6, 7.0),
-        stribeck_nm=np.zeros(6),
-        stribeck_velocity_rad_s=np.full(6, 0.02),
         load_friction=each("load_friction"),
         torque_delay_s=0.0,
         reversal_speed_rad_s=np.full(6, 0.01),

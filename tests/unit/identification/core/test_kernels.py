@@ -102,7 +102,7 @@ def test_regressors_and_torques_are_pinocchios(n, any_arm, any_body, in_pinocchi
     close(payload_regressor(chain, *motion) @ payload.theta, carrying - torque)
     close(payload_torque(chain, payload.theta, *motion), carrying - torque)
     still = np.zeros(n)
-    arm = ArmDynamics(chain, ArmBody(np.array([link.theta for link in links]), still, still, still))
+    arm = ArmDynamics(chain, ArmBody(np.array([link.theta for link in links]), still, still, still, np.eye(len(links))))
     close(arm.torque(*motion), torque)
 
 
@@ -112,7 +112,7 @@ def test_every_number_of_samples_gives_what_one_at_a_time_does(samples, any_arm,
     chain, links = any_arm(rng, 6)
     theta, motion = any_body(rng).theta, states(6, samples, 6)
     still = np.zeros(6)
-    arm = ArmDynamics(chain, ArmBody(np.array([link.theta for link in links]), still, still, still))
+    arm = ArmDynamics(chain, ArmBody(np.array([link.theta for link in links]), still, still, still, np.eye(len(links))))
     weight = rng.normal(size=(samples, 6)) * rng.integers(0, 2, (samples, 1))
     for found, one in (
         (payload_regressor(chain, *motion), lambda *s: payload_regressor(chain, *s)),
@@ -162,7 +162,7 @@ def test_the_slope_of_the_torque_is_the_difference(n, any_arm):
     chain, links = any_arm(rng, n)
     motion, weight, still = states(n, 7, n), rng.normal(size=(7, n)), np.zeros(n)
     weight[2] = 0.0
-    arm = ArmDynamics(chain, ArmBody(np.array([link.theta for link in links]), still, still, still))
+    arm = ArmDynamics(chain, ArmBody(np.array([link.theta for link in links]), still, still, still, np.eye(len(links))))
     slope = arm.slope(weight, *motion)
     assert not slope[:, 2].any()
     for order in range(3):

@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armload_identification.estimation.body_fit import base_columns, fit_body, reversal_weights
-from armload_identification.model.body_model import rotor_columns
+from armload_identification.estimation.body_fit import fit_body
+from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.joint_states import JointStates
-from armload_identification.model.regressor import body_regressor
+from armload_identification.model.regressor import body_regressor, rotor_columns
 from armload_identification.signals.motion import SCATTER, Motion, motion_of
 
 pytestmark = pytest.mark.pure
@@ -95,27 +95,19 @@ def test_friction_is_found(body):
     assert body.determined == body.base_parameters
 
 
-def test_rotor_inertia_and_stribeck_friction_are_found(pinocchio_arm):
+def test_rotor_inertia_is_found(pinocchio_arm):
     arm = pinocchio_arm
-    inertia, stribeck, velocity = np.array([0, 0, 0.8, 0.5, 0.3, 0.2]), 3.0, 0.1
+    inertia = np.array([0, 0, 0.8, 0.5, 0.3, 0.2])
     samples = []
     for seed in (3, 4, 5):
         state = arm.trajectory(seed).evaluate(np.linspace(0.0, 5.0, 2000, endpoint=False))
         q, dq, ddq = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
         torque = arm.torque(q, dq, ddq)
         torque += np.einsum("tij,i->tj", rotor_columns(ddq, arm.transmission.coupling), inertia)
-        torque += stribeck * np.tanh(dq / 0.01) * np.exp(-((dq / velocity) ** 2))
         torque += 0.01 * np.random.default_rng(seed).normal(size=torque.shape)
         samples.append(motion_with(5.0 / 2000, JointStates(q, dq, ddq), torque, np.full(6, 0.01)))
-    plain, fit = (
-        fit_body(samples, arm.chain, arm.transmission.coupling, stribeck=with_it) for with_it in (False, True)
-    )
+    fit = fit_body(samples, arm.chain, arm.transmission.coupling)
     np.testing.assert_allclose(fit.model.rotor_inertia_kg_m2[2:], inertia[2:], atol=0.05)
-    # The direction turns over more slowly in the model than in the arm, which the column makes up for.
-    np.testing.assert_allclose(fit.model.stribeck_nm, stribeck, atol=1.2)
-    assert fit.model.stribeck_velocity_rad_s[0] == velocity
-    assert (plain.model.stribeck_nm == 0.0).all()
-    assert (fit.residual_rms_nm < plain.residual_rms_nm).all()
 
 
 def test_load_dependent_friction_tells_the_rotors_that_no_link_torque_can(pinocchio_arm):
@@ -156,12 +148,3 @@ def test_an_unused_trajectory_is_predicted(pinocchio_arm, body):
     error = left(body.model)
     assert (error < 0.02 * np.sqrt(np.mean(measured**2, axis=0)) + 0.25).all(), error
     assert left(replace(body.model, links=1.1 * body.model.links))[1] > 3.0 * error[1]
-
-
-def test_reversals_weigh_little_and_joints_that_stand_still_keep_their_weight():
-    t = np.linspace(0.0, 1.0, 400, endpoint=False)
-    weight = reversal_weights(np.column_stack([np.sin(2.0 * np.pi * t), np.zeros_like(t)]))
-    assert weight[0, 0] == 0.0
-    assert weight[100, 0] > 0.999
-    assert np.mean(weight[:, 0] ** 2) > 0.92
-    assert (weight[:, 1] == 1.0).all()

@@ -65,7 +65,7 @@ def test_no_torque_bends_more_than_its_bound(seed, any_arm, any_body):
     rng = np.random.default_rng(seed)
     chain, links = any_arm(rng, 1 + seed % 6)
     n, path = chain.n, trajectory(rng, chain.n)
-    body = ArmBody(np.array([link.theta for link in links]), rng.uniform(0, 3, n), np.zeros(n), np.zeros(n))
+    body = ArmBody(np.array([link.theta for link in links]), rng.uniform(0, 3, n), np.zeros(n), np.zeros(n), np.eye(n))
     arm = ArmDynamics(chain, body.carrying(chain, any_body(rng)))
     state = path.evaluate(np.arange(0.0, path.period_s, STEP_S))
     moving = arm.torque(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2)
@@ -76,9 +76,18 @@ def test_no_torque_bends_more_than_its_bound(seed, any_arm, any_body):
     assert np.all(second_difference(resting) <= bound)
 
 
+def test_the_bound_of_coupled_rotors_holds_whichever_way_their_joints_turn(any_arm):
+    """C^-T I C^-1 has elements below zero; joints that turn against each other add up."""
+    chain, _ = any_arm(np.random.default_rng(2), 2)
+    coupling = np.array([[1.0, 0.0], [0.5, 1.0]])
+    arm = ArmDynamics(chain, ArmBody(np.zeros((2, 10)), np.array([2.0, 3.0]), np.zeros(2), np.zeros(2), coupling))
+    rates = np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0], [4.0, 5.0]])
+    np.testing.assert_allclose(torque_curvature(arm, rates), [2.75 * 4.0 + 1.5 * 5.0, 1.5 * 4.0 + 3.0 * 5.0])
+
+
 def test_the_bound_is_exact_where_the_mechanics_is_simple(any_arm):
     """A rotor alone: its torque is inertia times acceleration, whose second derivative the fourth rate is."""
     chain, _ = any_arm(np.random.default_rng(2), 2)
-    arm = ArmDynamics(chain, ArmBody(np.zeros((2, 10)), np.array([2.0, 3.0]), np.zeros(2), np.zeros(2)))
+    arm = ArmDynamics(chain, ArmBody(np.zeros((2, 10)), np.array([2.0, 3.0]), np.zeros(2), np.zeros(2), np.eye(2)))
     rates = np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0], [4.0, 5.0]])
     np.testing.assert_allclose(torque_curvature(arm, rates), [8.0, 15.0])

@@ -190,6 +190,7 @@ class Crowded:
         np.array([36.0, 58.8, 18.2]),
         np.array([60.0, 70.0, 40.0]),
         np.array([45.0, 55.0, 35.0]),
+        np.eye(3),
     )
     torque_nm = np.array([900.0, 1250.0, 450.0])
     joints = ExcitationLimits(*(getattr(LIMITS, name) for name in LIMITS.__slots__[:4]), np.array([40.0, 40.0, 40.0]))

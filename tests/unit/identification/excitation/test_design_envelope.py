@@ -29,7 +29,7 @@ JOINTS = ExcitationLimits(
 def envelope(any_arm, any_body) -> Envelope:
     rng = np.random.default_rng(1)
     chain, links = any_arm(rng, N)
-    body = ArmBody(np.array([link.theta for link in links]), np.ones(N), np.ones(N), np.ones(N))
+    body = ArmBody(np.array([link.theta for link in links]), np.ones(N), np.ones(N), np.ones(N), np.eye(N))
     spheres = tuple(Sphere(link, rng.normal(size=3) * 0.1, 0.1) for link in range(5))
     floor = HalfSpace("floor", np.array([0.0, 0.0, 1.0]), -0.3, (1, 2, 3, 4))
     return Envelope(

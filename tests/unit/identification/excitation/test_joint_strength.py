@@ -19,6 +19,8 @@ MAX_NM = np.array([400.0, 300.0, 200.0, 90.0])
 VISCOUS = np.array([8.0, 6.0, 4.0, 2.0])
 COULOMB = np.array([20.0, 15.0, 9.0, 4.0])
 ROTOR = np.array([3.0, 2.0, 1.0, 0.5])
+COUPLING = np.eye(N) + np.diag([0.0, 0.3, -0.4], -1)
+TO_AXIS = np.linalg.inv(COUPLING)
 
 
 class Case:
@@ -28,7 +30,7 @@ class Case:
         rng = np.random.default_rng(seed)
         self.chain, self.links = any_arm(rng, N)
         self.payload = any_body(rng)
-        body = ArmBody(np.array([link.theta for link in self.links]), ROTOR, VISCOUS, COULOMB)
+        body = ArmBody(np.array([link.theta for link in self.links]), ROTOR, VISCOUS, COULOMB, COUPLING)
         self.limits = TorqueLimits.from_body(self.chain, body, self.payload, MAX_NM)
         self.path = FourierTrajectory(
             0.2, rng.uniform(-1, 1, N), rng.normal(size=(N, 3)) * 0.3, rng.normal(size=(N, 3)) * 0.3
@@ -43,7 +45,7 @@ class Case:
         model = self.in_pinocchio(self.chain, self.links, payload)
         data = model.createData()
         links = np.array([pin.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)])
-        return np.abs(links + ROTOR * ddq + VISCOUS * dq + COULOMB * np.sign(dq))
+        return np.abs(links + ROTOR * (ddq @ TO_AXIS.T) @ TO_AXIS + VISCOUS * dq + COULOMB * np.sign(dq))
 
 
 @pytest.fixture(scope="module")
@@ -60,8 +62,9 @@ def test_the_four_cases_are_pinocchios_torque(case):
         model = case.in_pinocchio(case.chain, case.links, payload)
         data = model.createData()
         rows = zip(motion[0], moving * motion[1], moving * motion[2], strict=True)
-        links = np.array([pin.rnea(model, data, *row) for row in rows]) + moving * ROTOR * motion[2]
-        np.testing.assert_allclose(found, np.abs(links) + friction, atol=1e-9)
+        links = np.array([pin.rnea(model, data, *row) for row in rows])
+        rotors = moving * ROTOR * (motion[2] @ TO_AXIS.T) @ TO_AXIS
+        np.testing.assert_allclose(found, np.abs(links + rotors) + friction, atol=1e-9)
 
 
 def test_no_speed_and_no_load_in_between_asks_for_more(case):
@@ -111,7 +114,7 @@ def test_a_stated_share_leaves_the_rest_to_the_payload(case):
 
 
 def test_limits_that_leave_nothing_are_refused(case):
-    body = ArmBody(np.zeros((N, 10)), np.zeros(N), np.zeros(N), MAX_NM)
+    body = ArmBody(np.zeros((N, 10)), np.zeros(N), np.zeros(N), MAX_NM, np.eye(N))
     with pytest.raises(ModelError, match="torque for arm and payload"):
         TorqueLimits.from_body(case.chain, body, case.payload, MAX_NM)
     with pytest.raises(ModelError, match="share of the torque"):

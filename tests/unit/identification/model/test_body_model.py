@@ -21,8 +21,6 @@ BODY = BodyModel(
     viscous_nm_s_rad=THREE,
     root_nm=THREE,
     offset_nm=THREE,
-    stribeck_nm=THREE,
-    stribeck_velocity_rad_s=np.ones(3),
     load_friction=THREE,
     torque_delay_s=0.0,
     reversal_speed_rad_s=np.ones(3),
@@ -38,12 +36,12 @@ BODY = BodyModel(
         ({"base": np.ones((2, 10), dtype=bool)}, r"base of the body has the shape \(2, 10\); expected \(3, 10\)"),
         ({"rotor_inertia_kg_m2": np.zeros(2)}, r"rotor_inertia_kg_m2 .*\(2,\); expected \(3,\)"),
         ({"coulomb_nm": np.array([0.0, np.nan, 0.0])}, "coulomb_nm of the body holds a number that is not finite"),
+        ({"coupling": np.ones((3, 3))}, r"coupling \[\[.*has no inverse"),
         ({"coupling": np.eye(2)}, r"coupling .*expected \(3, 3\)"),
         ({"load_friction": np.zeros(4)}, r"load_friction .*expected \(3,\)"),
         ({"root_nm": np.array([0.0, 0.0, np.inf])}, "root_nm of the body holds a number that is not finite"),
         ({"torque_delay_s": np.nan}, "torque_delay_s of the body holds a number that is not finite"),
-        ({"reversal_speed_rad_s": THREE}, "reversal and Stribeck speeds must be above 0"),
-        ({"stribeck_velocity_rad_s": THREE}, "reversal and Stribeck speeds must be above 0"),
+        ({"reversal_speed_rad_s": THREE}, "reversal speeds must be above 0"),
     ],
 )
 def test_a_body_that_does_not_fit_is_refused(changed, reason):

@@ -16,9 +16,15 @@ def states(rng: np.random.Generator, n: int, samples: int = 20) -> np.ndarray:
     return np.stack([rng.uniform(-np.pi, np.pi, (samples, n)), *3.0 * rng.normal(size=(2, samples, n))])
 
 
-def body(links, rotors=0.0) -> ArmBody:
+def body(links, rotors=0.0, coupling=None) -> ArmBody:
     n = len(links)
-    return ArmBody(np.array([link.theta for link in links]), np.full(n, rotors), np.zeros(n), np.zeros(n))
+    theta, still = np.array([link.theta for link in links]), np.zeros(n)
+    return ArmBody(theta, np.full(n, rotors), still, still, np.eye(n) if coupling is None else coupling)
+
+
+def wound(rng: np.random.Generator, n: int) -> np.ndarray:
+    """A coupling of every motor with every joint."""
+    return np.eye(n) + 0.2 * rng.normal(size=(n, n))
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -52,7 +58,7 @@ def test_a_massless_arm_needs_no_torque(any_arm):
 def test_the_slope_is_the_finite_difference_of_the_torque(any_arm):
     rng = np.random.default_rng(5)
     chain, links = any_arm(rng, 5)
-    arm = ArmDynamics(chain, body(links, 0.7))
+    arm = ArmDynamics(chain, body(links, 0.7, wound(rng, 5)))
     motion = states(rng, 5)
     weight = rng.normal(size=motion[0].shape)
     weight[::3] = 0.0  # samples of no weight are left out
@@ -71,10 +77,12 @@ def test_what_no_arm_has_is_refused(any_arm):
     with pytest.raises(ModelError, match="a body of 2 links for a chain of 3 joints"):
         ArmDynamics(chain, ArmBody.massless(2))
     with pytest.raises(ModelError, match="ten finite numbers per joint"):
-        ArmBody(np.zeros((3, 9)), three, three, three)
+        ArmBody(np.zeros((3, 9)), three, three, three, np.eye(3))
     with pytest.raises(ModelError, match="ten finite numbers per joint"):
-        ArmBody(np.full((3, 10), np.nan), three, three, three)
+        ArmBody(np.full((3, 10), np.nan), three, three, three, np.eye(3))
     with pytest.raises(ModelError, match=r"coulomb_nm is .*none below 0"):
-        ArmBody(np.zeros((3, 10)), three, three, np.array([1.0, -1.0, 0.0]))
+        ArmBody(np.zeros((3, 10)), three, three, np.array([1.0, -1.0, 0.0]), np.eye(3))
     with pytest.raises(ModelError, match="rotor_inertia_kg_m2"):
-        ArmBody(np.zeros((3, 10)), np.zeros(2), three, three)
+        ArmBody(np.zeros((3, 10)), np.zeros(2), three, three, np.eye(3))
+    with pytest.raises(ModelError, match=r"coupling \[\[.*has no inverse; expected q_joint = C q_axis"):
+        ArmBody(np.zeros((3, 10)), three, three, three, np.ones((3, 3)))

@@ -33,7 +33,7 @@ def moved(chain_and_links):
 
 def body_of(links):
     none = np.zeros(len(links))
-    return ArmBody(np.array([link.theta for link in links]), none, none, none)
+    return ArmBody(np.array([link.theta for link in links]), none, none, none, np.eye(len(links)))
 
 
 @pytest.fixture(scope="module")
