@@ -68,7 +68,7 @@ def test_the_file_gives_back_the_same_calibration(result, text, tmp_path):
         ("gain = [", "gain = [-", "gains.gain .* expected numbers above 0"),
         ("nominal = [12.0, ", "nominal = [", "gains.nominal"),
         ("half_width_95 = [", "half_width_95 = [1", "gains.half_width_95 .* calibrate again instead of editing"),
-        ('effort = "current"', 'effort = "force"', "arm.effort .* expected current or torque"),
+        ('effort = "current"', 'effort = "force"', "arm.effort .* expected torque or current"),
         ("torque_delay_s = ", "torque_delay_ms = ", "torque_delay_s is missing"),
         ("tilt_rad = [", "tilt_rad = [0.0, ", "body.tilt_rad"),
         ("reversal_speed_rad_s = [", "reversal_speed_rad_s = [-", "above 0"),
