@@ -24,12 +24,14 @@ if TYPE_CHECKING:
     from armload_controller.config.robot import Robot, load_robot
     from armload_controller.config.urdf_arm import UrdfArm, read_urdf_arm
     from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+    from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.files.payload_file import read_payload
     from armload_identification.recording.recording import Recording
     from armload_identification.results.findings import Findings
 
 __all__ = [
     "Findings",
+    "KnownPayload",
     "PayloadFeedforward",
     "Recording",
     "Robot",
@@ -45,6 +47,7 @@ __all__ = [
 
 _HOMES: Final = {
     "Findings": ("armload_identification.results.findings", "Findings"),
+    "KnownPayload": ("armload_identification.estimation.prior_knowledge", "KnownPayload"),
     "PayloadFeedforward": ("armload_controller.feedforward.payload_feedforward", "PayloadFeedforward"),
     "Recording": ("armload_identification.recording.recording", "Recording"),
     "Robot": ("armload_controller.config.robot", "Robot"),

@@ -29,6 +29,14 @@ def identify_and_report(folder: Path) -> float:
     return float(document["payload"]["mass_kg"]) + judged.payload.model.mass_kg
 
 
+def identify_with_ranges(loaded: Path, unloaded: Path) -> Findings:
+    """What is known beforehand, as numbers and as ranges."""
+    weighed = armload.KnownPayload(mass_kg=2.1, center_of_mass_m=np.zeros(3))
+    assert_type(weighed, armload.KnownPayload)
+    known = armload.KnownPayload(mass_kg=(1, 3), center_of_mass_m=[0.0, (-0.01, 0.01), (0.05, 0.15)])
+    return armload.identify("er50", loaded, unloaded, known=known)
+
+
 def loop_of_any_arm(urdf: Path, payload: Path) -> PayloadFeedforward:
     """An arm that has a URDF and no file of armload's."""
     arm = armload.read_urdf_arm(urdf, flange="tool0")

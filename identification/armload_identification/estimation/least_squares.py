@@ -8,7 +8,7 @@ that the motion does not excite are found by the rank and handed on; nothing is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -33,10 +33,13 @@ class Prior:
     Attributes:
         rows: (k, m) coefficients of the first m parameters: 10, or all where nuisance parameters are known too.
         target: (k,) what they give.
+        doubts: (d, 10) rows^T times the change of the target by one standard deviation of each of d errors that the
+            equations have in common, beside their own.
     """
 
     rows: FloatArray
     target: FloatArray
+    doubts: FloatArray = field(default_factory=lambda: np.zeros((0, 10)))
 
     def and_nuisance(self, mean: FloatArray, deviation: FloatArray) -> Prior:
         """With what is known of the parameters behind the payload's ten.

@@ -18,8 +18,14 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.gain_columns import COMMON_DEVIATION, GainFit
-from armload_identification.estimation.least_squares import Estimate
-from armload_identification.estimation.uncertainty import ResidualSpectrum, derived, determined_basis, shifts_by
+from armload_identification.estimation.least_squares import Estimate, Prior
+from armload_identification.estimation.uncertainty import (
+    ResidualSpectrum,
+    derived,
+    determined_basis,
+    shifts_by,
+    shifts_by_knowledge,
+)
 from armload_identification.model.mass_center import MassCenterCovariance, unknown_deviation
 from armload_identification.model.payload import InertialParameters
 from armload_identification.signals.joint_torque import Transmission
@@ -61,6 +67,7 @@ def mass_center_covariance(
     parameters: InertialParameters,
     doubts_nm: FloatArray,
     gains: GainShare | None,
+    prior: Prior | None = None,
 ) -> MassCenterCovariance:
     """Covariance of mass and centre of mass of a fit.
 
@@ -69,6 +76,7 @@ def mass_center_covariance(
         parameters: What is reported; derivatives are taken there.
         doubts_nm: (k, N, n) torque of one standard deviation of each systematic error but the gains'.
         gains: What the gains do to the fit; None where none was applied.
+        prior: What was known beforehand.
 
     Returns:
         The covariance; directions that the data say nothing about are as good as infinitely wide.
@@ -81,7 +89,7 @@ def mass_center_covariance(
     contrast = gradient @ half
     known = contrast @ (fit.prior_rows @ half).T
     random = contrast @ spectrum.covariance() @ contrast.T
-    shifts = shifts_by(fit, doubts_nm)[:, :10] @ slope.T
+    shifts = np.vstack([shifts_by(fit, doubts_nm), shifts_by_knowledge(fit, prior)])[:, :10] @ slope.T
     measured = random + known @ known.T + shifts.T @ shifts
     measured = measured + _blind(fit, gradient, parameters.mass_kg)
     freedom = spectrum.joint_freedom(contrast, measured)

@@ -3,6 +3,11 @@
 A mass from a scale or a centre of mass from a drawing is as good as exact; a CAD model is believed within a stated
 confidence; a body that is symmetric about the flange axis has its centre of mass on that axis and two equal moments of
 inertia. All of these become rows of the least squares problem with an error of unit standard deviation.
+
+A range, such as a mass of 1 to 3 kg, is no such row. The payload is identified without it, what the data say is
+truncated to the ranges (`truncated_normal`), and the payload is identified again as if mass and centre of mass were
+known to be the mean of what is left. The error of that mean, by the truncated covariance, moves all ten values and is
+part of their intervals, which end where the range does. A range that the data contradict is refused.
 """
 
 from __future__ import annotations
@@ -29,37 +34,56 @@ class KnownPayload:
     """What is known of a payload; None where it is not.
 
     Attributes:
-        mass_kg: Its mass, from a scale.
-        center_of_mass_m: (3,) its centre of mass in the flange frame.
+        mass_kg: Its mass, from a scale, or a range (low, high) of it.
+        center_of_mass_m: (3,) its centre of mass in the flange frame; each coordinate a number or a range.
         cad: A model of it in the flange frame, believed within `confidence`.
         confidence: Standard deviation of the model: relative for the mass, in units of 0.1 m for the centre
             of mass and of m (0.1 m)^2 for the inertia about the centre of mass.
         symmetric: Whether it is symmetric about the flange axis, z: a chuck, a suction cup, a disc.
 
     Raises:
-        ModelError: a mass or confidence that is not positive, or not three coordinates.
+        ModelError: a mass or confidence that is not positive, not three coordinates, or a range without width.
+
+    Examples:
+        >>> import armload
+        >>> known = armload.KnownPayload(mass_kg=(9, 9.85), center_of_mass_m=((-0.2, 0.2), (-0.2, 0.2), (0, 0.3)))
+        >>> run = "runs/today/{}_identification.mcap".format
+        >>> low, high = armload.identify("er50", run("loaded"), run("unloaded"), known=known).intervals["mass"]
+        >>> 9 <= low < high <= 9.85
+        True
     """
 
-    mass_kg: float | None = None
-    center_of_mass_m: Sequence[float] | FloatArray | None = None
+    mass_kg: float | tuple[float, float] | None = None
+    center_of_mass_m: Sequence[float | tuple[float, float]] | FloatArray | None = None
     cad: InertialParameters | None = None
     confidence: float = 0.05
     symmetric: bool = False
 
     def __post_init__(self) -> None:
-        if self.mass_kg is not None and not (np.isfinite(self.mass_kg) and self.mass_kg > 0.0):
-            raise ModelError(f"the known mass is {self.mass_kg} kg; expected a number above 0")
         if not (np.isfinite(self.confidence) and self.confidence > 0.0):
             raise ModelError(f"the confidence in the CAD model is {self.confidence}; expected a number above 0")
-        if self.center_of_mass_m is not None:
-            center = np.asarray(self.center_of_mass_m, dtype=np.float64)
-            if center.shape != (3,) or not np.isfinite(center).all():
-                raise ModelError(f"the known centre of mass is {center.tolist()} m; expected three numbers")
-            if self.symmetric and center[:2].any():
-                raise ModelError(
-                    f"the known centre of mass is {center.tolist()} m, and a body that is symmetric about the flange "
-                    "axis has x and y of 0. Leave one of the two out."
-                )
+        if self.mass_kg is not None:
+            _require_known("mass", "kg", self.mass_kg)
+            if np.ndim(self.mass_kg):
+                object.__setattr__(self, "mass_kg", tuple(np.asarray(self.mass_kg, dtype=np.float64).tolist()))
+            if isinstance(self.mass_kg, tuple):
+                if self.mass_kg[0] < 0.0:
+                    raise ModelError(f"the known mass is {self.mass_kg[0]} to {self.mass_kg[1]} kg; expected 0 or more")
+            elif self.mass_kg <= 0.0:
+                raise ModelError(f"the known mass is {self.mass_kg} kg; expected a number above 0")
+        if self.center_of_mass_m is None:
+            return
+        if len(self.center_of_mass_m) != 3:
+            raise ModelError(
+                f"the known centre of mass is {_plain(self.center_of_mass_m)} m; expected three numbers or ranges"
+            )
+        for axis, coordinate in zip("xyz", self.center_of_mass_m, strict=True):
+            _require_known(f"centre of mass's {axis}", "m", coordinate)
+        if self.symmetric and np.any([np.any(coordinate) for coordinate in self.center_of_mass_m[:2]]):
+            raise ModelError(
+                f"the known centre of mass is {_plain(self.center_of_mass_m)} m, and a body that is symmetric about "
+                "the flange axis has x and y of 0. Leave one of the two out."
+            )
 
     @classmethod
     def weighed(cls, body: InertialParameters) -> KnownPayload:
@@ -73,32 +97,39 @@ class KnownPayload:
     @property
     def gives_scale(self) -> bool:
         """True where the mass is known, without which no gain can be determined from a payload."""
-        return self.mass_kg is not None or self.cad is not None
+        return self.reference_mass_kg is not None
 
     @property
     def reference_mass_kg(self) -> float | None:
         """The known mass, or the model's; None where there is neither."""
-        if self.mass_kg is not None:
+        if self.mass_kg is not None and not isinstance(self.mass_kg, tuple):
             return self.mass_kg
         return self.cad.mass_kg if self.cad is not None else None
 
+    @property
+    def limits(self) -> FloatArray:
+        """(4, 2) ranges of mass and centre of mass; -inf and inf where there is none."""
+        limits = np.tile([-np.inf, np.inf], (4, 1))
+        entries = (self.mass_kg, *([None] * 3 if self.center_of_mass_m is None else self.center_of_mass_m))
+        for row, entry in zip(limits, entries, strict=True):
+            if entry is not None and np.ndim(entry) == 1:
+                row[:] = np.asarray(entry, dtype=np.float64)
+        return limits
+
     def prior(self) -> Prior:
-        """The equations.
+        """The equations of all but the ranges.
 
         A centre of mass c is known by m c - s = 0, linear in theta; the model's inertia about its centre of
         mass is taken at the model's centre of mass.
         """
         rows: list[FloatArray] = []
         target: list[float] = []
-        if self.mass_kg is not None:
+        if self.mass_kg is not None and not isinstance(self.mass_kg, tuple):
             rows.append(np.eye(10)[0] / (EXACT * self.mass_kg))
             target.append(1.0 / EXACT)
-        if self.center_of_mass_m is not None:
-            size = EXACT * (self.reference_mass_kg or 1.0)
-            for axis, coordinate in enumerate(np.asarray(self.center_of_mass_m, dtype=np.float64)):
-                row = np.zeros(10)
-                row[0], row[1 + axis] = -coordinate, 1.0
-                rows.append(row / size)
+        for axis, coordinate in enumerate(() if self.center_of_mass_m is None else self.center_of_mass_m):
+            if np.ndim(coordinate) == 0:
+                rows.append(_center_row(axis, float(coordinate), self.reference_mass_kg or 1.0))
                 target.append(0.0)
         if self.symmetric:
             from_symmetry = _symmetry_rows(self.reference_mass_kg or 1.0)
@@ -109,6 +140,49 @@ class KnownPayload:
             rows.extend(from_model)
             target.extend(float(row @ self.cad.theta) for row in from_model)
         return Prior(np.array(rows).reshape(-1, 10), np.array(target))
+
+    def prior_within(self, mean: FloatArray, covariance: FloatArray) -> Prior:
+        """The equations with what the data and the ranges say together of the quantities that have a range.
+
+        Args:
+            mean: (4,) truncated mean of mass and centre of mass.
+            covariance: (4, 4) of it.
+        """
+        ranged = np.flatnonzero(np.isfinite(self.limits[:, 0]))
+        rows, target, rate = np.zeros((ranged.size, 10)), np.zeros(ranged.size), np.full(ranged.size, 1.0 / EXACT)
+        for row, quantity in enumerate(ranged):
+            if quantity == 0:
+                rows[row, 0], target[row] = 1.0 / (EXACT * mean[0]), 1.0 / EXACT
+                rate[row] /= mean[0]
+            else:
+                rows[row] = _center_row(int(quantity) - 1, float(mean[quantity]), float(mean[0]))
+        power, axes = np.linalg.eigh(covariance[np.ix_(ranged, ranged)])
+        errors = np.sqrt(np.maximum(power, 0.0))[:, None] * axes.T
+        values = self.prior()
+        return Prior(
+            np.vstack([values.rows, rows]), np.concatenate([values.target, target]), errors @ (rate[:, None] * rows)
+        )
+
+
+def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> None:
+    """Refuse what is neither a number nor a range from a lower number to a higher one."""
+    known = np.asarray(value, dtype=np.float64)
+    if known.shape not in {(), (2,)} or not np.isfinite(known).all():
+        raise ModelError(f"the known {name} is {known.tolist()} {unit}; expected a number, or a range (low, high)")
+    if known.shape == (2,) and known[0] >= known[1]:
+        raise ModelError(f"the known {name} is {known[0]:g} to {known[1]:g} {unit}; expected the lower number first")
+
+
+def _plain(center: Sequence[float | tuple[float, float]] | FloatArray) -> list[float | list[float]]:
+    """A centre of mass as messages show it."""
+    return [np.asarray(coordinate, dtype=np.float64).tolist() for coordinate in center]
+
+
+def _center_row(axis: int, coordinate_m: float, mass_kg: float) -> FloatArray:
+    """(10,) row of s = m c for one coordinate, over its deviation."""
+    row = np.zeros(10)
+    row[0], row[1 + axis] = -coordinate_m, 1.0
+    return row / (EXACT * mass_kg)
 
 
 def _model_rows(cad: InertialParameters, confidence: float) -> FloatArray:

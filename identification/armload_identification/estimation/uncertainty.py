@@ -33,7 +33,7 @@ from scipy.sparse import csr_array
 from scipy.stats import t as student
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.least_squares import Estimate, Prior
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 
 CONFIDENCE: Final = 0.95
@@ -64,6 +64,7 @@ class Uncertainty:
         degrees_of_freedom: (10,) of Student's t.
         determined: (10,) as DESIGN.md defines it.
         covariance: (10, 10) of theta, robust; directions without information are left out.
+        limits: (10, 2) ranges known beforehand, which the intervals end at; None without any.
     """
 
     values: FloatArray
@@ -71,11 +72,13 @@ class Uncertainty:
     degrees_of_freedom: FloatArray
     determined: NDArray[np.bool_]
     covariance: FloatArray
+    limits: FloatArray | None = None
 
     @property
     def interval_95(self) -> FloatArray:
         """(10, 2) low and high."""
-        return np.stack([self.values - self.half_width_95, self.values + self.half_width_95], axis=1)
+        both = np.stack([self.values - self.half_width_95, self.values + self.half_width_95], axis=1)
+        return both if self.limits is None else np.clip(both, self.limits[:, :1], self.limits[:, 1:])
 
     @property
     def undetermined_names(self) -> tuple[str, ...]:
@@ -149,6 +152,22 @@ def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
     half = determined_basis(fit)
     seen = np.einsum("tjp,ktj->kp", fit.whitened, torque_nm * (fit.weight_1_nm * fit.sample_weight))
     return np.asarray(seen @ half @ half.T)
+
+
+def shifts_by_knowledge(fit: Estimate, prior: Prior | None) -> FloatArray:
+    """By how much theta moves with what is doubtful of the equations that were known beforehand.
+
+    Args:
+        fit: The fit.
+        prior: These equations; None without any.
+
+    Returns:
+        (d, p), of one standard deviation of each of their d common errors.
+    """
+    if prior is None:
+        return np.zeros((0, fit.theta.size))
+    half = determined_basis(fit)
+    return np.asarray(prior.doubts @ half[:10] @ half.T)
 
 
 def nuisance_deviation(fit: Estimate) -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,8 @@
 
 `[payload]`, `[determined]` and `[interval_95]` share their keys; an entry of the first and the last is there
 only where it is determined. `[model]` is complete and for the feed-forward. `[covariance]` is there where a payload was
-identified by a version that writes it; where it is not, a comparison goes by the intervals.
+identified by a version that writes it; where it is not, a comparison goes by the intervals. `[known_range]` is there
+where a range that was known beforehand narrowed the intervals.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from armload_core.arrays import FloatArray
 from armload_identification.files.covariance_table import CovarianceTable, covariance_lines
 from armload_identification.files.provenance_table import ProvenanceTable, provenance_lines
 from armload_identification.identification_errors import PayloadFileError
@@ -129,6 +131,7 @@ class _PayloadFile(Table):
     model: _ModelTable
     payload: _PayloadTable
     interval_95: _Entries[NumberList]
+    known_range: _Entries[NumberList] | None = None
     residual: _ResidualTable
     covariance: CovarianceTable | None = None
     provenance: ProvenanceTable
@@ -176,11 +179,13 @@ class _PayloadFile(Table):
 
     @model_validator(mode="after")
     def _intervals_from_low_to_high(self) -> _PayloadFile:
-        for key, interval in _named(self.interval_95.entries()):
-            if interval is not None:
-                require_shape(f"interval_95.{key}", interval, (2,))
-                if interval[0] > interval[1]:
-                    raise BadValue(f"interval_95.{key}", interval.tolist(), "expected [low, high]")
+        sections = {"interval_95": self.interval_95, "known_range": self.known_range or _Entries[NumberList]()}
+        for section, table in sections.items():
+            for key, interval in _named(table.entries()):
+                if interval is not None:
+                    require_shape(f"{section}.{key}", interval, (2,))
+                    if interval[0] > interval[1]:
+                        raise BadValue(f"{section}.{key}", interval.tolist(), "expected [low, high]")
         return self
 
     @model_validator(mode="after")
@@ -202,10 +207,7 @@ def format_payload(result: PayloadResult) -> str:
         result: What to write.
     """
     number = toml_text.number
-    values, ranges = (
-        [number(v) for v in result.values],
-        [f"[{number(low)}, {number(high)}]" for low, high in result.interval_95],
-    )
+    values, ranges = [number(v) for v in result.values], _pairs(result.interval_95)
     flags = ["true" if d else "false" for d in result.determined]
     model = dict(zip(_KEYS, values, strict=True))
     lines = [
@@ -220,6 +222,7 @@ def format_payload(result: PayloadResult) -> str:
         "[interval_95]",
         *_entries(ranges, result.determined),
         "",
+        *_known_range_lines(result.known_range),
         "# Complete and physically possible; where a value is not determined, this is no measurement.",
         "[model]",
         f"mass_kg = {values[0]}",
@@ -290,7 +293,29 @@ def parse_payload(content: str, source: str = "payload") -> PayloadResult:
         noise_nm=tables.residual.noise_nm,
         provenance=tables.provenance.provenance(),
         mass_center=None if tables.covariance is None else tables.covariance.covariance(),
+        known_range=_known_range(tables.known_range),
     )
+
+
+def _pairs(ends: FloatArray) -> list[str]:
+    """Ten arrays [low, high]."""
+    return [f"[{toml_text.number(low)}, {toml_text.number(high)}]" for low, high in ends]
+
+
+def _known_range_lines(known: FloatArray | None) -> list[str]:
+    """The lines of `[known_range]`; none without any range."""
+    if known is None:
+        return []
+    there = np.isfinite(known[:, 0])
+    heading = ["# Known beforehand, and narrower than what the data alone say.", "[known_range]"]
+    return [*heading, *_entries(_pairs(known), there), ""]
+
+
+def _known_range(table: _Entries[NumberList] | None) -> FloatArray | None:
+    """The ranges of a file."""
+    if table is None:
+        return None
+    return np.array([(-np.inf, np.inf) if pair is None else pair for pair in table.entries()])
 
 
 def _entries(values: list[str], wanted: NDArray[np.bool_]) -> list[str]:

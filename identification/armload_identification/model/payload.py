@@ -203,6 +203,8 @@ class PayloadResult:
         provenance: What the result was made from.
         mass_center: Covariance of mass and centre of mass, for comparison with another identification; None where
             only the intervals are known, as for a payload from a drawing.
+        known_range: (10, 2) ranges known beforehand that narrowed the intervals, -inf and inf where there is none; None
+            without any.
     """
 
     frame: str
@@ -213,6 +215,7 @@ class PayloadResult:
     noise_nm: FloatArray
     provenance: Provenance
     mass_center: MassCenterCovariance | None = None
+    known_range: FloatArray | None = None
 
     @property
     def values(self) -> FloatArray:

@@ -161,4 +161,6 @@ def _on_known_arm(
             floor * (regressor @ plain.theta)[None],
         ]
     )
-    return completed(signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, struck, said)
+    return completed(
+        signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, struck, said, prior=prior
+    )

@@ -13,10 +13,10 @@ from armload_identification.estimation.blows import struck_samples
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
 from armload_identification.estimation.gain_columns import COMMON_DEVIATION, GainFit
-from armload_identification.estimation.least_squares import Estimate
+from armload_identification.estimation.least_squares import Estimate, Prior
 from armload_identification.estimation.mass_center_covariance import GainShare, mass_center_covariance
 from armload_identification.estimation.physical_consistency import PhysicalEstimate, make_physical
-from armload_identification.estimation.uncertainty import Uncertainty, quantify, shifts_by
+from armload_identification.estimation.uncertainty import Uncertainty, quantify, shifts_by, shifts_by_knowledge
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.recording.recording import Recording, RecordingSource
@@ -90,6 +90,7 @@ def completed(
     struck: NDArray[np.bool_],
     arm_notes: tuple[str, ...] = (),
     fitted_gains: GainFit | None = None,
+    prior: Prior | None = None,
 ) -> Identification:
     """The possible body, intervals and notes of a fit.
 
@@ -106,10 +107,12 @@ def completed(
         struck: (K,) samples left out as blows.
         arm_notes: What the runs say of the calibrated arm.
         fitted_gains: Gains that were fitted with the payload, in place of their errors.
+        prior: What was known of the payload beforehand.
     """
     physical = make_physical(fit)
     taken_as_they_are = gains if fitted_gains is None else None
     shifts = shifts_by(fit, np.concatenate([_gain_doubts(taken_as_they_are, signal), doubts_nm]))
+    shifts = np.vstack([shifts, shifts_by_knowledge(fit, prior)])
     if fitted_gains is not None:
         shifts = np.vstack([shifts, COMMON_DEVIATION * fitted_gains.slope.sum(axis=1)])
     uncertainty = quantify(fit, physical.parameters, shifts)
@@ -124,7 +127,7 @@ def completed(
         gains=fitted_gains,
         physical=physical,
         uncertainty=uncertainty,
-        mass_center=mass_center_covariance(held, physical.parameters, doubts_nm, share),
+        mass_center=mass_center_covariance(held, physical.parameters, doubts_nm, share, prior),
         signal=signal,
         predicted_nm=predicted,
         residual_rms_nm=raw_residual_rms(signal, predicted),

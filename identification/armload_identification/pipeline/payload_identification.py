@@ -17,6 +17,7 @@ from armload_identification.estimation.estimators import fit_payload
 from armload_identification.estimation.friction_columns import unloaded_body
 from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.servo_sag import on_one_motion
 from armload_identification.estimation.uncertainty import quantify
@@ -26,6 +27,7 @@ from armload_identification.model.payload import InertialParameters, PayloadResu
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import identify_alone
 from armload_identification.pipeline.identification import Fit, Identification, completed, without_blows
+from armload_identification.pipeline.known_ranges import within_ranges
 from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal
@@ -64,7 +66,8 @@ def identify(
 
     Raises:
         RecordingError: recordings that do not fit the arm or each other, or cannot be right.
-        EstimationError: neither unloaded run nor a known arm, or data that no payload explains.
+        EstimationError: neither unloaded run nor a known arm, data that no payload explains, or that contradict what
+            is known.
 
     References:
         Chen 2016, eqs. (8) to (12); the difference of runs in place of a body model, where there is an unloaded run.
@@ -73,10 +76,15 @@ def identify(
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
     # Matrices of a few dozen columns: threads would wait for each other, on a busy machine for minutes.
     with threadpool_limits(1):
-        if known is not None and known.symmetric:
-            free = replace(known, symmetric=False)
-            _require_symmetric(_identified(loaded, unloaded, chain, transmission, estimator, free, arm))
-        return _identified(loaded, unloaded, chain, transmission, estimator, known, arm)
+
+        def identified(prior: Prior | None) -> Identification:
+            return _identified(loaded, unloaded, chain, transmission, estimator, prior, arm)
+
+        if known is None:
+            return identified(None)
+        if known.symmetric:
+            _require_symmetric(identified(replace(known, symmetric=False).prior()))
+        return within_ranges(identified(known.prior()), known, identified)
 
 
 def _require_symmetric(found: Identification) -> None:
@@ -97,14 +105,13 @@ def _identified(
     chain: Chain,
     transmission: Transmission,
     estimator: Estimator,
-    known: KnownPayload | None,
+    prior: Prior | None,
     known_arm: KnownArm | None,
 ) -> Identification:
-    """What `identify` does."""
+    """What `identify` does with equations of what is known."""
     runs = (loaded,) if unloaded is None else (loaded, unloaded)
     for run in runs:
         check_joints(run, chain.n)
-    prior = None if known is None else known.prior()
     if unloaded is None:
         if known_arm is None:
             raise EstimationError(
@@ -149,7 +156,7 @@ def _identified(
     doubts = np.zeros((0, *signal.torque_nm.shape)) if friction is None else friction.doubts_nm
     said = () if known_arm is None else _on_friction(known_arm, chain, signal)
     return completed(
-        signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, struck, said, fitted_gains
+        signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, struck, said, fitted_gains, prior
     )
 
 
@@ -192,6 +199,7 @@ def payload_result(
         residual_rms_nm=result.residual_rms_nm,
         noise_nm=result.signal.noise_nm,
         mass_center=result.mass_center,
+        known_range=result.uncertainty.limits,
         provenance=Provenance(
             armload_version=armload_version,
             configuration_sha256=configuration_sha256,

@@ -49,9 +49,15 @@ def identify(
     report: ReportOption = None,
     validation: ValidationOption = None,
     calibration: CalibrationOption = None,
-    mass_kg: Annotated[float | None, typer.Option(help="The payload was weighed.")] = None,
+    mass_kg: Annotated[
+        str | None, typer.Option(metavar="KG", help="The mass is known, 2.1, or lies in a range, 1..3.")
+    ] = None,
     center_of_mass_m: Annotated[
-        tuple[float, float, float] | None, typer.Option(help="The centre of mass is known, in the flange frame.")
+        tuple[str, str, str] | None,
+        typer.Option(
+            metavar="X Y Z",
+            help="The centre of mass is known in the flange frame; each a number or a range, such as 0 0 0.05..0.1.",
+        ),
     ] = None,
     symmetric: Annotated[
         bool, typer.Option("--symmetric", help="The payload is symmetric about the flange axis, z.")
@@ -94,6 +100,7 @@ def identify(
     for file in (output, report, picture):
         if file is not None:
             require_folder(file)
+    known = _known(mass_kg, center_of_mass_m, cad, cad_share, symmetric=symmetric)
     arm, choice = given_arm(robot, urdf, base, flange), recording_choice(columns, effort, between, joints)
     run = read_of(arm, loaded, choice)
     if every is not None:
@@ -119,7 +126,7 @@ def identify(
         validation=pair,
         tolerance=tolerance_of(tolerance),
         calibration=calibration,
-        known=_known(mass_kg, center_of_mass_m, cad, cad_share, symmetric=symmetric),
+        known=known,
         estimator=estimator,
     )
     if output is not None and not force:
@@ -136,9 +143,20 @@ def _seconds(text: str) -> float:
         raise typer.BadParameter(f"{text!r}: expected a time such as 10s", param_hint="--every") from None
 
 
+def _number_or_range(text: str, option: str) -> float | tuple[float, float]:
+    """2.1, or (1.0, 3.0) of '1..3'."""
+    try:
+        ends = [float(part) for part in text.split("..")]
+    except ValueError:
+        ends = []
+    if len(ends) not in {1, 2}:
+        raise typer.BadParameter(f"{text!r}: expected a number such as 2.1, or a range such as 1..3", param_hint=option)
+    return ends[0] if len(ends) == 1 else (ends[0], ends[1])
+
+
 def _known(
-    mass_kg: float | None,
-    center_of_mass_m: tuple[float, float, float] | None,
+    mass_kg: str | None,
+    center_of_mass_m: tuple[str, str, str] | None,
     cad: Path | None,
     cad_share: float,
     *,
@@ -151,4 +169,6 @@ def _known(
     if mass_kg is None and center_of_mass_m is None and cad is None and not symmetric:
         return None
     model = None if cad is None else read_payload(cad).model
-    return KnownPayload(mass_kg, center_of_mass_m, model, cad_share, symmetric)
+    mass = None if mass_kg is None else _number_or_range(mass_kg, "--mass-kg")
+    center = center_of_mass_m and [_number_or_range(text, "--center-of-mass-m") for text in center_of_mass_m]
+    return KnownPayload(mass, center, model, cad_share, symmetric)

@@ -64,7 +64,8 @@ def paths(value, at, known):
 
 ROLES, LOADS = ("identification", "validation"), ("loaded", "unloaded")
 COMMANDS = {
-    "identify": "identify er50 --loaded {l1} --unloaded {u1} --validation {l2} {u2} -o {out}/p.toml --report {out}/r",
+    "identify": "identify er50 --loaded {l1} --unloaded {u1} --validation {l2} {u2} -o {out}/p.toml --report {out}/r "
+    "--mass-kg 1..30 --center-of-mass-m -0.5..0.5 -.5..0.5 -0.5..+1e0",
     "validate": "validate er50 {payload} --loaded {l2} --unloaded {u2}",
     "report": "report er50 {payload} --identified {l1} {u1} --validation {l2} {u2} -o {out}/again.html",
     "compare": "compare {payload} {payload}",
@@ -198,3 +199,18 @@ def test_a_refusal_prints_no_document(armload, tmp_path):
     result = armload("compare", tmp_path / "nothing.toml", tmp_path / "nothing.toml", "--json")
     assert result.exit_code == 1
     assert result.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        (("--mass-kg", "1..x"), "'1..x': expected a number such as 2.1, or a range such as 1..3"),
+        (("--mass-kg", "1..2..3"), "or a range such as 1..3"),
+        (("--mass-kg", "3..1"), "the known mass is 3 to 1 kg; expected the lower number first"),
+        (("--center-of-mass-m", "0", "-0.1..-0.2", "0"), "centre of mass's y is -0.1 to -0.2 m; expected the lower"),
+    ],
+)
+def test_a_range_that_is_none_is_refused_before_anything_is_read(armload, option, message):
+    result = armload("identify", "er50", "--loaded", "none.mcap", *option)
+    assert result.exit_code != 0
+    assert message in f"{' '.join(result.output.replace('│', ' ').split())} {result.exception}"

@@ -11,6 +11,7 @@ from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import EstimationError, ModelError, PayloadFileError
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
+from armload_identification.pipeline.known_ranges import within_ranges
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.cad_comparison import compare, in_papers_convention
@@ -32,6 +33,16 @@ def exact(pinocchio_arm):
 
 def found(arm, pair, transmission, **known):
     return identify(*pair, arm.chain, transmission, known=KnownPayload(**known) if known else None)
+
+
+@pytest.fixture(scope="module")
+def plain(pinocchio_arm, noisy, exact):
+    """With nothing known."""
+    return found(pinocchio_arm, noisy, exact)
+
+
+def not_identified_again(prior):
+    raise AssertionError("identified again")
 
 
 def test_a_known_mass_is_kept_and_sharpens_the_centre_of_mass(pinocchio_arm, noisy, exact):
@@ -141,3 +152,78 @@ def test_a_symmetric_payload_lies_on_the_axis_and_one_that_is_not_is_refused(pin
 def test_a_symmetric_payload_has_no_centre_of_mass_beside_the_axis():
     with pytest.raises(ModelError, match="Leave one of the two out"):
         KnownPayload(center_of_mass_m=[0.01, 0.0, 0.1], symmetric=True)
+
+
+def test_a_range_that_binds_narrows_honestly_and_is_shown(pinocchio_arm, noisy, exact, plain):
+    truth = pinocchio_arm.payload
+    high = plain.uncertainty.interval_95[0, 1]
+    edge = float(plain.uncertainty.values[0])
+    result = found(pinocchio_arm, noisy, exact, mass_kg=(edge, 2.0 * high))
+    narrowed = result.uncertainty.interval_95[0]
+    assert narrowed[0] == edge
+    # Half of a normal distribution: its mean lies 0.798 deviations from the edge, 1.96 of its own 0.603 beyond is 1.98.
+    deviation = (high - edge) / 1.96
+    assert result.parameters.mass_kg == pytest.approx(edge + 0.798 * deviation, abs=0.01 * deviation)
+    assert narrowed[1] == pytest.approx(edge + 1.98 * deviation, abs=0.02 * deviation)
+    assert (result.uncertainty.half_width_95[1:4] < 1.02 * plain.uncertainty.half_width_95[1:4]).all()
+    assert (np.abs(result.uncertainty.values - truth.values) < 2.0 * result.uncertainty.half_width_95)[1:4].all()
+    variance = result.mass_center.measured[0, 0]
+    assert np.sqrt(variance) == pytest.approx(0.603 * deviation, rel=0.02)
+    assert "the range known of the mass" in result.notes[0]
+    written = format_payload(payload_result(result, "0.1.0", "c" * 64))
+    assert "[known_range]" in written
+    np.testing.assert_array_equal(parse_payload(written).known_range[0], [edge, 2.0 * high])
+
+
+def test_a_wide_range_changes_nothing(plain):
+    known = KnownPayload(mass_kg=(0.5, 50.0), center_of_mass_m=[(-1, 1), (-1, 1), (-1, 1)])
+    assert within_ranges(plain, known, not_identified_again) is plain
+    assert payload_result(plain, "0.1.0", "c" * 64).known_range is None
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"mass_kg": (1.0, 2.0)}, r"mass was known to be 1 to 2 kg, and by the data it is 4\.\d+ to 4\.\d+ kg"),
+        ({"center_of_mass_m": ((0.3, 0.4), 0.0, 0.0)}, "centre of mass's x was known to be 300 to 400 mm"),
+    ],
+)
+def test_a_range_that_the_data_contradict_is_refused(plain, given, message):
+    with pytest.raises(EstimationError, match=message):
+        within_ranges(plain, KnownPayload(**given), not_identified_again)
+
+
+def test_ranges_that_the_data_contradict_together_are_refused(plain):
+    mean, width = plain.uncertainty.values[:4], plain.uncertainty.half_width_95[:4]
+    covariance = plain.mass_center.measured + plain.mass_center.from_gains
+    deviation = np.sqrt(np.diag(covariance))
+    rarest = np.linalg.eigh(covariance / np.outer(deviation, deviation))[1][:, 0]
+    near, far = mean + 0.9 * np.sign(rarest) * width, mean + 3.0 * np.sign(rarest) * width
+    mass, *center = [(float(low), float(high)) for low, high in np.sort([near, far], axis=0).T]
+    with pytest.raises(EstimationError, match="do not go together by the data"):
+        within_ranges(plain, KnownPayload(mass_kg=mass, center_of_mass_m=center), not_identified_again)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"mass_kg": (3.0, 1.0)}, "3 to 1 kg; expected the lower number first"),
+        ({"mass_kg": (2.0, 2.0)}, "expected the lower number first"),
+        ({"mass_kg": (-1.0, 2.0)}, "expected 0 or more"),
+        ({"mass_kg": (1.0, np.inf)}, "expected a number, or a range"),
+        ({"mass_kg": (1.0, 2.0, 3.0)}, "expected a number, or a range"),
+        ({"mass_kg": -1.0}, "above 0"),
+        ({"center_of_mass_m": (0.0, (0.2, 0.1), 0.0)}, "y is 0.2 to 0.1 m; expected the lower"),
+        ({"center_of_mass_m": (0.0, (0.1, 0.2))}, "three numbers or ranges"),
+        ({"center_of_mass_m": ((-0.1, 0.1), 0.0, 0.1), "symmetric": True}, "Leave one of the two out"),
+    ],
+)
+def test_knowledge_that_cannot_be_is_refused(given, message):
+    with pytest.raises(ModelError, match=message):
+        KnownPayload(**given)
+
+
+def test_a_range_of_the_mass_does_not_set_the_scale():
+    assert not KnownPayload(mass_kg=(1.0, 3.0)).gives_scale
+    assert not KnownPayload(mass_kg=[1.0, 3.0], center_of_mass_m=np.tile([0.0, 0.1], (3, 1))).gives_scale
+    assert KnownPayload(mass_kg=2.0).gives_scale

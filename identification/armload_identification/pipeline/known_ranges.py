@@ -1,0 +1,106 @@
+"""Ranges in which mass and centre of mass are known to lie: where they bind, and whether the data contradict them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.least_squares import Prior
+from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.estimation.truncated_normal import contradicted, truncated_moments
+from armload_identification.identification_errors import EstimationError
+from armload_identification.pipeline.identification import Identification
+
+_NAMES: Final = ("mass", "centre of mass's x", "centre of mass's y", "centre of mass's z")
+_UNITS: Final = ("kg", "mm", "mm", "mm")
+_IN_UNIT: Final = (1.0, 1e3, 1e3, 1e3)
+_NORMAL_95: Final = 1.959964
+_BLIND_WIDTHS: Final = 10.0
+"""Standard deviation of what the data say nothing about, in widths of its range: within the range all is as likely."""
+_REMEDY: Final = "Correct the range or leave it out, or check that the recordings are of this payload."
+
+
+def within_ranges(
+    found: Identification, known: KnownPayload, identified: Callable[[Prior], Identification]
+) -> Identification:
+    """An identification with the ranges that are known beforehand.
+
+    Args:
+        found: What was identified without them.
+        known: The ranges, and what else is known.
+        identified: Identifies with the equations of what is known.
+
+    Returns:
+        `found` where its intervals lie within the ranges; else what was identified with them, and a note for each
+        that binds.
+
+    Raises:
+        EstimationError: the data contradict a range, or several together.
+    """
+    limits = known.limits
+    interval = found.uncertainty.interval_95[:4]
+    for quantity in _which((interval[:, 1] < limits[:, 0]) | (interval[:, 0] > limits[:, 1])):
+        raise EstimationError(
+            f"the {_NAMES[quantity]} was known to be {_range(quantity, limits)}, and by the data it is "
+            f"{_range(quantity, interval)} (95 %). {_REMEDY}"
+        )
+    binds = _beyond(interval, limits)
+    if not binds.any():
+        return found
+    mean, covariance = _without_ranges(found, limits)
+    ranged = np.isfinite(limits[:, 0])
+    if contradicted(mean[ranged], covariance[np.ix_(ranged, ranged)], limits[ranged]):
+        said = " and ".join(
+            f"the {_NAMES[i]} was known to be {_range(i, limits)} and is {_range(i, interval)}" for i in _which(ranged)
+        )
+        raise EstimationError(
+            f"the ranges that were known do not go together by the data: {said} (95 %), and no payload within all of "
+            f"them explains the torque. {_REMEDY}"
+        )
+    result = identified(known.prior_within(*truncated_moments(mean, covariance, limits)))
+    binds |= _beyond(result.uncertainty.interval_95[:4], limits)
+    ends = np.tile([-np.inf, np.inf], (10, 1))
+    ends[:4][binds] = limits[binds]
+    uncertainty = replace(result.uncertainty, limits=ends)
+    notes = [
+        f"the range known of the {_NAMES[i]}, {_range(i, limits)}, binds: without it the 95 % interval is "
+        f"{_range(i, interval)}, with it {_range(i, uncertainty.interval_95)}."
+        for i in _which(binds)
+    ]
+    return replace(result, uncertainty=uncertainty, notes=(*notes, *result.notes))
+
+
+def _beyond(interval: FloatArray, limits: FloatArray) -> NDArray[np.bool_]:
+    """(4,) whether intervals reach beyond the limits."""
+    return np.asarray((interval[:, 0] < limits[:, 0]) | (interval[:, 1] > limits[:, 1]))
+
+
+def _which(there: NDArray[np.bool_]) -> list[int]:
+    """Places of what is True."""
+    return [int(place) for place in np.flatnonzero(there)]
+
+
+def _without_ranges(found: Identification, limits: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(4,) mass and centre of mass and (4, 4) their covariance, as wide as the 95 % intervals are."""
+    mean = found.uncertainty.values[:4].copy()
+    covariance = found.mass_center.measured + found.mass_center.from_gains
+    deviation = found.uncertainty.half_width_95[:4] / _NORMAL_95
+    blind = np.isinf(deviation)
+    wider = np.where(blind, 1.0, deviation / np.sqrt(np.diag(covariance)))
+    covariance = covariance * np.outer(wider, wider)
+    for quantity in _which(blind & np.isfinite(limits[:, 0])):
+        mean[quantity] = limits[quantity].mean()
+        covariance[quantity] = covariance[:, quantity] = 0.0
+        covariance[quantity, quantity] = (_BLIND_WIDTHS * np.diff(limits[quantity])[0]) ** 2
+    return mean, covariance
+
+
+def _range(quantity: int, ends: FloatArray) -> str:
+    """'1 to 3 kg' for the row of a quantity."""
+    low, high = _IN_UNIT[quantity] * ends[quantity]
+    return f"{low:.4g} to {high:.4g} {_UNITS[quantity]}"
