@@ -13,6 +13,7 @@ from canopen.profiles.p402 import BaseNode402
 U8, U16, U32 = datatypes.UNSIGNED8, datatypes.UNSIGNED16, datatypes.UNSIGNED32
 I8, I16, I32 = datatypes.INTEGER8, datatypes.INTEGER16, datatypes.INTEGER32
 
+PATIENCE_S = 5.0
 PERIOD_S = 0.02
 ENABLE_IP = 0x1F
 """Controlword for OPERATION ENABLED with interpolation enabled (bit 4)."""
@@ -59,6 +60,9 @@ class Master:
     def __init__(self, network, node_id, od):
         self.network = network
         self.node = network.add_node(BaseNode402(node_id, od))
+        # canopen's 0.2 to 0.8 s are too short where other tests run beside this one.
+        self.node.TIMEOUT_CHECK_TPDO = self.node.TIMEOUT_SWITCH_OP_MODE = PATIENCE_S
+        self.node.TIMEOUT_SWITCH_STATE_SINGLE = self.node.TIMEOUT_SWITCH_STATE_FINAL = PATIENCE_S
 
     def boot(self):
         """Reset, and wait for the boot-up message; canopen's own wait misses one that comes before it begins."""

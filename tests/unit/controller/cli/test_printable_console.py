@@ -25,7 +25,8 @@ def test_control_characters_are_written_out():
     assert printable("two\nlines") == "two\nlines"
 
 
-def test_steps_errors_tables_and_bars_are_printable(capsys):
+def test_steps_errors_tables_and_bars_are_printable(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     screen = Screen()
     screen.step(HOSTILE)
     screen.errors.print(HOSTILE, style="bold red", soft_wrap=True)
