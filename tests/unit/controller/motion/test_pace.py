@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from armload_controller.config.robot import load_robot
@@ -20,6 +20,7 @@ PACED, PHASE = reduced_pace(PATH, BOUNDS, POINTS)
 
 
 @settings(max_examples=60, deadline=None)
+@example([1.0, 1.0, 11.0, 1.0, 1.0, 1.0, 1.0, 1.0], 1.4375)
 @given(st.lists(st.floats(1.0, 50.0), min_size=8, max_size=8), st.floats(-50.0, 50.0))
 def test_the_new_phase_and_the_paths_belong_together(slowness, path_s):
     pace = Pace(3.0, np.array(slowness))

@@ -13,8 +13,6 @@ from armload_identification.pipeline.payload_validation import gains_to_compare_
 from armload_identification.verdict.agreement import Known, Outcome, Tolerance, compare_known
 from benchmarks.sagging_panda import PAYLOAD, Effects, SaggingPanda, chain, nominal_transmission
 
-pytestmark = pytest.mark.pure
-
 OFF = 0.05
 WRONG = 3
 

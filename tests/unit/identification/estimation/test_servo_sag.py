@@ -11,8 +11,6 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.load_signal import load_signal
 from benchmarks.sagging_panda import PAYLOAD, SAG_RAD, Effects, SaggingPanda, chain, nominal_transmission
 
-pytestmark = pytest.mark.pure
-
 QUIET = 0.02
 """Share of the noise: what is left is what the model leaves."""
 
