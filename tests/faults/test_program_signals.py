@@ -42,7 +42,7 @@ class Plant(IdealPlant):
         sample = super().sample(cycle_s)
         return replace(sample, axis_torque_nm=np.sign(sample.axis_velocity_rad_s))
 
-plant = Plant(robot.simulation.start_rad, np.zeros(robot.n))
+plant = Plant(robot.simulation.start_rad, np.full(robot.n, 2.0))
 begun_s = time.monotonic()
 from armload_controller.cli.entry import main
 with can.Bus(interface="bench", channel="signals") as bus:
