@@ -13,7 +13,7 @@ timed = @echo "== $(1)"; start=$$(date +%s); { $(2); } && echo "== done in $$(( 
 .PHONY: commission test env lint bench paper accuracy pictures lock
 
 commission: env
-	$(call timed,commissioning the simulated arm $(ROBOT) over CANopen: four runs and an identification in half a minute,$(BIN)/armload commission $(ROBOT))
+	$(call timed,commissioning the simulated arm $(ROBOT) over CANopen: four runs and an identification in a minute,$(BIN)/armload commission $(ROBOT))
 
 test: env
 	@echo "== testing: some minutes"

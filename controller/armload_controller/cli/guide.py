@@ -11,7 +11,7 @@ Ask = Callable[[str], str]
 Say = Callable[[str], None]
 
 CHOICES: Final = (
-    "try it: commission a simulated arm, nothing real moves (half a minute)",
+    "try it: commission a simulated arm, nothing real moves (a minute)",
     "identify a payload from recordings that you have",
     "set up an arm of your own, from its URDF or from questions",
     "commission an arm that has a robot file",
