@@ -40,7 +40,7 @@ class Plant(IdealPlant):
 
     def sample(self, cycle_s):
         sample = super().sample(cycle_s)
-        return replace(sample, axis_torque_nm=np.sign(sample.axis_velocity_rad_s))
+        return replace(sample, axis_torque_nm=np.copysign(1.0, sample.axis_velocity_rad_s))
 
 plant = Plant(robot.simulation.start_rad, np.full(robot.n, 2.0))
 begun_s = time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -56,15 +57,11 @@ class RobotDrives:
             ConfigurationError: a description cannot be used.
         """
         found = {}
-        for number, joint in enumerate(self.source.tables.joints, start=1):
-            name = None if joint.drive is None else joint.drive.description
-            if name is not None:
-                try:
-                    found[joint.name] = read_description(self.source.folder / name)
-                except DescriptionError as error:
-                    raise self.source.refused(
-                        f"joints[{number}].drive.description", name, f"expected a usable EDS or DCF file; {error}"
-                    ) from error
+        for joint, key, name in self._named("description"):
+            try:
+                found[joint] = read_description(self.source.folder / name)
+            except DescriptionError as error:
+                raise self.source.refused(key, name, f"expected a usable EDS or DCF file; {error}") from error
         return found
 
     @cached_property
@@ -74,13 +71,17 @@ class RobotDrives:
         Raises:
             ConfigurationError: a profile cannot be used.
         """
-        found = {}
+        return {
+            joint: read_profile(name, self.source.folder, self.source.file, key)
+            for joint, key, name in self._named("profile")
+        }
+
+    def _named(self, file: str) -> Iterator[tuple[str, str, str]]:
+        """Joints whose drives name a file of that kind, its key, and the name."""
         for number, joint in enumerate(self.source.tables.joints, start=1):
-            name = None if joint.drive is None else joint.drive.profile
+            name = None if joint.drive is None else getattr(joint.drive, file)
             if name is not None:
-                key = f"joints[{number}].drive.profile"
-                found[joint.name] = read_profile(name, self.source.folder, self.source.file, key)
-        return found
+                yield joint.name, f"joints[{number}].drive.{file}", name
 
     @property
     def peculiarities(self) -> tuple[str, ...]:

@@ -85,20 +85,6 @@ class KnownPayload:
                 "the flange axis has x and y of 0. Leave one of the two out."
             )
 
-    @classmethod
-    def weighed(cls, body: InertialParameters) -> KnownPayload:
-        """A payload of which all ten parameters are known, such as a calibration weight.
-
-        Args:
-            body: It, in the flange frame.
-        """
-        return cls(cad=body, confidence=EXACT)
-
-    @property
-    def gives_scale(self) -> bool:
-        """True where the mass is known, without which no gain can be determined from a payload."""
-        return self.reference_mass_kg is not None
-
     @property
     def reference_mass_kg(self) -> float | None:
         """The known mass, or the model's; None where there is neither."""

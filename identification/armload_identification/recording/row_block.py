@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final, Self
 
@@ -34,6 +34,16 @@ class RowBlock:
     current_a: FloatArray | None
     torque_nm: FloatArray | None
     phase_s: FloatArray | None
+
+    @classmethod
+    def of_columns(cls, columns: Mapping[str, FloatArray]) -> Self:
+        """Rows of a table, which knows no phase.
+
+        Args:
+            columns: (N, k) by quantity: one column of times, n of every other; what is not in it is None.
+        """
+        given = {name: columns.get(name) for name in QUANTITIES} | {"time_s": columns["time_s"][:, 0], "phase_s": None}
+        return cls(**given)  # type: ignore[arg-type]
 
     @property
     def n(self) -> int:

@@ -8,7 +8,6 @@ from datetime import date
 from pathlib import Path
 from typing import Final
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 from scipy.stats import norm
@@ -21,7 +20,7 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.report.calibration_figures import drift_figure, gains_figure
 from armload_identification.report.figures import COLORS
 from armload_identification.report.numerals import NO_BREAK, decimals_for, numeral
-from armload_identification.storage.replace_file import replace_file
+from armload_identification.report.page import rendered, write_page
 
 _TEMPLATE: Final = "calibration.html.j2"
 _WIDTH: Final = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
@@ -90,14 +89,7 @@ def write_calibration_report(path: Path, calibration: ArmCalibration, descriptio
     Raises:
         ReportError: the file cannot be written, or the names do not fit the joints.
     """
-    page = render_calibration_report(calibration, description, names)
-    try:
-        replace_file(path, page)
-    except OSError as problem:
-        raise ReportError(
-            f"{path}: the report cannot be written ({problem.strerror}). Name a file in a folder that exists and "
-            "may be written to."
-        ) from problem
+    write_page(path, render_calibration_report(calibration, description, names))
 
 
 def render_calibration_report(calibration: ArmCalibration, description: str, names: Sequence[str]) -> str:
@@ -116,19 +108,13 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
     """
     if len(names) != calibration.n:
         raise ReportError(f"{len(names)} joint names for {calibration.n} joints; give one name per joint")
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("armload_identification.report", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     change = calibration.gain_nm_a / calibration.nominal - 1.0
     width = calibration.gain_half_width_95 / calibration.nominal
     title = f"Calibrated over nominal gain of {calibration.n} joints with 95 % intervals."
     tilt = np.degrees(np.sqrt(np.sum(calibration.tilt_rad**2)))
     current = calibration.effort is Effort.CURRENT
-    return environment.get_template(_TEMPLATE).render(
+    return rendered(
+        _TEMPLATE,
         calibration=calibration,
         description=description,
         gain_unit="N m/A" if current else "N m/(N m)",

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 
@@ -25,6 +24,7 @@ from armload_identification.report.content import ReportContent, ReportSubject
 from armload_identification.report.joints import JointRow, joint_rows
 from armload_identification.report.next_steps import next_steps
 from armload_identification.report.numerals import NO_BREAK, numeral, scientific
+from armload_identification.report.page import rendered, write_page
 from armload_identification.report.parameters import (
     compared_rows,
     half_widths,
@@ -37,7 +37,6 @@ from armload_identification.report.provenance import comparison_sentence, file_r
 from armload_identification.report.verdict_box import verdict_box
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.load_signal import LoadSignal
-from armload_identification.storage.replace_file import replace_file
 
 _TEMPLATE: Final = "template.html.j2"
 
@@ -75,14 +74,7 @@ def write_report(path: Path, subject: ReportSubject, content: ReportContent) -> 
     Raises:
         ReportError: the file cannot be written, or the names do not fit the joints.
     """
-    page = render_report(subject, content)
-    try:
-        replace_file(path, page)
-    except OSError as problem:
-        raise ReportError(
-            f"{path}: the report cannot be written ({problem.strerror}). Name a file in a folder that exists and "
-            "may be written to."
-        ) from problem
+    write_page(path, render_report(subject, content))
 
 
 def render_report(subject: ReportSubject, content: ReportContent) -> str:
@@ -106,14 +98,8 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
     fit, motion = content.identification, content.motion
     physical = None if fit is None else fit.physical
     half_width_95 = half_widths(payload) if fit is None else fit.uncertainty.half_width_95
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("armload_identification.report", "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(_TEMPLATE).render(
+    return rendered(
+        _TEMPLATE,
         subject=subject,
         headline=headline(payload),
         mass=mass_card(payload),

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -44,3 +46,19 @@ def read_whole(path: Path, largest_bytes: int = LARGEST_BYTES) -> bytes:
     if len(data) > largest_bytes:
         raise OSError(errno.EFBIG, f"larger than {largest_bytes} bytes, so not a file of this kind", str(path))
     return data
+
+
+def hash_of_files(paths: Iterable[Path]) -> str:
+    """SHA-256 of the content of files of any size, one after the other.
+
+    Args:
+        paths: The files.
+
+    Raises:
+        OSError: one of them cannot be read.
+    """
+    digest = hashlib.sha256()
+    for path in paths:
+        with path.open("rb") as file:
+            hashlib.file_digest(file, lambda: digest)
+    return digest.hexdigest()

@@ -124,14 +124,7 @@ class _Layout:
     def block(self, table: FloatArray) -> RowBlock:
         """The wanted numbers by quantity."""
         parts = {name: self._scale.get(name, 1.0) * table[:, first:end] for name, (first, end) in self._places.items()}
-        return RowBlock(
-            time_s=parts["time_s"][:, 0],
-            position_rad=parts["position_rad"],
-            velocity_rad_s=parts.get("velocity_rad_s"),
-            current_a=parts.get("current_a"),
-            torque_nm=parts.get("torque_nm"),
-            phase_s=None,
-        )
+        return RowBlock.of_columns(parts)
 
 
 def _text(line: bytes) -> str:

@@ -7,7 +7,6 @@ unpickled.
 
 from __future__ import annotations
 
-import hashlib
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -19,6 +18,7 @@ import numpy as np
 from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
+from armload_identification.storage.read_file import hash_of_files
 
 _NAMES: Final = {
     "time_s": ("time_s", "time", "t", "timestamp"),
@@ -29,7 +29,6 @@ _NAMES: Final = {
 }
 _JOINT_NAMES: Final = "joint_names"
 _BLOCK_ROWS: Final = 2**13
-_COPY_BYTES: Final = 2**16
 _MOST_JOINTS: Final = 1024
 _BROKEN: Final = (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError, SyntaxError)
 
@@ -74,7 +73,7 @@ class NumpyReader:
         Raises:
             RecordingError: damaged, or arrays that do not fit each other.
         """
-        account.sha256 = _hash_of(self._path)
+        account.sha256 = hash_of_files([self._path])
         try:
             with zipfile.ZipFile(self._path) as archive:
                 yield from self._blocks(archive, account)
@@ -122,11 +121,3 @@ def _header_of(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
     if kind.kind not in "fiu" or (by_columns and len(shape) > 1):
         raise ValueError("expected real numbers, row by row (np.ascontiguousarray)")
     return shape, kind
-
-
-def _hash_of(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as content:
-        while piece := content.read(_COPY_BYTES):
-            digest.update(piece)
-    return digest.hexdigest()

@@ -9,7 +9,6 @@ References:
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -25,7 +24,7 @@ from armload_identification.recording.column_names import columns_by_name
 from armload_identification.recording.csv_columns import CsvColumns
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.row_block import RowBlock
-from armload_identification.storage.read_file import read_whole
+from armload_identification.storage.read_file import hash_of_files, read_whole
 
 INFO: Final = Path("meta") / "info.json"
 """Of a LeRobot data set, inside its folder."""
@@ -39,7 +38,6 @@ _LISTS: Final = {
 """Columns that may hold a list, by quantity."""
 _TIMES: Final = ("timestamp", "time", "time_s", "t")
 _BLOCK_ROWS: Final = 2**13
-_COPY_BYTES: Final = 2**16
 _BROKEN: Final = (pa.ArrowException, ValueError, KeyError, TypeError, OSError, AttributeError)
 
 
@@ -84,19 +82,15 @@ class ParquetReader:
                 f"{self._path}: no column {', '.join(absent)}; there are {', '.join(self._names.names)}. "
                 "Correct the column map."
             )
-        digest = hashlib.sha256()
         account.joint_names = self._columns.joint_names
+        account.sha256 = hash_of_files(self._files)
         for file in self._files:
-            with file.open("rb") as content:
-                while piece := content.read(_COPY_BYTES):
-                    digest.update(piece)
             try:
                 for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=wanted):
                     account.rows_read += batch.num_rows
                     yield self._block(batch, groups)
             except _BROKEN as error:
                 raise self._damaged(error) from error
-        account.sha256 = digest.hexdigest()
 
     def _block(self, batch: Any, groups: Mapping[str, Sequence[str]]) -> RowBlock:
         """Numbers of a batch."""
@@ -104,14 +98,7 @@ class ParquetReader:
             name: self._columns.scale.get(name, 1.0) * np.hstack([_numbers(batch.column(c)) for c in columns])
             for name, columns in groups.items()
         }
-        return RowBlock(
-            time_s=parts["time_s"][:, 0],
-            position_rad=parts["position_rad"],
-            velocity_rad_s=parts.get("velocity_rad_s"),
-            current_a=parts.get("current_a"),
-            torque_nm=parts.get("torque_nm"),
-            phase_s=None,
-        )
+        return RowBlock.of_columns(parts)
 
     def _recognised(self, info: Mapping[str, Any]) -> CsvColumns:
         """Columns by their names: lists first, then one per joint."""

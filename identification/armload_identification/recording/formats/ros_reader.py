@@ -8,7 +8,6 @@ passed over.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -29,11 +28,11 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
+from armload_identification.storage.read_file import hash_of_files
 
 STORAGE_SUFFIXES: Final = (".db3", ".mcap")
 METADATA: Final = "metadata.yaml"
 _BLOCK_ROWS: Final = 2**9
-_COPY_BYTES: Final = 2**16
 _LEARNT_FROM: Final = 400
 """Messages of each topic by which joints and time stamps are chosen."""
 _INCREASING: Final = 0.9
@@ -123,7 +122,7 @@ class RosReader:
             RecordingError: the bag is damaged.
         """
         account.joint_names = self._choice.names
-        account.sha256 = _hash_of(self._bag)
+        account.sha256 = hash_of_files(_files_of(self._bag))
         rows: list[list[float]] = []
         with self._opened() as reader:
             for when_ns, sample in self._samples(reader, [self._choice.topic]):
@@ -289,11 +288,6 @@ def _bag_of(path: Path) -> Path:
     return files[0]
 
 
-def _hash_of(bag: Path) -> str:
-    """Hash of a file, or of all files of a folder."""
-    digest = hashlib.sha256()
-    for file in sorted(file for file in bag.iterdir() if file.is_file()) if bag.is_dir() else [bag]:
-        with file.open("rb") as content:
-            while piece := content.read(_COPY_BYTES):
-                digest.update(piece)
-    return digest.hexdigest()
+def _files_of(bag: Path) -> list[Path]:
+    """A storage file, or all files of a folder."""
+    return sorted(file for file in bag.iterdir() if file.is_file()) if bag.is_dir() else [bag]

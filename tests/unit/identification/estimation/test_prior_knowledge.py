@@ -224,6 +224,7 @@ def test_knowledge_that_cannot_be_is_refused(given, message):
 
 
 def test_a_range_of_the_mass_does_not_set_the_scale():
-    assert not KnownPayload(mass_kg=(1.0, 3.0)).gives_scale
-    assert not KnownPayload(mass_kg=[1.0, 3.0], center_of_mass_m=np.tile([0.0, 0.1], (3, 1))).gives_scale
-    assert KnownPayload(mass_kg=2.0).gives_scale
+    assert KnownPayload(mass_kg=(1.0, 3.0)).reference_mass_kg is None
+    ranges = KnownPayload(mass_kg=[1.0, 3.0], center_of_mass_m=np.tile([0.0, 0.1], (3, 1)))
+    assert ranges.reference_mass_kg is None
+    assert KnownPayload(mass_kg=2.0).reference_mass_kg == 2.0

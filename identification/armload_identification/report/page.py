@@ -1,0 +1,46 @@
+"""A page of HTML: from its template, and into its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import jinja2
+
+from armload_identification.identification_errors import ReportError
+from armload_identification.storage.replace_file import replace_file
+
+
+def rendered(template: str, **values: object) -> str:
+    """A page by its template, in which everything is defined and text is escaped.
+
+    Args:
+        template: Its file, in this package.
+        values: What it shows.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("armload_identification.report", "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(values)
+
+
+def write_page(path: Path, page: str) -> None:
+    """Write a page.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        page: Its text.
+
+    Raises:
+        ReportError: the file cannot be written.
+    """
+    try:
+        replace_file(path, page)
+    except OSError as problem:
+        raise ReportError(
+            f"{path}: the report cannot be written ({problem.strerror}). Name a file in a folder that exists and "
+            "may be written to."
+        ) from problem
