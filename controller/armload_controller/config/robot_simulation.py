@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.tables.body_tables import PayloadTable
 from armload_core.arrays import FloatArray
-from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant
+from armload_drivers.simulation.plant_spec import PayloadChange, PlantSpec, PlantVariant, RigidBody
+from armload_identification.files.payload_file import read_payload
 from armload_identification.model.payload import InertialParameters
 
+NO_PAYLOAD = "none"
+"""Name of the empty flange."""
+PAYLOAD_FILE = ".toml"
+"""What the name of a payload ends with that is a file's."""
 HARSH_GAIN_ERROR = 0.02
 """The harsh twin's torque gains are off by up to this share, the same in every run."""
 HARSH_SECOND_RUN_FRICTION = 1.03
@@ -53,15 +60,34 @@ class RobotSimulation:
         """
         return self._table(name).inertial()
 
-    def plant_spec(self, payload: str | None, run: int = 0) -> PlantSpec:
-        """The simulated arm.
+    def mounted(self, name: str) -> RigidBody | None:
+        """What hangs on the flange, by its name on the command line.
 
         Args:
-            payload: Name of a payload of `[simulation.payloads]`; None is the empty flange.
-            run: Number of the run, so that no two runs share their noise; the harsh twin's friction rises after 0.
+            name: A payload of `[simulation.payloads]`, the path of a payload file, or `NO_PAYLOAD`.
 
         Raises:
             ConfigurationError: the file has no simulation, or no payload of that name.
+            PayloadFileError: the payload file cannot be used.
+        """
+        if name == NO_PAYLOAD:
+            return None
+        if name not in self.source.simulation.payloads and name.endswith(PAYLOAD_FILE):
+            body = read_payload(Path(name)).model
+            return RigidBody(body.mass_kg, body.center_of_mass_m, body.inertia_about_com)
+        return self._table(name).rigid_body()
+
+    def plant_spec(self, payload: str | None, run: int = 0, changes: Sequence[PayloadChange] = ()) -> PlantSpec:
+        """The simulated arm.
+
+        Args:
+            payload: What hangs on the flange, as for `mounted`; None is the empty flange.
+            run: Number of the run, so that no two runs share their noise; the harsh twin's friction rises after 0.
+            changes: What is mounted and taken off later, in the order of time.
+
+        Raises:
+            ConfigurationError: the file has no simulation, or no payload of that name.
+            PayloadFileError: the payload file cannot be used.
         """
         table, chain = self.source.simulation, self.source.chain
         variant = PlantVariant(table.variant)
@@ -77,7 +103,8 @@ class RobotSimulation:
             coupling=self.coupling,
             start_position_rad=np.array(table.start_position_rad),
             seed=table.seed + run,
-            payload=None if payload is None else self._table(payload).rigid_body(),
+            payload=None if payload is None else self.mounted(payload),
+            changes=tuple(changes),
             variant=variant,
             rated_payload=self._table(table.payload).rigid_body(),
             friction_scale=HARSH_SECOND_RUN_FRICTION if harsh and run else 1.0,

@@ -21,6 +21,7 @@ from dataclasses import replace
 import can
 
 from armload_controller.config.robot import Robot
+from armload_controller.config.robot_simulation import NO_PAYLOAD
 from armload_controller.control_errors import UnsafeBus
 from armload_controller.cycle.realtime import tuned_for_cycles
 from armload_controller.session.run_session import Load
@@ -36,6 +37,7 @@ from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.lockstep_bus import LockstepBus, LockstepWire
 from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant
+from armload_drivers.simulation.plant_spec import PayloadChange
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
 VIRTUAL = "virtual"
@@ -141,14 +143,17 @@ def sync_for(robot: Robot) -> SyncSource:
 
 @contextmanager
 def drives_alone(
-    robot: Robot, payload: str | None, run: int, described: Sequence[DeviceDescription] = ()
+    robot: Robot,
+    payload: str,
+    changes: Sequence[PayloadChange] = (),
+    described: Sequence[DeviceDescription] = (),
 ) -> Iterator[SimulatedDrives]:
     """Simulated drives on a bus, on the wall clock, for another process to command.
 
     Args:
         robot: The arm.
-        payload: Name of what hangs on the flange.
-        run: Number of the run.
+        payload: What hangs on the flange, as `RobotSimulation.mounted` has it.
+        changes: What is mounted and taken off later.
         described: Descriptions that the drives serve: none, one for all joints, or one per joint.
 
     Raises:
@@ -160,7 +165,7 @@ def drives_alone(
             "drives alone on the virtual bus cannot be reached from another process: "
             "give --interface and --channel, such as --interface socketcan --channel vcan0"
         )
-    plant = ArmPlant(robot.simulation.plant_spec(payload, run))
+    plant = ArmPlant(robot.simulation.plant_spec(payload, int(payload != NO_PAYLOAD), changes))
     traits = _traits(robot, described)
     with _bus(robot) as bus, SimulatedDrives(robot.drives.settings, plant, bus, clock_from_now(), traits) as drives:
         yield drives

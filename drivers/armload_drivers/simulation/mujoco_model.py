@@ -24,7 +24,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
-from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody
+from armload_drivers.simulation.plant_spec import PayloadChange, PlantJoint, PlantSpec, PlantVariant, RigidBody
 
 TIME_STEP_S = 0.001
 """Period of the servo loops and step of the integration."""
@@ -265,6 +265,20 @@ def _check(spec: PlantSpec) -> None:
     for name, body in (("payload", spec.payload), ("rated_payload", spec.rated_payload)):
         if body is not None:
             _check_body(name, body)
+    _check_changes(spec.changes)
+
+
+def _check_changes(changes: tuple[PayloadChange, ...]) -> None:
+    """Refuse changes of the payload that are out of order, and bodies that cannot exist."""
+    before_s = 0.0
+    for change in changes:
+        if not before_s < change.time_s < math.inf:
+            raise SimulationError(
+                f"the payload changes at {change.time_s} s, after {before_s} s; times must be above zero and rise"
+            )
+        before_s = change.time_s
+        if change.payload is not None:
+            _check_body(f"payload from {change.time_s} s on", change.payload)
 
 
 def _check_joint(joint: PlantJoint) -> None:

@@ -13,7 +13,8 @@ Two arms of one specification that are given the same calls are equal to the las
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,8 +22,8 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation import servo_loops
-from armload_drivers.simulation.mujoco_model import TIME_STEP_S, build_model
-from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant
+from armload_drivers.simulation.mujoco_model import TIME_STEP_S, PlantModel, build_model
+from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
 
 NOISE_CYCLE_S = 0.01
 """Cycle that the noise of a specification belongs to: white noise grows with the square root of the rate."""
@@ -82,23 +83,31 @@ class ArmPlant:
         built = build_model(spec)
         self.n = len(spec.joints)
         self._spec = spec
-        self._mujoco = built.mujoco
-        self._model = built.model
-        self._data = built.data
-        self._hinges = built.hinges_per_joint
         self._to_axis = np.ascontiguousarray(np.linalg.inv(spec.coupling))
         self._noise_nm = np.array([joint.torque_noise_nm for joint in spec.joints])
         self._random = np.random.default_rng(spec.seed)
         self._step = 0
+        self._state = np.zeros((kernels.SERVO_STATES, self.n))
+        self._parameter = _parameters(spec, built.axis_inertia_kg_m2)
+        self._take(built)
+        # Compiled beforehand: an arm on a wall clock cannot wait for it.
+        self._changes = deque(
+            (round(change.time_s / TIME_STEP_S), build_model(replace(spec, payload=change.payload)))
+            for change in spec.changes
+        )
+        self._first_sampled: int | None = None
+        for axis in range(self.n):
+            self.set_powered(axis, False)
 
+    def _take(self, built: PlantModel) -> None:
+        """Be this arm from now on."""
+        self._mujoco, self._model, self._data = built.mujoco, built.model, built.data
+        self._hinges = built.hinges_per_joint
         # Views into MuJoCo's memory, which stays where it is
         self._position = self._data.qpos
         self._velocity = self._data.qvel
         self._link_torque = np.zeros(self._model.nv)
         self._mujoco.mj_rne(self._model, self._data, 0, self._link_torque)
-
-        self._state = np.zeros((kernels.SERVO_STATES, self.n))
-        self._parameter = _parameters(spec, built.axis_inertia_kg_m2)
         self._servos = kernels.ServoLoops(
             self._parameter,
             self._state,
@@ -110,8 +119,6 @@ class ArmPlant:
             self._model.dof_frictionloss,
             servo_loops.GREATEST_SPEED_RAD_S,
         )
-        for axis in range(self.n):
-            self.set_powered(axis, False)
 
     @property
     def time_s(self) -> float:
@@ -128,6 +135,16 @@ class ArmPlant:
             SimulationError: The simulation has diverged.
         """
         steps = math.floor(time_s / TIME_STEP_S + STEP_TOLERANCE)
+        while self._changes and self._first_sampled is not None:
+            due = self._first_sampled + self._changes[0][0]
+            if due > steps:
+                break
+            self._run(due)
+            self._carry_on_with(self._changes.popleft()[1])
+        self._run(steps)
+
+    def _run(self, steps: int) -> None:
+        """Go on to a step."""
         step_once, rne, model, data = self._mujoco.mj_step, self._mujoco.mj_rne, self._model, self._data
         close_loops = self._servos.step
         while self._step < steps:
@@ -136,6 +153,28 @@ class ArmPlant:
             step_once(model, data)
             rne(model, data, 1, self._link_torque)
             self._step += 1
+
+    def mount(self, payload: RigidBody | None) -> None:
+        """Have another body at the flange from the next step on, or none; takes some milliseconds.
+
+        Args:
+            payload: The body in the flange frame; None is the empty flange.
+
+        Raises:
+            SimulationError: no such body can exist.
+        """
+        self._carry_on_with(build_model(replace(self._spec, payload=payload)))
+
+    def _carry_on_with(self, built: PlantModel) -> None:
+        """Be another arm in the motion that this one is in."""
+        before, data = self._data, built.data
+        for name in ("qpos", "qvel", "qfrc_applied"):
+            getattr(data, name)[:] = getattr(before, name)
+        data.time = before.time
+        built.model.dof_frictionloss[:] = self._model.dof_frictionloss
+        built.mujoco.mj_forward(built.model, data)
+        self._take(built)
+        built.mujoco.mj_rne(built.model, data, 1, self._link_torque)
 
     def set_target(self, axis: int, position_rad: float, over_s: float) -> None:
         """Move an axis's setpoint linearly from where it is now, then hold it.
@@ -222,6 +261,8 @@ class ArmPlant:
         Returns:
             Measurements and truth, as copies.
         """
+        if self._first_sampled is None:
+            self._first_sampled = self._step
         rows = np.empty((kernels.SERVO_MEASUREMENTS, self.n))
         self._servos.measure(self._step, rows)
         noise = self._noise_nm * (math.sqrt(NOISE_CYCLE_S / cycle_s) * self._random.standard_normal(self.n))

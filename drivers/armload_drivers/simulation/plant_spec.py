@@ -39,6 +39,19 @@ class RigidBody:
 
 
 @dataclass(frozen=True, slots=True)
+class PayloadChange:
+    """What hangs on the flange from some time on, whether the arm moves or not.
+
+    Attributes:
+        time_s: Time since the drives were first sampled, which is since the first SYNC; above 0.
+        payload: Body at the flange, in the FLANGE frame; None is the empty flange.
+    """
+
+    time_s: float
+    payload: RigidBody | None
+
+
+@dataclass(frozen=True, slots=True)
 class PlantJoint:
     """One joint with its link, its gear and its motor.
 
@@ -91,6 +104,7 @@ class PlantSpec:
         start_position_rad: (n,) joint positions at time zero; the arm stands still.
         seed: Seed of the measurement noise.
         payload: Body at the flange, in the FLANGE frame; None is the empty flange.
+        changes: What is mounted and taken off later, in the order of time.
         variant: Transmission; `PlantVariant`.
         rated_payload: Body in the flange frame that elastic joints have their natural frequency with, whatever
             is mounted; None is the empty flange.
@@ -107,6 +121,7 @@ class PlantSpec:
     start_position_rad: FloatArray
     seed: int
     payload: RigidBody | None = None
+    changes: tuple[PayloadChange, ...] = ()
     variant: PlantVariant = PlantVariant.NORMATIVE
     rated_payload: RigidBody | None = None
     friction_scale: float = 1.0

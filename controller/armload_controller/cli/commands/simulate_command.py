@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,7 +13,10 @@ from armload_controller.cli.options import BitrateOption, ChannelOption, CycleOp
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.motion_control import MotionControl
 
-NO_PAYLOAD = "none"
+if TYPE_CHECKING:
+    from armload_controller.config.robot_simulation import RobotSimulation
+    from armload_drivers.simulation.plant_spec import PayloadChange
+
 POLL_S = 0.1
 
 
@@ -24,7 +28,19 @@ def simulate(
     cycle_hz: CycleOption = None,
     payload: Annotated[
         str | None,
-        typer.Option(help="A payload named under simulation.payloads, or 'none'; the configured one if not given."),
+        typer.Option(
+            help="A payload named under simulation.payloads, a payload file (.toml), or 'none'; the configured one if "
+            "not given."
+        ),
+    ] = None,
+    payload_at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--payload-at",
+            metavar="TIME=PAYLOAD",
+            help="Mount another payload, or 'none', this long after the first SYNC, whether the arm moves or not, such "
+            "as 10s=tool.toml; may be given several times.",
+        ),
     ] = None,
     description: Annotated[
         list[Path] | None,
@@ -49,7 +65,7 @@ def simulate(
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     name = arm.simulation.payload_name if payload is None else payload
-    mounted = None if name == NO_PAYLOAD else name
+    changes = payload_changes(payload_at or [], arm.simulation)
     screen = Screen()
     described = [read_description(path) for path in description or ()]
     for warning in [warning for found in described for warning in found.warnings]:
@@ -73,12 +89,45 @@ def simulate(
     control = MotionControl()
     with (
         StopSignals(control),
-        drives_alone(arm, mounted, run=int(mounted is not None), described=described) as drives,
+        drives_alone(arm, name, changes, described) as drives,
     ):
+        later = "".join(f", {text.replace('=', ': ', 1)}" for text in payload_at or [])
         screen.step(
             f"{arm.n} simulated drives of {arm.name} on {arm.bus.interface}:{arm.bus.channel}, "
-            f"payload {mounted or NO_PAYLOAD}. Ctrl-C ends them."
+            f"payload {name}{later}. Ctrl-C ends them."
         )
         while drives.running and control.goal.stop is None:
             time.sleep(POLL_S)
     screen.step("drives stopped")
+
+
+def payload_changes(given: list[str], simulation: RobotSimulation) -> list[PayloadChange]:
+    """Payload changes of texts such as '10s=tool.toml'.
+
+    Args:
+        given: The texts.
+        simulation: The arm's twin.
+
+    Returns:
+        Changes in the order of time.
+
+    Raises:
+        BadParameter: another text, or two changes at one time.
+        ConfigurationError: no payload of that name.
+    """
+    from armload_drivers.simulation.plant_spec import PayloadChange
+
+    found: dict[float, PayloadChange] = {}
+    for text in given:
+        at, _, name = text.partition("=")
+        try:
+            time_s = float(at.strip().removesuffix("s"))
+        except ValueError:
+            time_s = math.nan
+        if not (0.0 < time_s < math.inf and name) or time_s in found:
+            raise typer.BadParameter(
+                f"{text!r}: expected a time above zero, each once, and a payload, such as 10s=tool.toml or 40s=none",
+                param_hint="--payload-at",
+            )
+        found[time_s] = PayloadChange(time_s, simulation.mounted(name))
+    return [found[time_s] for time_s in sorted(found)]

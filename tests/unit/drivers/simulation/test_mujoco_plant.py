@@ -17,7 +17,7 @@ from armload_core.arrays import FloatArray
 from armload_drivers.driver_errors import SimulationError
 from armload_drivers.simulation.mujoco_model import build_model
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
-from armload_drivers.simulation.plant_spec import PlantJoint, PlantSpec, PlantVariant, RigidBody
+from armload_drivers.simulation.plant_spec import PayloadChange, PlantJoint, PlantSpec, PlantVariant, RigidBody
 
 pytest.importorskip("mujoco")
 
@@ -342,6 +342,51 @@ class TestFriction:
         assert moved(27.0) > 1e-5
 
 
+HEAVY = RigidBody(8.0, np.array([0.5, 0.0, 0.0]), np.diag([0.01, 0.02, 0.02]))
+
+
+class TestPayloadThatChanges:
+    def test_from_then_on_it_is_the_arm_with_that_payload(self) -> None:
+        spec = arm(lifting(**FRICTION), changes=(PayloadChange(0.5, HEAVY), PayloadChange(1.5, None)))
+        plant = powered(spec)
+        plant.sample(CYCLE_S)
+        plant.set_target(0, 1.0, 2.0)
+        before, mounted = after(plant, 0.499), after(plant, 0.001)
+        assert mounted.joint_velocity_rad_s == pytest.approx(before.joint_velocity_rad_s, abs=2e-3), "it goes on"
+        assert mounted.joint_velocity_rad_s[0] > 0.4
+        carried = after(plant, 0.5)
+        again = after(plant, 0.6)
+        for now, moment_kg_m in ((carried, 10.0 * 0.3 + 8.0 * 0.5), (again, 10.0 * 0.3)):
+            expected = moment_kg_m * GRAVITY * math.cos(now.joint_position_rad[0])
+            assert now.link_torque_nm[0] == pytest.approx(expected, rel=0.02)
+
+    def test_times_count_from_the_first_sync(self) -> None:
+        plant = powered(arm(lifting(), changes=(PayloadChange(0.5, HEAVY),)))
+        plant.advance(3.0)
+        weights = [after(plant, 0.1).link_torque_nm[0] for _ in range(8)]
+        assert weights[4] == pytest.approx(3.0 * GRAVITY, rel=1e-3), "0.4 s after it"
+        assert weights[5] > 4.0 * GRAVITY, "it has just been mounted"
+        assert weights[7] == pytest.approx(7.0 * GRAVITY, rel=1e-2)
+
+    @pytest.mark.parametrize("variant", PlantVariant)
+    def test_mounting_what_is_mounted_changes_nothing(self, variant: PlantVariant) -> None:
+        spec = replace(shipped("er50"), variant=variant)
+        one, other = powered(spec), powered(spec)
+        for plant in (one, other):
+            plant.set_target(1, plant.hold_position(1) + 0.3, 1.0)
+            plant.advance(0.5)
+        other.mount(spec.payload)
+        for _ in range(20):
+            first, second = after(one, 0.01), after(other, 0.01)
+            np.testing.assert_allclose(second.joint_position_rad, first.joint_position_rad, atol=1e-6)
+            np.testing.assert_allclose(second.axis_torque_nm, first.axis_torque_nm, atol=0.1)
+
+    def test_an_arm_without_power_keeps_its_brakes(self) -> None:
+        plant = ArmPlant(arm(lifting(), start_position_rad=np.array([0.4])))
+        plant.mount(HEAVY)
+        assert after(plant, 1.0).joint_position_rad[0] == pytest.approx(0.4, abs=1e-5)
+
+
 class TestElasticJoints:
     @pytest.mark.parametrize(("index", "frequency_hz"), [(0, 12.0), (3, 25.0)])
     def test_natural_frequency_against_the_locked_motor(self, index: int, frequency_hz: float) -> None:
@@ -564,6 +609,9 @@ class TestRefusals:
             (arm(joint(coulomb_nm=-1.0)), "coulomb_nm is -1.0; it must not be negative"),
             (arm(joint(load_friction=1.0)), "load_friction is 1.0; it must be below 1"),
             (arm(joint(), rated_payload=IMPOSSIBLE), "rated_payload: inertia_kg_m2 has"),
+            (arm(joint(), changes=(PayloadChange(1.0, IMPOSSIBLE),)), "payload from 1.0 s on: inertia_kg_m2 has"),
+            (arm(joint(), changes=(PayloadChange(2.0, None), PayloadChange(1.0, None))), "changes at 1.0 s, after 2.0"),
+            (arm(joint(), changes=(PayloadChange(0.0, None),)), "times must be above zero"),
             (arm(joint(), coupling=np.zeros((1, 1))), "coupling has no inverse"),
             (arm(joint(), start_position_rad=np.zeros(2)), r"start_position_rad has the shape \(2,\)"),
             (arm(joint(), torque_gain_error=np.zeros(2)), r"torque_gain_error has the shape \(2,\)"),

@@ -1,0 +1,42 @@
+"""`armload simulate`: what is mounted, and when."""
+
+import numpy as np
+import pytest
+from typer import BadParameter
+
+from armload_controller.cli.commands.simulate_command import payload_changes
+from armload_controller.config.robot import load_robot
+from armload_controller.control_errors import ConfigurationError
+from armload_identification.files.payload_file import write_payload
+
+
+@pytest.fixture(scope="module")
+def simulation():
+    return load_robot("er50").simulation
+
+
+def test_payloads_by_name_and_by_file_in_the_order_of_time(simulation, make_subject, tmp_path):
+    payload = make_subject().payload
+    file = tmp_path / "tool.toml"
+    write_payload(file, payload)
+    named, path = simulation.payload_name, str(file)
+    changes = payload_changes(["40s=none", f"10s={path}", f"2.5={named}"], simulation)
+    assert [change.time_s for change in changes] == [2.5, 10.0, 40.0]
+    assert changes[0].payload.mass_kg == simulation.payload(named).mass_kg
+    assert changes[1].payload.mass_kg == pytest.approx(payload.model.mass_kg)
+    np.testing.assert_allclose(changes[1].payload.center_of_mass_m, payload.model.center_of_mass_m)
+    assert changes[2].payload is None
+    assert simulation.plant_spec(path, changes=changes).changes == tuple(changes)
+
+
+@pytest.mark.parametrize("text", ["soon=none", "10s", "10s=", "0s=none", "-1s=none", "inf=none", "nan=none"])
+def test_what_is_no_change_is_refused(simulation, text):
+    with pytest.raises(BadParameter, match="expected a time above zero"):
+        payload_changes([text], simulation)
+
+
+def test_one_payload_at_a_time(simulation):
+    with pytest.raises(BadParameter, match="each once"):
+        payload_changes(["10s=none", "10=none"], simulation)
+    with pytest.raises(ConfigurationError, match=r"simulation\.payloads"):
+        payload_changes(["10s=anvil"], simulation)
