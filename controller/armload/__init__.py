@@ -23,16 +23,22 @@ if TYPE_CHECKING:
     from armload_controller.analysis.robot_payload import read_run as read_recording
     from armload_controller.config.robot import Robot, load_robot
     from armload_controller.config.urdf_arm import UrdfArm, read_urdf_arm
+    from armload_controller.cycle.plugins import CycleStep
     from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+    from armload_controller.session.installed_plugins import PluginTable
     from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.files.payload_file import read_payload
     from armload_identification.recording.recording import Recording
     from armload_identification.results.findings import Findings
+    from armload_identification.storage.strict_toml import BadValue
 
 __all__ = [
+    "BadValue",
+    "CycleStep",
     "Findings",
     "KnownPayload",
     "PayloadFeedforward",
+    "PluginTable",
     "Recording",
     "Robot",
     "UrdfArm",
@@ -46,9 +52,12 @@ __all__ = [
 ]
 
 _HOMES: Final = {
+    "BadValue": ("armload_identification.storage.strict_toml", "BadValue"),
+    "CycleStep": ("armload_controller.cycle.plugins", "CycleStep"),
     "Findings": ("armload_identification.results.findings", "Findings"),
     "KnownPayload": ("armload_identification.estimation.prior_knowledge", "KnownPayload"),
     "PayloadFeedforward": ("armload_controller.feedforward.payload_feedforward", "PayloadFeedforward"),
+    "PluginTable": ("armload_controller.session.installed_plugins", "PluginTable"),
     "Recording": ("armload_identification.recording.recording", "Recording"),
     "Robot": ("armload_controller.config.robot", "Robot"),
     "UrdfArm": ("armload_controller.config.urdf_arm", "UrdfArm"),

@@ -64,3 +64,27 @@ def design() -> None:
     assert_type(excitation.periods, int)
     excitation.save("excitation.toml")
     excitation.picture(Path("excitation.png"))
+
+
+class Near:
+    """Stops where a joint is near its zero."""
+
+    def __init__(self, n: int, distance_rad: float) -> None:
+        self.n, self.distance_rad = n, distance_rad
+
+    def on_cycle(self, step: armload.CycleStep) -> None:
+        """Look at one cycle."""
+        if float(abs(step.feedback.position_rad).min()) < self.distance_rad:
+            step.ask_to_stop("near zero")
+
+
+class NearTable(armload.PluginTable):
+    """A plug-in of the cycle from a package of one's own."""
+
+    distance_rad: float
+
+    def plugin(self, robot: armload.Robot) -> Near:
+        """Make it."""
+        if self.distance_rad <= 0.0:
+            raise armload.BadValue("distance_rad", self.distance_rad, "expected more than 0")
+        return Near(robot.n, self.distance_rad)

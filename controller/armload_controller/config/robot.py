@@ -8,6 +8,7 @@ for the cycle, that the joints can hold the payloads named, and that the files n
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import resources
@@ -108,6 +109,11 @@ class Robot:
                 f"no such file beside {self.file}; make it with `armload calibrate`, or take the key out",
             )
         return path
+
+    @property
+    def plugins(self) -> Mapping[str, Mapping[str, object]]:
+        """Settings of the plug-ins of the cycle that the file names; what they are is theirs to say."""
+        return self.source.tables.plugins
 
     @property
     def has_bus(self) -> bool:

@@ -152,7 +152,7 @@ class PoweredArm:
     ) -> None:
         self._servos, self._limits = servos, limits
         self._gate, self._control, self._host = gate, control, host
-        self._feedback = feedback
+        self._feedback = _sealed(feedback)
         self._last: deque[JointFeedback] = deque(maxlen=FLIGHT_RECORDER_CYCLES)
         self._follower = RuckigFollower(feedback.position_rad, limits, servos.cycle_s)
         self._sent: JointCommand | None = None
@@ -257,7 +257,7 @@ class PoweredArm:
     def _send(self, command: JointCommand, reference: Reference) -> None:
         """Send a command that was checked."""
         self._unsent = None
-        self._feedback = self._servos.exchange(command)
+        self._feedback = _sealed(self._servos.exchange(command))
         self._last.append(self._feedback)
         self._sent, self._sent_reference = command, reference
         self.position_rad = command.position_rad
@@ -288,3 +288,11 @@ class PoweredArm:
     def _ask_to_stop(self, reason: str) -> None:
         """A plug-in's request."""
         self._control.stop(PluginStop(self._host.calling, reason))
+
+
+def _sealed(feedback: JointFeedback) -> JointFeedback:
+    """A feedback that no plug-in can write to: where the arm stands is where it is held, and rows of it are kept."""
+    for values in (feedback.position_rad, feedback.velocity_rad_s, feedback.current_a, feedback.torque_nm):
+        if values is not None:
+            values.setflags(write=False)
+    return feedback

@@ -66,7 +66,7 @@ class CyclePlugin(Protocol):
         """Take part in one cycle.
 
         Args:
-            step: What there is to see; its arrays are not to be written to.
+            step: What there is to see; its arrays are read-only.
 
         Returns:
             (n,) joint torque to add, in N m, or None. The array is used before the next call.

@@ -220,8 +220,11 @@ def along(path: Path, states: list[PhaseState]) -> tuple[FloatArray, FloatArray,
     """Joint positions, velocities and accelerations (N, n) at phase states."""
     s, rate, acceleration = np.array([(x.phase_s, x.rate, x.acceleration_1_s) for x in states]).T
     state = path.evaluate(s)
-    return (
+    joints = (
         state.position_rad,
         state.velocity_rad_s * rate[:, None],
         state.acceleration_rad_s2 * rate[:, None] ** 2 + state.velocity_rad_s * acceleration[:, None],
     )
+    for values in joints:
+        values.setflags(write=False)  # a plug-in sees them before the drives do
+    return joints

@@ -150,5 +150,7 @@ class RuckigFollower:
             raise InfeasibleMotion(f"Ruckig refuses a setpoint: {result}")
         output = self._output
         output.pass_to_input(self._input)
-        position, velocity, acceleration = np.array([output.new_position, output.new_velocity, output.new_acceleration])
+        state = np.array([output.new_position, output.new_velocity, output.new_acceleration])
+        state.setflags(write=False)  # a plug-in sees them before the drives do
+        position, velocity, acceleration = state
         return position, velocity, acceleration

@@ -30,6 +30,7 @@ from armload_controller.motion.checked_path import CheckedLeg, CheckedPath
 from armload_controller.motion.joint_limits import LimitViolation
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.paths import BlockedWay
+from armload_controller.session.installed_plugins import plugins_of
 from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.servos import JointServos
 
@@ -132,16 +133,19 @@ def run_session(robot: Robot, load: Load, open_servos: ServosFactory, operator: 
         operator: The person at the arm.
 
     Raises:
+        ConfigurationError: a plug-in that the robot's file names cannot be had; the arm was not opened.
         MotionError: a stop was requested before; the arm was not opened.
         DriverError: the arm could not be connected.
     """
     require_going(operator.control)
-    with open_servos(load) as servos:
+    with plugins_of(robot) as plugins, open_servos(load) as servos:
+        for plugin in plugins:
+            operator.display.step(f"plug-in {plugin.name} of {plugin.package}")
         operator.display.step(f"{load}: connecting to {servos.n} drives")
         servos.connect()
         for text in () if servos.simulated else robot.drives.weak_points:
             operator.display.step(f"warning: {text}")
-        yield RunSession(robot, load, servos, operator)
+        yield RunSession(robot, load, servos, operator, plugins)
 
 
 class RunSession:
@@ -152,14 +156,17 @@ class RunSession:
         load: What hangs on its flange.
         servos: Its servos, connected.
         operator: The person at the arm.
+        plugins: Those that the robot's file names; they take part in every motion.
 
     Attributes:
         load: As given.
         servos: As given.
     """
 
-    def __init__(self, robot: Robot, load: Load, servos: JointServos, operator: Operator) -> None:
-        self._robot, self._operator = robot, operator
+    def __init__(
+        self, robot: Robot, load: Load, servos: JointServos, operator: Operator, plugins: Sequence[CyclePlugin]
+    ) -> None:
+        self._robot, self._operator, self._plugins = robot, operator, plugins
         self.load, self.servos = load, servos
         self._moved = False
         self._rounded: set[CheckedPath] = set()
@@ -254,9 +261,9 @@ class RunSession:
             )
 
     def _cycle(self, plugins: Sequence[CyclePlugin]) -> Cycle:
-        """A cycle of this arm."""
+        """A cycle of this arm, with some plug-ins and those of its file."""
         gate = TorqueGate(self._robot.limits.added_torque_max_nm, self.servos.cycle_s)
-        return Cycle(self.servos, self._robot.limits.motion, gate, self._operator.control, plugins)
+        return Cycle(self.servos, self._robot.limits.motion, gate, self._operator.control, [*plugins, *self._plugins])
 
     def _monitor(self) -> FollowingMonitor:
         """The monitor of following error, feedback and cycles."""

@@ -5,7 +5,7 @@ Every limit must be given, an unknown key is an error, numbers must be numbers.
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
@@ -98,6 +98,7 @@ class RobotFile(Table):
     log: LogTable | None = None
     joints: Annotated[list[JointTable], Field(min_length=1)]
     simulation: SimulationTable | None = None
+    plugins: dict[str, dict[str, Any]] = Field(default={})
 
     @property
     def n(self) -> int:

@@ -1,0 +1,197 @@
+"""Plug-ins of the cycle that other packages bring: installed, named in a robot's file, and found by entry point.
+
+    [plugins.torque_ceiling]                        in the robot's file: the entry point's name
+    joint = "joint_2"                               what the package wants to know, read strictly
+    torque_nm = 150.0
+
+    [project.entry-points."armload.plugins"]        in the package's pyproject.toml
+    torque_ceiling = "torque_ceiling:TorqueCeilingTable"
+
+The entry point is a `PluginTable`. A session makes the plug-ins before it opens the arm, calls them in every cycle
+after its own monitors, in the order of the file, and calls `close`, where one has it, once the arm is off.
+
+Such a plug-in watches, records and asks for a stop. It adds no torque: torque reaches the drives only after their
+offset was tried at standstill (`offset_check`), and nothing is tried for a package. Whatever it raises is a failure
+of the plug-in: the arm is brought to rest along its path.
+"""
+
+from __future__ import annotations
+
+import difflib
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from importlib.metadata import EntryPoint, entry_points
+from typing import Protocol
+
+from armload_controller.config.robot import Robot
+from armload_controller.control_errors import ConfigurationError, ControlError
+from armload_controller.cycle.plugins import CycleStep, PluginFailed
+from armload_identification.storage.strict_toml import BadValue, Table, validated
+
+GROUP = "armload.plugins"
+"""Group of the entry points."""
+
+
+class Watcher(Protocol):
+    """A plug-in that adds no torque."""
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Take part in one cycle.
+
+        Args:
+            step: What there is to see; its arrays are read-only.
+        """
+
+
+class PluginTable(Table, ABC):
+    """Settings of a plug-in, `[plugins.NAME]` of a robot's file; a package derives its own from it, key by key.
+
+    Examples:
+        >>> import armload
+        >>> class SlowestTable(armload.PluginTable):
+        ...     velocity_rad_s: float
+        ...
+        ...     def plugin(self, robot: armload.Robot) -> "Slowest":
+        ...         if self.velocity_rad_s <= 0.0:
+        ...             raise armload.BadValue("velocity_rad_s", self.velocity_rad_s, "expected more than 0")
+        ...         return Slowest(self.velocity_rad_s)
+        >>> class Slowest:
+        ...     def __init__(self, velocity_rad_s: float) -> None:
+        ...         self.velocity_rad_s = velocity_rad_s
+        ...
+        ...     def on_cycle(self, step: armload.CycleStep) -> None:
+        ...         if abs(step.command.velocity_rad_s).max() > self.velocity_rad_s:
+        ...             step.ask_to_stop("too fast for what hangs there")
+        >>> isinstance(SlowestTable(velocity_rad_s=1.0).plugin(armload.load_robot("er50")), Slowest)
+        True
+    """
+
+    @abstractmethod
+    def plugin(self, robot: Robot) -> Watcher:
+        """Make the plug-in, once for each session and before the arm is opened.
+
+        Args:
+            robot: The arm.
+
+        Raises:
+            BadValue: a setting does not fit the arm.
+        """
+
+
+class FilePlugin:
+    """A plug-in of a robot's file as the cycle takes it.
+
+    Args:
+        name: Of its table.
+        watcher: What the package made.
+        package: Name and version of the package.
+
+    Attributes:
+        name: What messages call it: the key in the robot's file, which no plug-in of armload's own has.
+        package: As given.
+    """
+
+    def __init__(self, name: str, watcher: Watcher, package: str) -> None:
+        self.name = _key(name)
+        self.package = package
+        self._on_cycle: Callable[[CycleStep], object] = watcher.on_cycle
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Let it see one cycle.
+
+        Raises:
+            PluginFailed: it raised, or returned something. An error of armload's own that it raises is no other
+                matter: what that error means, and how the arm is stopped for it, is for armload's monitors to say.
+        """
+        try:
+            answer = self._on_cycle(step)
+        except Exception as error:
+            raise PluginFailed(self.name, f"of {self.package} raised {type(error).__name__}: {error}") from error
+        if answer is not None:
+            raise PluginFailed(
+                self.name,
+                f"of {self.package} returned {answer!r}, expected None: a plug-in of a robot's file adds no torque, "
+                "as the drives' torque offset is not tried for it",
+            )
+
+
+@contextmanager
+def plugins_of(robot: Robot) -> Iterator[tuple[FilePlugin, ...]]:
+    """The plug-ins that a robot's file names, for a session; leaving the block closes them.
+
+    Raises:
+        ConfigurationError: one is not installed, cannot be loaded, or refuses its settings.
+    """
+    with ExitStack() as closing:
+        plugins = []
+        for name, settings in robot.plugins.items():
+            entry = _installed(robot, name)
+            watcher = _made(robot, name, entry, settings)
+            close = getattr(watcher, "close", None)
+            if close is not None:
+                closing.callback(close)
+            plugins.append(FilePlugin(name, watcher, _package(entry)))
+        yield tuple(plugins)
+
+
+def _installed(robot: Robot, name: str) -> EntryPoint:
+    """The entry point of a name.
+
+    Raises:
+        ConfigurationError: there is none, or more than one.
+    """
+    entries = list(entry_points(group=GROUP))
+    found = [entry for entry in entries if entry.name == name]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        packages = " and ".join(sorted(_package(entry) for entry in found))
+        raise robot.source.refused(_key(name), {}, f"{packages} both bring a plug-in of this name: uninstall one")
+    close = difflib.get_close_matches(name, {entry.name for entry in entries}, n=1)
+    meant = f": did you mean {close[0]}?" if close else ","
+    names = ", ".join(sorted(f"{entry.name} ({_package(entry)})" for entry in entries)) or "none"
+    raise robot.source.refused(
+        _key(name),
+        {},
+        f"no plug-in of this name is installed{meant} installed are: {names}. Install its package where armload is, or "
+        "take the table out",
+    )
+
+
+def _made(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, object]) -> Watcher:
+    """The plug-in of an entry point.
+
+    Raises:
+        ConfigurationError: it cannot be loaded, is no plug-in, or refuses its settings.
+    """
+    key, whose = _key(name), f"{entry.value} of {_package(entry)}"
+    try:
+        table = entry.load()
+    except Exception as problem:
+        why = f"{type(problem).__name__}: {problem}"
+        raise robot.source.refused(key, {}, f"{whose} cannot be loaded: {why}. Install that package anew") from problem
+    if not (isinstance(table, type) and issubclass(table, PluginTable)):
+        raise robot.source.refused(key, {}, f"{whose} is {table!r}, expected a class derived from armload.PluginTable")
+    try:
+        watcher = validated(settings, robot.file, table, ConfigurationError, within=key).plugin(robot)
+    except BadValue as problem:
+        raise robot.source.refused(f"{key}.{problem.key}", problem.found, problem.expected) from problem
+    except ControlError:
+        raise
+    except Exception as problem:
+        why = f"{type(problem).__name__}: {problem}"
+        raise robot.source.refused(key, {}, f"{whose} could not make its plug-in: {why}") from problem
+    if not callable(getattr(watcher, "on_cycle", None)):
+        raise robot.source.refused(key, {}, f"{whose} made {watcher!r}, expected an object with on_cycle(step)")
+    return watcher
+
+
+def _key(name: str) -> str:
+    """Key of a plug-in's table in the robot's file."""
+    return f"plugins.{name}"
+
+
+def _package(entry: EntryPoint) -> str:
+    """Name and version of the package that an entry point belongs to."""
+    return "a package without a name" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"

@@ -1,0 +1,64 @@
+"""A plug-in of armload's cycle: asks for a stop where a joint's measured torque stays above a ceiling.
+
+[plugins.torque_ceiling]
+joint = "joint_2"
+torque_nm = 150.0
+cycles = 10
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+import armload
+
+
+class TorqueCeilingTable(armload.PluginTable):
+    """The keys of `[plugins.torque_ceiling]`.
+
+    What is missing, unknown, out of range or of another type is refused by armload, with file, key and value.
+
+    Attributes:
+        joint: Name of the joint.
+        torque_nm: Ceiling of its torque, either direction.
+        cycles: So many cycles in a row above it are no noise.
+    """
+
+    joint: str
+    torque_nm: Annotated[float, Field(gt=0)]
+    cycles: Annotated[int, Field(ge=1)]
+
+    def plugin(self, robot: armload.Robot) -> TorqueCeiling:
+        """Make the plug-in for an arm; what does not fit the arm is refused here."""
+        if self.joint not in robot.joint_names:
+            raise armload.BadValue("joint", self.joint, f"expected one of {', '.join(robot.joint_names)}")
+        return TorqueCeiling(robot, self)
+
+
+class TorqueCeiling:
+    """The plug-in.
+
+    Args:
+        robot: The arm.
+        settings: Its table in the robot's file.
+    """
+
+    def __init__(self, robot: armload.Robot, settings: TorqueCeilingTable) -> None:
+        self._settings = settings
+        self._joint = robot.joint_names.index(settings.joint)
+        self._transmission = robot.transmission
+        self._above = 0
+
+    def on_cycle(self, step: armload.CycleStep) -> None:
+        """Look at one cycle; called in the control loop, so nothing here waits."""
+        torque_nm = self._transmission.measured(step.feedback.torque_nm, step.feedback.current_a)
+        if torque_nm is None:
+            return
+        found_nm = abs(float(torque_nm[self._joint]))
+        self._above = self._above + 1 if found_nm > self._settings.torque_nm else 0
+        if self._above == self._settings.cycles:
+            step.ask_to_stop(
+                f"{self._settings.joint} has {found_nm:.1f} N m, its ceiling is {self._settings.torque_nm:g} N m"
+            )
