@@ -30,25 +30,25 @@ STATES = 64  # a power of two
 _HARNESS = """\
 #include <stdio.h>
 #include <time.h>
-#include "er50_payload.h"
+#include "armload_er50.h"
 
 enum { STATES = %(states)d };
-static const double STATE[STATES][3][ER50_PAYLOAD_JOINTS] = {%(numbers)s};
+static const double STATE[STATES][3][ARMLOAD_ER50_JOINTS] = {%(numbers)s};
 
 int main(void)
 {
-    double torque[ER50_PAYLOAD_JOINTS] = {0.0}, sum = 0.0;
+    double torque[ARMLOAD_ER50_JOINTS] = {0.0}, sum = 0.0;
     clock_t started = clock();
     long i;
     int j;
 
     for (i = 0; i < %(calls)dL; i++) {
         const int t = (int)(i & (STATES - 1));
-        er50_payload_torque(STATE[t][0], STATE[t][1], STATE[t][2], torque);
+        armload_er50_torque(STATE[t][0], STATE[t][1], STATE[t][2], torque);
         sum += torque[0];
     }
     printf("%%.9e", (double)(clock() - started) / CLOCKS_PER_SEC / %(calls)d);
-    for (j = 0; j < ER50_PAYLOAD_JOINTS; j++) {
+    for (j = 0; j < ARMLOAD_ER50_JOINTS; j++) {
         printf(" %%.17g", torque[j]);
     }
     return sum != sum;
@@ -98,9 +98,7 @@ def _subject() -> ExportSubject:
         noise_nm=per_joint,
         provenance=Provenance("benchmark", robot.sha256, {}),
     )
-    return ExportSubject(
-        robot.name, robot.joint_names, robot.chain, payload, "expected_payload", robot.sha256, "benchmark"
-    )
+    return ExportSubject.of(robot, payload, "expected_payload", robot.sha256)
 
 
 def _compile(folder: Path, compiler: str, subject: ExportSubject, states: np.ndarray) -> Path:
@@ -111,7 +109,7 @@ def _compile(folder: Path, compiler: str, subject: ExportSubject, states: np.nda
     (folder / "main.c").write_text(_HARNESS % {"states": STATES, "numbers": numbers, "calls": C_CALLS})
     program = folder / "benchmark"
     flags = ["-std=c99", "-O2", "-Wno-missing-braces"]
-    subprocess.run([compiler, *flags, "main.c", "er50_payload.c", "-o", program, "-lm"], cwd=folder, check=True)
+    subprocess.run([compiler, *flags, "main.c", "armload_er50.c", "-o", program, "-lm"], cwd=folder, check=True)
     return program
 
 

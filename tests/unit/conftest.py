@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -180,6 +181,7 @@ def make_subject():
     # here, so that the tests of the mathematics do not load the controller
     from armload_controller.config.robot import load_robot
     from armload_controller.export.subject import ExportSubject
+    from armload_controller.motion.joint_limits import MotionLimits
 
     def make_subject(robot: str = "er50", undetermined: tuple[str, ...] = (), **changes: object) -> ExportSubject:
         arm = load_robot(robot)
@@ -188,15 +190,19 @@ def make_subject():
         )
         known = np.array([name not in undetermined for name in PARAMETER_NAMES])
         interval = np.where(known[:, None], body.values[:, None] + np.array([-1e-4, 1e-4]), np.nan)
-        chain = changes.get("chain", arm.chain)
-        assert isinstance(chain, Chain)
-        per_joint = np.ones(chain.n)
+        per_joint = np.ones(arm.n)
         payload = PayloadResult(
             "flange", body, known, interval, per_joint, per_joint, Provenance("0", arm.sha256, {"a.csv": "0"})
         )
-        given = {"robot": arm.name, "joint_names": arm.joint_names, "chain": chain, "payload": payload}
-        origin = {"payload_file": "payload.toml", "payload_sha256": "0123abcd", "armload_version": "1.2.3"}
-        return ExportSubject(**(given | origin | changes))
+        subject = replace(ExportSubject.of(arm, payload, "payload.toml", "0123abcd"), armload_version="1.2.3")
+        if isinstance(chain := changes.get("chain"), Chain):
+            changes |= other_joints(chain.n) | {"payload": replace(payload, residual_rms_nm=np.ones(chain.n))}
+        return replace(subject, **changes)
+
+    def other_joints(n: int) -> dict[str, object]:
+        two = np.full(n, 2.0)
+        names = tuple(f"joint {i}" for i in range(n))
+        return {"limits": MotionLimits(names, -two, two, two, two, two, two), "torque_max_nm": 50.0 * two}
 
     return make_subject
 

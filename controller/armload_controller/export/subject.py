@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from importlib.metadata import version
 
+from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ExportError
+from armload_controller.cycle.torque_gate import FULL_SWING_S
 from armload_controller.feedforward.payload_use import why_not_usable
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult
 
@@ -17,8 +22,10 @@ class ExportSubject:
 
     Attributes:
         robot: Name of the robot.
-        joint_names: Names of the joints, from the base to the flange.
+        robot_sha256: Hash of its file.
         chain: Kinematics up to the flange, and gravity.
+        limits: What its joints may do.
+        torque_max_nm: (n,) greatest torque of each joint, its drive's limit considered.
         payload: The payload, in the flange frame.
         payload_file: The file it was read from, as messages name it; the exported texts have its name without folders.
         payload_sha256: Hash of that file.
@@ -30,8 +37,10 @@ class ExportSubject:
     """
 
     robot: str
-    joint_names: tuple[str, ...]
+    robot_sha256: str
     chain: Chain
+    limits: MotionLimits
+    torque_max_nm: FloatArray
     payload: PayloadResult
     payload_file: str
     payload_sha256: str
@@ -41,6 +50,38 @@ class ExportSubject:
         problem = why_not_usable(self.payload, self.chain, self.robot, "exported")
         if problem is not None:
             raise ExportError(self.payload_file, problem)
+
+    @staticmethod
+    def of(robot: Robot, payload: PayloadResult, payload_file: str, payload_sha256: str) -> ExportSubject:
+        """A payload on a robot.
+
+        Args:
+            robot: The arm.
+            payload: What it carries.
+            payload_file: Where that was read from.
+            payload_sha256: Hash of that file.
+        """
+        return ExportSubject(
+            robot=robot.name,
+            robot_sha256=robot.sha256,
+            chain=robot.chain,
+            limits=robot.limits.motion,
+            torque_max_nm=robot.limits.added_torque_max_nm,
+            payload=payload,
+            payload_file=payload_file,
+            payload_sha256=payload_sha256,
+            armload_version=version("armload"),
+        )
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, from the base to the flange."""
+        return self.limits.joint_names
+
+    @property
+    def torque_rate_nm_s(self) -> FloatArray:
+        """(n,) how fast each joint's torque may change, as where armload adds torque itself."""
+        return self.torque_max_nm / FULL_SWING_S
 
     @property
     def identifier(self) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -36,15 +35,7 @@ def export(
 
     arm, screen = load_robot(robot), Screen(as_json=as_json)
     result = read_payload(payload)
-    subject = ExportSubject(
-        robot=arm.name,
-        joint_names=arm.joint_names,
-        chain=arm.chain,
-        payload=result,
-        payload_file=str(payload),
-        payload_sha256=hashlib.sha256(payload.read_bytes()).hexdigest(),
-        armload_version=version("armload"),
-    )
+    subject = ExportSubject.of(arm, result, str(payload), hashlib.sha256(payload.read_bytes()).hexdigest())
     files = write_texts(exporter(export_format)(subject), output)
     for path, written in files.items():
         screen.result(f"{'written' if written else 'unchanged'}: {path}")

@@ -1,39 +1,38 @@
-"""Expressions as the body of a C function: one constant per line, no loop, no branch, no allocation."""
+"""A function's expressions as the body of a C function: one constant per line, no loop, no branch, no allocation."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from armload_controller.export.straight_line.arm_functions import Function
+from armload_controller.export.straight_line.expressions import Kind
+from armload_controller.export.straight_line.precision import Precision
 
-from armload_controller.export.straight_line.expressions import Expression, Graph, Kind
-from armload_controller.export.wording import exact
 
+def c_statements(function: Function, precision: Precision = Precision.DOUBLE) -> str:
+    """Statements that compute a function's outputs from its inputs.
 
-def c_statements(graph: Graph, inputs: Sequence[str], outputs: Mapping[str, Sequence[Expression]]) -> str:
-    """Statements that compute outputs from the graph's inputs.
-
-    Every output is written after every input was read, so that an output array may be one of the inputs.
+    Every output is written after every input was read, so that an output array may be one of the inputs. An input that
+    no output depends on is marked as unused.
 
     Args:
-        graph: Where the outputs are.
-        inputs: Arrays that the function is given; one that no output depends on is marked as unused.
-        outputs: Elements by name of the array.
+        function: What is computed.
+        precision: Type of every number.
     """
-    every = [element for elements in outputs.values() for element in elements]
+    graph = function.graph
     texts: dict[int, str] = {}
     lines: list[str] = []
-    for number in graph.needed(every):
+    for number in graph.needed(function.elements):
         node = graph.nodes[number]
         operands = [texts[operand] for operand in node.operands]
         match node.kind:
             case Kind.CONSTANT:
-                texts[number] = exact(node.value)
+                texts[number] = precision.literal(node.value)
                 continue
             case Kind.INPUT:
                 text = node.name
             case Kind.COSINE:
-                text = f"cos({operands[0]})"
+                text = f"cos{precision.suffix}({operands[0]})"
             case Kind.SINE:
-                text = f"sin({operands[0]})"
+                text = f"sin{precision.suffix}({operands[0]})"
             case Kind.SUM:
                 text = f"{operands[0]} + {operands[1]}"
             case Kind.DIFFERENCE:
@@ -41,11 +40,11 @@ def c_statements(graph: Graph, inputs: Sequence[str], outputs: Mapping[str, Sequ
             case Kind.PRODUCT:
                 text = f"{operands[0]} * {operands[1]}"
         texts[number] = f"t{len(lines)}"
-        lines.append(f"    const double t{len(lines)} = {text};")
-    unused = [f"    (void){name};" for name in inputs if not any(f" = {name}[" in line for line in lines)]
+        lines.append(f"    const {precision} t{len(lines)} = {text};")
+    unused = [f"    (void){name};" for name in function.inputs if not any(f" = {name}[" in line for line in lines)]
     lines = [*unused, *lines, ""]
-    for name, elements in outputs.items():
+    for name, elements in function.outputs.items():
         for i, element in enumerate(elements):
-            value = exact(0.0) if element.is_zero else texts[element.number]
+            value = precision.literal(0.0) if element.is_zero else texts[element.number]
             lines.append(f"    {name}[{i}] = {'-' if not element.is_zero and element.sign < 0 else ''}{value};")
     return "\n".join(lines)

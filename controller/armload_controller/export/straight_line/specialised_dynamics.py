@@ -54,6 +54,11 @@ class SpecialisedArm:
         q: (n) joint positions.
         dq: (n) velocities; None stands for rest.
         ddq: (n) accelerations; None stands for none.
+
+    Attributes:
+        graph: The graph.
+        flange: (4, 4) flange in the frame after the last group, in which a payload's parameters are.
+        motion: Of that frame.
     """
 
     def __init__(
@@ -66,7 +71,7 @@ class SpecialisedArm:
     ) -> None:
         self.graph = graph
         self._groups = groups.groups
-        self._flange = groups.flange
+        self.flange = groups.flange
         zero = graph.constant(0.0)
         n = len(q)
         self._dq = [zero] * n if dq is None else list(dq)
@@ -95,7 +100,7 @@ class SpecialisedArm:
 
     def screws(self) -> list[tuple[Vector, Vector]]:
         """Axis of each joint, and the velocity it gives the flange, in flange coordinates per rad/s."""
-        graph, flange = self.graph, self._flange
+        graph, flange = self.graph, self.flange
         zero = graph.constant(0.0)
         # columns of the rotation into flange coordinates, and the way from a frame's origin to the flange's
         x, y, z = (constant_vector(graph, row) for row in flange[:3, :3])
@@ -114,8 +119,8 @@ class SpecialisedArm:
 
     def at_flange(self) -> tuple[Vector, Vector, Vector]:
         """Angular velocity, angular and linear acceleration of the flange, in its coordinates."""
-        columns = [constant_vector(self.graph, self._flange[:3, k]) for k in range(3)]
-        moved = _acceleration_at(self.motion, constant_vector(self.graph, self._flange[:3, 3]))
+        columns = [constant_vector(self.graph, self.flange[:3, k]) for k in range(3)]
+        moved = _acceleration_at(self.motion, constant_vector(self.graph, self.flange[:3, 3]))
         w, e, a = (
             (dot(columns[0], v), dot(columns[1], v), dot(columns[2], v)) for v in (self.motion.w, self.motion.e, moved)
         )

@@ -159,9 +159,8 @@ def test_a_payload_without_mass_or_centre_is_refused_in_the_words_of_export(miss
     known[missing] = False
     with pytest.raises(PayloadRefused) as fed:
         plugin(payload(determined=known))
-    names = tuple(f"j{i}" for i in range(6))
     with pytest.raises(ExportError) as exported:
-        ExportSubject("prbt", names, ROBOT.chain, payload(determined=known), "payload", "0", "0")
+        ExportSubject.of(ROBOT, payload(determined=known), "payload", "0")
     assert str(fed.value).replace("fed forward", "exported") == str(exported.value)
 
 

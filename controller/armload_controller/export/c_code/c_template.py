@@ -1,0 +1,24 @@
+"""The templates beside this file: `@name` and `@{name}` stand for what is generated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from string import Template
+
+
+class _CTemplate(Template):
+    """Neither C nor CMake writes an @, and both write a $."""
+
+    delimiter = "@"
+
+
+def filled(template: str, fields: Mapping[str, str]) -> str:
+    """A template with its fields.
+
+    Args:
+        template: Name of the file, without `.in`.
+        fields: Text by name; every name of the template must be there.
+    """
+    text = (resources.files("armload_controller.export.c_code") / f"{template}.in").read_text(encoding="ascii")
+    return _CTemplate(text).substitute(fields)

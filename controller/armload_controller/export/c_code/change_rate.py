@@ -1,0 +1,64 @@
+"""How fast a payload may change: no faster than the joints' torque may.
+
+At rest a change of mass dm and of first moment ds, both at the origin of the last frame, changes joint i's torque by at
+most g (|dm| L_i + |ds|), L_i being the greatest distance of that origin from the joint's axis. The blend's greatest
+rate is 1.5 of its mean, so that within a rate r_i of every joint it takes at least
+
+    T = 1.5 g max_i (|dm| L_i + |ds|) / r_i  <=  |dm| 1.5 g max_i L_i / r_i  +  |ds| 1.5 g max_i 1 / r_i
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from armload_controller.export.straight_line.planar_groups import Group, PlanarGroups, planar_groups
+from armload_core.arrays import FloatArray
+from armload_identification.model.chain import Chain
+
+_STEEPEST: Final = 1.5
+"""Greatest slope of (3 - 2 u) u^2."""
+
+
+@dataclass(frozen=True)
+class ChangeRate:
+    """The shortest transition.
+
+    Attributes:
+        s_per_kg: Per change of mass.
+        s_per_kg_m: Per change of first moment.
+    """
+
+    s_per_kg: float
+    s_per_kg_m: float
+
+
+def change_rate(chain: Chain, torque_rate_nm_s: FloatArray) -> ChangeRate:
+    """The shortest transition of a payload.
+
+    Args:
+        chain: The arm.
+        torque_rate_nm_s: (n,) how fast each joint's torque may change.
+    """
+    g = _STEEPEST * float(np.linalg.norm(chain.gravity_m_s2))
+    levers_m = _levers(planar_groups(chain))
+    return ChangeRate(g * float(np.max(levers_m / torque_rate_nm_s)), g * float(np.max(1.0 / torque_rate_nm_s)))
+
+
+def _levers(groups: PlanarGroups) -> FloatArray:
+    """(n,) bound on the distance of the last frame's origin from each joint's axis: its parts' lengths, added."""
+    levers: dict[int, float] = {}
+    beyond_m = 0.0  # from the end of a group to the last origin
+    following: Group | None = None
+    for group in reversed(groups.groups):
+        # what lies along a group's own axis is no lever about it
+        across_m = beyond_m + (abs(following.shift_m[0]) if following else 0.0)
+        for joint in reversed(group.joints):
+            across_m += abs(joint.shift_m[0])
+            levers[joint.index] = across_m
+        lengths = [np.hypot(*joint.shift_m) for joint in group.joints]
+        beyond_m += float(np.hypot(*following.shift_m) if following else 0.0) + float(np.sum(lengths))
+        following = group
+    return np.array([levers[i] for i in range(len(levers))])

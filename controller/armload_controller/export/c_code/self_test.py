@@ -1,0 +1,48 @@
+"""Vectors of the self-test: joint states, and the payload's torque there by the core, a second implementation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from armload_controller.export.straight_line.precision import Precision
+from armload_controller.export.subject import ExportSubject
+from armload_core.arrays import FloatArray
+from armload_identification.model.regressor import payload_torque
+
+VECTORS: Final = 8
+_SEED: Final = 20
+
+
+@dataclass(frozen=True, eq=False)
+class SelfTest:
+    """What is given and what is expected.
+
+    Attributes:
+        given: (VECTORS, 3, n) q, dq, ddq within the joints' limits, as the precision holds them.
+        expected_nm: (VECTORS, 2, n) torque in motion and at rest.
+    """
+
+    given: FloatArray
+    expected_nm: FloatArray
+
+
+def self_test(subject: ExportSubject, precision: Precision) -> SelfTest:
+    """Vectors for a payload on an arm."""
+    given = states_within(subject, VECTORS, _SEED).astype(precision.dtype).astype(np.float64)
+    q, dq, ddq = np.swapaxes(given, 0, 1)
+    still = np.zeros_like(q)
+    theta = subject.payload.model.theta
+    moving = payload_torque(subject.chain, theta, q, dq, ddq)
+    resting = payload_torque(subject.chain, theta, q, still, still)
+    return SelfTest(given, np.stack([moving, resting], axis=1))
+
+
+def states_within(subject: ExportSubject, count: int, seed: int) -> FloatArray:
+    """(count, 3, n) joint states, uniform within the joints' limits."""
+    limits = subject.limits
+    least = np.stack([limits.position_min_rad, -limits.velocity_max_rad_s, -limits.acceleration_max_rad_s2])
+    greatest = np.stack([limits.position_max_rad, limits.velocity_max_rad_s, limits.acceleration_max_rad_s2])
+    return np.random.default_rng(seed).uniform(least, greatest, (count, *least.shape))

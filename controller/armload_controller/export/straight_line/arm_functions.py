@@ -1,0 +1,124 @@
+"""What is generated for one arm, as functions of expressions; the texts in C and other languages are made from them."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import Final
+
+import numpy as np
+
+from armload_controller.export.straight_line.expressions import Expression, Graph, Operations
+from armload_controller.export.straight_line.planar_groups import planar_groups
+from armload_controller.export.straight_line.specialised_dynamics import (
+    SpecialisedArm,
+    payload_regressor,
+    payload_torque,
+)
+from armload_core.arrays import FloatArray
+from armload_identification.model.chain import Chain
+from armload_identification.model.payload import InertialParameters
+
+STATE: Final = ("q_rad", "dq_rad_s", "ddq_rad_s2")
+"""Names of the joint state's arrays."""
+THETA: Final = "theta"
+"""Name of the ten parameters of a payload that is given with every call."""
+_NEGLIGIBLE = 4e-15
+"""Share of the greatest first moment, or inertia, that is rounding."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """Expressions with names for what goes in and out.
+
+    Attributes:
+        graph: Where the expressions are.
+        inputs: Names of the arrays that it is given, whether or not an output depends on them.
+        outputs: Elements by name of the array.
+    """
+
+    graph: Graph
+    inputs: tuple[str, ...]
+    outputs: Mapping[str, Sequence[Expression]]
+
+    @property
+    def elements(self) -> list[Expression]:
+        """All elements of all outputs."""
+        return [element for elements in self.outputs.values() for element in elements]
+
+    @property
+    def operations(self) -> Operations:
+        """How much arithmetic it takes."""
+        return self.graph.operations(self.elements)
+
+
+def torque_of(chain: Chain, payload: InertialParameters) -> Function:
+    """Torque of one payload: q_rad, dq_rad_s, ddq_rad_s2 -> torque_nm."""
+    return _of_one_payload(chain, payload, STATE)
+
+
+def gravity_of(chain: Chain, payload: InertialParameters) -> Function:
+    """Torque of one payload at rest: q_rad -> torque_nm."""
+    return _of_one_payload(chain, payload, STATE[:1])
+
+
+def any_torque(chain: Chain) -> Function:
+    """Torque of any payload: state and theta, as `into_own` gives it, -> torque_nm."""
+    return _of_any_payload(chain, STATE)
+
+
+def any_gravity(chain: Chain) -> Function:
+    """Torque at rest of any payload: q_rad and theta, as `into_own` gives it, -> torque_nm."""
+    return _of_any_payload(chain, STATE[:1])
+
+
+def regressor_of(chain: Chain) -> Function:
+    """Regressor of a payload in the flange frame, row by row: state -> regressor (10 n)."""
+    arm, graph = _arm(chain, STATE)
+    return Function(graph, STATE, {"regressor": [element for row in payload_regressor(arm) for element in row]})
+
+
+def into_own(chain: Chain) -> Function:
+    """Ten parameters from the flange into the frame in which torque is computed: theta -> own (10), a linear map."""
+    flange = planar_groups(chain).flange
+    columns = [_without_rounding(InertialParameters(unit).transformed(flange).theta) for unit in np.eye(10)]
+    graph = Graph()
+    theta = graph.inputs(THETA, 10)
+    own = []
+    for row in np.column_stack(columns):
+        terms = [float(factor) * value for factor, value in zip(row, theta, strict=True)]
+        own.append(reduce(operator.add, terms))
+    return Function(graph, (THETA,), {"own": own})
+
+
+def _of_one_payload(chain: Chain, payload: InertialParameters, state: tuple[str, ...]) -> Function:
+    """The payload's numbers as constants."""
+    first_moment = payload.transformed(planar_groups(chain).flange).theta[1:3]
+    # the last frame is turned about its axis until the first moment lies in its x z plane: a zero more
+    turn_rad = float(np.arctan2(first_moment[1], first_moment[0]))
+    arm, graph = _arm(chain, state, turn_rad)
+    theta = _without_rounding(payload.transformed(arm.flange).theta)
+    torque = payload_torque(arm, [graph.constant(float(value)) for value in theta])
+    return Function(graph, state, {"torque_nm": torque})
+
+
+def _of_any_payload(chain: Chain, state: tuple[str, ...]) -> Function:
+    """The payload's numbers as inputs."""
+    arm, graph = _arm(chain, state)
+    return Function(graph, (*state, THETA), {"torque_nm": payload_torque(arm, graph.inputs(THETA, 10))})
+
+
+def _arm(chain: Chain, state: tuple[str, ...], about_last_axis_rad: float = 0.0) -> tuple[SpecialisedArm, Graph]:
+    """The arm in a graph of its own, moving or at rest."""
+    graph = Graph()
+    q, *moving = (graph.inputs(name, chain.n) for name in state)
+    dq, ddq = moving or (None, None)
+    return SpecialisedArm(graph, planar_groups(chain, about_last_axis_rad), q, dq, ddq), graph
+
+
+def _without_rounding(theta: FloatArray) -> FloatArray:
+    """Ten parameters, those that are nothing but rounding beside their like set to zero."""
+    scale = np.repeat([abs(theta[0]), np.abs(theta[1:4]).max(), np.abs(theta[4:]).max()], [1, 3, 6])
+    return np.where(np.abs(theta) < _NEGLIGIBLE * scale, 0.0, theta)

@@ -1,0 +1,35 @@
+"""Double or single precision of generated C: its type, its literals, its functions."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import numpy as np
+
+from armload_controller.export.wording import exact
+
+
+class Precision(StrEnum):
+    """What numbers are computed in, by its name in C."""
+
+    DOUBLE = "double"
+    SINGLE = "float"
+
+    @property
+    def dtype(self) -> type[np.float64] | type[np.float32]:
+        """The same type in numpy."""
+        return np.float64 if self is Precision.DOUBLE else np.float32
+
+    @property
+    def suffix(self) -> str:
+        """What functions of math.h and literals of this type end with."""
+        return "" if self is Precision.DOUBLE else "f"
+
+    def literal(self, value: float) -> str:
+        """The shortest text that is this number in this type, without an implicit conversion."""
+        if self is Precision.DOUBLE:
+            return exact(value)
+        text = np.format_float_positional(np.float32(value) + np.float32(0.0), unique=True, trim="0")
+        if len(text) > 15:
+            text = np.format_float_scientific(np.float32(value), unique=True, trim="0")
+        return f"{text}f"
