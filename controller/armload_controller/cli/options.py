@@ -41,3 +41,10 @@ CalibrationOption = Annotated[
         "--calibration", help="Calibration file of `armload calibrate`; else the one that the robot's file names."
     ),
 ]
+LiveOption = Annotated[
+    bool, typer.Option("--live", help="Show the arm while it moves, to Foxglove on this computer. Extra: live.")
+]
+LiveAddressOption = Annotated[
+    str | None,
+    typer.Option("--live-address", metavar="HOST:PORT", help="Show it there; 127.0.0.1:8765 if not given."),
+]

@@ -23,6 +23,7 @@ from mcap.writer import Writer
 from armload_controller.control_errors import CommissioningError, RecordingFailed
 from armload_controller.cycle.arm_frames import FRAMES_SCHEMA, FRAMES_SCHEMA_NAME, FRAMES_TOPIC, ArmFrames
 from armload_controller.cycle.plugins import CycleStep
+from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.recording.run_format import MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
@@ -122,8 +123,7 @@ class Recorder:
         reference = step.sent_reference
         if step.sent is None or reference is None:
             return
-        in_periods = reference.segment is Segment.PERIODS
-        self.write(step.feedback, step.sent, reference.segment, reference.state.phase_s if in_periods else None)
+        self.write(step.feedback, step.sent, reference.segment, phase_of(reference))
 
     def write(self, feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None) -> None:
         """Record one cycle; `phase_s` is None outside the whole periods.
@@ -131,25 +131,11 @@ class Recorder:
         Raises:
             RecordingFailed: the disk is full, or another error of the file.
         """
-        message: dict[str, object] = {
-            "cycle": feedback.cycle,
-            "time_s": feedback.time_s,
-            "phase_s": phase_s,
-            "segment": segment,
-            "command_position_rad": command.position_rad,
-            "position_rad": feedback.position_rad,
-        }
-        for key in ("velocity_rad_s", "current_a", "torque_nm"):
-            values = getattr(feedback, key)
-            if values is not None:
-                message[key] = values
-        message["torque_offset_nm"] = command.torque_offset_nm
-        message["statusword"] = feedback.statusword
-        message["missing"] = feedback.missing
         if self._started_ns is None:
             self._started_ns = self._clock_ns() - round(feedback.time_s * 1e9)
         stamp_ns = self._started_ns + round(feedback.time_s * 1e9)
-        data = orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY)
+        row = joint_row(feedback, command, segment, phase_s)
+        data = orjson.dumps(row, option=orjson.OPT_SERIALIZE_NUMPY)
         try:
             self._writer.add_message(self._channel, stamp_ns, data, stamp_ns, feedback.cycle)
             self.rows += 1
@@ -180,6 +166,40 @@ class Recorder:
 
     def _failed(self, error: OSError) -> RecordingFailed:
         return RecordingFailed(f"{self._partial} could not be written: {error.strerror}")
+
+
+def phase_of(reference: Reference) -> float | None:
+    """Where on the excitation a reference is; None outside the whole periods."""
+    return reference.state.phase_s if reference.segment is Segment.PERIODS else None
+
+
+def joint_row(
+    feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None
+) -> dict[str, object]:
+    """One cycle as `run_format.MESSAGE_SCHEMA` has it.
+
+    Args:
+        feedback: What the drives answered.
+        command: What they answered to.
+        segment: The part of the run.
+        phase_s: Phase along the excitation, None outside the whole periods.
+    """
+    row: dict[str, object] = {
+        "cycle": feedback.cycle,
+        "time_s": feedback.time_s,
+        "phase_s": phase_s,
+        "segment": segment,
+        "command_position_rad": command.position_rad,
+        "position_rad": feedback.position_rad,
+    }
+    for key in ("velocity_rad_s", "current_a", "torque_nm"):
+        values = getattr(feedback, key)
+        if values is not None:
+            row[key] = values
+    row["torque_offset_nm"] = command.torque_offset_nm
+    row["statusword"] = feedback.statusword
+    row["missing"] = feedback.missing
+    return row
 
 
 def _partial_of(path: Path) -> Path:

@@ -106,11 +106,13 @@ class Operator:
         display: What they see.
         control: Their pause, speed and stop.
         consent: Their agreement.
+        watching: Plug-ins of every motion that show it, called last.
     """
 
     display: Display
     control: MotionControl
     consent: Consent
+    watching: tuple[CyclePlugin, ...] = ()
 
 
 def no_operator() -> Operator:
@@ -263,7 +265,8 @@ class RunSession:
     def _cycle(self, plugins: Sequence[CyclePlugin]) -> Cycle:
         """A cycle of this arm, with some plug-ins and those of its file."""
         gate = TorqueGate(self._robot.limits.added_torque_max_nm, self.servos.cycle_s)
-        return Cycle(self.servos, self._robot.limits.motion, gate, self._operator.control, [*plugins, *self._plugins])
+        every = [*plugins, *self._plugins, *self._operator.watching]
+        return Cycle(self.servos, self._robot.limits.motion, gate, self._operator.control, every)
 
     def _monitor(self) -> FollowingMonitor:
         """The monitor of following error, feedback and cycles."""

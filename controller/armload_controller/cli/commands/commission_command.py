@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -20,6 +20,8 @@ from armload_controller.cli.options import (
     ChannelOption,
     CycleOption,
     InterfaceOption,
+    LiveAddressOption,
+    LiveOption,
     RobotArgument,
     SimulatedDrivesOption,
     YesOption,
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.cycle.monitors import CycleSummary
+    from armload_controller.session.live_view import LiveAddress
     from armload_controller.session.run_session import Consent, Load
     from armload_identification.model.payload import InertialParameters
     from armload_identification.recording.recording import Recording
@@ -72,6 +75,8 @@ def commission(
     ] = None,
     calibration: CalibrationOption = None,
     yes: YesOption = False,
+    live: LiveOption = False,
+    live_address: LiveAddressOption = None,
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
@@ -86,9 +91,11 @@ def commission(
     from armload_controller.session.arm_access import VIRTUAL, require_rules
     from armload_controller.session.commissioning import missing_roles, require_recordings
     from armload_controller.session.folder_claim import claimed
+    from armload_controller.session.live_view import live_at
     from armload_controller.session.run_session import Load
 
     allowed = tolerance_of(tolerance)
+    shown = live_at(live, live_address)
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
@@ -108,7 +115,7 @@ def commission(
             raise CommissioningError(
                 f"{directory} holds these recordings already, none is overwritten: choose another --output"
             )
-        plan = _Plan(arm, directory, now, simulated_drives, yes, mass_kg)
+        plan = _Plan(arm, directory, now, simulated_drives, yes, mass_kg, shown)
         _record(plan, screen, control, halves[runs], todo)
         if runs is Runs.UNLOADED:
             _show_half(screen, directory, as_json=as_json)
@@ -138,6 +145,7 @@ class _Plan:
         simulated_drives: Only drives with the simulation's identity are driven.
         yes: The operator has agreed to what allows that.
         mass_kg: Of the payload, where it was weighed.
+        live: Where to show the arm while it moves; None shows it nowhere.
     """
 
     arm: Robot
@@ -146,12 +154,14 @@ class _Plan:
     simulated_drives: bool
     yes: bool
     mass_kg: float | None
+    live: LiveAddress | None
 
 
 def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequence[Load], todo: Sequence[Load]) -> None:
     """Record the halves that are not there yet."""
     from armload_controller.session.arm_access import VIRTUAL, open_arm
     from armload_controller.session.commissioning import record_half
+    from armload_controller.session.live_view import shown_live
     from armload_controller.session.run_session import Consent, Load, Operator
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.servos import JointServos
@@ -161,9 +171,10 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=plan.simulated_drives)
 
-    with StopSignals(control) as signals:
+    with ExitStack() as stack:
+        signals = stack.enter_context(StopSignals(control))
         consent = Consent(lambda question: signals.ask(question, screen.confirm), given=plan.yes)
-        operator = Operator(screen, control, consent)
+        operator = stack.enter_context(shown_live(Operator(screen, control, consent), arm, plan.live))
         for load in halves:
             if load not in todo:
                 screen.step(f"{load}: recorded already in {directory}, taken up")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,6 +16,8 @@ from armload_controller.cli.options import (
     ChannelOption,
     CycleOption,
     InterfaceOption,
+    LiveAddressOption,
+    LiveOption,
     RobotArgument,
     SimulatedDrivesOption,
     YesOption,
@@ -59,6 +61,8 @@ def feedforward(
     cycle_hz: CycleOption = None,
     simulated_drives: SimulatedDrivesOption = False,
     yes: YesOption = False,
+    live: LiveOption = False,
+    live_address: LiveAddressOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Add a payload's torque to the drives' own (60B2), after trying it at standstill; compare with the arm's as well.
@@ -79,6 +83,7 @@ def feedforward(
     from armload_controller.session.arm_access import open_arm, require_rules
     from armload_controller.session.comparison_figure import draw, require_picture
     from armload_controller.session.feedforward_comparison import ComparisonRuns
+    from armload_controller.session.live_view import live_at, shown_live
     from armload_controller.session.run_session import Consent, Load, Operator, run_session
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.servos import JointServos
@@ -109,9 +114,10 @@ def feedforward(
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
 
-    with StopSignals(control) as signals:
+    with ExitStack() as stack:
+        signals = stack.enter_context(StopSignals(control))
         consent = Consent(lambda question: signals.ask(question, screen.confirm), given=yes)
-        operator = Operator(screen, control, consent)
+        operator = stack.enter_context(shown_live(Operator(screen, control, consent), arm, live_at(live, live_address)))
         if not compare:
             with run_session(arm, Load.LOADED, open_servos, operator) as session:
                 verdict = runs.try_offset(session, result)

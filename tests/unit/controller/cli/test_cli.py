@@ -110,9 +110,11 @@ def test_validate_fails_on_another_payload(commissioned, armload, short_robot, t
 
 def test_the_second_half_takes_up_the_first(armload, short_robot, tmp_path):
     output = tmp_path / "halves"
-    first = armload("commission", short_robot, "--runs", "unloaded", "--output", output, "--json")
+    half = ("commission", short_robot, "--runs", "unloaded", "--output", output, "--json")
+    first = armload(*half, "--live-address", "127.0.0.1:0")
     assert first.exit_code == 0, first.output
     assert "--runs loaded" in first.stderr
+    assert "ws://127.0.0.1:" in first.stderr
     assert not (output / "payload.toml").exists()
     assert json.loads(first.stdout) == {
         "schema": "armload/commission-half/1",

@@ -1,0 +1,180 @@
+"""The process that serves an arm's motion by Foxglove's WebSocket protocol, to as many clients as want to look.
+
+    /joints    a cycle's row, as in a recording
+    /frames    every link in the one before it, as in a recording: the arm in 3-D
+    /limits    the joints' limits, and how much of each is used
+    /progress  what is being done, and how much of it is over
+
+The SDK keeps a bounded number of messages for a client and drops the oldest, so one that reads slowly or not at all
+loses messages and keeps nobody waiting. Its `stop`, however, waits for such a client for good (measured with 0.30), so
+this process ends without.
+
+References:
+    Foxglove WebSocket protocol, https://github.com/foxglove/ws-protocol.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import time
+from dataclasses import dataclass
+from threading import Thread
+from typing import Any
+
+import numpy as np
+import orjson
+
+from armload_controller.cycle.arm_frames import FRAMES_SCHEMA, FRAMES_TOPIC, ArmFrames
+from armload_controller.motion.joint_limits import MotionLimits
+from armload_core.arrays import FloatArray
+from armload_identification.recording.run_format import MESSAGE_SCHEMA, TOPIC
+from armload_identification.signals.joint_torque import Transmission
+
+LIMITS_TOPIC, PROGRESS_TOPIC = "/limits", "/progress"
+LIMIT_BYTES = 65536
+"""Greatest message of the cycle; the row of 16 joints takes 2 kB."""
+REPEAT_S = 1.0
+"""Where nothing happens, the last messages are repeated at this interval for clients that came later."""
+_BACKLOG = 64
+"""Messages that are kept for a client that does not keep up."""
+_NICE = 10
+_GOODBYE_S = 1.0
+"""Time to close the connections of clients that read."""
+
+_LIMITS = ("position_min_rad", "position_max_rad", "velocity_max_rad_s", "torque_max_nm", "following_error_max_rad")
+_USED = ("position_share", "velocity_share", "torque_share", "following_error_share")
+_SHARES = {"type": "array", "items": {"type": ["number", "null"]}}
+_LIMITS_SCHEMA: dict[str, Any] = {
+    "title": "armload.Limits",
+    "description": "Limits of the joints, units in the names; _share is what is used of each, 1 is all of it.",
+    "type": "object",
+    "properties": {
+        "joint_names": {"type": "array", "items": {"type": "string"}},
+        **dict.fromkeys((*_LIMITS, *_USED), _SHARES),
+    },
+}
+_PROGRESS_SCHEMA: dict[str, Any] = {
+    "title": "armload.Progress",
+    "type": "object",
+    "properties": {"text": {"type": "string"}, "share": {"type": "number", "description": "0 to 1"}},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LiveArm:
+    """What is known of an arm of n joints before it moves.
+
+    Attributes:
+        frames: Makes messages of where its links are.
+        limits: Of its motion.
+        torque_max_nm: (n,) greatest torque of each joint.
+        transmission: From motor current to joint torque.
+    """
+
+    frames: ArmFrames
+    limits: MotionLimits
+    torque_max_nm: FloatArray
+    transmission: Transmission
+
+    def limits_message(self, row: dict[str, Any]) -> bytes:
+        """The limits, and what a row uses of them.
+
+        Args:
+            row: A cycle, as recordings have it.
+        """
+        limits = self.limits
+        values = {key: _values(row, key) for key in ("position_rad", "velocity_rad_s", "current_a", "torque_nm")}
+        torque = self.transmission.measured(values["torque_nm"], values["current_a"])
+        half = (limits.position_max_rad - limits.position_min_rad) / 2.0
+        off_center = np.abs(np.array(row["position_rad"]) - limits.position_min_rad - half)
+        behind = np.abs(np.array(row["command_position_rad"]) - np.array(row["position_rad"]))
+        message = {
+            "joint_names": limits.joint_names,
+            "position_min_rad": limits.position_min_rad,
+            "position_max_rad": limits.position_max_rad,
+            "velocity_max_rad_s": limits.velocity_max_rad_s,
+            "torque_max_nm": self.torque_max_nm,
+            "following_error_max_rad": limits.following_error_rad,
+            "position_share": off_center / half,
+            "velocity_share": _share(values["velocity_rad_s"], limits.velocity_max_rad_s),
+            "torque_share": _share(torque, self.torque_max_nm),
+            "following_error_share": behind / limits.following_error_rad,
+        }
+        return orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY)
+
+
+def serve(link: socket.socket, host: str, port: int, arm: LiveArm) -> None:
+    """Serve until the other end of the link is closed, then end this process.
+
+    Args:
+        link: Carries JSON objects, one a message: `joints` is a cycle's row, `progress` a text and a share. The first
+            answer on it is the port, or the problem.
+        host: Where to listen.
+        port: Likewise; 0 is any that is free.
+        arm: What is known of the arm.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the motion, which is to be seen to its end
+    os.nice(_NICE)
+    import foxglove
+
+    foxglove.set_log_level("CRITICAL")  # what it says of its clients would stand in the operator's progress
+    context = foxglove.Context()
+    try:
+        server = foxglove.start_server(
+            name="armload", host=host, port=port, context=context, message_backlog_size=_BACKLOG
+        )
+    except RuntimeError as error:
+        link.send(orjson.dumps({"problem": str(error).removeprefix("FoxgloveError: ")}))
+        return
+    channels = {
+        topic: foxglove.Channel(topic, schema=schema, context=context)
+        for topic, schema in (
+            (TOPIC, MESSAGE_SCHEMA),
+            (FRAMES_TOPIC, FRAMES_SCHEMA),
+            (LIMITS_TOPIC, _LIMITS_SCHEMA),
+            (PROGRESS_TOPIC, _PROGRESS_SCHEMA),
+        )
+    }
+    link.send(orjson.dumps({"port": server.port}))
+    link.settimeout(REPEAT_S)
+    last: dict[str, Any] = {}
+    while True:
+        try:
+            data = link.recv(LIMIT_BYTES)
+        except TimeoutError:
+            data = b"{}"
+        if not data:
+            break
+        last |= orjson.loads(data)
+        now_ns = time.time_ns()
+        for topic, message in _messages(last, arm, now_ns).items():
+            channels[topic].log(message, log_time=now_ns)
+    goodbye = Thread(target=server.stop, daemon=True)
+    goodbye.start()
+    goodbye.join(_GOODBYE_S)
+    os._exit(0)
+
+
+def _messages(state: dict[str, Any], arm: LiveArm, now_ns: int) -> dict[str, bytes]:
+    """What there is to say, by topic."""
+    messages = {}
+    if "progress" in state:
+        messages[PROGRESS_TOPIC] = orjson.dumps(state["progress"])
+    if "joints" in state:
+        row = state["joints"]
+        messages[TOPIC] = orjson.dumps(row)
+        messages[FRAMES_TOPIC] = arm.frames.message(np.array(row["position_rad"]), now_ns)
+        messages[LIMITS_TOPIC] = arm.limits_message(row)
+    return messages
+
+
+def _values(row: dict[str, Any], key: str) -> FloatArray | None:
+    """Numbers of a row; None where the drives do not report them."""
+    return np.array(row[key]) if key in row else None
+
+
+def _share(values: FloatArray | None, greatest: FloatArray) -> FloatArray | None:
+    """(n,) what is used of a limit."""
+    return None if values is None else np.abs(values) / greatest
