@@ -73,7 +73,7 @@ class ExcitationFileError(FileError):
 
 
 class ReportError(IdentificationError):
-    """A report that cannot be written."""
+    """A report or a picture that cannot be written."""
 
 
 def file_problem(file: str, key: str, found: object, expected: str) -> str:

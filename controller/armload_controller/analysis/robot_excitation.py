@@ -75,7 +75,11 @@ class DesignedExcitation:
         write_excitation(Path(path), self._excitation(Path(path).name))
 
     def picture(self, path: str | PathLike[str]) -> None:
-        """Draw the motion, its limits and the design on one page, .png, .svg or .pdf."""
+        """Draw the motion, its limits and the design on one page, .png, .svg or .pdf.
+
+        Raises:
+            ReportError: the file cannot be written.
+        """
         # Imported here: matplotlib is slow to load.
         from armload_identification.report.figure_file import write_figure
         from armload_identification.report.path_figure import path_figure

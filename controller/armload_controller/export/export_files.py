@@ -27,21 +27,32 @@ def write_texts(texts: dict[str, str], output: Path) -> dict[Path, bool]:
     """
     single = len(texts) == 1 and bool(output.suffix) and not output.is_dir()
     paths = {(output if single else output / name): text for name, text in texts.items()}
-    try:
-        changed = {path: not _holds(path, text) for path, text in paths.items()}
-        for path, text in paths.items():
-            if changed[path]:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                replace_file(path, text.encode("ascii"))
-    except OSError as problem:
-        raise ExportError(str(problem.filename or output), f"cannot be written: {problem.strerror}") from problem
+    changed = {path: not _holds(path, text) for path, text in paths.items()}
+    for path, text in paths.items():
+        if changed[path]:
+            _write(path, text)
     return changed
+
+
+def _write(path: Path, text: str) -> None:
+    """Write one file, and make its folder."""
+    at = path.parent
+    try:
+        at.mkdir(parents=True, exist_ok=True)
+        at = path
+        replace_file(path, text.encode("ascii"))
+    except OSError as problem:
+        raise ExportError(str(at), f"cannot be written: {problem.strerror}") from problem
 
 
 def _holds(path: Path, text: str) -> bool:
     """True where the file has the text, False where there is no file."""
-    if not path.exists():
+    try:
+        there = path.read_bytes() if path.exists() else None
+    except OSError as problem:
+        raise ExportError(str(path), f"is there already and cannot be read: {problem.strerror}") from problem
+    if there is None:
         return False
-    if path.read_bytes() != text.encode("ascii"):
+    if there != text.encode("ascii"):
         raise ExportError(str(path), "is there already with another content; remove it, or give another --output")
     return True

@@ -32,7 +32,8 @@ def draw(comparisons: Sequence[Comparison], robot: str, path: Path) -> None:
         path: SVG or PNG file, after its ending; an existing file is replaced.
 
     Raises:
-        CommissioningError: another ending, or the file cannot be written.
+        CommissioningError: another ending.
+        ReportError: the file cannot be written.
     """
     require_picture(path)
     from matplotlib.figure import Figure
@@ -54,7 +55,4 @@ def draw(comparisons: Sequence[Comparison], robot: str, path: Path) -> None:
         axes[0, column].set_title(comparison.measure, fontsize=9)
         axes[-1, column].set_xlabel("phase of the path, s")
     figure.suptitle(f"{robot}: without and with feed-forward", fontsize=10)
-    try:
-        write_figure(path, figure, dpi=130)
-    except OSError as error:
-        raise CommissioningError(f"{path}: {error.strerror}: choose a file that can be written") from error
+    write_figure(path, figure, dpi=130)

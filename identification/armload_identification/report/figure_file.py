@@ -6,6 +6,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from armload_identification.identification_errors import ReportError
 from armload_identification.storage.replace_file import replace_file
 
 if TYPE_CHECKING:
@@ -21,8 +22,14 @@ def write_figure(path: Path, figure: Figure, dpi: float) -> None:
         dpi: Resolution of pixels, per inch.
 
     Raises:
-        OSError: the file cannot be written.
+        ReportError: the file cannot be written.
     """
     drawn = io.BytesIO()
     figure.savefig(drawn, format=path.suffix.removeprefix(".").lower(), dpi=dpi)
-    replace_file(path, drawn.getvalue())
+    try:
+        replace_file(path, drawn.getvalue())
+    except OSError as problem:
+        raise ReportError(
+            f"{path}: the picture cannot be written ({problem.strerror}). Name a file in a folder that exists and may "
+            "be written to."
+        ) from problem

@@ -60,7 +60,7 @@ class PayloadOverTime:
         """Draw mass and its 95 % interval over time, .png, .svg or .pdf; an existing file is replaced.
 
         Raises:
-            OSError: the file cannot be written.
+            ReportError: the file cannot be written.
         """
         # Imported here: matplotlib is slow to load.
         from armload_identification.report.figure_file import write_figure

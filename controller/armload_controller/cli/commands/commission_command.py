@@ -227,7 +227,10 @@ def _evaluate(
     calibration: Path | None,
     mass_kg: float | None,
 ) -> Findings:
-    """Identify on the first pair, judge on the second, calibrate from all; write the results and show them."""
+    """Identify on the first pair, judge on the second, calibrate from all; write the results and show them.
+
+    The report is written last: a folder that holds one holds everything that the recordings gave.
+    """
     from armload_controller.analysis.robot_payload import identify
     from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.session.commissioning import ROLES, read_pair
@@ -241,16 +244,18 @@ def _evaluate(
     )
     findings = replace(findings, truth=truth).with_validation_in_provenance()
     findings.save(directory / PAYLOAD_NAME)
+    calibrated = _calibrate(arm, directory, (first.unloaded, first.loaded, second.unloaded, second.loaded))
     findings.report(directory / REPORT_NAME, now)
     show_findings(screen, findings)
     screen.step(f"payload: {directory / PAYLOAD_NAME}")
     screen.step(f"report:  {directory / REPORT_NAME}")
-    _calibrate(arm, directory, screen, (first.unloaded, first.loaded, second.unloaded, second.loaded))
+    for text in calibrated:
+        screen.step(text)
     return findings
 
 
-def _calibrate(arm: Robot, directory: Path, screen: Screen, runs: Sequence[Recording]) -> None:
-    """The arm from the four runs, for the next commissioning; where they do not suffice, that is said."""
+def _calibrate(arm: Robot, directory: Path, runs: Sequence[Recording]) -> list[str]:
+    """The arm from the four runs, for the next commissioning, and what to say of it; they may not suffice."""
     from armload_controller.analysis.robot_calibration import calibrate_from_runs
     from armload_controller.config.robot_runs import runs_as_recorded
     from armload_identification.files.calibration_file import write_calibration
@@ -260,9 +265,10 @@ def _calibrate(arm: Robot, directory: Path, screen: Screen, runs: Sequence[Recor
     try:
         result = calibrate_from_runs(arm, runs_as_recorded(runs))
     except (EstimationError, RunTableError) as problem:
-        screen.step(f"warning: no calibration of the arm: {problem}")
-        return
+        return [f"warning: no calibration of the arm: {problem}"]
     write_calibration(path, result)
-    for text in (*(f"left out: {name}: {reason}" for name, reason in result.left_out), *result.warnings):
-        screen.step(f"calibration: {text}")
-    screen.step(f"calibration: {path}, for the next payload: --calibration {path}")
+    notes = (*(f"left out: {name}: {reason}" for name, reason in result.left_out), *result.warnings)
+    return [
+        *(f"calibration: {text}" for text in notes),
+        f"calibration: {path}, for the next payload: --calibration {path}",
+    ]

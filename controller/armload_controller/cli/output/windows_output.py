@@ -28,8 +28,8 @@ def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | No
     if picture is not None:
         try:
             history.picture(picture)
-        except (OSError, ValueError) as error:
-            raise CommissioningError(f"{picture}: {error}: choose a .png or .svg that can be written") from error
+        except ValueError as error:
+            raise CommissioningError(f"{picture}: {error}: choose a .png or .svg") from error
         screen.step(f"written: {picture}")
     if as_json:
         print_document(history.to_dict() | {"files": {"picture": None if picture is None else str(picture)}})

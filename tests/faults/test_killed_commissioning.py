@@ -1,0 +1,163 @@
+"""kill -9 at any moment of a commissioning: at most a quarter of a second of rows is lost, and the next start goes on.
+
+The moments come from a seed. In the suite the motion of both halves is killed again and again, on servos without a bus.
+The whole program, with identification and report, is killed at twenty moments by `pytest -m soak` on this file (five
+minutes on an idle core).
+"""
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+from armload_controller.cycle.run_recorder import Recorder
+from armload_identification.identification_errors import RecordingError
+from armload_identification.recording.file_reading import read_recording
+from tests.short_commissioning import MIDDLE_RAD, RECORDINGS, least_robot, record, write_short_robot
+
+SEED = 12
+PROMISED_S = 0.25
+CYCLE_S = 0.01
+RESULTS = {"payload.toml", "report.html"}
+
+
+class Notes:
+    """What a process that is going to be killed leaves outside its recordings: the times of its rows.
+
+    Args:
+        path: File for the times of the first and the last row that the recorder of the run in progress was given.
+    """
+
+    FORMAT = struct.Struct("qdd")
+
+    def __init__(self, path):
+        self._path = path
+
+    def watch(self, act=lambda row: None):
+        """From now on note every row of this process, before it is recorded, then act on its number."""
+        descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_TRUNC)
+        write_row, seen = Recorder.write, [0]
+
+        def write(recorder, feedback, *rest):
+            seen[0] += 1
+            first_s = feedback.time_s if recorder.rows == 0 else self.FORMAT.unpack(os.pread(descriptor, 24, 0))[1]
+            os.pwrite(
+                descriptor, self.FORMAT.pack(os.fstat(recorder._file.fileno()).st_ino, first_s, feedback.time_s), 0
+            )
+            act(seen[0])
+            write_row(recorder, feedback, *rest)
+
+        Recorder.write = write
+
+    def lost_s(self, folder):
+        """Time of the rows that were measured and are not in the file; 0 where no run was in progress."""
+        if not self._path.exists() or self._path.stat().st_size == 0:
+            return 0.0
+        inode, first_s, last_s = self.FORMAT.unpack(self._path.read_bytes())
+        (file,) = (path for path in folder.iterdir() if path.stat().st_ino == inode)
+        if file.name in RECORDINGS:
+            return 0.0
+        try:
+            return last_s - read_recording(file).time_s[-1]
+        except RecordingError:  # not a single row
+            return last_s - first_s + CYCLE_S
+
+
+def finished(folder):
+    """The complete recordings and results of a folder, and when each was written."""
+    return {path.name: path.stat().st_mtime_ns for path in folder.iterdir() if path.name in RECORDINGS | RESULTS}
+
+
+def killed_in_row(robot, folder, make_servos, notes, row):
+    """A process of its own that dies by kill -9 when it has measured so many rows, before the last is recorded."""
+
+    def kill(seen):
+        if seen == row:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads that the test runner may have
+        child = os.fork()
+    if child == 0:
+        try:
+            notes.watch(kill)
+            record(robot, folder, make_servos)
+        finally:
+            os._exit(1)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def test_the_motion_killed_again_and_again_loses_a_quarter_of_a_second_and_goes_on(ideal_servos, tmp_path):
+    robot, folder, notes = least_robot(), tmp_path / "run", Notes(tmp_path / "notes")
+    folder.mkdir()
+
+    def make_servos():
+        servos = ideal_servos(6, CYCLE_S, position_rad=MIDDLE_RAD)
+        servos.simulated = True
+        return servos
+
+    for row in np.random.default_rng(SEED).integers(1, 1000, 2):
+        before = finished(folder)
+        assert killed_in_row(robot, folder, make_servos, notes, int(row)) == -signal.SIGKILL
+        assert notes.lost_s(folder) <= PROMISED_S
+        assert before.items() <= finished(folder).items()
+    before = finished(folder)
+    record(robot, folder, make_servos)
+    assert before.items() <= finished(folder).items()
+    assert set(finished(folder)) == RECORDINGS
+    for name in RECORDINGS:
+        assert np.isfinite(read_recording(folder / name).phase_s).sum() == 50
+
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from tests.faults.test_killed_commissioning import Notes
+Notes(Path(sys.argv.pop(1))).watch()
+from armload_controller.cli.entry import main
+main()
+"""
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+def test_twenty_kills_of_the_program_lose_nothing_else_and_the_next_start_has_a_result(tmp_path):
+    robot, notes = write_short_robot(tmp_path), Notes(tmp_path / "notes")
+
+    def start(folder):
+        words = [sys.executable, "-c", PROGRAM, tmp_path / "notes", "commission", robot, "--output", folder]
+        return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+    def ends(process):
+        printed, _ = process.communicate(timeout=300)
+        assert process.returncode in (0, 3), printed
+
+    begun_s = time.monotonic()
+    ends(start(tmp_path / "whole"))
+    lasts_s = time.monotonic() - begun_s
+    whole, lost = set(finished(tmp_path / "whole")), []
+    assert whole == RECORDINGS | RESULTS
+    for number, share in enumerate(np.random.default_rng(SEED).uniform(0.0, 1.0, 20)):
+        folder = tmp_path / f"killed-{number}"
+        notes._path.unlink(missing_ok=True)
+        process = start(folder)
+        time.sleep(share * lasts_s)
+        process.kill()
+        process.communicate()
+        before = finished(folder) if folder.exists() else {}
+        lost.append(notes.lost_s(folder))
+        print(f"killed at {share * lasts_s:5.2f} s: {len(before)} files complete, {lost[-1]:.3f} s of rows lost")  # noqa: T201
+        if set(before) == whole:
+            continue
+        ends(start(folder))
+        assert set(finished(folder)) == whole
+        assert {name: finished(folder)[name] for name in set(before) & RECORDINGS} == {
+            name: when for name, when in before.items() if name in RECORDINGS
+        }
+    assert max(lost) <= PROMISED_S

@@ -1,0 +1,60 @@
+"""prbt with excitations of seconds or less, for tests in which a whole commissioning happens."""
+
+import re
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from armload_controller.config.robot import load_robot
+from armload_controller.session.commissioning import ROLES, record_half, recording_path
+from armload_controller.session.run_session import Load, no_operator
+from armload_identification.excitation.excitation_file import write_excitation
+from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+
+MIDDLE_RAD = np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0])
+RECORDINGS = {recording_path(Path(), load, role).name for load in Load for role in ROLES}
+
+
+def least_robot():
+    """prbt with excitations of half a second: a motion, and no more."""
+    swing = np.full((6, 1), 0.008)
+    excitations = {
+        role: Excitation(FourierTrajectory(2.0, MIDDLE_RAD, swing, 0.5 * sign * swing), 1)
+        for role, sign in zip(ROLES, (1.0, -1.0), strict=True)
+    }
+    return replace(load_robot("prbt"), excitations=excitations)
+
+
+def record(robot, folder, make_servos, loads=tuple(Load)):
+    """Everything of a commissioning that moves an arm and has not been recorded yet.
+
+    Args:
+        robot: The arm.
+        folder: Where the recordings go.
+        make_servos: Makes the servos of a half.
+        loads: Which halves.
+    """
+
+    @contextmanager
+    def open_servos(load):
+        yield make_servos()
+
+    for load in loads:
+        record_half(robot, load, open_servos, folder, no_operator(), "now")
+
+
+def write_short_robot(folder):
+    """The file of prbt with excitations of 4 s, from which mass and centre of mass can be found; returns its path."""
+    text = (resources.files("armload_configs") / "prbt.toml").read_text("utf-8")
+    for role, sign in zip(ROLES, (1.0, -1.0), strict=True):
+        turned = 0.5 * sign * np.arange(6)[:, None]
+        trajectory = FourierTrajectory(0.5, MIDDLE_RAD, 0.15 * np.cos(turned), 0.15 * np.sin(turned))
+        write_excitation(folder / f"{role}.toml", Excitation(trajectory, 2))
+        text, count = re.subn(rf'^{role} = ".*"$', f'{role} = "{role}.toml"', text, flags=re.MULTILINE)
+        assert count == 1
+    path = folder / "short.toml"
+    path.write_text(text)
+    return path
