@@ -8,13 +8,12 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_rows import tilt_axes
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.known_arm import KnownArm
-from armload_identification.estimation.uncertainty import CONFIDENCE
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
@@ -137,7 +136,7 @@ class ArmCalibration:
     @property
     def gain_half_width_95(self) -> FloatArray:
         """(n,) half widths of the gains' 95 % intervals."""
-        return float(norm.ppf(0.5 + CONFIDENCE / 2.0)) * self.gain_deviation * self.gain_nm_a
+        return NORMAL_HALF_WIDTH * self.gain_deviation * self.gain_nm_a
 
     @property
     def determined(self) -> NDArray[np.bool_]:

@@ -10,12 +10,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.arm_rows import RunSignals
-from armload_identification.estimation.uncertainty import CONFIDENCE
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 
@@ -46,4 +45,4 @@ def doubtful_share(calibration: ArmCalibration, chain: Chain, run: RunSignals) -
     doubts = calibration.torque_doubts(level, states, step * run.interval_s, torque)
     size = np.sqrt(np.mean(np.sum(doubts**2, axis=0), axis=0))
     whole = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), np.finfo(float).tiny)
-    return np.asarray(float(norm.ppf(0.5 + CONFIDENCE / 2.0)) * size / whole)
+    return np.asarray(NORMAL_HALF_WIDTH * size / whole)

@@ -28,17 +28,16 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.friction_columns import FrictionColumns, FrictionDifference
 from armload_identification.estimation.least_squares import Estimate, Prior, estimate
 from armload_identification.estimation.uncertainty import (
-    CONFIDENCE,
     ResidualSpectrum,
     determined_basis,
     nuisance_deviation,
+    student_half_width,
 )
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
@@ -221,7 +220,7 @@ class _System:
         axes, known = self._axes, self._known_friction.size
         half_width = np.zeros(contradicted.size)
         deviation, freedom = (values[self._first_gain - 10 :] for values in nuisance_deviation(found.fit))
-        half_width[axes] = student.ppf(0.5 + CONFIDENCE / 2.0, freedom) * deviation
+        half_width[axes] = student_half_width(freedom) * deviation
         # Theta's answer to another mean of what was known, W (x - mean) = 0 among the equations.
         rows = found.fit.prior_rows[self._prior.target.size :]
         basis = determined_basis(found.fit)

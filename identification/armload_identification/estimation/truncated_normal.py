@@ -19,8 +19,7 @@ from typing import Final
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.special import ndtr, ndtri
-from scipy.stats import chi2, qmc
+from scipy.special import gammaincinv, ndtr, ndtri
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import CONFIDENCE
@@ -44,6 +43,9 @@ def truncated_moments(mean: FloatArray, covariance: FloatArray, limits: FloatArr
         (4,) and (4, 4). An interval of 1.96 standard deviations about the mean, clipped by the limits, holds 94.8 %
         or more of such a distribution of one quantity, whichever part of the normal one is left.
     """
+    # Loads more than all the rest together, and few know a range.
+    from scipy.stats import qmc
+
     to_moments = np.diag([1.0, *[mean[0]] * 3])
     to_moments[1:, 0] = mean[1:]
     middle = np.concatenate([mean[:1], mean[0] * mean[1:]])
@@ -79,7 +81,7 @@ def contradicted(mean: FloatArray, covariance: FloatArray, limits: FloatArray) -
     """
     inverse = np.linalg.inv(np.linalg.cholesky(covariance + np.diag(_LEAST_VARIANCE * np.diag(covariance))))
     nearest = lsq_linear(inverse, inverse @ mean, (limits[:, 0], limits[:, 1]))
-    return bool(2.0 * nearest.cost > chi2.ppf(CONFIDENCE, mean.size))
+    return bool(2.0 * nearest.cost > 2.0 * gammaincinv(0.5 * mean.size, CONFIDENCE))
 
 
 def _drawn(uniform: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:

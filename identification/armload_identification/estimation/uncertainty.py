@@ -30,13 +30,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate, Prior
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 
 CONFIDENCE: Final = 0.95
+_UPPER: Final = 0.5 + 0.5 * CONFIDENCE
+NORMAL_HALF_WIDTH: Final = float(ndtri(_UPPER))
+"""Half the width of the interval of a normal distribution, in standard deviations."""
 DETERMINED_SHARE: Final = 0.20
 REFERENCE_LENGTH_M: Final = 0.1
 """DESIGN.md: determined is what has a half width of at most 20 % of m, 0.1 m, or m (0.1 m)^2."""
@@ -86,6 +89,15 @@ class Uncertainty:
         return tuple(name for name, known in zip(PARAMETER_NAMES, self.determined, strict=True) if not known)
 
 
+def student_half_width(freedom: float | FloatArray) -> FloatArray:
+    """Half the width of the interval of Student's t distribution, in standard deviations.
+
+    Args:
+        freedom: Degrees of freedom, of any shape.
+    """
+    return np.asarray(stdtrit(freedom, _UPPER))
+
+
 def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray | None = None) -> Uncertainty:
     """Intervals of the ten quantities of a fit.
 
@@ -113,7 +125,7 @@ def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray |
         # Satterthwaite: what does not come from the residual takes no freedom from it.
         freedom = np.minimum(freedom * ((variance + systematic) / np.maximum(variance, 1e-300)) ** 2, _FREEST)
         variance = variance + systematic
-    width = student.ppf(0.5 + CONFIDENCE / 2.0, freedom) * np.sqrt(variance)
+    width = student_half_width(freedom) * np.sqrt(variance)
     if fit.rank < fit.theta.size:
         blind = np.abs((gradient * fit.scale) @ fit.undetermined).max(axis=1)
         seen = np.sqrt(np.sum((gradient * fit.scale) ** 2, axis=1))

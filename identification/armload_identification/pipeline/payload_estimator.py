@@ -11,13 +11,17 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.estimation.known_arm_fit import MOVING, moving_weights
-from armload_identification.estimation.uncertainty import CONFIDENCE, DETERMINED_SHARE, REFERENCE_LENGTH_M, derived
+from armload_identification.estimation.uncertainty import (
+    DETERMINED_SHARE,
+    NORMAL_HALF_WIDTH,
+    REFERENCE_LENGTH_M,
+    derived,
+)
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
@@ -167,7 +171,7 @@ class PayloadEstimator:
         variance = np.einsum("ij,jk,ik->i", slope, spread, slope) + np.sum((slope @ shifts.T) ** 2, axis=1)
         variance[0] += FLOOR_KG**2 + (FLOOR_SHARE * mass) ** 2
         values[0] = mass
-        width = float(norm.ppf(0.5 + CONFIDENCE / 2.0)) * np.sqrt(variance)
+        width = NORMAL_HALF_WIDTH * np.sqrt(variance)
         unit = np.array([abs(mass)] + [REFERENCE_LENGTH_M] * 3)
         width[1:] = np.where(mass > _WEIGHTLESS_KG, width[1:], np.inf)
         determined = width <= DETERMINED_SHARE * unit

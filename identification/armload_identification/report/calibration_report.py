@@ -10,11 +10,10 @@ from typing import Final
 
 import numpy as np
 from markupsafe import Markup
-from scipy.stats import norm
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration, CalibratedRun
-from armload_identification.estimation.uncertainty import CONFIDENCE
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ReportError
 from armload_identification.recording.reading_options import Effort
 from armload_identification.report.calibration_figures import drift_figure, gains_figure
@@ -23,7 +22,6 @@ from armload_identification.report.numerals import NO_BREAK, decimals_for, numer
 from armload_identification.report.page import rendered, write_page
 
 _TEMPLATE: Final = "calibration.html.j2"
-_WIDTH: Final = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
 _LOUD: Final = 1.5
 """Residual over that of all runs together from which a number is set in bold."""
 _STRONG: Final = 1.0
@@ -135,8 +133,8 @@ def _joint_row(calibration: ArmCalibration, joint: int, name: str) -> _JointRow:
     gain, nominal = calibration.gain_nm_a[joint], calibration.nominal[joint]
     width = calibration.gain_half_width_95[joint]
     decimals = decimals_for(width, gain)
-    friction = _WIDTH * calibration.friction_deviation_nm[joint]
-    load = _WIDTH * calibration.deviation("load")[joint]
+    friction = NORMAL_HALF_WIDTH * calibration.friction_deviation_nm[joint]
+    load = NORMAL_HALF_WIDTH * calibration.deviation("load")[joint]
     left = calibration.noise_nm[joint] / max(calibration.level_nm[joint], np.finfo(float).tiny)
     return _JointRow(
         number=joint + 1,
@@ -170,7 +168,7 @@ def _payload_rows(calibration: ArmCalibration) -> list[tuple[str, str, str, str]
             (
                 payload.mounting,
                 f"{payload.weighed_kg:g}" if weighed else "not weighed",
-                _with_width(mass, _WIDTH * payload.deviation[0]),
+                _with_width(mass, NORMAL_HALF_WIDTH * payload.deviation[0]),
                 ", ".join(numeral(1e3 * value, 1) for value in center),
             )
         )

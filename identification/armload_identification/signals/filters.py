@@ -1,7 +1,8 @@
 """The filters that take noise out of a measured signal, and the noise that it has.
 
 Averages of whole periods go through the five-point cubic smoothing of Chen 2016; what has no period goes through a
-zero-phase low-pass chosen by the motion's own band.
+zero-phase low-pass chosen by the motion's own band. scipy.signal is loaded by the first filter: what only moves an arm
+starts in half the time.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from armload_core.arrays import FloatArray
 from armload_identification.signals.robust_scale import deviation_by_median
@@ -37,6 +37,8 @@ def smooth(values: FloatArray) -> FloatArray:
         Chen 2016, eq. (8): with its four rows for the ends, a Savitzky-Golay filter of window 5 and order 3
         with interpolated ends.
     """
+    from scipy.signal import savgol_filter
+
     for _ in range(SMOOTHING_PASSES):
         values = savgol_filter(values, 5, 3, axis=0, mode="interp")
     return np.asarray(values)
@@ -68,6 +70,8 @@ def low_pass(values: FloatArray, interval_s: float, cutoff_hz: float) -> FloatAr
     Returns:
         (N, n) filtered along the first axis, without delay.
     """
+    from scipy.signal import butter, sosfiltfilt
+
     sections = butter(_LOW_PASS_ORDER, cutoff_hz, fs=1.0 / interval_s, output="sos")
     pad = min(values.shape[0] - 1, int(3.0 / (cutoff_hz * interval_s)))
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))

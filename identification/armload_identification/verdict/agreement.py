@@ -29,9 +29,10 @@ from typing import Final
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import fdtri, ncfdtrinc, stdtrit
+from scipy.special import fdtri, ncfdtrinc
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.uncertainty import student_half_width
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
@@ -40,7 +41,6 @@ FLOOR: Final = np.array([0.005, 0.001, 0.001, 0.001])
 """Standard deviation in kg and m of what no covariance holds: the servo's sag under the load, remounting."""
 FALSE_ALARM: Final = 0.01
 POWER: Final = 0.95
-CONFIDENCE: Final = 0.95
 _SIZE: Final = 4
 _LEAST_FREEDOM: Final = 5.0
 """F is taken with at least as many: with fewer, limit and noticeable error are practically unbounded."""
@@ -170,7 +170,7 @@ def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agree
     critical = float(fdtri(_SIZE, _denominator(freedom), 1.0 - FALSE_ALARM))
     noticeable_kg, noticeable_m, weakest = _noticeable(covariance, freedom)
     tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
-    quantile = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
+    quantile = float(student_half_width(freedom))
     width = quantile * np.sqrt(np.diag(covariance))
     reach_m = np.linalg.norm(difference[1:]) + quantile * np.sqrt(np.linalg.eigvalsh(covariance[1:, 1:])[-1])
     within = abs(difference[0]) + width[0] <= tolerance_kg and reach_m <= tolerance.center_m

@@ -14,11 +14,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.estimators import steadiness
-from armload_identification.estimation.uncertainty import CONFIDENCE, ResidualSpectrum
+from armload_identification.estimation.uncertainty import ResidualSpectrum, student_half_width
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.reversals import reversal_speed
@@ -93,6 +92,6 @@ def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: Floa
         spectrum = ResidualSpectrum((rows @ half)[:, None, :], residual[:, None], weight[:, joint, None])
         contrast = half[:1] / length[0]
         scale[joint] = coefficient[0] / length[0]
-        quantile = student.ppf(0.5 + 0.5 * CONFIDENCE, spectrum.freedom(contrast)[0])
-        half_width[joint] = quantile * np.sqrt(spectrum.variance(contrast)[0])
+        deviation = np.sqrt(spectrum.variance(contrast)[0])
+        half_width[joint] = student_half_width(spectrum.freedom(contrast))[0] * deviation
     return JointScales(scale, half_width)

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from rich.table import Table
-from scipy.stats import norm
 
 from armload_identification.calibration.arm_calibration import ArmCalibration
-from armload_identification.estimation.uncertainty import CONFIDENCE
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.recording.reading_options import Effort
 
 
@@ -22,7 +21,7 @@ def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
     table.add_column("joint")
     for column in (f"nominal {unit}".strip(), "calibrated", "95 % +-", "change", "mu", "95 % +-", "unexplained"):
         table.add_column(column, justify="right")
-    width = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
+    width = NORMAL_HALF_WIDTH
     load = width * result.deviation("load")
     left = result.noise_nm / np.maximum(result.level_nm, np.finfo(float).tiny)
     for j, name in enumerate(joint_names):
