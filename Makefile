@@ -6,11 +6,12 @@ BIN     := .venv/bin
 PIP     := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 CORE    := identification/armload_core
 KERNELS := $(CORE)/kernels.abi3.so
+DIST    := dist
 
 # $(call timed,WHAT,COMMANDS) says what is being done, and how long it took.
 timed = @echo "== $(1)"; start=$$(date +%s); { $(2); } && echo "== done in $$(( $$(date +%s) - start )) s"
 
-.PHONY: commission test env lint bench paper accuracy pictures lock
+.PHONY: commission test env lint bench paper accuracy pictures wheels lock
 
 commission: env
 	$(call timed,commissioning the simulated arm $(ROBOT) over CANopen: four runs and an identification in a minute,$(BIN)/armload commission $(ROBOT))
@@ -51,6 +52,14 @@ accuracy: env
 # The README's picture, from a commissioning.
 pictures: env
 	$(BIN)/python -m benchmarks.pictures
+
+# What is published, into dist: the sources, and a wheel each for x86-64 and aarch64. Has an environment of its own.
+wheels: .venv-wheels/.requirements
+	$(call timed,building the source distribution and the wheels into $(DIST): half a minute,.venv-wheels/bin/python $(CORE)/source/build_wheels.py $(DIST))
+
+.venv-wheels/.requirements: $(CORE)/source/wheels.lock
+	$(call timed,downloading what builds wheels into .venv-wheels (0.4 GB),$(PYTHON) -m venv .venv-wheels && .venv-wheels/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r $<)
+	@touch $@
 
 # Resolves the pinned versions anew; needs pip-tools in the environment that runs it. Lines of options, in which the
 # addresses of this machine's configuration would stand, are taken out.

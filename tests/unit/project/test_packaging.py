@@ -13,7 +13,7 @@ SOURCE = ROOT / "identification" / "armload_core" / "source"
 
 
 def test_the_pins_carry_hashes_and_no_addresses():
-    locks = [ROOT / "requirements.lock", SOURCE / "compiler.lock"]
+    locks = [ROOT / "requirements.lock", SOURCE / "compiler.lock", SOURCE / "wheels.lock"]
     if not locks[0].is_file():
         pytest.skip("not a checkout: the pins are not installed")
     text = "\n".join(lock.read_text() for lock in locks)

@@ -1,0 +1,84 @@
+"""Build what is published: the source distribution, and one wheel for each platform from that distribution.
+
+The kernels are compiled by PyPI's `ziglang` against the glibc of manylinux2014, so that the wheels run on every Linux
+that PyPI serves, whatever this machine is, and auditwheel confirms it from the symbols. Needs `wheels.lock` installed.
+
+    python identification/armload_core/source/build_wheels.py FOLDER
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+PROCESSORS = ("x86_64", "aarch64")
+GLIBC = (2, 17)
+"""The oldest that numpy's own wheels, and zig for aarch64, support: manylinux2014."""
+
+
+def main(folder: Path) -> None:
+    """Put the source distribution and the wheels into a folder; other distributions of armload there are removed.
+
+    Raises:
+        SystemExit: something was not built, or a wheel needs more than its platform has.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in (*folder.glob("armload-*.whl"), *folder.glob("armload-*.tar.gz")):
+        old.unlink()
+    _run("-m", "build", "--sdist", "--no-isolation", "--outdir", str(folder), str(ROOT))
+    (sources,) = folder.glob("armload-*.tar.gz")
+    with tempfile.TemporaryDirectory() as scratch:
+        # the extension is compiled into the source tree: never into the checkout, whose own one is in use
+        shutil.unpack_archive(sources, scratch)
+        (tree,) = Path(scratch).glob("armload-*")
+        headers = _headers_for_every_processor(Path(scratch) / "headers")
+        for processor in PROCESSORS:
+            _build_wheel(processor, tree, headers, folder)
+
+
+def _build_wheel(processor: str, tree: Path, headers: Path, folder: Path) -> None:
+    """Compile for a processor, pack, and have the result audited."""
+    glibc = ".".join(map(str, GLIBC))
+    platform = f"manylinux_{GLIBC[0]}_{GLIBC[1]}_{processor}"
+    compiler = f"{sys.executable} -m ziglang cc -target {processor}-linux-gnu.{glibc} -mcpu=baseline -I{headers}"
+    environment = {**os.environ, "CC": compiler, "CFLAGS": "-s -Werror", "_PYTHON_HOST_PLATFORM": platform}
+    _run("-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(tree), environment=environment)
+    (wheel,) = folder.glob(f"armload-*-{platform}.whl")
+    audit = json.loads(_run("-m", "auditwheel", "show", "--json", str(wheel)))
+    required = re.fullmatch(rf"manylinux_(\d+)_(\d+)_{processor}", audit["overall_tag"])
+    if required is None or tuple(map(int, required.groups())) > GLIBC or audit["unsupported_isa"]:
+        raise SystemExit(f"{wheel} does not run on every {platform}: auditwheel says {json.dumps(audit, indent=2)}")
+    sys.stdout.write(f"{wheel}: {wheel.stat().st_size / 1e6:.1f} MB, requires no more than {audit['overall_tag']}\n")
+
+
+def _headers_for_every_processor(folder: Path) -> Path:
+    """Debian keeps pyconfig.h by processor and installs this machine's; on 64-bit Linux with glibc all are alike."""
+    multiarch = sysconfig.get_config_var("MULTIARCH") or ""
+    version = f"python{sys.version_info.major}.{sys.version_info.minor}"
+    ours = Path("/usr/include") / multiarch / version / "pyconfig.h"
+    for processor in PROCESSORS:
+        there = folder / f"{processor}-linux-gnu" / version
+        there.mkdir(parents=True)
+        if ours.is_file():
+            shutil.copy(ours, there)
+    return folder
+
+
+def _run(*words: str, environment: dict[str, str] | None = None) -> str:
+    """Run a module of this Python and return what it printed."""
+    done = subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise SystemExit(f"{' '.join(words)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
