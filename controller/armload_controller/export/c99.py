@@ -21,20 +21,23 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from armload_controller.cycle.torque_gate import FULL_SWING_S
 from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.c_code.change_rate import change_rate
+from armload_controller.export.c_code.rounding import SinglePrecisionError, single_precision_error
 from armload_controller.export.c_code.self_test import VECTORS, self_test
 from armload_controller.export.inertia import TENSOR, complete_inertia
 from armload_controller.export.straight_line.arm_functions import (
+    Function,
     any_gravity,
     any_torque,
     gravity_of,
     into_own,
+    link_torque_of,
     regressor_of,
     torque_of,
 )
@@ -47,21 +50,26 @@ from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
 
 _SELF_TEST_SHARE = 1e-12
-"""Difference that the self-test allows, of the greatest torque in its vectors."""
-_PIVOTS = {"negative": 1e-9, "vanishing": 1e-12, "beside": 1e-6}
+"""Difference that the self-test allows in double precision, of the greatest torque in its vectors."""
+_PIVOTS = {
+    Precision.DOUBLE: {"negative": 1e-9, "vanishing": 1e-12, "beside": 1e-6},
+    Precision.SINGLE: {"negative": 1e-4, "vanishing": 1e-5, "beside": 1e-2},
+}
 """Below which share of the greatest parameter a pivot is negative, zero, and what stands beside a zero one is zero."""
 
 
-def export_c(subject: ExportSubject) -> dict[str, str]:
+def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) -> dict[str, str]:
     """The package `armload_<robot>`: header, source, header of C++, and what CMake needs.
 
     Args:
-        subject: The payload and the arm.
+        subject: The payload and the arm; of a calibrated arm the payload's friction is written too.
+        precision: Of all numbers.
 
     Returns:
         Texts by file name.
     """
-    name, precision = f"armload_{subject.identifier}", Precision.DOUBLE
+    name = f"armload_{subject.identifier}"
+    error = single_precision_error(subject) if precision is Precision.SINGLE else None
     fields = {
         "name": name,
         "GUARD": name.upper(),
@@ -73,14 +81,19 @@ def export_c(subject: ExportSubject) -> dict[str, str]:
         "swing": exact(FULL_SWING_S),
         "vectors": str(VECTORS),
     }
-    fields |= {key: precision.literal(value) for key, value in _PIVOTS.items()}
-    fields |= _numbers(subject, precision) | _functions(subject, precision)
+    fields |= {key: precision.literal(value) for key, value in _PIVOTS[precision].items()}
+    fields |= _numbers(subject, precision, error) | _functions(subject, precision)
+    fields |= _friction(subject, precision, fields)
     about = [
         provenance(subject),
         f"The robot's file: sha256 {subject.robot_sha256}.",
         _payload_text(subject),
         complete_inertia(subject.payload, TENSOR).statement,
     ]
+    about += [
+        f"Calibration of the arm: {name}, sha256 {sha256}." for name, sha256 in subject.calibration_sha256.items()
+    ]
+    about += [] if error is None else [error.statement]
     source = [*about[:2], f"C99; needs math.h. Written by a generator; see {name}.h."]
     return {
         f"{name}.h": filled("payload.h", fields | {"about": _block(about), "contract": _block(_contract(subject))}),
@@ -101,22 +114,45 @@ def _functions(subject: ExportSubject, precision: Precision) -> dict[str, str]:
         "compute_gravity": any_gravity(chain),
         "into_own": into_own(chain),
     }
-    fields = {}
+    fields: dict[str, str] = {}
     for key, function in functions.items():
-        done = function.operations
-        fields[key] = c_statements(function, precision)
-        fields[f"{key}_operations"] = (
-            f"Operations: {done.multiplications} multiplications, {done.additions} additions, "
-            f"{done.trigonometric} sines and cosines"
-        )
+        fields |= _function(key, function, precision)
     return fields
 
 
-def _numbers(subject: ExportSubject, precision: Precision) -> dict[str, str]:
+def _function(key: str, function: Function, precision: Precision) -> dict[str, str]:
+    """Body of a function, and how much arithmetic it takes."""
+    done = function.operations
+    counted = (
+        f"Operations: {done.multiplications} multiplications, {done.additions} additions, "
+        f"{done.trigonometric} sines and cosines"
+    )
+    return {key: c_statements(function, precision), f"{key}_operations": counted}
+
+
+def _friction(subject: ExportSubject, precision: Precision, fields: Mapping[str, str]) -> dict[str, str]:
+    """The payload's friction in a calibrated arm's gears; nothing where the arm is not calibrated."""
+    if subject.calibration is None:
+        return {"friction_declaration": "", "friction_definition": "", "kinds": "2", "expected_text": ""}
+    body = subject.calibration.body
+    own = _function("links", link_torque_of(subject.chain, body.links), precision)
+    own["load_friction"] = _listed(body.load_friction, precision)
+    own["reversal"] = _listed(body.reversal_speed_rad_s, precision)
+    return {
+        "friction_declaration": filled("friction.h", {**fields, **own}),
+        "friction_definition": filled("friction.c", {**fields, **own}),
+        "kinds": "3",
+        "expected_text": ", and its friction",
+    }
+
+
+def _numbers(subject: ExportSubject, precision: Precision, error: SinglePrecisionError | None) -> dict[str, str]:
     """The payload, the rate of its changes, and the self-test."""
     payload, test = subject.payload.model, self_test(subject, precision)
     rate = change_rate(subject.chain, subject.torque_rate_nm_s)
     tolerance_nm = _SELF_TEST_SHARE * max(1.0, float(np.abs(test.expected_nm).max()))
+    if error is not None:
+        tolerance_nm = 2.0 * error.bound_nm  # the regressor's product, and friction, add several torques
     return {
         "payload": _rows(payload.theta, precision),
         "own": _rows(payload.transformed(planar_groups(subject.chain).flange).theta, precision),
@@ -158,19 +194,20 @@ def _contract(subject: ExportSubject) -> list[str]:
     ]
 
 
-def _rows(values: Iterable[float], precision: Precision) -> str:
+def _listed(values: Iterable[float], precision: Precision) -> str:
+    """Numbers in a line."""
+    return ", ".join(precision.literal(float(value)) for value in values)
+
+
+def _rows(values: FloatArray, precision: Precision) -> str:
     """Ten numbers, five to a line."""
-    texts = [precision.literal(float(value)) for value in values]
-    return ",\n    ".join(", ".join(texts[i : i + 5]) for i in range(0, len(texts), 5))
+    return ",\n    ".join(_listed(values[i : i + 5], precision) for i in range(0, len(values), 5))
 
 
 def _table(values: FloatArray, precision: Precision) -> str:
     """(rows, arrays, n) numbers as the inside of an initialiser."""
-
-    def braced(array: FloatArray) -> str:
-        return "{" + ", ".join(precision.literal(float(value)) for value in array) + "}"
-
-    return ",\n".join("    {" + ",\n     ".join(braced(array) for array in row) + "}" for row in values)
+    rows = (",\n     ".join(f"{{{_listed(array, precision)}}}" for array in row) for row in values)
+    return ",\n".join(f"    {{{row}}}" for row in rows)
 
 
 def _block(paragraphs: list[str]) -> str:

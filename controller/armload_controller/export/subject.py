@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib.metadata import version
 
 from armload_controller.config.robot import Robot
@@ -12,6 +13,7 @@ from armload_controller.cycle.torque_gate import FULL_SWING_S
 from armload_controller.feedforward.payload_use import why_not_usable
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult
 
@@ -30,6 +32,8 @@ class ExportSubject:
         payload_file: The file it was read from, as messages name it; the exported texts have its name without folders.
         payload_sha256: Hash of that file.
         armload_version: Version of the program.
+        calibration: The arm's gains, links and friction; None where it is not calibrated.
+        calibration_sha256: Hash of the calibration file by its name.
 
     Raises:
         ExportError: mass or centre of mass is not determined, the payload is not in the flange frame, was
@@ -45,6 +49,8 @@ class ExportSubject:
     payload_file: str
     payload_sha256: str
     armload_version: str
+    calibration: ArmCalibration | None = None
+    calibration_sha256: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         problem = why_not_usable(self.payload, self.chain, self.robot, "exported")
@@ -52,7 +58,14 @@ class ExportSubject:
             raise ExportError(self.payload_file, problem)
 
     @staticmethod
-    def of(robot: Robot, payload: PayloadResult, payload_file: str, payload_sha256: str) -> ExportSubject:
+    def of(
+        robot: Robot,
+        payload: PayloadResult,
+        payload_file: str,
+        payload_sha256: str,
+        calibration: ArmCalibration | None = None,
+        calibration_sha256: Mapping[str, str] | None = None,
+    ) -> ExportSubject:
         """A payload on a robot.
 
         Args:
@@ -60,17 +73,21 @@ class ExportSubject:
             payload: What it carries.
             payload_file: Where that was read from.
             payload_sha256: Hash of that file.
+            calibration: Of the arm, if it is calibrated.
+            calibration_sha256: Hash of the calibration file by its name.
         """
         return ExportSubject(
             robot=robot.name,
             robot_sha256=robot.sha256,
-            chain=robot.chain,
+            chain=robot.chain if calibration is None else calibration.level(robot.chain),
             limits=robot.limits.motion,
             torque_max_nm=robot.limits.added_torque_max_nm,
             payload=payload,
             payload_file=payload_file,
             payload_sha256=payload_sha256,
             armload_version=version("armload"),
+            calibration=calibration,
+            calibration_sha256=calibration_sha256 or {},
         )
 
     @property

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.options import CalibrationOption
 from armload_controller.cli.output.json_output import JsonOption, print_document
 from armload_controller.export.format_registry import ExportFormat, exporter
 
@@ -22,24 +23,40 @@ def export(
         Path,
         typer.Option("--output", "-o", help="Folder, or a file where the format has one; an existing file is kept."),
     ] = Path(),
+    single: Annotated[
+        bool, typer.Option("--float", help="With --format c: single precision, with its error stated.")
+    ] = False,
+    calibration: CalibrationOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a payload as C source, URDF, ROS 2 files or the load data of a robot controller."""
+    """Write a payload as C source, URDF, ROS 2 files or the load data of a robot controller.
+
+    With a calibration of the arm the C source has the payload's friction in the gears too.
+    """
+    if single and export_format is not ExportFormat.C:
+        raise typer.BadParameter(f"is for --format c alone, not for {export_format}", param_hint="--float")
+    from armload_controller.analysis.arm_in_use import arm_in_use
     from armload_controller.cli.output.result_documents import export_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
+    from armload_controller.export.c99 import export_c
+    from armload_controller.export.c_code.rounding import single_precision_error
     from armload_controller.export.export_files import write_texts
+    from armload_controller.export.straight_line.precision import Precision
     from armload_controller.export.subject import ExportSubject
     from armload_identification.files.payload_file import read_payload
     from armload_identification.model.payload import PARAMETER_NAMES
 
     arm, screen = load_robot(robot), Screen(as_json=as_json)
     result = read_payload(payload)
-    subject = ExportSubject.of(arm, result, str(payload), hashlib.sha256(payload.read_bytes()).hexdigest())
-    files = write_texts(exporter(export_format)(subject), output)
+    used = arm_in_use(arm, calibration)
+    sha256 = hashlib.sha256(payload.read_bytes()).hexdigest()
+    subject = ExportSubject.of(arm, result, str(payload), sha256, used.calibration, used.calibration_sha256)
+    texts = export_c(subject, Precision.SINGLE) if single else exporter(export_format)(subject)
+    files = write_texts(texts, output)
     for path, written in files.items():
         screen.result(f"{'written' if written else 'unchanged'}: {path}")
-    notes = []
+    notes = [single_precision_error(subject).statement] if single else []
     unknown = [name for name, known in zip(PARAMETER_NAMES, result.determined, strict=True) if not known]
     if unknown:
         notes.append(f"not determined: {', '.join(unknown)}; the exported text says what is written for them")

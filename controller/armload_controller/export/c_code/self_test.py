@@ -9,6 +9,7 @@ import numpy as np
 
 from armload_controller.export.straight_line.precision import Precision
 from armload_controller.export.subject import ExportSubject
+from armload_controller.feedforward.body_torque import LoadFriction
 from armload_core.arrays import FloatArray
 from armload_identification.model.regressor import payload_torque
 
@@ -22,7 +23,7 @@ class SelfTest:
 
     Attributes:
         given: (VECTORS, 3, n) q, dq, ddq within the joints' limits, as the precision holds them.
-        expected_nm: (VECTORS, 2, n) torque in motion and at rest.
+        expected_nm: (VECTORS, 2 or 3, n) torque in motion and at rest, and of a calibrated arm the payload's friction.
     """
 
     given: FloatArray
@@ -37,7 +38,11 @@ def self_test(subject: ExportSubject, precision: Precision) -> SelfTest:
     theta = subject.payload.model.theta
     moving = payload_torque(subject.chain, theta, q, dq, ddq)
     resting = payload_torque(subject.chain, theta, q, still, still)
-    return SelfTest(given, np.stack([moving, resting], axis=1))
+    expected = [moving, resting]
+    if subject.calibration is not None:
+        friction = LoadFriction(subject.chain, subject.calibration.body)
+        expected.append(np.array([friction.torque_nm(*row) for row in zip(q, dq, ddq, moving, strict=True)]))
+    return SelfTest(given, np.stack(expected, axis=1))
 
 
 def states_within(subject: ExportSubject, count: int, seed: int) -> FloatArray:

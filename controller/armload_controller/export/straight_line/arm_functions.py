@@ -14,6 +14,7 @@ from armload_controller.export.straight_line.expressions import Expression, Grap
 from armload_controller.export.straight_line.planar_groups import planar_groups
 from armload_controller.export.straight_line.specialised_dynamics import (
     SpecialisedArm,
+    link_torque,
     payload_regressor,
     payload_torque,
 )
@@ -78,6 +79,18 @@ def regressor_of(chain: Chain) -> Function:
     """Regressor of a payload in the flange frame, row by row: state -> regressor (10 n)."""
     arm, graph = _arm(chain, STATE)
     return Function(graph, STATE, {"regressor": [element for row in payload_regressor(arm) for element in row]})
+
+
+def link_torque_of(chain: Chain, links: FloatArray) -> Function:
+    """Torque of the arm's own links, (n, 10) in their joint frames: state -> links_nm."""
+    arm, graph = _arm(chain, STATE)
+    joints = sorted((joint for group in arm.groups for joint in group.joints), key=lambda joint: joint.index)
+    placed = [
+        _without_rounding(InertialParameters(theta).transformed(joint.link).theta)
+        for joint, theta in zip(joints, links, strict=True)
+    ]
+    constants = [[graph.constant(float(value)) for value in theta] for theta in placed]
+    return Function(graph, STATE, {"links_nm": link_torque(arm, constants)})
 
 
 def into_own(chain: Chain) -> Function:

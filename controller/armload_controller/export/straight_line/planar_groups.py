@@ -37,12 +37,14 @@ class Joint:
         index: Which one it is, from 0.
         sign: 1 where it turns about the group's z axis, -1 where about the opposite direction.
         zero_rad: Added to q, so that the angle is counted from x of the joint before.
+        link: (4, 4) the chain's frame of this joint in the group's frame as the joint has turned it.
         shift_m: Along x after the turn, and along the group's z, to the next joint of the group.
     """
 
     index: int
     sign: int
     zero_rad: float
+    link: FloatArray
     shift_m: tuple[float, float] = (0.0, 0.0)
 
 
@@ -102,6 +104,7 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
     frames = _frames(axes, about_last_axis_rad)
     before = _base_frame(chain, frames[0])
     gravity = before.pose()[:3, :3].T @ chain.gravity_m_s2
+    poses = chain.forward(np.zeros(chain.n))
     groups: list[Group] = []
     pending_m = 0.0  # along z of the frame before: from the foot of the last normal to that frame's origin
     flipped = 1
@@ -119,22 +122,30 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
             last = groups[-1].joints[-1]
             joints = (*groups[-1].joints[:-1], replace(last, shift_m=(shift[0], flipped * shift[1])))
             flipped *= turn
-            groups[-1] = replace(groups[-1], joints=(*joints, Joint(i, flipped, zero)))
+            link = _placed(frame, poses[i], along_z, flipped)
+            groups[-1] = replace(groups[-1], joints=(*joints, Joint(i, flipped, zero, link)))
         else:
             # a group that ended upside down leaves its frame turned about x by half a turn
             whole = alpha if flipped == 1 else alpha + np.pi
-            groups.append(Group((shift[0], flipped * shift[1]), float(whole), (Joint(i, 1, zero),)))
+            link = _placed(frame, poses[i], along_z, 1)
+            groups.append(Group((shift[0], flipped * shift[1]), float(whole), (Joint(i, 1, zero, link),)))
             flipped = 1
         pending_m = along_z
         before = frame
-    end = frames[-1].pose()
-    upright = np.diag([1.0, flipped, flipped, 1.0])
-    flange = upright @ np.linalg.inv(end) @ chain.forward(np.zeros(chain.n))[-1]
-    flange[:3, :3] = _clean(flange[:3, :3], 1.0)
-    flange[:3, :3] = np.where(np.abs(np.abs(flange[:3, :3]) - 1.0) < _ROUNDING, np.sign(flange[:3, :3]), flange[:3, :3])
-    flange[:3, 3] = [_clean_length(float(value)) for value in flange[:3, 3]]
+    flange = _placed(frames[-1], poses[-1], 0.0, flipped)
     # the last frame's origin lies at the foot of its normal: nothing is pending there
     return PlanarGroups(_clean(gravity, float(np.abs(gravity).max())), tuple(groups), flange)
+
+
+def _placed(frame: _Frame, pose: FloatArray, along_z_m: float, flipped: int) -> FloatArray:
+    """A pose in base coordinates seen from a joint's axis: from the foot of the normal before, upright in its group."""
+    seen = np.linalg.inv(frame.pose()) @ pose
+    seen[2, 3] += along_z_m
+    seen = np.diag([1.0, flipped, flipped, 1.0]) @ seen
+    seen[:3, :3] = _clean(seen[:3, :3], 1.0)
+    seen[:3, :3] = np.where(np.abs(np.abs(seen[:3, :3]) - 1.0) < _ROUNDING, np.sign(seen[:3, :3]), seen[:3, :3])
+    seen[:3, 3] = [_clean_length(float(value)) for value in seen[:3, 3]]
+    return seen
 
 
 def _axes(chain: Chain) -> list[tuple[FloatArray, FloatArray]]:

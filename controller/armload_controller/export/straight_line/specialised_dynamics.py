@@ -9,7 +9,7 @@ it short is in `planar_groups` (frames, sums of angles) and `expressions` (zeros
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from armload_controller.export.straight_line.expressions import Expression, Graph, Vector, cross, plus
@@ -45,6 +45,10 @@ class _Turn:
         return self.c * v[0] - self.s * v[1], self.s * v[0] + self.c * v[1], v[2]
 
 
+Wrench = tuple[Vector, Vector]
+"""Force and moment."""
+
+
 class SpecialisedArm:
     """The chain's motion and its way back for a wrench at the end.
 
@@ -57,8 +61,10 @@ class SpecialisedArm:
 
     Attributes:
         graph: The graph.
+        groups: The chain, from the base outwards.
         flange: (4, 4) flange in the frame after the last group, in which a payload's parameters are.
         motion: Of that frame.
+        turned: Motion of every joint's axis, where the normal before it ends, in its group's frame as it has turned it.
     """
 
     def __init__(
@@ -70,7 +76,7 @@ class SpecialisedArm:
         ddq: Sequence[Expression] | None,
     ) -> None:
         self.graph = graph
-        self._groups = groups.groups
+        self.groups = groups.groups
         self.flange = groups.flange
         zero = graph.constant(0.0)
         n = len(q)
@@ -79,20 +85,33 @@ class SpecialisedArm:
         gravity = [graph.constant(float(-g)) for g in groups.gravity_m_s2]
         # an upright first axis: nothing depends on where the first joint stands, so its angle is not counted
         upright = gravity[0].is_zero and gravity[1].is_zero
-        self._turns = [self._angles(group, q, skip_first=upright and i == 0) for i, group in enumerate(self._groups)]
-        self._alpha = [_turn_about_x(graph, group.alpha_rad) for group in self._groups]
+        self._turns = [self._angles(group, q, skip_first=upright and i == 0) for i, group in enumerate(self.groups)]
+        self._alpha = [_turn_about_x(graph, group.alpha_rad) for group in self.groups]
+        self.turned: dict[int, _Motion] = {}
         self.motion = _Motion((zero,) * 3, (zero,) * 3, (gravity[0], gravity[1], gravity[2]))
-        for group, turns, alpha in zip(self._groups, self._turns, self._alpha, strict=True):
+        for group, turns, alpha in zip(self.groups, self._turns, self._alpha, strict=True):
             self.motion = self._outwards(self.motion, group, turns, alpha)
 
-    def inwards(self, force: Vector, moment: Vector) -> list[Expression]:
-        """Joint torques of a wrench about the origin of the last frame, in its coordinates."""
+    def inwards(self, wrenches: Mapping[int, Wrench]) -> list[Expression]:
+        """Joint torques of wrenches.
+
+        Args:
+            wrenches: Force and moment by joint, about the point and in the axes of `turned`.
+        """
+        zero = self.graph.constant(0.0)
+        nothing: Wrench = ((zero,) * 3, (zero,) * 3)
         torque: dict[int, Expression] = {}
-        for group, turns, alpha in reversed(list(zip(self._groups, self._turns, self._alpha, strict=True))):
-            force, moment = turns[-1].out_of(force), turns[-1].out_of(moment)
-            for k in reversed(range(len(group.joints))):
+        force, moment = nothing
+        for group, turns, alpha in reversed(list(zip(self.groups, self._turns, self._alpha, strict=True))):
+            outermost = len(group.joints) - 1
+            for k in reversed(range(outermost + 1)):
                 joint = group.joints[k]
-                moment = plus(moment, cross(self._shift(joint.shift_m, turns[k]), force))
+                own_force, own_moment = wrenches.get(joint.index, nothing)
+                if k == outermost:
+                    force, moment = turns[k].out_of(plus(force, own_force)), turns[k].out_of(plus(moment, own_moment))
+                else:
+                    moment = plus(moment, cross(self._shift(joint.shift_m, turns[k]), force))
+                    force, moment = plus(force, turns[k].out_of(own_force)), plus(moment, turns[k].out_of(own_moment))
                 torque[joint.index] = moment[2] if joint.sign > 0 else -moment[2]
             force, moment = _rotate_x(alpha, force), _rotate_x(alpha, moment)
             moment = plus(moment, cross(self._shift(group.shift_m, None), force))
@@ -106,7 +125,7 @@ class SpecialisedArm:
         x, y, z = (constant_vector(graph, row) for row in flange[:3, :3])
         way = linear((x, y, z), constant_vector(graph, flange[:3, 3]))
         found: dict[int, tuple[Vector, Vector]] = {}
-        for group, turns, alpha in reversed(list(zip(self._groups, self._turns, self._alpha, strict=True))):
+        for group, turns, alpha in reversed(list(zip(self.groups, self._turns, self._alpha, strict=True))):
             x, y = turned_columns(_Turn(turns[-1].c, -turns[-1].s), x, y)
             for k in reversed(range(len(group.joints))):
                 joint = group.joints[k]
@@ -135,6 +154,7 @@ class SpecialisedArm:
                 rate, rise = -rate, -rise
             w, e = motion.w, motion.e
             motion = _Motion((w[0], w[1], w[2] + rate), (e[0] + w[1] * rate, e[1] - w[0] * rate, e[2] + rise), motion.a)
+            self.turned[joint.index] = _Motion(*(turn.into(v) for v in (motion.w, motion.e, motion.a)))
             motion = _Motion(motion.w, motion.e, _acceleration_at(motion, self._shift(joint.shift_m, turn)))
         return _Motion(*(turns[-1].into(v) for v in (motion.w, motion.e, motion.a)))
 
@@ -199,10 +219,30 @@ def spin_matrix(w: Vector, e: Vector) -> tuple[Vector, Vector, Vector]:
     )
 
 
-def body_wrench(arm: SpecialisedArm, theta: Sequence[Expression]) -> tuple[Vector, Vector]:
-    """Force and moment about the last frame's origin that move a body of ten parameters."""
+def payload_torque(arm: SpecialisedArm, theta: Sequence[Expression]) -> list[Expression]:
+    """Joint torques of a body at the end of the arm.
+
+    Args:
+        arm: The arm's motion.
+        theta: Ten parameters in the frame after the last group.
+    """
+    return arm.inwards({len(arm.turned) - 1: _body_wrench(arm.motion, theta)})
+
+
+def link_torque(arm: SpecialisedArm, links: Sequence[Sequence[Expression]]) -> list[Expression]:
+    """Joint torques of the arm's own links.
+
+    Args:
+        arm: The arm's motion.
+        links: Ten parameters of each, about the point and in the axes of `arm.turned`.
+    """
+    return arm.inwards({i: _body_wrench(arm.turned[i], theta) for i, theta in enumerate(links)})
+
+
+def _body_wrench(motion: _Motion, theta: Sequence[Expression]) -> Wrench:
+    """Force and moment about a moving frame's origin that move a body of ten parameters with it."""
     m, sx, sy, sz, ixx, iyy, izz, ixy, ixz, iyz = theta
-    w, e, a = arm.motion.w, arm.motion.e, arm.motion.a
+    w, e, a = motion.w, motion.e, motion.a
     s = spin_matrix(w, e)
     first = (sx, sy, sz)
     force = plus((m * a[0], m * a[1], m * a[2]), (dot(s[0], first), dot(s[1], first), dot(s[2], first)))
@@ -214,16 +254,6 @@ def body_wrench(arm: SpecialisedArm, theta: Sequence[Expression]) -> tuple[Vecto
         izz * e[2] + (iyy - ixx) * xy + ixz * (e[0] - yz) + iyz * (e[1] + xz) + ixy * (xx - yy),
     )
     return force, plus(inertia, cross(first, a))
-
-
-def payload_torque(arm: SpecialisedArm, theta: Sequence[Expression]) -> list[Expression]:
-    """Joint torques of a body at the end of the arm.
-
-    Args:
-        arm: The arm's motion.
-        theta: Ten parameters in the frame after the last group.
-    """
-    return arm.inwards(*body_wrench(arm, theta))
 
 
 def payload_regressor(arm: SpecialisedArm) -> list[list[Expression]]:

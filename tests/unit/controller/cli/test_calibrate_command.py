@@ -152,6 +152,15 @@ def test_the_next_payload_of_an_arm_is_known_better(calibrated, today):
     assert set(second.payload.provenance.calibration_sha256) == {"arm.calibration.toml"}
 
 
+def test_an_export_with_it_has_the_payloads_friction(armload, calibrated, today, tmp_path):
+    words = [today / "payload.toml", "--robot", "er50", "--format", "c", "--calibration", calibrated[0], "-o", tmp_path]
+    result = armload("export", *words)
+    assert result.exit_code == 0, result.output
+    header = (tmp_path / "armload_er50.h").read_text()
+    assert "Calibration of the arm: arm.calibration.toml, sha256" in header
+    assert "void armload_er50_friction(" in header
+
+
 def test_a_calibration_moves_a_payload_of_nominal_gains(armload, calibrated, today):
     result = armload("compare", today / "payload.toml", today / "payload.toml", "--calibration", calibrated[0])
     assert result.exit_code == 0, result.output

@@ -71,6 +71,15 @@ def test_the_operator_is_told_of_another_configuration(export, tmp_path):
     assert f"note: {tmp_path / 'payload.toml'} was identified with another configuration than ur10e's" in result.output
 
 
+def test_single_precision_is_for_c_and_says_what_it_costs(export, tmp_path):
+    result = export("--format", "c", "--float", "--output", tmp_path)
+    assert "note: Single precision: torque within " in result.output
+    assert "typedef float armload_prbt_real;" in (tmp_path / "armload_prbt.h").read_text()
+    refused = export("--format", "kuka", "--float")
+    assert refused.exit_code == 2
+    assert "is for --format c alone, not for kuka" in refused.output
+
+
 def test_nothing_is_written_without_the_centre_of_mass(export, tmp_path):
     result = export("--format", "c", "--output", tmp_path / "out", undetermined=("cy",))
     assert isinstance(result.exception, ExportError)

@@ -2,8 +2,6 @@
 
 import ctypes
 import re
-import shutil
-import subprocess
 from dataclasses import replace
 
 import numpy as np
@@ -14,50 +12,9 @@ from armload_controller.feedforward.payload_feedforward import NOTHING, PayloadF
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor, payload_torque
+from tests.unit.controller.export.compiled_c import FLAGS, GCC, needs_gcc, run
 
-GCC = shutil.which("gcc")
-FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-pedantic"]
 FUNCTIONS = ("torque", "gravity", "regressor", "init", "set_payload", "compute", "compute_gravity")
-
-needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc on this machine")
-
-
-def run(*command, cwd):
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
-@pytest.fixture(scope="session")
-def library(tmp_path_factory):
-    """An export as a library with its self-test, each compiled once."""
-    made = {}
-
-    def library(subject, *options):
-        texts = export_c(subject)
-        name = next(file.removesuffix(".h") for file in texts if file.endswith(".h"))
-        key = texts[f"{name}.c"], options
-        if key not in made:
-            folder = tmp_path_factory.mktemp(name)
-            for file, text in texts.items():
-                (folder / file).write_text(text)
-            run(
-                GCC,
-                *FLAGS,
-                *options,
-                "-DARMLOAD_SELFTEST",
-                "-shared",
-                "-fPIC",
-                f"{name}.c",
-                "-o",
-                "a.so",
-                "-lm",
-                cwd=folder,
-            )
-            made[key] = ctypes.CDLL(str(folder / "a.so"))
-        return made[key], name
-
-    return library
 
 
 @pytest.fixture

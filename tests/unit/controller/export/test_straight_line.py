@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from armload_controller.export.straight_line.arm_functions import STATE, link_torque_of
 from armload_controller.export.straight_line.expressions import Graph, Kind, cross
 from armload_controller.export.straight_line.planar_groups import planar_groups
 from armload_controller.export.straight_line.specialised_dynamics import (
@@ -14,6 +15,8 @@ from armload_controller.export.straight_line.specialised_dynamics import (
 )
 from armload_identification.model import regressor
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
+from armload_identification.model.dynamics import ArmDynamics
+from armload_identification.model.links_and_drives import LinksAndDrives
 
 UP = (0.0, 0.0, -9.81)
 QUARTER = math.pi / 2.0
@@ -134,3 +137,20 @@ def test_an_upright_arms_first_angle_costs_nothing():
     used = {graph.nodes[number].name for number in graph.needed(outputs)}
     assert "q[0]" not in used
     assert {"q[1]", "q[2]", "dq[0]", "ddq[0]"} <= used
+
+
+@pytest.mark.parametrize("gravity", [UP, (1.0, -2.0, 9.0)], ids=["upright", "tilted"])
+@pytest.mark.parametrize("name", CHAINS)
+def test_the_links_of_any_arrangement_take_the_cores_torque(name, gravity):
+    xyz, rpy, axis = CHAINS[name]
+    chain = Chain.from_origins(xyz, rpy, axis, np.eye(4), gravity)
+    rng, n = np.random.default_rng(5), chain.n
+    links = rng.uniform(-1, 1, (n, 10))
+    function = link_torque_of(chain, links)
+    states = rng.uniform(-3, 3, (3, 5, n))
+    body = LinksAndDrives(links, *np.zeros((3, n)), np.eye(n))
+    expected = ArmDynamics(chain, body).link_torque(*states)
+    for t in range(5):
+        names = {f"{v}[{i}]": states[k, t, i] for k, v in enumerate(STATE) for i in range(n)}
+        found = evaluated(function.graph, function.elements, names)
+        np.testing.assert_allclose(found, expected[t], rtol=0.0, atol=1e-12)

@@ -1,0 +1,114 @@
+"""What single precision costs: the same expressions in float and in double, over the arm's joint states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_controller.export.c_code.self_test import states_within
+from armload_controller.export.straight_line.arm_functions import (
+    STATE,
+    THETA,
+    Function,
+    any_torque,
+    into_own,
+    link_torque_of,
+    torque_of,
+)
+from armload_controller.export.straight_line.expressions import Kind
+from armload_controller.export.straight_line.precision import Precision
+from armload_controller.export.subject import ExportSubject
+from armload_core.arrays import FloatArray
+
+STATES: Final = 20_000
+_SEED: Final = 21
+_MARGIN: Final = 2.0
+"""Between the greatest error that was measured and the bound that is stated: other states, other math libraries."""
+
+
+@dataclass(frozen=True)
+class SinglePrecisionError:
+    """Difference of single from double precision.
+
+    Attributes:
+        bound_nm: Stated for any joint: twice the greatest measured.
+        greatest_nm: Greatest torque in the same states, for scale.
+    """
+
+    bound_nm: float
+    greatest_nm: float
+
+    @property
+    def statement(self) -> str:
+        """One sentence."""
+        return (
+            f"Single precision: torque within {self.bound_nm:.1e} N m of double precision, twice the greatest "
+            f"difference at {STATES} joint states within the limits, where torque reaches {self.greatest_nm:.3g} N m."
+        )
+
+
+def single_precision_error(subject: ExportSubject) -> SinglePrecisionError:
+    """Measure what float costs for a payload on an arm.
+
+    Inputs are numbers of single precision; what rounding them costs is the caller's. Measured are the code with the
+    payload folded in, the one that takes it as numbers, and, of a calibrated arm, the torque of its links.
+
+    Args:
+        subject: The payload and the arm.
+    """
+    chain, payload = subject.chain, subject.payload.model
+    states = _rounded(states_within(subject, STATES, _SEED))
+    given = {name: states[:, k].T for k, name in enumerate(STATE)}
+    theta = {THETA: _rounded(payload.theta)[:, None]}
+    functions = [torque_of(chain, payload)]
+    if subject.calibration is not None:
+        functions.append(link_torque_of(chain, subject.calibration.body.links))
+    differences = [_difference(function, given, given) for function in functions]
+    own, coarse = (_evaluated(into_own(chain), theta, precision) for precision in Precision)
+    differences.append(_difference(any_torque(chain), given | {THETA: own}, given | {THETA: coarse}))
+    greatest = np.abs(_evaluated(functions[0], given, Precision.DOUBLE)).max()
+    return SinglePrecisionError(_MARGIN * max(differences), float(greatest))
+
+
+def _rounded(values: FloatArray) -> FloatArray:
+    """Numbers of single precision."""
+    return values.astype(np.float32).astype(np.float64)
+
+
+def _difference(function: Function, fine: Mapping[str, FloatArray], coarse: Mapping[str, FloatArray]) -> float:
+    """Greatest difference of any output."""
+    exact = _evaluated(function, fine, Precision.DOUBLE)
+    return float(np.abs(_evaluated(function, coarse, Precision.SINGLE) - exact).max())
+
+
+def _evaluated(function: Function, inputs: Mapping[str, FloatArray], precision: Precision) -> FloatArray:
+    """(outputs, states) as generated code computes them; (elements, states) of each input array."""
+    dtype = precision.dtype
+    variables = {f"{name}[{i}]": row.astype(dtype) for name, array in inputs.items() for i, row in enumerate(array)}
+    values: dict[int, NDArray[np.floating]] = {}
+    graph = function.graph
+    for number in graph.needed(function.elements):
+        node = graph.nodes[number]
+        operands = [values[operand] for operand in node.operands]
+        match node.kind:
+            case Kind.CONSTANT:
+                values[number] = np.full(1, node.value, dtype)
+            case Kind.INPUT:
+                values[number] = variables[node.name]
+            case Kind.COSINE:
+                values[number] = np.cos(operands[0])
+            case Kind.SINE:
+                values[number] = np.sin(operands[0])
+            case Kind.SUM:
+                values[number] = operands[0] + operands[1]
+            case Kind.DIFFERENCE:
+                values[number] = operands[0] - operands[1]
+            case Kind.PRODUCT:
+                values[number] = operands[0] * operands[1]
+    zero = np.zeros(1, dtype)
+    outputs = [zero if e.is_zero else e.sign * values[e.number] for e in function.elements]
+    return np.array(np.broadcast_arrays(*outputs), dtype=np.float64)

@@ -1,0 +1,17 @@
+"""Exported C, compiled as strictly as gcc can."""
+
+import shutil
+import subprocess
+
+import pytest
+
+GCC = shutil.which("gcc")
+FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-pedantic"]
+
+needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc on this machine")
+
+
+def run(*command, cwd):
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
