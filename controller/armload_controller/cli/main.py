@@ -20,6 +20,7 @@ from armload_controller.cli.commands.calibrate_command import calibrate
 from armload_controller.cli.commands.commission_command import commission
 from armload_controller.cli.commands.compare_command import compare
 from armload_controller.cli.commands.design_command import design
+from armload_controller.cli.commands.drift_command import drift
 from armload_controller.cli.commands.drives_command import drives
 from armload_controller.cli.commands.export_command import export
 from armload_controller.cli.commands.feedforward_command import feedforward
@@ -48,6 +49,7 @@ for command in (
     report,
     compare,
     calibrate,
+    drift,
     init,
     simulate,
     design,

@@ -16,7 +16,7 @@ from armload_identification.identification_errors import IdentificationError, Ru
 from armload_identification.recording.recording import Recording
 
 _HEADER = b"recording"
-_LOADED, _UNLOADED = "loaded", "unloaded"
+_LOADED, UNLOADED = "loaded", "unloaded"
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def _mounting_of(recording: Recording) -> str:
         RunTableError: it says nothing.
     """
     load = recording.source.run().get("load")
-    if load == _UNLOADED:
+    if load == UNLOADED:
         return ""
     if load == _LOADED:
         return recording.source.path.resolve().parent.name or _LOADED

@@ -1,14 +1,15 @@
 """The table of a calibration: which recordings there are of an arm, and what the arm carried in each.
 
 A CSV file with a header line and the columns `recording` (path, relative to the table), `mounting` (a name, empty for
-nothing), `mass_kg` (empty: not weighed) and, where a payload is known whole, `payload` (path of its file). One name is
-one payload on the flange, mounted once.
+nothing), `mass_kg` (empty: not weighed) and, where a payload is known whole, `payload` (path of its file); `recorded`
+says when a run began where its recording does not. One name is one payload on the flange, mounted once.
 """
 
 from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Final
 
@@ -16,7 +17,7 @@ from armload_identification.identification_errors import RunTableError
 from armload_identification.storage.read_file import read_whole
 
 _REQUIRED: Final = ("recording", "mounting", "mass_kg")
-_OPTIONAL: Final = ("payload",)
+_OPTIONAL: Final = ("payload", "recorded")
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,14 @@ class TableRow:
         mounting: Name of what was carried; empty for nothing.
         mass_kg: From a scale; None where it was not weighed.
         payload: Payload file with all ten parameters known; None where there is none.
+        recorded: Date and time at which it began, ISO 8601; empty where the recording says it, or nobody does.
     """
 
     recording: Path
     mounting: str
     mass_kg: float | None
     payload: Path | None
+    recorded: str = ""
 
 
 def read_run_table(path: Path) -> tuple[TableRow, ...]:
@@ -105,7 +108,22 @@ def _row(values: dict[str, str], source: str, number: int, folder: Path) -> Tabl
         mounting,
         _mass(mass, source, place) if mass else None,
         folder / payload if payload else None,
+        _moment(values.get("recorded", ""), source, place),
     )
+
+
+def _moment(text: str, source: str, place: str) -> str:
+    """A date, or date and time."""
+    try:
+        datetime.fromisoformat(text or "2000-01-01")
+    except ValueError:
+        raise RunTableError(
+            source,
+            f"{place}, recorded",
+            text,
+            "expected a date, or date and time, such as 2026-03-01T08:30, or nothing",
+        ) from None
+    return text
 
 
 def _mass(text: str, source: str, place: str) -> float:

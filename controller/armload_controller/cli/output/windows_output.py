@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,6 @@ def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | No
     """Show the windows as a table, and write the picture that was asked for."""
     from rich.table import Table
 
-    from armload_controller.control_errors import CommissioningError
     from armload_identification.results.payload_over_time import HEADINGS
 
     table = Table(title=f"What {history.robot} carried, 95 % intervals, flange frame", title_justify="left")
@@ -26,10 +26,22 @@ def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | No
         table.add_row(*row)
     screen.table(table)
     if picture is not None:
-        try:
-            history.picture(picture)
-        except ValueError as error:
-            raise CommissioningError(f"{picture}: {error}: choose a .png or .svg") from error
-        screen.step(f"written: {picture}")
+        write_picture(screen, history.picture, picture)
     if as_json:
         print_document(history.to_dict() | {"files": {"picture": None if picture is None else str(picture)}})
+
+
+def write_picture(screen: Screen, draw: Callable[[Path], None], picture: Path) -> None:
+    """Write a picture.
+
+    Raises:
+        CommissioningError: its ending is no format of pictures.
+        OSError: it cannot be written.
+    """
+    from armload_controller.control_errors import CommissioningError
+
+    try:
+        draw(picture)
+    except ValueError as error:
+        raise CommissioningError(f"{picture}: {error}: choose a .png or .svg") from error
+    screen.step(f"written: {picture}")

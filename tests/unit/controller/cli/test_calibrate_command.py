@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from importlib import resources
 from pathlib import Path
@@ -167,3 +168,50 @@ def test_a_calibration_moves_a_payload_of_nominal_gains(armload, calibrated, tod
     found = re.search(r"with the gains of arm\.calibration\.toml: ([\d.]+) kg", result.output)
     assert found is not None, result.output
     assert float(found[1]) == pytest.approx(9.814, rel=0.01)
+
+
+def test_drift_holds_runs_against_the_calibration(armload, calibrated, today, tmp_path):
+    names = sorted(today.glob("*.mcap"))
+    files = ["--report", tmp_path / "drift.html", "--picture", tmp_path / "drift.svg"]
+    result = armload("drift", "er50", *names, "--calibration", calibrated[0], *files, "--json")
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    assert [run["carried"].split()[0] for run in found["runs"][2:]] == ["nothing", "nothing"]
+    assert [float(run["carried"].split()[0]) for run in found["runs"][:2]] == pytest.approx([9.8, 9.8], abs=0.3)
+    assert found["findings"] == []
+    assert not found["out_of_date"]
+    chart = found["joints"][2]["charts"]["residual"]
+    assert len(chart["values"]) == 4
+    assert chart["lower_limit"][0] < chart["values"][0] < chart["upper_limit"][0]
+    page = (tmp_path / "drift.html").read_text()
+    assert "Nothing has changed." in page
+    assert page.count('role="img"') == 1
+    assert all(run.name in page for run in names)
+    assert "<script" not in page
+    assert "http" not in page.replace("http-equiv", "")
+    assert (tmp_path / "drift.svg").stat().st_size > 10_000
+
+
+def test_drift_takes_days_and_payloads_from_a_table(armload, calibrated, today, tmp_path):
+    table = tmp_path / "runs.csv"
+    one, other = (today / f"{load}_validation.mcap" for load in ("unloaded", "loaded"))
+    rows = [f"{one},,,2026-05-02", f"{other},today,,2026-04-30T08:00", "none.mcap,,,2026-05-03"]
+    table.write_text("\n".join(["recording,mounting,mass_kg,recorded", *rows]))
+    result = armload("drift", "er50", table, "--calibration", calibrated[0], "--json")
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    assert [(run["began"][:10], run["carried"]) for run in found["runs"]] == [
+        ("2026-04-30", "today"),
+        ("2026-05-02", "nothing"),
+    ]
+    assert [entry["name"] for entry in found["left_out"]] == ["none.mcap"]
+    table.write_text("recording,mounting,mass_kg,recorded\na.mcap,,,yesterday\n")
+    wrong = armload("drift", "er50", table, "--calibration", calibrated[0])
+    assert wrong.exit_code == 1
+    assert "line 2, recorded" in str(wrong.exception)
+    nothing = armload("drift", "er50", one)
+    assert nothing.exit_code == 1
+    assert "armload calibrate" in str(nothing.exception)
+    none = armload("drift", "er50", tmp_path / "none.mcap", "--calibration", calibrated[0])
+    assert none.exit_code == 1
+    assert "no recording can be used (none.mcap:" in str(none.exception)

@@ -23,9 +23,12 @@ from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.session.feedforward_comparison import Comparison, Measure
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
+from armload_identification.calibration.run_health import RunHealth
 from armload_identification.pipeline.any_motion import Window
+from armload_identification.pipeline.arm_drift import arm_drift
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
+from armload_identification.results.arm_history import ArmHistory
 from armload_identification.results.payload_over_time import PayloadOverTime
 
 PAGE = Path(__file__).resolve().parents[4] / "controller" / "JSON.md"
@@ -118,6 +121,19 @@ def made():
     found = SimpleNamespace(parameters=body, uncertainty=sure)
     windows = (Window(0.0, 10.0, found, ""), Window(10.0, 20.0, None, "the arm stands still"))
     history = PayloadOverTime("arm", windows, SimpleNamespace(path=Path("shift.mcap")), "0")
+    two, noise = np.zeros(2), np.full(2, 0.01)
+    doubts = {
+        f"{of}_{kind}{unit}": noise for of, unit in (("gain", ""), ("friction", "_nm")) for kind in ("noise", "doubt")
+    }
+    left = {"residual": ones, "residual_noise": noise, "residual_doubt": noise}
+    runs = [
+        RunHealth(
+            f"{number}.mcap", "", 30.0, "nothing", two, friction_nm=two + (number > 3), course=None, **doubts, **left
+        )
+        for number in range(8)
+    ]
+    worn = arm_drift(SimpleNamespace(n=2, friction_nm=ones, usual_change_nm=noise), runs)
+    weeks = ArmHistory("arm", "", joints, None, "arm.toml", worn, (("other.mcap", "too short"),), "0")
     four = np.ones(4)
     sure_of = np.array([True, True, False, False])
     live = LivePayload(1.0, ones, four, 0.1 * four, sure_of, ones, ones, 1, 0.5, 1.0, contact=False, refused=0)
@@ -125,6 +141,7 @@ def made():
     return [
         moment.to_dict("arm", "0"),
         history.to_dict() | {"files": {"picture": None}},
+        weeks.to_dict() | {"files": {"report": None, "picture": None}},
         calibration_document("arm", joints, arm, Path("arm.toml"), Path("arm.html")),
         feedforward_document("arm", offset, [compared], Path("picture.svg")),
         nodes_document("socketcan", "can0", [node]),
@@ -133,7 +150,9 @@ def made():
 
 
 def test_what_is_not_determined_has_no_number():
-    watched, over_time, calibrated, fed, *_ = made()
+    watched, over_time, drift, calibrated, fed, *_ = made()
+    assert drift["findings"][0]["run"] == "4.mcap"
+    assert drift["joints"][0]["warm_up_nm"] is None
     assert watched["center_of_mass_m"] == [1.0, None, None]
     assert over_time["windows"][0]["center_of_mass_m"] == [0.0, 0.0, None]
     assert [window["mass_kg"] for window in over_time["windows"]] == [1.0, None]

@@ -1,0 +1,91 @@
+"""The drift of a configured arm over its recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
+from armload_controller.config.robot import Robot
+from armload_controller.config.robot_recordings import read_of
+from armload_controller.config.robot_runs import UNLOADED, is_run_table
+from armload_controller.control_errors import CommissioningError
+from armload_identification.calibration.run_health import RunHealth, run_health
+from armload_identification.files.run_table import TableRow, read_run_table
+from armload_identification.identification_errors import EstimationError, IdentificationError, RunTableError
+from armload_identification.pipeline.arm_drift import arm_drift
+from armload_identification.results.arm_history import ArmHistory
+
+
+def drift(
+    robot: Robot,
+    paths: Sequence[Path],
+    *,
+    calibration: FilePath | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> ArmHistory:
+    """Hold an arm's runs against its calibration, one after the other.
+
+    Args:
+        robot: The arm.
+        paths: Recordings of any motions, or one table of runs. A payload that a table does not name, or the calibration
+            does not know, is fitted with the run.
+        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+        progress: Takes how many were read, and of how many.
+
+    Raises:
+        EstimationError: the arm is not calibrated, or no run can be used.
+        RunTableError: a table that makes no sense, or a table among recordings.
+    """
+    used = arm_in_use(robot, calibration)
+    if used.calibration is None:
+        raise EstimationError(
+            "runs are held against the arm's calibration: calibrate it once with `armload calibrate` and give that "
+            "file as --calibration."
+        )
+    rows = _rows(paths)
+    health: list[RunHealth] = []
+    left_out: list[tuple[str, str]] = []
+    for done, (row, said) in enumerate(rows, 1):
+        try:
+            run = read_of(robot, row.recording)
+            mounting = "" if said is None and run.source.run().get("load") == UNLOADED else said
+            health.append(
+                run_health(
+                    run,
+                    used.calibration,
+                    robot.chain,
+                    robot.transmission,
+                    name=row.recording.name,
+                    mounting=mounting,
+                    recorded=row.recorded,
+                )
+            )
+        except (IdentificationError, CommissioningError) as problem:
+            left_out.append((row.recording.name, str(problem).removeprefix(f"{row.recording}: ")))
+        if progress is not None:
+            progress(done, len(rows))
+    if not health:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out)
+        raise EstimationError(f"no recording can be used ({reasons})")
+    return ArmHistory(
+        robot=robot.name,
+        description=robot.description,
+        joint_names=robot.joint_names,
+        calibration=used.calibration,
+        calibration_name=next(iter(used.calibration_sha256)),
+        drift=arm_drift(used.calibration, health),
+        left_out=tuple(left_out),
+        armload_version=version("armload"),
+    )
+
+
+def _rows(paths: Sequence[Path]) -> list[tuple[TableRow, str | None]]:
+    """Recordings and what a table says that they carried; None where nothing says it."""
+    tables = [path for path in paths if is_run_table(path)]
+    if not tables:
+        return [(TableRow(path, "", None, None), None) for path in paths]
+    if len(paths) > 1:
+        raise RunTableError(str(tables[0]), "", None, "a table of runs is given alone; add the recordings to it")
+    return [(row, row.mounting) for row in read_run_table(tables[0])]

@@ -1,0 +1,54 @@
+"""`armload drift`: an arm's friction, gains and residual over its runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armload_controller.cli.options import CalibrationOption, RobotArgument
+from armload_controller.cli.output.findings_output import ReportOption
+from armload_controller.cli.output.json_output import JsonOption
+from armload_controller.cli.output.output_files import require_folder
+
+_PARTS = 100
+"""Steps of the progress."""
+
+
+def drift(
+    robot: RobotArgument,
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUNS...",
+            help="Recordings of any motions, or a table of them (CSV: recording, mounting, mass_kg, recorded)",
+        ),
+    ],
+    calibration: CalibrationOption = None,
+    report: ReportOption = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="The control charts as a picture (.png, .svg, .pdf) to write.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Watch a calibrated arm's friction, gains and residual over days: what changed, and since when.
+
+    Runs of any motions, empty or with any payload; a payload that is not known is fitted. Recordings that do not say
+    when they began are taken in their order, or a table gives the column recorded.
+    """
+    from armload_controller.analysis.robot_drift import drift as drift_of
+    from armload_controller.cli.output.drift_output import show_drift
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import load_robot
+
+    arm = load_robot(robot)
+    screen = Screen(as_json=as_json)
+    for file in (report, picture):
+        if file is not None:
+            require_folder(file)
+    with screen.track("reading", total=_PARTS) as done:
+        history = drift_of(
+            arm, runs, calibration=calibration, progress=lambda count, total: done(_PARTS * count // total)
+        )
+    show_drift(screen, history, report=report, picture=picture, as_json=as_json)

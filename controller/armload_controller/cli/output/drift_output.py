@@ -1,0 +1,51 @@
+"""An arm's drift on the console, as files and as JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from armload_controller.cli.output.json_output import print_document
+from armload_controller.cli.output.windows_output import write_picture
+
+if TYPE_CHECKING:
+    from armload_controller.cli.screen import Screen
+    from armload_identification.results.arm_history import ArmHistory
+
+
+def show_drift(
+    screen: Screen, history: ArmHistory, *, report: Path | None, picture: Path | None, as_json: bool
+) -> None:
+    """Show levels and changes, and write what was asked for."""
+    from rich.table import Table
+
+    from armload_identification.results.arm_history import HEADINGS
+
+    count = len(history.drift.runs)
+    counted = f"{count} run{'' if count == 1 else 's'}"
+    table = Table(
+        title=f"{history.robot}: {counted} against {history.calibration_name}, present levels", title_justify="left"
+    )
+    for number, heading in enumerate(HEADINGS):
+        table.add_column(heading, justify="right" if number else "left")
+    for row in history.rows():
+        table.add_row(*row)
+    screen.table(table)
+    for found in history.drift.findings:
+        screen.result(found.text)
+    screen.result(history.advice)
+    for name, reason in history.left_out:
+        screen.step(f"left out: {name}: {reason}")
+    if not history.drift.began:
+        screen.step("note: not every recording says when it began, so they are taken in their order")
+    if report is not None:
+        history.report(report)
+        screen.step(f"written: {report}")
+    if picture is not None:
+        write_picture(screen, history.picture, picture)
+    if as_json:
+        files = {
+            "report": None if report is None else str(report),
+            "picture": None if picture is None else str(picture),
+        }
+        print_document(history.to_dict() | {"files": files})

@@ -1,0 +1,174 @@
+"""The drift of an arm: gains, friction and what stays unexplained over its runs, what changed and since when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.run_health import RunHealth
+from armload_identification.pipeline.warm_up import WarmUp, warm_up
+from armload_identification.verdict.control_limits import ControlChart, control_chart
+
+
+class Figure(StrEnum):
+    """What is watched of a joint."""
+
+    FRICTION = "friction"
+    GAIN = "gain"
+    RESIDUAL = "residual"
+
+
+USUAL_GAIN: Final = 0.005
+USUAL_RESIDUAL: Final = 0.2
+"""Expected standard deviations from run to run, of the gain and of the logarithm of the residual. Between the UR10e's
+runs of ten days, 0.1 to 0.4 % (joints 1 to 4) and 0.15 were found."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that changed, or a run that is off by itself.
+
+    Attributes:
+        joint: From 0.
+        figure: What changed.
+        run: Number of the first run behind the change, from 0; of the run that is off by itself.
+        alone: The run is off by itself.
+        before: Value before it, 0 being the calibration's: N m, relative, or the logarithm of the residual.
+        after: Value behind it.
+        text: All of it in a sentence.
+    """
+
+    joint: int
+    figure: Figure
+    run: int
+    alone: bool
+    before: float
+    after: float
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class ArmDrift:
+    """An arm of n joints over its runs.
+
+    Attributes:
+        runs: In the order of their time; as given where one does not say its time.
+        began: When each began; empty where one does not say it.
+        friction_nm: (n,) the calibrated friction at half the joint's greatest speed.
+        charts: By figure, one chart per joint. Friction is in N m, after an hour of work where the arm warms up; gains
+            are relative; of the residual it is the logarithm of its ratio to the calibration's.
+        warming: Friction against the time that the arm has been at work; None where the runs do not show it.
+        findings: What changed.
+    """
+
+    runs: tuple[RunHealth, ...]
+    began: tuple[datetime, ...]
+    friction_nm: FloatArray
+    charts: dict[Figure, tuple[ControlChart, ...]]
+    warming: WarmUp | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def out_of_date(self) -> bool:
+        """Whether the calibration no longer describes the arm: a gain or the residual has changed."""
+        return any(found.figure is not Figure.FRICTION and not found.alone for found in self.findings)
+
+    def when(self, run: int) -> str:
+        """Date and time of a run; its number and name where the runs say no time.
+
+        Args:
+            run: From 0.
+        """
+        if self.began:
+            return f"{self.began[run]:%Y-%m-%d %H:%M}"
+        return f"run {run + 1} ({self.runs[run].name})"
+
+
+def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrift:
+    """Put the runs of an arm together.
+
+    Args:
+        calibration: The one that the runs were held against.
+        runs: One or more.
+    """
+    began = tuple(_moment(run.recorded) for run in runs)
+    dated = tuple(moment for moment in began if moment is not None)
+    if len(dated) == len(runs):
+        order = sorted(range(len(runs)), key=lambda index: dated[index])
+        runs, dated = [runs[index] for index in order], tuple(dated[index] for index in order)
+    else:
+        dated = ()
+    warming = warm_up(runs, dated)
+    friction = _stacked(runs, "friction_nm")
+    if warming is not None:
+        friction = friction - warming.of_runs_nm
+    charts = 3 * calibration.n
+    noise, doubt = _stacked(runs, "friction_noise_nm"), _stacked(runs, "friction_doubt_nm")
+    found: dict[Figure, list[ControlChart]] = {figure: [] for figure in Figure}
+    for j in range(calibration.n):
+        found[Figure.FRICTION].append(
+            control_chart(friction[:, j], noise[:, j], doubt[:, j], float(calibration.usual_change_nm[j]), charts)
+        )
+        gain, own, known = (_stacked(runs, f"gain_{part}")[:, j] for part in ("change", "noise", "doubt"))
+        found[Figure.GAIN].append(control_chart(gain, own, known, USUAL_GAIN, charts))
+        left, own, known = (_stacked(runs, f"residual{part}")[:, j] for part in ("", "_noise", "_doubt"))
+        found[Figure.RESIDUAL].append(
+            control_chart(np.log(left), own, 0.5 * np.log1p(known**2), USUAL_RESIDUAL, charts)
+        )
+    drift = ArmDrift(
+        tuple(runs), dated, calibration.friction_nm, {key: tuple(part) for key, part in found.items()}, warming, ()
+    )
+    return ArmDrift(drift.runs, drift.began, drift.friction_nm, drift.charts, warming, tuple(_findings(drift)))
+
+
+def _stacked(runs: Sequence[RunHealth], name: str) -> FloatArray:
+    """(r, n)."""
+    return np.stack([getattr(run, name) for run in runs])
+
+
+def _moment(text: str) -> datetime | None:
+    """Date and time of ISO 8601, in UTC where it names no zone; None where it is none."""
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
+
+
+def _findings(drift: ArmDrift) -> list[Finding]:
+    """What changed, and the runs that are off by themselves, in their order."""
+    found = []
+    for figure, charts in drift.charts.items():
+        for joint, chart in enumerate(charts):
+            for change in chart.changes:
+                said = _said(drift, figure, joint, change.after - change.before)
+                where = f"since {drift.when(change.index)}"
+                if change.index == 0 or not np.isfinite(chart.values[: change.index]).any():
+                    where = "in all runs than in the calibration"
+                text = f"joint {joint + 1}: {said} {where}"
+                found.append(Finding(joint, figure, change.index, False, change.before, change.after, text))
+            for run in np.flatnonzero(chart.alone):
+                level = float(chart.level[run]) if np.isfinite(chart.level[run]) else 0.0
+                off = float(chart.values[run])
+                said = _said(drift, figure, joint, off - level)
+                text = f"joint {joint + 1}: {said} than in the runs beside it, in {drift.when(int(run))} alone"
+                found.append(Finding(joint, figure, int(run), True, level, off, text))
+    return sorted(found, key=lambda one: (one.alone, one.run, one.joint))
+
+
+def _said(drift: ArmDrift, figure: Figure, joint: int, change: float) -> str:
+    """By how much a figure is another one, in words that 'since' or 'than' goes on from."""
+    word = "higher" if change > 0.0 else "lower"
+    if figure is Figure.FRICTION:
+        share = abs(change) / max(float(drift.friction_nm[joint]), np.finfo(float).tiny)
+        return f"friction is {abs(change):.3g} N m ({share:.0%}) {word}"
+    if figure is Figure.GAIN:
+        return f"the gain is {abs(change):.2%} {word}"
+    return f"what stays unexplained is {np.exp(abs(change)):.2g} times {word}"

@@ -1,0 +1,144 @@
+"""How friction falls while an arm warms up: with the logarithm of the time that it has been at work.
+
+    F(t) = F_session + b ln(1 + t / 10 min)
+
+An arm that has rested for two hours begins anew. The times are those of the runs, and of the windows of long ones; an
+arm that was at work before its first run shows a flatter curve. b counts where it is beyond chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.run_health import RunHealth
+
+_SCALE_S: Final = 600.0
+_REST_S: Final = 7200.0
+WARM_S: Final = 3600.0
+"""Friction is stated for an arm that has been at work for so long."""
+_LEAST_RANGE: Final = 0.5
+"""Of the logarithm: from the beginning to 6.5 minutes at least."""
+_BEYOND_CHANCE: Final = 4.0
+_LEAST_MORE: Final = 3
+"""Points beyond one per session and the slope."""
+
+
+@dataclass(frozen=True, eq=False)
+class WarmUp:
+    """Friction against the time at work, n joints.
+
+    Attributes:
+        at_work_s: (p,) time at work of every point.
+        session: (p,) which stretch of work without a rest it belongs to.
+        friction_nm: (p, n) difference from the friction after an hour; NaN where a joint hardly moves.
+        slope_nm: (n,) b; 0 where it is not beyond chance.
+        slope_deviation_nm: (n,).
+        of_runs_nm: (r, n) what being cold adds to each run's friction.
+    """
+
+    at_work_s: FloatArray
+    session: NDArray[np.intp]
+    friction_nm: FloatArray
+    slope_nm: FloatArray
+    slope_deviation_nm: FloatArray
+    of_runs_nm: FloatArray
+
+    def curve_nm(self, at_work_s: FloatArray) -> FloatArray:
+        """(t, n) friction over that after an hour.
+
+        Args:
+            at_work_s: (t,).
+        """
+        return (_log(at_work_s) - _log(WARM_S))[:, None] * self.slope_nm
+
+
+def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | None:
+    """The warming of an arm.
+
+    Args:
+        runs: In the order of their time.
+        began: When each began; empty where one does not say it: then a run is a session.
+
+    Returns:
+        The curve; None where no joint's friction depends on the time at work beyond chance.
+    """
+    at_work, session, of_run, friction, noise = [], [], [], [], []
+    starts, sessions = _sessions(runs, began)
+    middles = []
+    for number, (run, start, which) in enumerate(zip(runs, starts, sessions, strict=True)):
+        middles.append(start + 0.5 * run.length_s)
+        if run.course is None:
+            points = [(0.5 * run.length_s, run.friction_nm, run.friction_noise_nm)]
+        else:
+            points = list(zip(run.course.elapsed_s, run.course.friction_nm, run.course.noise_nm, strict=True))
+        for elapsed_s, value, own in points:
+            at_work.append(start + elapsed_s)
+            session.append(which)
+            of_run.append(number)
+            friction.append(value)
+            noise.append(own)
+    time_s, where = np.array(at_work), np.array(session, dtype=np.intp)
+    values, spread = np.array(friction), np.array(noise)
+    n = values.shape[1]
+    slope, deviation = np.zeros(n), np.zeros(n)
+    for joint in range(n):
+        slope[joint], deviation[joint] = _slope(_log(time_s), where, values[:, joint], spread[:, joint])
+    slope = np.where(np.abs(slope) > _BEYOND_CHANCE * deviation, slope, 0.0)
+    if not slope.any():
+        return None
+    part = (_log(time_s) - _log(WARM_S))[:, None] * slope
+    levels = np.zeros_like(values)
+    for which in np.unique(where):
+        rows = where == which
+        known = np.isfinite(values[rows])
+        count = np.maximum(known.sum(axis=0), 1)
+        levels[rows] = np.where(known, values[rows] - part[rows], 0.0).sum(axis=0) / count
+    cold = (_log(np.array(middles)) - _log(WARM_S))[:, None] * slope
+    return WarmUp(time_s, where, values - levels, slope, deviation, cold)
+
+
+def _log(at_work_s: FloatArray | float) -> FloatArray:
+    return np.asarray(np.log1p(np.asarray(at_work_s) / _SCALE_S))
+
+
+def _sessions(runs: Sequence[RunHealth], began: Sequence[datetime]) -> tuple[list[float], list[int]]:
+    """Time at work when each run begins, and which session it belongs to."""
+    if not began:
+        return [0.0] * len(runs), list(range(len(runs)))
+    starts, sessions, first, before_s = [], [], began[0], -np.inf
+    number = -1
+    for run, moment in zip(runs, began, strict=True):
+        if (moment - began[0]).total_seconds() - before_s > _REST_S:
+            first, number = moment, number + 1
+        before_s = (moment - began[0]).total_seconds() + run.length_s
+        starts.append((moment - first).total_seconds())
+        sessions.append(number)
+    return starts, sessions
+
+
+def _slope(
+    log_time: FloatArray, session: NDArray[np.intp], values: FloatArray, noise: FloatArray
+) -> tuple[float, float]:
+    """Slope within sessions and its standard deviation, by the scatter about it where that is more than the noise."""
+    known = np.isfinite(values) & (noise > 0.0)
+    x, y, weight = log_time[known], values[known], noise[known] ** -2.0
+    which, place = np.unique(session[known], return_inverse=True)
+    free = x.size - which.size - 1
+    if free < _LEAST_MORE:
+        return 0.0, np.inf
+    total = np.bincount(place, weight)
+    x = x - (np.bincount(place, weight * x) / total)[place]
+    y = y - (np.bincount(place, weight * y) / total)[place]
+    information = float(weight @ x**2)
+    if np.ptp(x) < _LEAST_RANGE or information <= 0.0:
+        return 0.0, np.inf
+    slope = float(weight @ (x * y)) / information
+    scatter = float(weight @ (y - slope * x) ** 2) / free
+    return slope, float(np.sqrt(max(scatter, 1.0) / information))

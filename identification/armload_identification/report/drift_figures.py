@@ -1,0 +1,123 @@
+"""The figures of an arm's drift: a control chart per joint and figure, and friction against the time at work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Final
+
+import matplotlib.style
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+
+from armload_core.arrays import FloatArray
+from armload_identification.pipeline.arm_drift import ArmDrift, Figure
+from armload_identification.pipeline.warm_up import WARM_S, WarmUp
+from armload_identification.report.figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED, ticks
+from armload_identification.verdict.control_limits import ControlChart
+
+_WIDE_IN: Final = 7.0
+_ROW_IN: Final = 1.25
+_ENDS_IN: Final = 0.6
+_COLUMNS: Final = 3
+_BAND: Final = "#e3e3e3"
+_DAY_S: Final = 86_400.0
+_FEW_DAYS: Final = 3.0
+_LABELS: Final = 4
+_HEADINGS: Final = {
+    Figure.FRICTION: "friction less the calibration's, N m",
+    Figure.GAIN: "gain against the calibration's, %",
+    Figure.RESIDUAL: "unexplained over the calibration's",
+}
+
+
+def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Drawing:
+    """The control charts of all joints, one row per joint.
+
+    Args:
+        drift: The arm.
+        names: Of its joints.
+    """
+    figures = tuple(Figure)
+    place, dated = _places(drift)
+    with matplotlib.style.context(["default", FIGURE_STYLE]):
+        height_in = _ROW_IN * len(names) + _ENDS_IN
+        drawing = Drawing(figsize=(_WIDE_IN, height_in))
+        # By hand: a layout that is computed takes longer than all the rest of the report.
+        drawing.subplots_adjust(0.1, 0.4 / height_in, 0.99, 1.0 - 0.2 / height_in, 0.3, 0.3)
+        grid = drawing.subplots(len(names), len(figures), sharex=True, squeeze=False)
+        for joint, name in enumerate(names):
+            for column, figure in enumerate(figures):
+                axes = grid[joint][column]
+                _chart(axes, place, drift.charts[figure][joint], figure)
+                if joint == 0:
+                    axes.set_title(_HEADINGS[figure], fontsize=7.5)
+                if column == 0:
+                    axes.set_ylabel(f"{joint + 1} {name}")
+                if joint == len(names) - 1:
+                    _time_axis(axes, place, dated)
+        return drawing
+
+
+def _places(drift: ArmDrift) -> tuple[FloatArray, bool]:
+    """Where every run stands on the axis, and whether that is a date."""
+    if drift.began:
+        return np.array([moment.timestamp() / _DAY_S for moment in drift.began]), True
+    return np.arange(1.0, len(drift.runs) + 1.0), False
+
+
+def _chart(axes: Axes, place: FloatArray, chart: ControlChart, figure: Figure) -> None:
+    """Limits, runs, levels and changes."""
+
+    def drawn(values: FloatArray) -> FloatArray:
+        return np.asarray(
+            np.exp(values) if figure is Figure.RESIDUAL else 100.0 * values if figure is Figure.GAIN else values
+        )
+
+    known = np.isfinite(chart.values)
+    axes.fill_between(place[known], drawn(-chart.limit[known]), drawn(chart.limit[known]), color=_BAND, linewidth=0)
+    axes.plot(place[known], drawn(chart.level[known]), color=INK, linewidth=0.7, drawstyle="steps-post")
+    loud = chart.outside | chart.alone
+    for rows, color, marker in ((known & ~loud, SMOOTHED, "o"), (known & loud, PREDICTED, "D")):
+        axes.plot(place[rows], drawn(chart.values[rows]), marker, color=color, markersize=2.8)
+    for change in chart.changes:
+        axes.axvline(place[change.index], color=PREDICTED, linewidth=0.8, dashes=(3.0, 2.0))
+    axes.yaxis.set_major_locator(ticks(4))
+
+
+def _time_axis(axes: Axes, place: FloatArray, dated: bool) -> None:
+    """Dates, or the numbers of the runs."""
+    if not dated:
+        axes.set_xlabel("run")
+        axes.xaxis.set_major_locator(ticks(_LABELS))
+        return
+    axes.xaxis.set_major_locator(ticks(_LABELS))
+    text = "{:%d %b\n%H:%M}" if np.ptp(place) < _FEW_DAYS else "{:%d %b\n%Y}"
+    axes.xaxis.set_major_formatter(lambda day, _position: text.format(datetime.fromtimestamp(day * _DAY_S, UTC)))
+
+
+def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Drawing:
+    """Friction against the time at work, one field per joint.
+
+    Args:
+        warming: The curve and its points.
+        names: Of the joints.
+    """
+    rows = -(-len(names) // _COLUMNS)
+    minutes = np.linspace(0.0, max(float(warming.at_work_s.max()), WARM_S), 100)
+    with matplotlib.style.context(["default", FIGURE_STYLE]):
+        drawing = Drawing(figsize=(_WIDE_IN, 1.6 * rows), layout="constrained")
+        grid = drawing.subplots(rows, _COLUMNS, squeeze=False)
+        for joint, axes in enumerate(grid.ravel()):
+            if joint >= len(names):
+                axes.set_axis_off()
+                continue
+            axes.plot(warming.at_work_s / 60.0, warming.friction_nm[:, joint], "o", color=SMOOTHED, markersize=2.0)
+            if warming.slope_nm[joint] != 0.0:
+                axes.plot(minutes / 60.0, warming.curve_nm(minutes)[:, joint], color=PREDICTED)
+            axes.set_title(f"{joint + 1} {names[joint]}", fontsize=7.5)
+            axes.set_ylabel("friction, N m")
+            axes.yaxis.set_major_locator(ticks(4))
+            axes.set_xlabel("minutes at work")
+        return drawing

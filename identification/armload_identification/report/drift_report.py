@@ -1,0 +1,79 @@
+"""The report of an arm's drift: what changed, the control charts, the warm-up curve and the runs, in one HTML file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from markupsafe import Markup
+
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.pipeline.arm_drift import ArmDrift
+from armload_identification.report.drift_figures import charts_drawing, warm_up_drawing
+from armload_identification.report.page import rendered, write_page
+from armload_identification.report.svg import inline_svg
+
+_TEMPLATE: Final = "drift.html.j2"
+
+
+def write_drift_report(
+    path: Path,
+    drift: ArmDrift,
+    calibration: ArmCalibration,
+    *,
+    calibration_name: str,
+    robot: str,
+    description: str,
+    names: Sequence[str],
+    advice: str,
+    left_out: Sequence[tuple[str, str]],
+    armload_version: str,
+) -> None:
+    """Write the report.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        drift: The arm over its runs.
+        calibration: What the runs were held against.
+        calibration_name: Its file.
+        robot: Name of the arm.
+        description: What it is, in a line.
+        names: Of its joints.
+        advice: What to do.
+        left_out: Name and reason of runs that could not be used.
+        armload_version: Version of the program.
+
+    Raises:
+        ReportError: the file cannot be written.
+    """
+    warming = drift.warming
+    days = [f"{moment:%Y-%m-%d}" for moment in drift.began]
+    span = "" if not days else f" of {days[0]}" if days[0] == days[-1] else f" from {days[0]} to {days[-1]}"
+    write_page(
+        path,
+        rendered(
+            _TEMPLATE,
+            robot=robot,
+            description=description,
+            calibration=calibration_name,
+            origin=calibration.origin,
+            span=span,
+            armload_version=armload_version,
+            out_of_date=drift.out_of_date,
+            findings=[found.text for found in drift.findings],
+            advice=advice,
+            left_out=left_out,
+            runs=drift.runs,
+            charts=Markup(
+                inline_svg(
+                    charts_drawing(drift, names),
+                    "charts",
+                    f"Friction, gain and residual of {len(names)} joints over {len(drift.runs)} runs.",
+                )
+            ),
+            warming=None
+            if warming is None
+            else Markup(inline_svg(warm_up_drawing(warming, names), "warm-up", "Friction against the time at work.")),
+        ),
+    )

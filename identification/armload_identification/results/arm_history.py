@@ -1,0 +1,190 @@
+"""What an arm's runs say of its health: a table to print, a picture, a report and a document."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.pipeline.arm_drift import ArmDrift, Figure
+from armload_identification.results.payload_text import plain_table
+
+_PICTURE_DPI: Final = 130
+_COLD_S: Final = 60.0
+HEADINGS: Final = ("joint", "friction N m", "less the calibration's", "gain", "unexplained", "warming up N m")
+
+
+@dataclass(frozen=True, eq=False)
+class ArmHistory:
+    """An arm over its runs; printed, it is a table and what changed.
+
+    Attributes:
+        robot: Name of the arm.
+        description: What it is, in a line.
+        joint_names: Of its joints.
+        calibration: What the runs were held against.
+        calibration_name: Its file.
+        drift: What was found.
+        left_out: Name and reason of the runs that could not be used.
+        armload_version: Version of the program.
+    """
+
+    robot: str
+    description: str
+    joint_names: tuple[str, ...]
+    calibration: ArmCalibration
+    calibration_name: str
+    drift: ArmDrift
+    left_out: tuple[tuple[str, str], ...]
+    armload_version: str
+
+    @property
+    def advice(self) -> str:
+        """What to do."""
+        if self.drift.out_of_date:
+            return "Find out what was changed on the arm, and calibrate it again with runs since then."
+        if any(not found.alone for found in self.drift.findings):
+            return (
+                "The calibration holds: friction is fitted with every payload. Look for new grease, a dragging brake "
+                "or wear."
+            )
+        if self.drift.findings:
+            return "Single runs are off: a blow, a cold arm, another payload than said. The calibration holds."
+        return "The calibration holds."
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Per joint the present levels; empty where the runs do not show one."""
+        rows: list[tuple[str, ...]] = []
+        for joint, name in enumerate(self.joint_names):
+            friction, gain, residual = (_present(self.drift.charts[figure][joint].level) for figure in Figure)
+            warming = self._warming_nm(joint)
+            rows.append(
+                (
+                    f"{joint + 1} {name}",
+                    f"{self.drift.friction_nm[joint]:.2f}",
+                    "" if friction is None else f"{friction:+.2f}",
+                    "" if gain is None else f"{gain:+.2%}",
+                    "" if residual is None else f"{np.exp(residual):.2f}",
+                    "" if warming is None else f"{warming:+.2f}",
+                )
+            )
+        return rows
+
+    def _warming_nm(self, joint: int) -> float | None:
+        """By how much friction changes from the first minute to an hour of work; None where that is not known."""
+        warming = self.drift.warming
+        if warming is None or warming.slope_nm[joint] == 0.0:
+            return None
+        return -float(warming.curve_nm(np.array([_COLD_S]))[0, joint])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Numbers, texts, lists and dictionaries: the schema `armload/drift/1`."""
+        drift = self.drift
+        return {
+            "schema": "armload/drift/1",
+            "armload_version": self.armload_version,
+            "robot": self.robot,
+            "calibration": self.calibration_name,
+            "out_of_date": drift.out_of_date,
+            "advice": self.advice,
+            "runs": [
+                {
+                    "name": run.name,
+                    "began": drift.began[number].isoformat() if drift.began else None,
+                    "length_s": run.length_s,
+                    "carried": run.carried,
+                }
+                for number, run in enumerate(drift.runs)
+            ],
+            "joints": [
+                {
+                    "name": name,
+                    "friction_nm": float(drift.friction_nm[joint]),
+                    "warm_up_nm": self._warming_nm(joint),
+                    "charts": {figure.value: self._chart(figure, joint) for figure in Figure},
+                }
+                for joint, name in enumerate(self.joint_names)
+            ],
+            "findings": [
+                {
+                    "joint": self.joint_names[found.joint],
+                    "figure": found.figure.value,
+                    "run": drift.runs[found.run].name,
+                    "alone": found.alone,
+                    "before": _linear(found.figure, found.before),
+                    "after": _linear(found.figure, found.after),
+                    "text": found.text,
+                }
+                for found in drift.findings
+            ],
+            "left_out": [{"name": name, "reason": reason} for name, reason in self.left_out],
+        }
+
+    def _chart(self, figure: Figure, joint: int) -> dict[str, Any]:
+        """A chart; what is not known is None."""
+        chart = self.drift.charts[figure][joint]
+
+        def listed(values: FloatArray) -> list[float | None]:
+            return [_linear(figure, float(value)) if np.isfinite(value) else None for value in values]
+
+        return {
+            "values": listed(chart.values),
+            "lower_limit": listed(-chart.limit),
+            "upper_limit": listed(chart.limit),
+            "level": listed(chart.level),
+            "outside": chart.outside.tolist(),
+        }
+
+    def picture(self, path: str | PathLike[str]) -> None:
+        """Draw the control charts, .png, .svg or .pdf; an existing file is replaced.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        # Imported here: matplotlib is slow to load.
+        from armload_identification.report.drift_figures import charts_drawing
+        from armload_identification.report.figure_file import write_figure
+
+        write_figure(Path(path), charts_drawing(self.drift, self.joint_names), _PICTURE_DPI)
+
+    def report(self, path: str | PathLike[str]) -> None:
+        """Write the report (HTML); an existing file is replaced.
+
+        Raises:
+            ReportError: the file cannot be written.
+        """
+        from armload_identification.report.drift_report import write_drift_report
+
+        write_drift_report(
+            Path(path),
+            self.drift,
+            self.calibration,
+            calibration_name=self.calibration_name,
+            robot=self.robot,
+            description=self.description,
+            names=self.joint_names,
+            advice=self.advice,
+            left_out=self.left_out,
+            armload_version=self.armload_version,
+        )
+
+    def __str__(self) -> str:
+        """The table, what changed, and what to do."""
+        lines = plain_table(HEADINGS, self.rows(), text_columns=(0,))
+        return "\n".join([*lines, *(found.text for found in self.drift.findings), self.advice])
+
+
+def _present(level: FloatArray) -> float | None:
+    """The last level that is known."""
+    known = level[np.isfinite(level)]
+    return float(known[-1]) if known.size else None
+
+
+def _linear(figure: Figure, value: float) -> float:
+    """The residual as a ratio, the rest as it is."""
+    return float(np.exp(value)) if figure is Figure.RESIDUAL else value

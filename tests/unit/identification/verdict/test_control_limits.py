@@ -1,0 +1,81 @@
+"""Control limits: chance raises no alarm, a change of level is found with its beginning, one run alone is no change."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_identification.verdict.control_limits import control_chart
+
+pytestmark = pytest.mark.pure
+
+RUNS, CHARTS = 30, 18
+NOISE, NOTHING = np.full(RUNS, 0.5), np.zeros(RUNS)
+
+
+def scatter(seed):
+    return np.random.default_rng(seed).normal(scale=np.hypot(1.0, 0.5), size=RUNS)
+
+
+def chart(values, usual=1.0, doubt=NOTHING):
+    return control_chart(values, NOISE[: values.size], doubt[: values.size], usual, CHARTS)
+
+
+def test_chance_is_no_change():
+    alarms = [chart(scatter(seed)) for seed in range(4 * CHARTS)]
+    assert sum(len(found.changes) + int(found.alone.sum()) for found in alarms) == 0
+    assert np.mean([found.spread for found in alarms]) == pytest.approx(1.0, abs=0.15)
+    assert np.mean([found.outside for found in alarms]) < 0.01
+
+
+@pytest.mark.parametrize("since", [2, 14, 26])
+def test_a_change_of_level_is_found_where_it_began(since):
+    values = scatter(3)
+    values[since:] -= 5.0
+    (change,) = chart(values).changes
+    assert abs(change.index - since) <= 1
+    assert change.after - change.before == pytest.approx(-5.0, abs=3.0 * change.deviation)
+
+
+def test_a_change_that_is_undone_is_two():
+    values = scatter(5)
+    values[10:20] += 6.0
+    there, back = chart(values).changes
+    assert (there.index, back.index) == (10, 20)
+    assert np.nanmean(chart(values).level[10:20]) == pytest.approx(6.0, abs=1.5)
+
+
+def test_a_single_run_that_is_off_is_no_change():
+    values = scatter(1)
+    values[12] += 12.0
+    found = chart(values)
+    assert found.changes == ()
+    assert np.flatnonzero(found.alone).tolist() == [12]
+    assert found.outside[12]
+    assert np.abs(found.level).max() < 1.0
+
+
+def test_all_runs_may_differ_from_the_calibration_by_what_it_does_not_know():
+    values = scatter(2) + 4.0
+    (change,) = chart(values).changes
+    assert (change.index, change.before) == (0, 0.0)
+    assert chart(values, doubt=np.full(RUNS, 2.0)).changes == ()
+
+
+def test_what_was_expected_counts_where_runs_are_few():
+    few = np.array([0.01, -0.01, 0.0])
+    assert chart(few).spread > 0.8
+    assert chart(np.tile(few, 10)).spread < 0.5
+    assert chart(few[:1]).spread == pytest.approx(1.0)
+    nothing = chart(np.full(3, np.nan))
+    assert nothing.changes == ()
+    assert np.isnan(nothing.level).all()
+
+
+def test_runs_that_do_not_show_it_are_left_out():
+    values = scatter(4)
+    values[15:] += 6.0
+    values[[0, 14, 15]] = np.nan
+    (change,) = chart(values).changes
+    assert change.index == 16
+    assert np.isnan(chart(values).limit[[0, 14, 15]]).all()
