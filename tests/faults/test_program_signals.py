@@ -18,6 +18,7 @@ import pytest
 
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from tests.started_programs import as_started
 
 PROGRAM = """
 import json, sys, time
@@ -87,10 +88,9 @@ def started(robot, tmp_path):
     running = []
 
     def started(ignored=()):
-        ignoring = f"trap '' {' '.join(ignored)}; " if ignored else ""
         words = ["commission", robot, "--interface", "bench", "--channel", "signals", "--simulated-drives"]
         process = subprocess.Popen(
-            ["sh", "-c", f'{ignoring}exec "$@"', "sh", sys.executable, program, *words, "--output", tmp_path / "run"],
+            as_started([sys.executable, program, *words, "--output", tmp_path / "run"], ignored),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -138,7 +138,7 @@ def test_a_signal_brings_the_arm_to_rest_and_removes_its_torque(started, tmp_pat
 
 def test_a_background_job_goes_on_where_signals_are_ignored_and_is_stopped_by_sigterm(started, tmp_path):
     """A shell script's background job ignores SIGINT, nohup SIGHUP: that is what was asked for."""
-    process = started(ignored=("INT", "HUP"))
+    process = started(ignored=("SIGINT", "SIGHUP"))
     for number in (signal.SIGINT, signal.SIGHUP):
         process.send_signal(number)
     recorded = sum(path.stat().st_size for path in (tmp_path / "run").glob("*.mcap"))

@@ -48,6 +48,10 @@ class Recorder:
         frames: Where the arm's links are, recorded every `FRAMES_S` for Foxglove; None where the arm is not known.
         clock_ns: Wall-clock time in ns since 1970; asked once, at the first row.
 
+    Attributes:
+        rows: How many were written.
+        measured_rows: How many of them lie within the whole periods.
+
     Raises:
         CommissioningError: the file exists or cannot be written.
     """
@@ -75,6 +79,7 @@ class Recorder:
             raise CommissioningError(f"{path}: {error.strerror}: choose an --output that can be written") from error
         self._flushed_s = -float("inf")
         self.rows = 0
+        self.measured_rows = 0
 
     def _begin(self, attachments: Mapping[str, str]) -> None:
         """What comes before the first row, on the disk: where there is no room for that, nothing is switched on."""
@@ -139,6 +144,7 @@ class Recorder:
         try:
             self._writer.add_message(self._channel, stamp_ns, data, stamp_ns, feedback.cycle)
             self.rows += 1
+            self.measured_rows += phase_s is not None
             if self._frames is not None and feedback.time_s - self._framed_s >= FRAMES_S:
                 data = self._frames.message(feedback.position_rad, stamp_ns)
                 self._writer.add_message(self._frames_channel, stamp_ns, data, stamp_ns, feedback.cycle)

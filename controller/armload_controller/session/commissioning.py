@@ -67,7 +67,8 @@ def record_half(
         mass_kg: The payload's mass, where it was weighed, for the recordings with it.
 
     Raises:
-        CommissioningError: the robot has no excitations, or the operator does not agree; nothing is switched on.
+        CommissioningError: the robot has no excitations, or the operator does not agree: nothing is switched on;
+            or a run was slower than planned throughout, and stays partial.
         ConfigurationError: an excitation touches something or requires too much torque; nothing was switched on.
         LimitViolation: an excitation breaks a limit; nothing was switched on.
         InfeasibleMotion: there is no way onto an excitation within the limits; nothing was switched on.
@@ -105,7 +106,13 @@ def _record(
     }
     frames = ArmFrames(robot.chain, robot.joint_names)
     with Recorder(recording_path(directory, session.load, role), attachments, frames=frames) as recorder:
-        return session.run(path, f"{session.load}: {role}", recorder=recorder)
+        summary = session.run(path, f"{session.load}: {role}", recorder=recorder)
+        if recorder.measured_rows < round(path.excitation.trajectory.period_s / session.servos.cycle_s):
+            raise CommissioningError(
+                f"{session.load}: {role}: no whole period was run at full speed, and only such periods are measured. "
+                "Run the same command again, and take the speed back to 100 % (key +) before the slow round ends."
+            )
+        return summary
 
 
 def checked_excitations(robot: Robot, roles: Iterable[str]) -> dict[str, CheckedPath]:

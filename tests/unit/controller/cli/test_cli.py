@@ -23,6 +23,7 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_validation import validate
 from armload_identification.recording.file_reading import read_recording
 from tests.bounded import await_that
+from tests.started_programs import BACKGROUND, as_started
 
 PROGRAM = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
 CONFIGS = Path(str(resources.files("armload_configs")))
@@ -239,31 +240,21 @@ def test_a_payload_in_another_frame_is_refused(commissioned, armload, short_robo
     assert "'wrist'" in str(result.exception)
 
 
-BACKGROUND = """
-import os, signal, sys
-for ignored in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP, signal.SIGTSTP):
-    signal.signal(ignored, signal.SIG_IGN)
-os.execv(sys.executable, sys.argv[1:])
-"""
-"""Runs a program as `nohup` in a background job of a script does: these signals are ignored from the start."""
-
-
 @pytest.mark.parametrize(
-    ("signal_name", "status", "background"),
+    ("signal_name", "status", "ignored"),
     [
-        ("SIGINT", 130, False),
-        ("SIGTERM", 143, True),
-        ("SIGTSTP", 130, False),
-        ("SIGHUP", 129, False),
-        ("SIGQUIT", 131, False),
+        ("SIGINT", 130, ()),
+        ("SIGTERM", 143, BACKGROUND),
+        ("SIGTSTP", 130, ()),
+        ("SIGHUP", 129, ()),
+        ("SIGQUIT", 131, ()),
     ],
 )
-def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, status, background):
+def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, status, ignored):
     """Stopped by SIGTERM however the program was started; the others it obeys unless it was started to ignore them."""
     output = tmp_path / "run"
-    job = [sys.executable, "-c", BACKGROUND] if background else []
     running = subprocess.Popen(
-        [*job, *PROGRAM, "commission", str(short_robot), "--output", str(output)],
+        as_started([*PROGRAM, "commission", short_robot, "--output", output], ignored),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -17,6 +17,7 @@ from armload_controller.cli.keyboard import Key, Keyboard, decode, described, pr
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from tests.started_programs import as_started
 
 PROGRAM = "from armload_controller.cli.entry import main; main()"
 
@@ -136,7 +137,7 @@ class Terminal:
         self.before = termios.tcgetattr(self.terminal)
         self.shown = b""
         self.running = subprocess.Popen(
-            [sys.executable, "-c", CONTROLLING + code, *words],
+            as_started([sys.executable, "-c", CONTROLLING + code, *words]),
             stdin=self.terminal,
             stdout=self.terminal,
             stderr=self.terminal,
