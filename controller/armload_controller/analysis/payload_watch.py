@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
+from armload_controller.analysis.payload_events import PayloadEvent, PayloadEvents
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import EstimationError, RecordingError
@@ -20,32 +21,26 @@ from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 
-WEIGHED_WITHIN: Final = 0.5
-"""A change of payload is told when the half widths of both masses are below this share of it."""
-
 NEVER_LOOKED: Final = -2
 IDLE_LOOKS: Final = 10
 """Looks without anything new after which a recording counts as finished."""
 
 
 @dataclass(frozen=True)
-class PayloadEvent:
-    """Something that happened to the arm.
+class HeardBus:
+    """What was heard of an arm on its bus.
 
     Attributes:
-        time_s: When, as the recording's stamps have it.
-        kind: "changed", as soon as it is noticed; "grasped" or "dropped", when it is weighed; "contact" at rest, and
-            "contact over".
-        mass_kg: By how much the payload changed; None where that is not known or means nothing.
+        cycles: Cycles so far.
+        missing: Of them, by joint, those without its answer.
+        enabled: The drives are in OPERATION ENABLED; else nothing is weighed.
+        silent_s: For how long nothing has been heard.
     """
 
-    time_s: float
-    kind: str
-    mass_kg: float | None
-
-    def __str__(self) -> str:
-        """In a few words."""
-        return self.kind if self.mass_kg is None else f"{self.kind} ({self.mass_kg:+.2f} kg)"
+    cycles: int
+    missing: tuple[int, ...]
+    enabled: bool
+    silent_s: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,31 +48,54 @@ class WatchedMoment:
     """What is known at one moment.
 
     Attributes:
-        payload: The estimate.
+        time_s: Of the last sample.
+        payload: The estimate; None where an arm is recorded that is not calibrated.
         events: What has happened since the moment before.
+        bus: What was heard; None of a recording.
     """
 
-    payload: LivePayload
-    events: tuple[PayloadEvent, ...]
+    time_s: float
+    payload: LivePayload | None
+    events: tuple[PayloadEvent, ...] = ()
+    bus: HeardBus | None = None
 
     def to_dict(self, robot: str, version: str) -> dict[str, Any]:
         """Numbers, texts, lists and dictionaries: the schema `armload/watch/1`."""
-        found = self.payload
-        center = zip(found.values[1:], found.determined[1:], strict=True)
-        return {
+        document: dict[str, Any] = {
             "schema": "armload/watch/1",
             "armload_version": version,
             "robot": robot,
-            "time_s": found.time_s,
-            "mass_kg": found.mass_kg,
-            "half_width_95_kg": float(found.half_width_95[0]),
-            "center_of_mass_m": [float(value) if sure else None for value, sure in center],
-            "moving_s": found.moving_s.tolist(),
-            "changes": found.changes,
-            "contact": found.contact,
-            "refused": found.refused,
-            "events": [{"time_s": e.time_s, "kind": e.kind, "mass_kg": e.mass_kg} for e in self.events],
+            "time_s": self.time_s,
         }
+        found, bus = self.payload, self.bus
+        if found is None:
+            document |= dict.fromkeys(_OF_PAYLOAD)
+        else:
+            center = zip(found.values[1:], found.determined[1:], strict=True)
+            values = (
+                found.mass_kg,
+                float(found.half_width_95[0]),
+                [float(value) if sure else None for value, sure in center],
+                found.moving_s.tolist(),
+                found.changes,
+                found.contact,
+                found.refused,
+            )
+            document |= dict(zip(_OF_PAYLOAD, values, strict=True))
+        document["events"] = [event.to_dict() for event in self.events]
+        document["bus"] = None if bus is None else asdict(bus) | {"missing": list(bus.missing)}
+        return document
+
+
+_OF_PAYLOAD: Final = (
+    "mass_kg",
+    "half_width_95_kg",
+    "center_of_mass_m",
+    "moving_s",
+    "changes",
+    "contact",
+    "refused",
+)
 
 
 class PayloadWatch:
@@ -86,7 +104,10 @@ class PayloadWatch:
     Args:
         robot: The arm.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
-        every_s: Time between the moments that are shown.
+        every_s: Time between the moments that are shown of a recording.
+
+    Attributes:
+        effort: What the arm was calibrated with.
 
     Raises:
         EstimationError: the arm is not calibrated.
@@ -102,14 +123,11 @@ class PayloadWatch:
                 "`armload calibrate` and give that file as --calibration."
             )
         self._robot, self._every_s = robot, every_s
-        self._effort = used.calibration.effort
+        self.effort = used.calibration.effort
         self._estimator = PayloadEstimator(used.calibration, robot.chain, robot.transmission)
         self._next_s: float | None = None
         self._last_s = -np.inf
-        self._changes = 0
-        self._weighed: LivePayload | None = None
-        self._before: LivePayload | None = None
-        self._touching = False
+        self._events = PayloadEvents(used.calibration, robot.joint_names)
 
     def file(self, path: Path) -> Iterator[WatchedMoment]:
         """The rows of a recording that have not been seen yet.
@@ -129,7 +147,7 @@ class PayloadWatch:
         for block in self._usable(reader.blocks(ReadingAccount()), garbage):
             yield from self.rows(path, block)
         if self._last_s > seen:
-            yield self._moment()
+            yield self.moment()
 
     @staticmethod
     def _usable(blocks: Iterator[RowBlock], garbage: GarbageFilter) -> Iterator[RowBlock]:
@@ -145,10 +163,10 @@ class PayloadWatch:
             path: What messages call the recording.
             block: The rows.
         """
-        effort = block.torque_nm if self._effort is Effort.TORQUE else block.current_a
+        effort = block.torque_nm if self.effort is Effort.TORQUE else block.current_a
         if effort is None:
             raise RecordingError(
-                f"{path}: no {self._effort}, which the arm was calibrated with. Record it, or calibrate the arm with "
+                f"{path}: no {self.effort}, which the arm was calibrated with. Record it, or calibrate the arm with "
                 "recordings like this one."
             )
         if block.position_rad.shape[1] != self._robot.chain.n:
@@ -165,38 +183,32 @@ class PayloadWatch:
             if self._next_s is None:
                 self._next_s = float(time_s[start]) + self._every_s
             end = int(np.searchsorted(time_s, self._next_s))
-            self._take(time_s[start:end], position[start:end], measured[start:end])
+            self.take(time_s[start:end], position[start:end], measured[start:end])
             if end < time_s.size:
-                yield self._moment()
+                yield self.moment()
                 self._next_s = float(time_s[end]) + self._every_s
             start = end
 
-    def _take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> None:
+    def take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> None:
+        """Take samples.
+
+        Args:
+            time_s: (N,) stamps.
+            position: (N, n) joint positions in rad.
+            effort: (N, n) motor currents in A or reported joint torques in N m, as `effort` says.
+        """
         self._estimator.update_all(time_s, position, effort)
         if time_s.size:
             self._last_s = float(time_s[-1])
 
-    def _moment(self) -> WatchedMoment:
-        """The estimate, and what has happened."""
+    def moment(self, bus: HeardBus | None = None) -> WatchedMoment:
+        """The estimate, and what has happened since the moment before.
+
+        Args:
+            bus: What was heard, of an arm on its bus.
+        """
         found = self._estimator.estimate()
-        events = []
-        if found.changes > self._changes:
-            self._changes = found.changes
-            self._before = self._before or self._weighed
-            self._weighed = None
-            events.append(PayloadEvent(found.changed_s, "changed", None))
-        if self._before is not None:
-            change = found.mass_kg - self._before.mass_kg
-            doubt = max(found.half_width_95[0], self._before.half_width_95[0])
-            if doubt < WEIGHED_WITHIN * abs(change):
-                events.append(PayloadEvent(found.changed_s, "grasped" if change > 0.0 else "dropped", change))
-                self._before = None
-        if self._before is None:
-            self._weighed = found
-        if found.contact != self._touching:
-            self._touching = found.contact
-            events.append(PayloadEvent(found.time_s, "contact" if found.contact else "contact over", None))
-        return WatchedMoment(found, tuple(events))
+        return WatchedMoment(found.time_s, found, self._events.of(found), bus)
 
 
 def follow(watch: PayloadWatch, path: Path, wait: Callable[[float], None], every_s: float) -> Iterator[WatchedMoment]:

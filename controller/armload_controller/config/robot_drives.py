@@ -174,6 +174,22 @@ class RobotDrives:
                     "--simulated-drives",
                 )
 
+    def require_scales(self) -> None:
+        """Refuse drives whose scale is left to be read from them.
+
+        Raises:
+            ConfigurationError: naming the key.
+        """
+        for number, joint in enumerate(self.source.tables.joints, start=1):
+            missing = None if joint.drive is None else joint.drive.missing_scale()
+            if missing is not None:
+                raise self.source.refused(
+                    f"joints[{number}].drive.{missing}",
+                    None,
+                    "needed to listen: nothing is asked of drives that another master drives. `armload drives show` "
+                    "reads it when nobody does",
+                )
+
     def require_bus_load(self) -> None:
         """Refuse a cycle whose frames do not fit the bus.
 

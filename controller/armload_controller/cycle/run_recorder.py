@@ -130,8 +130,14 @@ class Recorder:
             return
         self.write(step.feedback, step.sent, reference.segment, phase_of(reference))
 
-    def write(self, feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None) -> None:
-        """Record one cycle; `phase_s` is None outside the whole periods.
+    def write(self, feedback: JointFeedback, command: JointCommand | None, segment: str, phase_s: float | None) -> None:
+        """Record one cycle.
+
+        Args:
+            feedback: What the drives answered.
+            command: What they had been sent; None where that is not known.
+            segment: One of `run_format.SEGMENTS`.
+            phase_s: Along the excitation; None outside the whole periods.
 
         Raises:
             RecordingFailed: the disk is full, or another error of the file.
@@ -180,14 +186,14 @@ def phase_of(reference: Reference) -> float | None:
 
 
 def joint_row(
-    feedback: JointFeedback, command: JointCommand, segment: Segment, phase_s: float | None
+    feedback: JointFeedback, command: JointCommand | None, segment: str, phase_s: float | None
 ) -> dict[str, object]:
     """One cycle as `run_format.MESSAGE_SCHEMA` has it.
 
     Args:
         feedback: What the drives answered.
-        command: What they answered to.
-        segment: The part of the run.
+        command: What they answered to; None where that is not known.
+        segment: The part of the run, one of `run_format.SEGMENTS`.
         phase_s: Phase along the excitation, None outside the whole periods.
     """
     row: dict[str, object] = {
@@ -195,14 +201,16 @@ def joint_row(
         "time_s": feedback.time_s,
         "phase_s": phase_s,
         "segment": segment,
-        "command_position_rad": command.position_rad,
-        "position_rad": feedback.position_rad,
     }
+    if command is not None:
+        row["command_position_rad"] = command.position_rad
+    row["position_rad"] = feedback.position_rad
     for key in ("velocity_rad_s", "current_a", "torque_nm"):
         values = getattr(feedback, key)
         if values is not None:
             row[key] = values
-    row["torque_offset_nm"] = command.torque_offset_nm
+    if command is not None:
+        row["torque_offset_nm"] = command.torque_offset_nm
     row["statusword"] = feedback.statusword
     row["missing"] = feedback.missing
     return row

@@ -149,6 +149,7 @@ class ArmUnits:
         effort = np.array([axis.effort_per_unit for axis in self.axes])
         self._joint_from_effort = inverse.T * effort
         self._motor_from_effort = effort
+        self._joint_from_permille = inverse.T * torque
         self._effort_per_nm = np.array([axis.effort_units_per_nm for axis in self.axes])
         kinds_of_effort = [effort_entry(drive).type.bounds[1] for drive in arm.drives]
         self._effort_limit = np.array(kinds_of_effort, dtype=np.float64)
@@ -221,6 +222,10 @@ class ArmUnits:
     def joint_torque_nm(self, effort: Sequence[int]) -> FloatArray:
         """(n,) joint torques of what the drives report."""
         return np.asarray(self._joint_from_effort.dot(np.array(effort, dtype=np.float64)))
+
+    def joint_offset_nm(self, permille: Sequence[int]) -> FloatArray:
+        """(n,) joint torques of torque offsets (60B2)."""
+        return np.asarray(self._joint_from_permille.dot(np.array(permille, dtype=np.float64)))
 
     def motor_current_a(self, effort: Sequence[int]) -> FloatArray:
         """(n,) motor currents of what the drives report."""

@@ -14,7 +14,9 @@ MAGIC: Final = b"\x89MCAP0\r\n"
 """First bytes of an MCAP file."""
 TOPIC: Final = "/joints"
 SCHEMA_NAME: Final = "armload.Joints"
-SEGMENTS: Final = ("approach", "slow", "ramp_up", "periods", "ramp_down", "return", "hold")
+OVERHEARD: Final = "overheard"
+"""Segment of what another master does."""
+SEGMENTS: Final = ("approach", "slow", "ramp_up", "periods", "ramp_down", "return", "hold", OVERHEARD)
 CONFIGURATION_ATTACHMENT: Final = "configuration.toml"
 EXCITATION_ATTACHMENT: Final = "excitation.toml"
 RUN_ATTACHMENT: Final = "run.json"
@@ -33,7 +35,7 @@ MESSAGE_SCHEMA: Final[dict[str, Any]] = {
             "description": "phase along the excitation; null outside the streamed whole periods",
         },
         "segment": {"type": "string", "enum": list(SEGMENTS)},
-        "command_position_rad": {**_NUMBERS, "description": "target sent with this SYNC"},
+        "command_position_rad": {**_NUMBERS, "description": "target sent with this SYNC; absent where it is not known"},
         "position_rad": {**_NUMBERS, "description": "measured at this SYNC"},
         "velocity_rad_s": {**_NUMBERS, "description": "absent where the drives do not report it"},
         "current_a": {**_NUMBERS, "description": "motor current; absent on arms that report torque"},

@@ -1,40 +1,83 @@
-"""`armload watch`: what a calibrated arm carries while it works."""
+"""`armload watch`: what an arm carries while it works."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from armload_controller.cli.options import CalibrationOption, RobotArgument
+from armload_controller.cli.options import (
+    BitrateOption,
+    CalibrationOption,
+    ChannelOption,
+    InterfaceOption,
+    RobotArgument,
+)
 from armload_controller.cli.output.json_output import JsonOption
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from armload_controller.analysis.payload_watch import WatchedMoment
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import Robot
+    from armload_controller.session.run_session import Load
 
 
 def watch(
     robot: RobotArgument,
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="Recording, finished or still growing.")],
+    recording: Annotated[
+        Path | None,
+        typer.Argument(metavar="[RECORDING]", help="Recording, finished or still growing; without it the arm's bus."),
+    ] = None,
     calibration: CalibrationOption = None,
+    interface: InterfaceOption = None,
+    channel: ChannelOption = None,
+    bitrate: BitrateOption = None,
+    record: Annotated[
+        Path | None,
+        typer.Option("--record", help="Record what is heard on the bus (.mcap); needs no calibration."),
+    ] = None,
+    load: Annotated[
+        str | None,
+        typer.Option(metavar="unloaded|loaded", help="With --record: what the arm carries, for `armload calibrate`."),
+    ] = None,
+    for_s: Annotated[
+        str | None, typer.Option("--for", metavar="TIME", help="On a bus: end after this time, such as 60s.")
+    ] = None,
     follow: Annotated[
-        bool, typer.Option("--follow", help="Wait for more, until the recording is finished or Ctrl-C.")
+        bool, typer.Option("--follow", help="Wait for more of a recording, until it is finished or Ctrl-C.")
     ] = False,
     every_s: Annotated[float, typer.Option(min=0.1, help="Time between two lines in s.")] = 1.0,
     as_json: JsonOption = False,
 ) -> None:
-    """Show what a calibrated arm carries, second by second: mass, interval, grasped, dropped, contact at rest."""
-    from importlib.metadata import version
-    from time import sleep
+    """Show what a calibrated arm carries while another program moves it: mass, interval, grasped, dropped, contact.
 
-    from armload_controller.analysis import payload_watch
+    On the arm's bus armload only listens and never sends. --record keeps what is heard.
+    """
+    from importlib.metadata import version
+
     from armload_controller.cli.output.json_output import print_document
     from armload_controller.cli.output.watch_output import moment_text
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
 
+    of_bus = {"--interface": interface, "--channel": channel, "--record": record, "--load": load, "--for": for_s}
+    if recording is not None and any(value is not None for value in of_bus.values()):
+        given = ", ".join(name for name, value in of_bus.items() if value is not None)
+        raise typer.BadParameter("belongs to a bus, and a RECORDING is given as well", param_hint=given)
+    if load is not None and record is None:
+        raise typer.BadParameter("goes with --record", param_hint="--load")
+    if follow and recording is None:
+        raise typer.BadParameter("goes with a RECORDING; a bus is followed anyway", param_hint="--follow")
     screen = Screen(as_json=as_json)
     arm = load_robot(robot)
-    watching = payload_watch.PayloadWatch(arm, calibration, every_s)
-    moments = payload_watch.follow(watching, recording, sleep, every_s) if follow else watching.file(recording)
+    if recording is not None:
+        moments = _of_recording(arm, recording, calibration, every_s, follow=follow)
+    else:
+        on_bus = arm.with_bus(interface, channel, bitrate, None)
+        moments = _on_bus(screen, on_bus, calibration, every_s, record, _load(load), _seconds(for_s))
     try:
         for moment in moments:
             for event in moment.events:
@@ -44,3 +87,73 @@ def watch(
                 print_document(moment.to_dict(arm.name, version("armload")))
     except KeyboardInterrupt:
         screen.step("no longer watched")
+
+
+def _of_recording(
+    arm: Robot, recording: Path, calibration: Path | None, every_s: float, *, follow: bool
+) -> Iterator[WatchedMoment]:
+    """A recording, from its beginning."""
+    from time import sleep
+
+    from armload_controller.analysis import payload_watch
+
+    watching = payload_watch.PayloadWatch(arm, calibration, every_s)
+    yield from payload_watch.follow(watching, recording, sleep, every_s) if follow else watching.file(recording)
+
+
+def _on_bus(
+    screen: Screen,
+    arm: Robot,
+    calibration: Path | None,
+    every_s: float,
+    record: Path | None,
+    load: Load | None,
+    for_s: float,
+) -> Iterator[WatchedMoment]:
+    """The arm's bus, until it is enough."""
+    import time
+    from contextlib import ExitStack
+
+    from armload_controller.analysis.payload_watch import PayloadWatch
+    from armload_controller.motion.motion_control import MotionControl
+    from armload_controller.session.bus_watch import BusWatch, heard_cycles, recorder_of
+    from armload_controller.session.stop_signals import StopSignals
+
+    calibrated = calibration is not None or arm.calibration_file is not None
+    payload = PayloadWatch(arm, calibration) if calibrated or record is None else None
+    control = MotionControl()
+    end_s = time.monotonic() + for_s
+    with ExitStack() as stack:
+        stack.enter_context(StopSignals(control))
+        cycles = stack.enter_context(heard_cycles(arm))
+        recorder = None if record is None else stack.enter_context(recorder_of(arm, record, load))
+        screen.step(
+            f"listening to {arm.name} on {arm.bus.interface}:{arm.bus.channel}; nothing is sent. Ctrl-C ends it"
+        )
+        watching = BusWatch(arm, payload, recorder, every_s)
+        yield from watching.moments(cycles, lambda: control.goal.stop is None and time.monotonic() < end_s)
+    if recorder is not None:
+        screen.step(f"written: {record}, {recorder.rows} cycles" if recorder.rows else "nothing was recorded")
+
+
+def _load(text: str | None) -> Load | None:
+    """What the arm carries, as the option says."""
+    from armload_controller.session.run_session import Load
+
+    try:
+        return None if text is None else Load(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r}: expected unloaded or loaded", param_hint="--load") from None
+
+
+def _seconds(text: str | None) -> float:
+    """Seconds of '60s' or '60'; without end where nothing is given."""
+    if text is None:
+        return float("inf")
+    try:
+        seconds = float(text.removesuffix("s"))
+    except ValueError:
+        seconds = float("nan")
+    if not seconds > 0.0:
+        raise typer.BadParameter(f"{text!r}: expected a time such as 60s", param_hint="--for")
+    return seconds

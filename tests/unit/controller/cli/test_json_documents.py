@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import typer
 
-from armload_controller.analysis.payload_watch import PayloadEvent, WatchedMoment
+from armload_controller.analysis.payload_events import PayloadEvent
+from armload_controller.analysis.payload_watch import HeardBus, WatchedMoment
 from armload_controller.cli.main import app
 from armload_controller.cli.output.result_documents import (
     calibration_document,
@@ -137,7 +138,7 @@ def made():
     four = np.ones(4)
     sure_of = np.array([True, True, False, False])
     live = LivePayload(1.0, ones, four, 0.1 * four, sure_of, ones, ones, 1, 0.5, 1.0, contact=False, refused=0)
-    moment = WatchedMoment(live, (PayloadEvent(0.5, "grasped", 1.0),))
+    moment = WatchedMoment(1.0, live, (PayloadEvent(0.5, "grasped", 1.0),), HeardBus(100, (0, 0, 1), True, 0.0))
     return [
         moment.to_dict("arm", "0"),
         history.to_dict() | {"files": {"picture": None}},

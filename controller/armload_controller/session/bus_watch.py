@@ -1,0 +1,182 @@
+"""Watching or recording an arm on its bus while another master drives it. Nothing is ever sent."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from armload_controller.analysis.payload_watch import HeardBus, PayloadWatch, WatchedMoment
+from armload_controller.config.robot import Robot
+from armload_controller.control_errors import CommissioningError, UnsafeBus
+from armload_controller.cycle.arm_frames import ArmFrames
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.session.arm_access import VIRTUAL, open_bus
+from armload_controller.session.run_session import Load
+from armload_drivers.cia402.arm_settings import EffortFeedback
+from armload_drivers.listening.bus_ear import overheard
+from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
+from armload_identification.recording.reading_options import Effort
+from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, OVERHEARD, RUN_ATTACHMENT
+
+_BLOCK: Final = 64
+"""Cycles that the estimator is given at a time."""
+
+
+@contextmanager
+def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
+    """The cycles of an arm on its bus; see `bus_ear.overheard`.
+
+    Args:
+        robot: The arm, with its bus.
+
+    Raises:
+        UnsafeBus: on the virtual bus no other process can be heard.
+        ConfigurationError: the file leaves a scale to be read from a drive.
+        BusError: the interface cannot be opened.
+    """
+    if robot.bus.interface == VIRTUAL:
+        raise UnsafeBus(
+            "an arm is watched by its RECORDING, or on its bus: give --interface and --channel, such as "
+            "--interface socketcan --channel can0"
+        )
+    robot.drives.require_scales()
+    arm = OverheardArm(robot.drives.settings)
+    with open_bus(robot.bus.interface, robot.bus.channel, robot.bus.bitrate) as bus:
+        yield overheard(bus, arm)
+
+
+def recorder_of(robot: Robot, path: Path, load: Load | None) -> Recorder:
+    """Records what another master does.
+
+    Args:
+        robot: The arm.
+        path: File to write; it must not exist.
+        load: What the arm carries, where somebody says so.
+
+    Raises:
+        CommissioningError: the file exists or cannot be written.
+    """
+    run = {
+        "armload_version": version("armload"),
+        "robot": robot.name,
+        "joints": list(robot.joint_names),
+        "overheard": True,
+        **({} if load is None else {"load": load}),
+    }
+    attachments = {CONFIGURATION_ATTACHMENT: robot.text, RUN_ATTACHMENT: json.dumps(run)}
+    return Recorder(path, attachments, frames=ArmFrames(robot.chain, robot.joint_names))
+
+
+class BusWatch:
+    """What becomes of the cycles that are heard: estimates, events, rows of a recording.
+
+    While a drive is not enabled its motor does not carry what its joint carries: such cycles are neither weighed nor
+    recorded.
+
+    Args:
+        robot: The arm.
+        payload: Weighs; None only records.
+        recorder: Records; None only weighs.
+        every_s: Time between two moments.
+        clock: Monotonic time, for silence.
+
+    Raises:
+        CommissioningError: the drives report another kind of effort than the arm was calibrated with.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        payload: PayloadWatch | None,
+        recorder: Recorder | None,
+        every_s: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        reported = {drive.feedback for drive in robot.drives.settings.drives}
+        with_current = EffortFeedback.CURRENT in reported
+        if payload is not None and (payload.effort is Effort.TORQUE) == with_current:
+            kind = "current" if with_current else "torque"
+            raise CommissioningError(
+                f"{robot.file}: the drives report {kind}, but the arm was calibrated "
+                f"with {payload.effort}. Calibrate it with recordings of this bus (`armload watch --record`)"
+            )
+        self._payload, self._recorder, self._every_s, self._clock = payload, recorder, every_s, clock
+        self._n = robot.n
+        self._block: list[OverheardCycle] = []
+
+    def moments(self, cycles: Iterator[OverheardCycle | None], goes_on: Callable[[], bool]) -> Iterator[WatchedMoment]:
+        """Watch until it is to end.
+
+        Args:
+            cycles: As they are heard.
+            goes_on: Asked before every cycle, and many times a second where there is none.
+
+        Yields:
+            Moments.
+
+        Raises:
+            BusError: the bus failed, or there is nothing to be heard.
+            RecordingFailed: the recording could not be written.
+        """
+        count, shown, time_s, enabled = 0, 0, 0.0, False
+        missing = np.zeros(self._n, dtype=np.int64)
+        heard_s = shown_s = self._clock()
+        next_s: float | None = None
+
+        def moment(silent_s: float) -> WatchedMoment:
+            return self._moment(time_s, HeardBus(count, tuple(missing.tolist()), enabled, silent_s))
+
+        while goes_on():
+            cycle = next(cycles, None)
+            now_s = self._clock()
+            due = now_s - shown_s >= self._every_s
+            if cycle is not None:
+                heard_s, time_s, enabled = now_s, cycle.feedback.time_s, cycle.enabled
+                count += 1
+                missing += cycle.feedback.missing
+                self._take(cycle)
+                next_s = time_s + self._every_s if next_s is None else next_s
+                due = time_s >= next_s
+            if due:
+                shown, shown_s, next_s = count, now_s, time_s + self._every_s
+                yield moment(now_s - heard_s)
+        if count > shown:
+            yield moment(0.0)
+
+    def _take(self, cycle: OverheardCycle) -> None:
+        """Record one cycle, and weigh with it, where it says something of the load."""
+        if not cycle.enabled:
+            return
+        if self._recorder is not None:
+            self._recorder.write(cycle.feedback, cycle.command, OVERHEARD, None)
+        if self._payload is not None and not cycle.feedback.missing.any():
+            self._block.append(cycle)
+            if len(self._block) >= _BLOCK:
+                self._weigh(self._payload)
+
+    def _weigh(self, payload: PayloadWatch) -> None:
+        """Hand over what has been gathered."""
+        if not self._block:
+            return
+        feedback = [cycle.feedback for cycle in self._block]
+        efforts = [each.torque_nm if each.current_a is None else each.current_a for each in feedback]
+        payload.take(
+            np.array([each.time_s for each in feedback]),
+            np.array([each.position_rad for each in feedback]),
+            np.array(efforts),
+        )
+        self._block.clear()
+
+    def _moment(self, time_s: float, bus: HeardBus) -> WatchedMoment:
+        """What is known now."""
+        if self._payload is None:
+            return WatchedMoment(time_s, None, bus=bus)
+        self._weigh(self._payload)
+        return self._payload.moment(bus)

@@ -1,0 +1,95 @@
+"""Listening to a bus: frames are only received. What is given is asked for nothing but `recv`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Final, Protocol
+
+import can
+
+from armload_drivers.driver_errors import BusError
+from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
+
+LOOK_S: Final = 0.1
+"""A quiet bus is waited on for so long at a time."""
+PATIENCE_S: Final = 5.0
+"""Without a whole cycle for so long, from the beginning, something is wrong."""
+
+
+class FrameSource(Protocol):
+    """The receiving half of a python-can bus."""
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame; None after the timeout in s."""
+
+
+def overheard(
+    bus: FrameSource,
+    arm: OverheardArm,
+    patience_s: float = PATIENCE_S,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[OverheardCycle | None]:
+    """The cycles of another master, as long as they are asked for.
+
+    Args:
+        bus: Where it is heard.
+        arm: The arm.
+        patience_s: How long the first whole cycle may take.
+        clock: Monotonic time, for that.
+
+    Yields:
+        Cycles, their time counted from the first frame; None where nothing came for `LOOK_S`, or as long without a
+        whole cycle.
+
+    Raises:
+        BusError: the bus failed, or there is no whole cycle at first; says what is missing.
+    """
+    begun_s: float | None = None
+    looked_s = started_s = clock()
+    heard = False
+    while True:
+        message = _received(bus)
+        cycle = None
+        if message is not None and not (message.is_error_frame or message.is_remote_frame or message.is_extended_id):
+            begun_s = message.timestamp if begun_s is None else begun_s
+            cycle = arm.take(message.arbitration_id, bytes(message.data), message.timestamp - begun_s)
+        if cycle is not None:
+            heard = True
+            looked_s = clock()
+            yield cycle
+            continue
+        now_s = clock()
+        if not heard and now_s - started_s > patience_s:
+            raise BusError(_what_is_missing(arm, patience_s, frames=begun_s is not None))
+        if now_s - looked_s >= LOOK_S:
+            looked_s = now_s
+            yield None
+
+
+def _received(bus: FrameSource) -> can.Message | None:
+    """One frame, None after a while without."""
+    try:
+        return bus.recv(LOOK_S)
+    except (can.CanError, OSError) as error:
+        raise BusError(f"receiving failed: {error}. Is the interface up and its adapter connected?") from error
+
+
+def _what_is_missing(arm: OverheardArm, patience_s: float, *, frames: bool) -> str:
+    """Why there is no cycle, and what to look at."""
+    begin = f"nothing of the arm could be followed within {patience_s:g} s: "
+    if not frames:
+        return begin + "the bus is silent. Is its master running, and are interface, channel and bit rate right?"
+    silent = [
+        f"{name} ({wrong} feedback frames of another length)" if wrong else name
+        for name, count, wrong in zip(arm.joints, arm.feedback_frames, arm.wrong_length, strict=True)
+        if not count
+    ]
+    if silent:
+        return begin + (
+            f"no feedback as it is configured from {', '.join(silent)}. Are the drives operational, are node_id, "
+            "feedback and effort_object those of this arm, and does its master map statusword, position and effort?"
+        )
+    if not arm.syncs:
+        return begin + "there is feedback, but no SYNC (COB-ID 0x080). Drives that send by themselves are not followed."
+    return begin + "no cycle was complete: feedback of some joint comes only now and then"

@@ -1,0 +1,197 @@
+"""An arm's cycles from the frames of its bus, while another master drives it. No bus, clock or thread.
+
+Rules of this file:
+- A cycle begins with SYNC: its commands are the last setpoints before that SYNC, its feedback is what the drives send
+  after it. It is complete with the last drive's answer; the next SYNC ends one that is not.
+- Nothing can be asked of the drives, so scale and mapping are the configuration's. Polarity (607E) is taken to be 0.
+- A drive's values count from its first answer on. Before every drive has answered once there are no cycles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_drivers.cia402 import object_dictionary as od
+from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
+from armload_drivers.cia402.drive_units import ArmUnits
+from armload_drivers.cia402.object_dictionary import PdoDirection
+from armload_drivers.cia402.process_image import drive_image
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.servos import JointCommand, JointFeedback
+
+_ENABLED = State.OPERATION_ENABLED
+
+
+@dataclass(frozen=True, slots=True)
+class OverheardCycle:
+    """One cycle of another master.
+
+    Attributes:
+        feedback: What the drives answered; a joint that is `missing` repeats its last values.
+        command: What the master had sent before; None while not every drive has been sent a setpoint. Its velocity is
+            not known and 0.
+        enabled: All drives are in OPERATION ENABLED: only then the motors carry what the joints carry.
+    """
+
+    feedback: JointFeedback
+    command: JointCommand | None
+    enabled: bool
+
+
+class OverheardArm:
+    """Puts an arm's frames together.
+
+    Args:
+        arm: The arm; every drive with its scale.
+
+    Attributes:
+        joints: Names.
+        syncs: SYNCs heard.
+        early_frames: Feedback frames that came before any SYNC.
+
+    Raises:
+        CommandError: a drive's scale is not configured, or the drives report different kinds of effort.
+    """
+
+    def __init__(self, arm: ArmSettings) -> None:
+        self.joints = tuple(drive.joint for drive in arm.drives)
+        self.syncs = self.early_frames = 0
+        self._units = ArmUnits(arm)
+        self._with_current = self._units.feedback is EffortFeedback.CURRENT
+        self._drives = [_HeardDrive(drive) for drive in arm.drives]
+        self._routes = {cob_id: drive for drive in self._drives for cob_id in drive.cob_ids}
+        self._sync_s: float | None = None
+        self._command: JointCommand | None = None
+
+    @property
+    def feedback_frames(self) -> tuple[int, ...]:
+        """Feedback frames of every drive, as the configuration maps them."""
+        return tuple(drive.frames for drive in self._drives)
+
+    @property
+    def wrong_length(self) -> tuple[int, ...]:
+        """Feedback frames of every drive that are not as the configuration maps them; they count for nothing."""
+        return tuple(drive.wrong_length for drive in self._drives)
+
+    def take(self, cob_id: int, data: bytes, time_s: float) -> OverheardCycle | None:
+        """Take one frame.
+
+        Args:
+            cob_id: CAN identifier.
+            data: Its bytes.
+            time_s: When it came.
+
+        Returns:
+            The cycle that it completes or ends; None where it does neither.
+        """
+        if cob_id == od.SYNC_DEFAULT_COB_ID:
+            ended = self._cycle()
+            self.syncs += 1
+            self._sync_s = time_s
+            self._command = self._commanded()
+            for drive in self._drives:
+                drive.answered.clear()
+            return ended
+        sender = self._routes.get(cob_id)
+        if sender is None or not sender.take(cob_id, data):
+            return None
+        self.early_frames += self.syncs == 0
+        return self._cycle() if all(drive.complete for drive in self._drives) else None
+
+    def _commanded(self) -> JointCommand | None:
+        """What has been sent to the drives so far."""
+        targets = [drive.target for drive in self._drives if drive.target is not None]
+        if len(targets) < len(self._drives):
+            return None
+        return JointCommand(
+            self._units.joint_position_rad(targets),
+            np.zeros(len(targets)),
+            self._units.joint_offset_nm([drive.offset for drive in self._drives]),
+        )
+
+    def _cycle(self) -> OverheardCycle | None:
+        """The cycle that the last SYNC began, once; None while a drive has never answered."""
+        time_s, self._sync_s = self._sync_s, None
+        if time_s is None or not all(drive.known for drive in self._drives):
+            return None
+        effort = [drive.effort for drive in self._drives]
+        words = [drive.statusword for drive in self._drives]
+        feedback = JointFeedback(
+            cycle=self.syncs,
+            time_s=time_s,
+            position_rad=self._units.joint_position_rad([drive.counts for drive in self._drives]),
+            velocity_rad_s=None,
+            current_a=self._units.motor_current_a(effort) if self._with_current else None,
+            torque_nm=None if self._with_current else self._units.joint_torque_nm(effort),
+            statusword=np.array(words, dtype=np.uint16),
+            missing=np.array([not drive.complete for drive in self._drives]),
+        )
+        enabled = all(word & _ENABLED.mask == _ENABLED.bits for word in words)
+        return OverheardCycle(feedback, self._command, enabled)
+
+
+class _HeardDrive:
+    """What was heard of one drive last.
+
+    Args:
+        drive: Its settings.
+
+    Attributes:
+        cob_ids: COB-IDs of its PDOs.
+        answered: Those of its feedback that have come since SYNC.
+        frames: Feedback frames so far.
+        wrong_length: Those of another length than configured.
+        target: Setpoint in counts; None before the first.
+        offset: Torque offset in per mille.
+    """
+
+    def __init__(self, drive: DriveSettings) -> None:
+        image = drive_image(drive)
+        self.cob_ids = tuple(layout.cob_id for layout in image.layouts)
+        self.answered: set[int] = set()
+        self.frames = self.wrong_length = 0
+        self.statusword = self.counts = self.effort = self.offset = 0
+        self.target: int | None = None
+        self._layouts = {layout.cob_id: (layout.length, layout.format.unpack) for layout in image.layouts}
+        self._image = image
+        self._awaited = {layout.cob_id for layout in image.layouts if layout.direction is PdoDirection.TRANSMIT}
+        self._ever: set[int] = set()
+
+    @property
+    def complete(self) -> bool:
+        """All of its feedback has come since SYNC."""
+        return self.answered == self._awaited
+
+    @property
+    def known(self) -> bool:
+        """All of its feedback has come at least once."""
+        return self._ever == self._awaited
+
+    def take(self, cob_id: int, data: bytes) -> bool:
+        """Take one of its frames; whether it is feedback that counts."""
+        length, unpack = self._layouts[cob_id]
+        feedback = cob_id in self._awaited
+        if len(data) != length:
+            self.wrong_length += feedback
+            return False
+        values = unpack(data)
+        image = self._image
+        if cob_id == image.tpdo.cob_id:
+            self.statusword, self.counts = values[:2]
+            if image.effort is None:
+                self.effort = values[2]
+        elif cob_id == image.rpdo.cob_id:
+            self.target = values[1]
+            if len(values) > 2:
+                self.offset = values[2]
+        elif feedback:
+            self.effort = values[0]
+        else:
+            self.offset = values[0]
+        if feedback:
+            self.frames += 1
+            self.answered.add(cob_id)
+            self._ever.add(cob_id)
+        return feedback

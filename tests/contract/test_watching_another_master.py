@@ -1,0 +1,229 @@
+"""An arm under canopen's own objects, watched and recorded by its frames alone: mounted, dropped, calibrated."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from importlib import resources
+from itertools import count
+
+import can
+import numpy as np
+import pytest
+
+from armload_controller.analysis.payload_watch import PayloadWatch
+from armload_controller.analysis.robot_calibration import calibrate_from_runs
+from armload_controller.config.robot import load_robot
+from armload_controller.config.robot_runs import read_runs
+from armload_controller.control_errors import CommissioningError, ConfigurationError, UnsafeBus
+from armload_controller.session.bus_watch import BusWatch, heard_cycles, recorder_of
+from armload_controller.session.run_session import Load
+from armload_drivers.driver_errors import BusError
+from armload_drivers.listening.overheard_arm import OverheardArm
+from armload_drivers.simulation.plant_spec import PayloadChange
+from armload_identification.calibration.calibrate_arm import WeighedPayload
+from armload_identification.files.calibration_file import write_calibration
+from armload_identification.recording.file_reading import read_recording
+from benchmarks.canopen_master import arm_under_canopen
+
+CYCLE_HZ, RUN_S = 50.0, 14.0
+MOUNTED_S, DROPPED_S, END_S = 8.0, 17.0, 24.0
+NOTICED_S = 0.7
+SPEED_SHARE = (0.2, 0.6)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("er50").with_bus(None, None, None, CYCLE_HZ)
+
+
+def work(master, robot, seed, until_s, now_s):
+    """Drives from place to place until it is late enough; enables first, and switches off in the end."""
+    rng = np.random.default_rng(seed)
+    limits = robot.limits.motion
+    low, high = np.maximum(limits.position_min_rad, -1.2), np.minimum(limits.position_max_rad, 1.2)
+    here = master.enable()
+    while now_s() < until_s:
+        there = rng.uniform(low, high)
+        master.go(here, there, rng.uniform(*SPEED_SHARE) * limits.velocity_max_rad_s)
+        master.stay(there, 0.2)
+        here = there
+    for _ in range(25):
+        master.cycle(here, 0x06)
+
+
+def driven(robot, payload, seed, until_s, changes=()):
+    """The frames of one shift, and its cycles as they are put together from them."""
+    listener, frames, cycles = OverheardArm(robot.drives.settings), [], []
+
+    def hear(cob_id, data, time_s):
+        frames.append((cob_id, data, time_s))
+        cycle = listener.take(cob_id, data, time_s)
+        if cycle is not None:
+            cycles.append(cycle)
+
+    spec = robot.simulation.plant_spec(payload, seed, changes)
+    with arm_under_canopen(robot.drives.settings, spec, hear) as master:
+        work(master, robot, seed, until_s, lambda: frames[-1][2])
+    return frames, cycles
+
+
+def for_all(cycles):
+    """As long as there are cycles."""
+    left = count(-len(cycles))
+    return lambda: next(left) < 0
+
+
+@pytest.fixture(scope="module")
+def recorded(robot, tmp_path_factory):
+    """The empty and the loaded arm under another master, as `armload watch --record` keeps it."""
+    folder = tmp_path_factory.mktemp("shift") / "disc"
+    folder.mkdir()
+    paths = {}
+    for load, payload in ((Load.UNLOADED, None), (Load.LOADED, robot.simulation.payload_name)):
+        _, cycles = driven(robot, payload, seed=1 + len(paths), until_s=RUN_S)
+        paths[load] = folder / f"{load}.mcap"
+        with recorder_of(robot, paths[load], load) as recorder:
+            moments = list(BusWatch(robot, None, recorder).moments(iter(cycles), for_all(cycles)))
+        assert moments[-1].payload is None
+        assert moments[-1].bus.cycles == len(cycles)
+        assert not moments[-1].bus.enabled
+        assert 0 < recorder.rows < len(cycles), "rows without torque are no use"
+    return paths
+
+
+@pytest.fixture(scope="module")
+def calibration_file(robot, recorded):
+    """The arm, calibrated from what was heard."""
+    runs = read_runs(robot, list(recorded.values()))
+    assert not runs.left_out
+    mass_kg = robot.simulation.payload(robot.simulation.payload_name).mass_kg
+    found = calibrate_from_runs(robot, replace(runs, weighed={"disc": WeighedPayload(mass_kg)}))
+    path = recorded[Load.LOADED].with_name("arm.calibration.toml")
+    write_calibration(path, found)
+    return path
+
+
+def test_a_payload_is_mounted_and_dropped_and_the_watch_notices(robot, calibration_file):
+    body = robot.simulation.mounted(robot.simulation.payload_name)
+    changes = (PayloadChange(MOUNTED_S, body), PayloadChange(DROPPED_S, None))
+    frames, cycles = driven(robot, None, seed=7, until_s=END_S, changes=changes)
+    watching = BusWatch(robot, PayloadWatch(robot, calibration_file), None, every_s=1.0)
+    moments = list(watching.moments(iter(cycles), for_all(cycles)))
+    first_sync_s = next(time_s for cob_id, _, time_s in frames if cob_id == 0x80)
+    events = [event for moment in moments for event in moment.events]
+    assert [event.kind for event in events] == ["changed", "grasped", "changed", "dropped"]
+    for event, at_s in zip(events, (MOUNTED_S, MOUNTED_S, DROPPED_S, DROPPED_S), strict=True):
+        assert 0.0 < event.time_s - first_sync_s - at_s < NOTICED_S
+    assert events[1].mass_kg == pytest.approx(body.mass_kg, rel=0.25)
+    assert events[3].mass_kg == pytest.approx(-body.mass_kg, rel=0.25)
+    before = next(m for m in moments if m.time_s > MOUNTED_S - 1.0).payload
+    held = next(m for m in moments if m.time_s > DROPPED_S - 1.0).payload
+    assert abs(before.mass_kg) < before.half_width_95[0] < 1.0
+    assert abs(held.mass_kg - body.mass_kg) < held.half_width_95[0] < 1.0
+    document = moments[-1].to_dict("er50", "0")
+    assert document["bus"]["enabled"] is False
+    assert json.loads(json.dumps(document)) == document
+
+
+def test_recordings_of_another_master_say_what_they_are(robot, recorded):
+    recording = read_recording(recorded[Load.UNLOADED])
+    assert recording.joint_names == robot.joint_names
+    assert recording.source.run()["overheard"] is True
+    assert recording.source.run()["load"] == "unloaded"
+    assert recording.current_a is not None
+    assert not recording.source.reasons
+
+
+class DeafMouth:
+    """A bus that receives nothing and ends the test when it is asked to send."""
+
+    def __init__(self, *args, **kwargs):
+        self.closed = False
+
+    def recv(self, timeout=None):
+        return None
+
+    def shutdown(self):
+        self.closed = True
+
+    def __getattr__(self, name):
+        raise AssertionError(f"the watch asked for bus.{name}")
+
+
+def test_a_bus_is_opened_for_receiving_and_closed(robot, monkeypatch):
+    opened = []
+    monkeypatch.setattr(can, "Bus", lambda **kwargs: opened.append(DeafMouth()) or opened[-1])
+    with pytest.raises(UnsafeBus, match="give --interface and --channel"), heard_cycles(robot):
+        pass
+    with heard_cycles(robot.with_bus("socketcan", "can0", None, None)) as cycles:
+        assert next(cycles) is None
+    assert [bus.closed for bus in opened] == [True]
+
+
+def test_scales_that_only_the_drives_know_are_asked_for(tmp_path):
+    text = (resources.files("armload_configs") / "er50.toml").read_text()
+    file = tmp_path / "real.toml"
+    real, _, _ = text.partition("[simulation]")
+    file.write_text(re.sub(r"(?s)\n\[excitation\].*?\n\[", "\n[", real).replace("counts_per_axis_turn", "#", 1))
+    arm = load_robot(str(file)).with_bus("socketcan", "can0", None, None)
+    with pytest.raises(ConfigurationError, match=r"counts_per_axis_turn.*needed to listen"), heard_cycles(arm):
+        pass
+
+
+def test_silence_is_shown(robot):
+    ticks = iter(np.arange(0.0, 100.0, 0.1))
+    watching = BusWatch(robot, None, None, 1.0, clock=lambda: next(ticks))
+    nothing = iter([None] * 40)
+    left = count(-40)
+    moments = list(watching.moments(nothing, lambda: next(left) < 0))
+    assert [m.bus.silent_s for m in moments] == pytest.approx([1.0, 2.0, 3.0, 4.0], abs=0.2)
+
+
+def test_the_kind_of_effort_must_be_the_calibrations(robot, calibration_file):
+    payload = PayloadWatch(robot, calibration_file)
+    with pytest.raises(CommissioningError, match="calibrated with current"):
+        BusWatch(load_robot("prbt"), payload, None)
+
+
+def test_the_command_listens_and_records(robot, armload, tmp_path, monkeypatch, calibration_file):
+    """The whole command on a virtual bus of this process; frames come from a shift that was heard before."""
+    frames, cycles = driven(robot, None, seed=4, until_s=3.0)
+
+    class Played(DeafMouth):
+        def __init__(self):
+            super().__init__()
+            self._frames = iter(frames)
+
+        def recv(self, timeout=None):
+            frame = next(self._frames, None)
+            if frame is None:
+                raise can.CanOperationError("the adapter is gone")
+            return can.Message(arbitration_id=frame[0], data=frame[1], timestamp=frame[2], is_extended_id=False)
+
+    monkeypatch.setattr(can, "Bus", lambda **kwargs: Played())
+    bus = ("--interface", "socketcan", "--channel", "can0")
+    path = tmp_path / "shift.mcap"
+    run = armload("watch", "er50", *bus, "--calibration", calibration_file, "--record", path, "--json")
+    assert isinstance(run.exception, BusError)
+    documents = [json.loads(line) for line in run.stdout.splitlines() if line.startswith("{")]
+    assert documents[-1]["bus"]["cycles"] > 0.5 * len(cycles)
+    partial = path.with_name("shift.partial.mcap")
+    assert read_recording(partial).size > 50, "what was heard is kept"
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["a.mcap", "--channel", "can0"], "belongs to a bus"),
+        (["--load", "loaded"], "goes with --record"),
+        (["--follow"], "goes with a RECORDING"),
+        (["--record", "x.mcap", "--load", "heavy"], "expected unloaded or loaded"),
+        (["--record", "x.mcap", "--for", "soon"], "expected a time such as 60s"),
+    ],
+)
+def test_options_that_make_no_sense(armload, words, text):
+    run = armload("watch", "er50", *words)
+    assert run.exit_code == 2
+    assert text in run.output

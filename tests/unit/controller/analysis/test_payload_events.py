@@ -1,0 +1,92 @@
+"""From estimates to events: what is grasped, dropped, exchanged, and when a calibration is no longer believed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from armload_controller.analysis.payload_events import HELD_S, MOVED_S, PayloadEvents
+from armload_identification.pipeline.payload_estimator import LivePayload
+
+N = 3
+NAMES = ("shoulder", "elbow", "wrist")
+CALIBRATION = SimpleNamespace(middle_speed_rad_s=np.ones(N), usual_change_nm=np.full(N, 0.5))
+
+
+def found(time_s, mass_kg=0.0, width_kg=0.05, center_m=(0.0, 0.0, 0.05), **changes):
+    plain = LivePayload(
+        time_s=time_s,
+        theta=np.zeros(10),
+        values=np.array([mass_kg, *center_m]),
+        half_width_95=np.array([width_kg, 0.003, 0.003, 0.003]),
+        determined=np.ones(4, dtype=bool),
+        moving_s=np.full(N, 2.0 * MOVED_S),
+        friction=np.zeros((3, N)),
+        changes=0,
+        changed_s=0.0,
+        change_kg=0.0,
+        contact=False,
+        refused=0,
+    )
+    return replace(plain, **changes)
+
+
+def events(*estimates):
+    of = PayloadEvents(CALIBRATION, NAMES)
+    return [str(event) for estimate in estimates for event in of.of(estimate)]
+
+
+def test_a_payload_is_weighed_once_both_are_known():
+    after = {"changes": 1, "changed_s": 5.4}
+    assert events(
+        found(5.0), found(6.0, 0.9, 0.4, **after), found(7.0, 0.7, 0.1, **after), found(8.0, 0.7, 0.05, **after)
+    ) == ["changed", "grasped (+0.70 kg)"]
+    assert events(found(5.0, 0.7), found(6.0, **after)) == ["changed", "dropped (-0.70 kg)"]
+
+
+def test_another_tool_of_the_same_mass_is_known_by_its_centre():
+    after = {"changes": 1, "changed_s": 5.4}
+    tool, other = found(5.0, 2.0), found(6.0, 2.02, center_m=(0.0, 0.03, 0.05), **after)
+    assert events(tool, other) == ["changed", "changed tool"]
+    assert events(tool, replace(other, values=tool.values)) == ["changed"], "the same body again"
+    unsure = replace(other, determined=np.array([True, False, False, False]))
+    assert events(tool, unsure) == ["changed"]
+    assert events(tool, replace(other, half_width_95=np.array([0.3, 0.003, 0.003, 0.003]))) == ["changed"]
+
+
+def test_contact_begins_and_ends():
+    assert events(found(1.0), found(2.0, contact=True), found(3.0, contact=True), found(4.0)) == [
+        "contact",
+        "contact over",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("far", "expected"),
+    [
+        (1.0, []),
+        (1.6, ["friction drifting: elbow"]),
+        (2.6, ["calibration out of date: elbow", "friction drifting: elbow"]),
+    ],
+)
+def test_friction_far_from_the_calibrations_is_said_once(far, expected):
+    friction = np.zeros((3, N))
+    friction[0, 1], friction[1, 1] = far + 1.0, -1.0
+    assert events(*(found(time_s, friction=friction) for time_s in np.arange(0.0, 4.0 * HELD_S))) == expected
+
+
+def test_friction_that_is_far_for_a_moment_is_nothing():
+    far = np.full((3, N), 10.0)
+    times = np.arange(0.0, 4.0 * HELD_S)
+    assert not events(*(found(t, friction=far if t % HELD_S else np.zeros((3, N))) for t in times))
+    still = np.full(N, 0.9 * MOVED_S)
+    assert not events(*(found(t, friction=far, moving_s=still) for t in times)), "too little motion to know"
+
+
+def test_less_than_nothing_is_a_calibration_that_does_not_hold():
+    times = np.arange(0.0, 2.0 * HELD_S)
+    assert events(*(found(t, -0.2) for t in times)) == ["calibration out of date"]
+    assert not events(*(found(t, -0.04) for t in times))
