@@ -142,8 +142,10 @@ class DriveSetup(DriveDialogue):
         self._device_type = device_type = self._sdo.read(od.DEVICE_TYPE)
         if not od.is_drive(device_type):
             raise self._wrong(
-                f"device type 0x{device_type:08X} is of device profile {device_type & 0xFFFF} instead of 402",
-                "Another kind of device has this node id",
+                od.no_drive(device_type),
+                "Where another kind of device has this node id, correct node_id: `armload drives scan` lists all. "
+                "Where it is the drive, its firmware does not say that it keeps to CiA 402: ask its maker for one that "
+                "does",
             )
         self._identity = found = Identity(
             self._sdo.read(od.VENDOR_ID),

@@ -63,7 +63,7 @@ def require_no_strangers(link: BusLink, arm: ArmSettings, wait_s: float) -> None
     known = {drive.node_id for drive in arm.drives} | arm.other_nodes
     others = scan(link, (node_id for node_id in NODE_IDS if node_id not in known), wait_s)
     for node_id, device_type in others.items():
-        if device_type is not None and device_type & 0xFFFF == od.DEVICE_TYPE_SERVO & 0xFFFF:
+        if device_type is not None and od.is_drive(device_type):
             raise WrongDevice(
                 node_id,
                 "no configured joint",

@@ -26,6 +26,7 @@ from armload_drivers.cia402.object_dictionary import (
     Entry,
     Mappable,
     is_drive,
+    no_drive,
 )
 from armload_drivers.driver_errors import DescriptionError
 
@@ -193,7 +194,7 @@ class _Reader:
                     self._source,
                     "1000",
                     "DefaultValue",
-                    f"device type 0x{number:08X} is of device profile {number & 0xFFFF} instead of 402",
+                    f"{no_drive(number)}. Where the drive reads otherwise (`armload drives scan`), correct the file",
                 )
         info = self._sections.get("deviceinfo", {})
         if not info:

@@ -163,8 +163,35 @@ DEVICE_TYPE_SERVO = 0x0002_0192
 
 
 def is_drive(device_type: int) -> bool:
-    """Whether 1000 is that of a CiA 402 drive: its low 16 bits decide, the rest says which kind of drive."""
+    """Whether 1000 is that of a CiA 402 drive: its low 16 bits decide, the rest says which kind of drive.
+
+    Some makers fill the upper half as they like (0xFFFF0192), some leave it out (0x00000192).
+    """
     return device_type & 0xFFFF == DEVICE_TYPE_SERVO & 0xFFFF
+
+
+_OTHER_PROFILES = {
+    0: "no standardised profile",
+    401: "inputs and outputs",
+    404: "measuring devices and closed-loop controllers",
+    405: "programmable controllers",
+    406: "encoders",
+    408: "hydraulic drives",
+    410: "inclinometers",
+    418: "batteries",
+    419: "battery chargers",
+}
+"""What else arms have on their buses (CiA 301, 7.5.2.1)."""
+
+
+def no_drive(device_type: int) -> str:
+    """What is wrong with a 1000 for which `is_drive` is False, in words."""
+    profile = device_type & 0xFFFF
+    known = f", {_OTHER_PROFILES[profile]}" if profile in _OTHER_PROFILES else ""
+    return (
+        f"device type (1000) is 0x{device_type:08X}: its low 16 bits, 0x{profile:04X}, say device profile {profile}"
+        f"{known}; a CiA 402 drive has 0x0192 there, 402"
+    )
 
 
 PDO_DISABLED = 0x8000_0000

@@ -190,7 +190,7 @@ def test_an_identity_that_is_not_given_is_none(written):
         (GOOD.replace("[6040]", "[6050]").encode(), "no controlword"),
         (
             GOOD.replace("0x00020192", "0x00030191").encode(),
-            r"\[1000\] DefaultValue: device type 0x00030191 is of device profile 401",
+            r"\[1000\] DefaultValue: .* 0x00030191: its low 16 bits, 0x0191, say device profile 401, inputs",
         ),
         (b";" * (LARGEST_BYTES + 1), "larger than"),
     ],
