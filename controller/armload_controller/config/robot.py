@@ -257,6 +257,7 @@ class Robot:
             limits.motion,
             limits.following_speed_rad_s,
             self.strength.limits_if_stated,
+            self.strength.axis_limits_if_stated,
             self.obstacles,
             limits.points,
             limits.speed,

@@ -14,6 +14,9 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.joint_strength import TorqueLimits
 from armload_identification.model.dynamics import ArmBody
 
+ROUNDED_SHARE = 1e-3
+"""A drive's limit (6072) is a whole number of per mille: what that rounds off does not make an axis weaker."""
+
 
 @dataclass(frozen=True, eq=False)
 class RobotStrength:
@@ -97,6 +100,30 @@ class RobotStrength:
         if self.payloads.heaviest_if_stated is None or not self.is_stated:
             return None
         return self.limits(1.0)
+
+    @property
+    def axis_limits_if_stated(self) -> TorqueLimits | None:
+        """What the drives allow the motors' axes; None where it is not stated, or no less than the joints can ask for.
+
+        Raises:
+            ConfigurationError: friction alone uses up an axis's torque.
+        """
+        table, limits, sizes = self.source.tables.joints, self.limits_if_stated, np.abs(self.coupling)
+        asked_nm = self._torque_max_nm @ sizes
+        allowed_nm = np.array([joint.axis_torque_max_nm for joint in table])
+        if limits is None or np.all(allowed_nm >= (1.0 - ROUNDED_SHARE) * asked_nm):
+            return None
+        itself_nm = (self._torque_max_nm - limits.available_nm) @ sizes
+        left_nm = np.minimum(allowed_nm, asked_nm) - itself_nm
+        for i, joint in enumerate(table):
+            if left_nm[i] <= 0.0 and joint.drive is not None:
+                raise self.source.refused(
+                    f"joints[{i + 1}].drive.max_torque_permille",
+                    joint.drive.max_torque_permille,
+                    f"that is {allowed_nm[i]:g} N m, expected more than the {itself_nm[i]:g} N m that the arm "
+                    "itself and its friction take of this axis",
+                )
+        return limits.of_axes(self.coupling, left_nm)
 
     def require_stated(self) -> None:
         """Refuse to move an arm that may be real where the file leaves out what its joints can give or must carry.

@@ -22,6 +22,7 @@ class MotionConstraints:
             is not known.
         torque: What the joints can give, and what the arm and its heaviest payload require; None where the robot's
             file specifies neither.
+        axis_torque: The same of the motors' axes, which drives limit (6072); None where the joints' limits imply it.
         obstacles: What the arm must not touch.
         points: Of the arm, whose speed is limited.
         speed: What none of them exceeds at full speed; None where the file sets no limit.
@@ -31,6 +32,7 @@ class MotionConstraints:
     limits: MotionLimits
     following_speed_rad_s: FloatArray
     torque: TorqueLimits | None
+    axis_torque: TorqueLimits | None
     obstacles: Obstacles
     points: ArmPoints
     speed: SpeedLimit | None

@@ -86,10 +86,24 @@ def require_tcp_speed(path: FourierTrajectory, constraints: MotionConstraints) -
 def torque_objection(
     path: FourierTrajectory | LinePath, phase: PhaseLimits, constraints: MotionConstraints
 ) -> str | None:
-    """The joint that is too weak for arm and heaviest payload somewhere on a path, in words; None where none is."""
-    torque = constraints.torque
-    if torque is None:
-        return None
+    """The joint or motor that is too weak for arm and heaviest payload somewhere on a path, in words; None without."""
+    names = constraints.limits.joint_names
+    for torque, owner in ((constraints.torque, ""), (constraints.axis_torque, "the motor of ")):
+        if torque is None:
+            continue
+        needed = _needed(path, phase, torque)
+        share = needed / torque.available_nm
+        weakest = int(np.argmax(share))
+        if not share[weakest] <= 1.0:
+            return (
+                f"asks {needed[weakest]:.0f} N m of {owner}{names[weakest]}, which has "
+                f"{torque.available_nm[weakest]:.0f} N m for it"
+            )
+    return None
+
+
+def _needed(path: FourierTrajectory | LinePath, phase: PhaseLimits, torque: TorqueLimits) -> FloatArray:
+    """(n,) greatest torque on a path, its ramps included."""
     alpha = phase.acceleration_1_s
     if isinstance(path, LinePath):
         steps = int(np.ceil(np.abs(path.goal_rad - path.start_rad).max() / LINE_STEP_RAD)) + 1
@@ -100,13 +114,7 @@ def torque_objection(
         # At steady rates the bound holds between samples too; ramps are far smoother than what lies between these.
         ramps = _greatest(torque, state, alpha) - _greatest(torque, state, 0.0)
         needed = torque.greatest(path) + ramps
-    needed = needed.reshape(torque.cases, -1).max(axis=0)
-    share = needed / torque.available_nm
-    weakest = int(np.argmax(share))
-    if share[weakest] <= 1.0:
-        return None
-    name = constraints.limits.joint_names[weakest]
-    return f"asks {needed[weakest]:.0f} N m of {name}, which has {torque.available_nm[weakest]:.0f} N m for it"
+    return np.asarray(needed.reshape(torque.cases, -1).max(axis=0))
 
 
 def _greatest(torque: TorqueLimits, state: FourierState, alpha: float) -> FloatArray:

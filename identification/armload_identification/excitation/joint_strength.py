@@ -15,11 +15,13 @@ straight line between two samples h apart, and a straight line nowhere above its
 +-tau +-f_v dq, each with the B of torque and of speed from `derivative_bounds`; hence for every time t
 
     |tau(t)| + f_v |dq(t)| <= max_j (|tau(t_j)| + f_v |dq(t_j)|) + B h^2 / 8.
+
+Coupled motors, q_joint = C q_axis, must give C^T tau, whose bounds are those of tau through |C|^T.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import ceil
 
 import numpy as np
@@ -48,6 +50,7 @@ class TorqueLimits:
         body: The arm itself, as far as it is not part of a stated share.
         payload: The heaviest one expected, in the flange frame.
         available_nm: (n,) greatest torque for body, payload and viscous friction.
+        coupling: (n, n) C where the torques are those of the motors' axes; None where they are the joints'.
 
     Raises:
         ModelError: shapes that do not fit, or a joint without any torque to give.
@@ -57,7 +60,9 @@ class TorqueLimits:
     body: ArmBody
     payload: InertialParameters
     available_nm: FloatArray
+    coupling: FloatArray | None = None
     _models: tuple[ArmDynamics, ...] = field(init=False, repr=False)
+    _mixing: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         available = np.array(self.available_nm, dtype=np.float64)
@@ -66,6 +71,7 @@ class TorqueLimits:
                 f"torque for arm and payload is {available.tolist()} N m; expected {self.chain.n} numbers above 0"
             )
         object.__setattr__(self, "available_nm", available)
+        object.__setattr__(self, "_mixing", np.eye(self.chain.n) if self.coupling is None else self.coupling)
         loaded = ArmDynamics(self.chain, self.body.carrying(self.chain, self.payload))
         empty = ArmDynamics(self.chain, self.body)
         object.__setattr__(self, "_models", (loaded, empty) if np.any(self.body.links) else (loaded,))
@@ -107,6 +113,18 @@ class TorqueLimits:
             raise ModelError(f"the arm's share of the torque is {share.tolist()}; expected {chain.n} numbers in [0, 1)")
         return cls(chain, ArmBody.massless(chain.n), payload, (1.0 - share) * np.asarray(torque_max_nm))
 
+    def of_axes(self, coupling: FloatArray, available_nm: FloatArray) -> TorqueLimits:
+        """The same demand on the motors behind the joints.
+
+        Args:
+            coupling: (n, n) C with q_joint = C q_axis.
+            available_nm: (n,) greatest torque of each axis for body, payload and viscous friction.
+
+        Raises:
+            ModelError: an axis without any torque to give.
+        """
+        return replace(self, coupling=coupling, available_nm=available_nm)
+
     @property
     def cases(self) -> int:
         """How many cases of load and speed are bounded."""
@@ -123,7 +141,7 @@ class TorqueLimits:
         Returns:
             (N, cases n) in N m, viscous friction included.
         """
-        friction = np.tile(self.body.viscous_nm_s_rad * np.abs(dq), self.cases)
+        friction = np.tile(self._sizes(self.body.viscous_nm_s_rad * np.abs(dq)), self.cases)
         return np.asarray(np.abs(self._torque(q, dq, ddq)) + friction)
 
     def slope(self, weight: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
@@ -144,9 +162,9 @@ class TorqueLimits:
         still = np.zeros_like(q)
         parts = np.split(weight * np.sign(self._torque(q, dq, ddq)), self.cases, axis=1)
         for case, moving, resting in zip(self._models, parts[0::2], parts[1::2], strict=True):
-            total += case.slope(moving, q, dq, ddq)
-            total[0] += case.slope(resting, q, still, still)[0]
-        pressing = sum(np.split(weight, self.cases, axis=1))
+            total += case.slope(moving @ self._mixing.T, q, dq, ddq)
+            total[0] += case.slope(resting @ self._mixing.T, q, still, still)[0]
+        pressing = sum(np.split(weight, self.cases, axis=1)) @ np.abs(self._mixing).T
         total[1] += pressing * self.body.viscous_nm_s_rad * np.sign(dq)
         return total
 
@@ -161,7 +179,8 @@ class TorqueLimits:
         """
         rates = rate_bounds(trajectory)
         friction = self.body.viscous_nm_s_rad * rates[2]
-        curvature = np.concatenate([np.tile(torque_curvature(m, rates) + friction, 2) for m in self._models])
+        curved = [self._sizes(torque_curvature(model, rates) + friction) for model in self._models]
+        curvature = np.concatenate([np.tile(sizes, 2) for sizes in curved])
         allowed = 8.0 * SURPLUS_SHARE * np.tile(self.available_nm, self.cases)
         wanted = ceil(trajectory.period_s * float(np.sqrt(np.max(curvature / allowed))))
         samples = min(max(_FEWEST_SAMPLES, wanted), MOST_SAMPLES)
@@ -174,4 +193,9 @@ class TorqueLimits:
         """(N, cases n) torque of links, rotors and payload, with its sign."""
         still = np.zeros_like(q)
         motions = ((dq, ddq), (still, still))
-        return np.concatenate([model.torque(q, *motion) for model in self._models for motion in motions], axis=1)
+        torques = (model.torque(q, *motion) for model in self._models for motion in motions)
+        return np.concatenate([torque @ self._mixing for torque in torques], axis=1)
+
+    def _sizes(self, joints: FloatArray) -> FloatArray:
+        """What sizes at the joints, (..., n), can add up to where the torque is given."""
+        return joints @ np.abs(self._mixing)

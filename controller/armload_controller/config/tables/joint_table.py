@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from pydantic import model_validator
 
 from armload_controller.config.tables.drive_tables import DriveTable
@@ -35,9 +37,14 @@ class JointTable(Table):
         return self
 
     @property
-    def added_torque_max_nm(self) -> float:
-        """Greatest torque that may be added: the joint's, or what its drive allows (6072) where that is less."""
+    def axis_torque_max_nm(self) -> float:
+        """Greatest torque that its drive allows the axis (6072); inf where the file does not say."""
         drive = self.drive
         if drive is None or drive.rated_torque_nm is None:
-            return self.torque_max_nm
-        return min(self.torque_max_nm, drive.rated_torque_nm * drive.max_torque_permille / 1000.0)
+            return math.inf
+        return drive.rated_torque_nm * drive.max_torque_permille / 1000.0
+
+    @property
+    def added_torque_max_nm(self) -> float:
+        """Greatest torque that may be added: the joint's, or what its drive allows (6072) where that is less."""
+        return min(self.torque_max_nm, self.axis_torque_max_nm)

@@ -57,6 +57,26 @@ def test_the_rotors_of_a_body_turn_with_the_axes_that_the_transmission_couples(e
     np.testing.assert_allclose(middle[0] - middle[1], [0.0, 0.0, 0.0, 0.0, -0.25 * 20.0 * rotors[5], 0.0], atol=1e-9)
 
 
+def test_what_drives_allow_the_axes_limits_a_motion_where_it_is_less_than_the_joints_can_ask_for(edited):
+    assert load_robot("prbt").motion_constraints.axis_torque is None
+    rows = np.eye(6)
+    rows[5, 4] = 0.25
+    coupled = load_robot(edited("[robot]", f"[transmission]\ncoupling = {rows.tolist()}\n\n[robot]", "prbt"))
+    axes, joints = coupled.motion_constraints.axis_torque, coupled.motion_constraints.torque
+    most = coupled.limits.torque_max_nm
+    # Axis 5 turns joint 6 by a quarter, and its drive allows no more than joint 5 alone needs.
+    taken = np.array([11.0, 10.0, 4.5, 3.8, 3.5 + 0.25 * 7.0, 7.0])
+    np.testing.assert_allclose(axes.available_nm, most - taken, rtol=1e-3)
+    np.testing.assert_array_equal(axes.coupling, rows)
+    assert joints.coupling is None
+
+
+def test_a_drive_that_allows_less_than_friction_takes_is_refused(edited):
+    weak = load_robot(edited("max_torque_permille = 2512", "max_torque_permille = 500", "prbt"))
+    with pytest.raises(ConfigurationError, match=r"joints\[6\]\.drive\.max_torque_permille.*500.* 4 N m.* 7 N m"):
+        _ = weak.motion_constraints
+
+
 def test_without_a_simulation_the_envelope_is_the_same(edited):
     arm = load_robot("prbt")
     text = Path(edited("[robot]", "[robot]", "prbt"))

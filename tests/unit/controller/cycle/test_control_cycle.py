@@ -60,7 +60,7 @@ CHAIN = Chain.from_origins(
 def constraints(workspace):
     """The limits above in a workspace; nothing is known of torque and of the servos' lag."""
     points = ArmPoints(CHAIN, np.zeros(3))
-    return MotionConstraints("none", LIMITS, np.full(N, np.inf), None, Obstacles(workspace), points, None)
+    return MotionConstraints("none", LIMITS, np.full(N, np.inf), None, None, Obstacles(workspace), points, None)
 
 
 PATH = check_path(EXCITATION, constraints(Workspace(CHAIN)), CYCLE_S, file="test", key="excitation")

@@ -212,6 +212,26 @@ def test_arm_and_heaviest_payload_and_both_directions_of_a_ramp_count():
         assert (torque_objection(SWING, path.measured.leg.bounds, changed) is not None) is refused
 
 
+def coupled_axes(share):
+    """The constraints with a motor that turns two joints and has a share of the torque that the path takes of it."""
+    coupling = np.eye(N)
+    coupling[JOINT, JOINT - 1] = 0.5
+    loose = CONSTRAINTS.torque.of_axes(coupling, np.full(N, 1e4))
+    available = loose.available_nm.copy()
+    available[JOINT - 1] = share * loose.greatest(SWING).reshape(loose.cases, N).max(axis=0)[JOINT - 1]
+    return replace(CONSTRAINTS, axis_torque=replace(loose, available_nm=available))
+
+
+def test_a_path_that_a_coupled_motor_is_too_weak_for_is_refused():
+    """Every joint is strong enough, what two of them ask of one motor is not there."""
+    checked()
+    weak = LIMITS.joint_names[JOINT - 1]
+    with pytest.raises(ConfigurationError, match=rf"excitation\.probe.*N m of the motor of {weak}, which has"):
+        checked(coupled_axes(0.95))
+    with pytest.raises(BlockedWay, match=f"where it stands, asks .* N m of the motor of {weak}"):
+        checked(coupled_axes(2.0)).approach_from(STANDING)
+
+
 # Obstacles ------------------------------------------------------------------------------------------------------
 
 

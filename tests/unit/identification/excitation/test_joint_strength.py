@@ -83,17 +83,19 @@ def test_the_bound_holds_between_the_samples_and_gives_little_away(case):
     assert np.all(bound <= dense + 0.003 * np.tile(case.limits.available_nm, case.limits.cases))
 
 
-def test_the_slope_is_the_finite_difference_of_the_demand(case):
+@pytest.mark.parametrize("of", ["joints", "axes"])
+def test_the_slope_is_the_finite_difference_of_the_demand(case, axes, of):
+    limits = case.limits if of == "joints" else axes
     rng = np.random.default_rng(2)
     motion = rng.normal(size=(3, 30, N))
-    weight = rng.uniform(size=(30, N * case.limits.cases))
-    slope = case.limits.slope(weight, *motion)
+    weight = rng.uniform(size=(30, N * limits.cases))
+    slope = limits.slope(weight, *motion)
     for order in range(3):
         direction = np.zeros_like(motion)
         direction[order] = rng.normal(size=motion[0].shape)
-        ahead, behind = (np.sum(weight * case.limits.demand(*(motion + s * 1e-6 * direction))) for s in (1, -1))
+        ahead, behind = (np.sum(weight * limits.demand(*(motion + s * 1e-6 * direction))) for s in (1, -1))
         assert np.sum(slope * direction) == pytest.approx((ahead - behind) / 2e-6, rel=1e-6)
-    assert not case.limits.slope(0.0 * weight, *motion).any()
+    assert not limits.slope(0.0 * weight, *motion).any()
 
 
 def test_a_stated_share_leaves_the_rest_to_the_payload(case):
@@ -111,6 +113,33 @@ def test_a_stated_share_leaves_the_rest_to_the_payload(case):
     )
     assert limits.cases == 2  # there is no empty arm whose torque is known
     np.testing.assert_allclose(limits.demand(*motion)[:, :N], expected, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def axes(case):
+    return case.limits.of_axes(COUPLING, np.array([900.0, 700.0, 500.0, 200.0]))
+
+
+def test_the_motors_behind_coupled_joints_give_what_does_the_joints_work(case, axes):
+    """Power is the same on both sides: tau_axis dq_axis = tau_joint dq_joint for any velocity."""
+    state = case.path.evaluate(np.linspace(0.0, 5.0, 40))
+    motion = (state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2)
+    model = case.in_pinocchio(case.chain, case.links, case.payload)
+    data = model.createData()
+    joints = np.array([pin.rnea(model, data, *row) for row in zip(*motion, strict=True)])
+    joints += ROTOR * (motion[2] @ TO_AXIS.T) @ TO_AXIS
+    turning = np.eye(N)
+    at_axes = np.array([[torque @ (COUPLING @ axis) for axis in turning] for torque in joints])
+    friction = (VISCOUS * np.abs(motion[1])) @ np.abs(COUPLING)
+    np.testing.assert_allclose(axes.demand(*motion)[:, :N], np.abs(at_axes) + friction, atol=1e-9)
+
+
+def test_the_bound_on_the_motors_holds_between_the_samples(case, axes):
+    bound = axes.greatest(case.path)
+    state = case.path.evaluate(np.linspace(0.0, 5.0, 20_001))
+    dense = axes.demand(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2).max(axis=0)
+    assert np.all(bound >= dense)
+    assert np.all(bound <= dense + 0.003 * np.tile(axes.available_nm, axes.cases))
 
 
 def test_limits_that_leave_nothing_are_refused(case):
