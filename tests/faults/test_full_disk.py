@@ -23,7 +23,7 @@ from armload_controller.control_errors import (
 )
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.safety import Cause, cause_of
-from armload_controller.export.export_files import write_texts
+from armload_controller.export.export_files import write_files
 from armload_controller.session.run_session import Load, no_operator, run_session
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.identification_errors import ExcitationFileError, ReportError
@@ -75,7 +75,7 @@ def drawn():
         ),
         (lambda folder: write_page(folder / "a.html", "new"), ReportError, "a.html"),
         (lambda folder: write_figure(folder / "a.png", drawn(), 20), ReportError, "a.png"),
-        (lambda folder: write_texts({"a.c": "new"}, folder), ExportError, "a.c"),
+        (lambda folder: write_files({"a.c": "new"}, folder), ExportError, "a.c"),
         (lambda folder: make_folder(folder / "run"), CommissioningError, "run"),
     ],
     ids=["toml", "excitation", "report", "picture", "export", "folder"],

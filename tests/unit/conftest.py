@@ -175,7 +175,7 @@ def pair(pinocchio_arm):
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_subject():
     """Subjects of an export: a shipped arm or a chain, with a payload whose inertia has all products."""
     # here, so that the tests of the mathematics do not load the controller

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from armload_controller.export.subject import ExportSubject
@@ -14,6 +15,7 @@ class ExportFormat(StrEnum):
     """What a payload can be written as."""
 
     C = "c"
+    FMU = "fmu"
     URDF = "urdf"
     ROS2 = "ros2"
     KUKA = "kuka"
@@ -23,38 +25,25 @@ class ExportFormat(StrEnum):
     YASKAWA = "yaskawa"
 
 
-def exporter(export_format: ExportFormat) -> Callable[[ExportSubject], dict[str, str]]:
-    """The function that writes a format: texts by file name; it touches no file."""
-    match export_format:
-        case ExportFormat.C:
-            from armload_controller.export.c99 import export_c
+Exporter = Callable[["ExportSubject"], Mapping[str, str | bytes]]
+"""Writes a format: contents by file name, ASCII where they are text; it writes no file."""
 
-            return export_c
-        case ExportFormat.URDF:
-            from armload_controller.export.urdf import export_urdf
+_HOMES: Final = {
+    ExportFormat.C: ("c99", "export_c"),
+    ExportFormat.FMU: ("fmu", "export_fmu"),
+    ExportFormat.URDF: ("urdf", "export_urdf"),
+    ExportFormat.ROS2: ("ros2", "export_ros2"),
+    ExportFormat.KUKA: ("kuka", "export_kuka"),
+    ExportFormat.ABB: ("abb", "export_abb"),
+    ExportFormat.UR: ("ur", "export_ur"),
+    ExportFormat.FANUC: ("fanuc", "export_fanuc"),
+    ExportFormat.YASKAWA: ("yaskawa", "export_yaskawa"),
+}
+"""Module of this room and function there of each format."""
 
-            return export_urdf
-        case ExportFormat.ROS2:
-            from armload_controller.export.ros2 import export_ros2
 
-            return export_ros2
-        case ExportFormat.KUKA:
-            from armload_controller.export.kuka import export_kuka
-
-            return export_kuka
-        case ExportFormat.ABB:
-            from armload_controller.export.abb import export_abb
-
-            return export_abb
-        case ExportFormat.UR:
-            from armload_controller.export.ur import export_ur
-
-            return export_ur
-        case ExportFormat.FANUC:
-            from armload_controller.export.fanuc import export_fanuc
-
-            return export_fanuc
-        case ExportFormat.YASKAWA:
-            from armload_controller.export.yaskawa import export_yaskawa
-
-            return export_yaskawa
+def exporter(export_format: ExportFormat) -> Exporter:
+    """The function that writes a format."""
+    module, function = _HOMES[export_format]
+    found: Exporter = getattr(import_module(f"armload_controller.export.{module}"), function)
+    return found

@@ -68,11 +68,15 @@ def heading(subject: ExportSubject, fields: str, inertia: str, prefix: str, *mor
 def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
     """Paragraphs as comment lines, each line behind the prefix.
 
-    Names from files are part of them: what is not printable ASCII becomes a question mark, so that no name ends a
-    comment or a line.
+    Names from files are part of them, so no paragraph is taken as it is: see `printable`.
     """
     lines = []
     for paragraph in paragraphs:
-        text = "".join(c if c.isascii() and c.isprintable() else "?" for c in paragraph)
-        lines += [f"{prefix} {line}" for line in textwrap.wrap(text, WIDTH - len(prefix) - 1, break_on_hyphens=False)]
+        wrapped = textwrap.wrap(printable(paragraph), WIDTH - len(prefix) - 1, break_on_hyphens=False)
+        lines += [f"{prefix} {line}" for line in wrapped]
     return lines
+
+
+def printable(text: str) -> str:
+    """The text with a question mark for what is not printable ASCII: no name in it ends a comment or a line."""
+    return "".join(c if c.isascii() and c.isprintable() else "?" for c in text)

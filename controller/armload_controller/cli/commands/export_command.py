@@ -29,7 +29,7 @@ def export(
     calibration: CalibrationOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a payload as C source, URDF, ROS 2 files or the load data of a robot controller.
+    """Write a payload as C source, an FMU, URDF, ROS 2 files or the load data of a robot controller.
 
     With a calibration of the arm the C source has the payload's friction in the gears too.
     """
@@ -41,7 +41,7 @@ def export(
     from armload_controller.config.robot import load_robot
     from armload_controller.export.c99 import export_c
     from armload_controller.export.c_code.rounding import single_precision_error
-    from armload_controller.export.export_files import write_texts
+    from armload_controller.export.export_files import write_files
     from armload_controller.export.straight_line.precision import Precision
     from armload_controller.export.subject import ExportSubject
     from armload_identification.files.payload_file import read_payload
@@ -52,8 +52,8 @@ def export(
     used = arm_in_use(arm, calibration)
     sha256 = hashlib.sha256(payload.read_bytes()).hexdigest()
     subject = ExportSubject.of(arm, result, str(payload), sha256, used.calibration, used.calibration_sha256)
-    texts = export_c(subject, Precision.SINGLE) if single else exporter(export_format)(subject)
-    files = write_texts(texts, output)
+    contents = export_c(subject, Precision.SINGLE) if single else exporter(export_format)(subject)
+    files = write_files(contents, output)
     for path, written in files.items():
         screen.result(f"{'written' if written else 'unchanged'}: {path}")
     notes = [single_precision_error(subject).statement] if single else []

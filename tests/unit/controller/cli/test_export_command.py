@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from armload_controller.cli.main import app
 from armload_controller.control_errors import ExportError
-from armload_controller.export.export_files import write_texts
+from armload_controller.export.export_files import write_files
 from armload_controller.export.format_registry import ExportFormat
 from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PARAMETER_NAMES
@@ -39,7 +39,8 @@ def export(tmp_path, make_subject):
 
 
 @pytest.mark.parametrize("export_format", ExportFormat)
-def test_every_format_writes_files_and_says_so(export, tmp_path, export_format):
+def test_every_format_writes_files_and_says_so(export, tmp_path, monkeypatch, export_format):
+    monkeypatch.setenv("CFLAGS", "-O0")  # for those that are compiled
     folder = tmp_path / "new" / "folder"
     result = export("--format", export_format, "--output", folder)
     assert result.exit_code == 0, result.output
@@ -97,7 +98,7 @@ def test_an_unknown_format_is_refused_with_the_known_ones(export):
 def test_a_file_with_another_content_is_in_the_way_of_all(tmp_path):
     (tmp_path / "a.c").write_text("somebody's\n")
     with pytest.raises(ExportError, match=r"a\.c: is there already with another content; remove it, or give another"):
-        write_texts(TWO, tmp_path)
+        write_files(TWO, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["a.c"]
     assert (tmp_path / "a.c").read_text() == "somebody's\n"
 
@@ -105,18 +106,18 @@ def test_a_file_with_another_content_is_in_the_way_of_all(tmp_path):
 def test_a_file_with_the_same_content_is_left_alone(tmp_path):
     (tmp_path / "a.c").write_text(TWO["a.c"])
     before = (tmp_path / "a.c").stat().st_mtime_ns
-    assert write_texts(TWO, tmp_path) == {tmp_path / "a.h": True, tmp_path / "a.c": False}
+    assert write_files(TWO, tmp_path) == {tmp_path / "a.h": True, tmp_path / "a.c": False}
     assert (tmp_path / "a.c").stat().st_mtime_ns == before
 
 
 def test_a_folder_may_have_a_suffix(tmp_path):
     folder = tmp_path / "run.2"
     folder.mkdir()
-    assert write_texts(ONE, folder) == {folder / "a.txt": True}
-    assert write_texts(TWO, tmp_path / "run.3") == {tmp_path / "run.3" / name: True for name in TWO}
+    assert write_files(ONE, folder) == {folder / "a.txt": True}
+    assert write_files(TWO, tmp_path / "run.3") == {tmp_path / "run.3" / name: True for name in TWO}
 
 
 def test_a_file_where_a_folder_is_needed_is_an_error_that_names_it(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportError, match=r"file: cannot be written: (File exists|Not a directory)"):
-        write_texts(TWO, tmp_path / "file")
+        write_files(TWO, tmp_path / "file")

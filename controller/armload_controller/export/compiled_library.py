@@ -1,0 +1,68 @@
+"""C sources into a shared library, for formats that hold a binary."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from armload_controller.control_errors import ExportError
+
+_FLAGS = ("-std=gnu99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
+_LIBRARY = "library.so"
+
+
+def compiled_library(sources: Mapping[str, str], file: str) -> bytes:
+    """A shared library for the processor at hand; the same sources and compiler give the same bytes.
+
+    The compiler is `CC`, cc, gcc or clang, whichever comes first, or else PyPI's ziglang; `CFLAGS` are added.
+
+    Args:
+        sources: Texts by file name; those that end in .c are compiled.
+        file: What the library is for, for messages.
+
+    Raises:
+        ExportError: there is no C compiler, or it has failed.
+    """
+    compiler = _compiler(file)
+    with TemporaryDirectory() as folder:
+        for name, text in sources.items():
+            (Path(folder) / name).write_text(text, encoding="ascii")
+        units = [name for name in sources if name.endswith(".c")]
+        command = [*compiler, *_FLAGS, *shlex.split(os.environ.get("CFLAGS", "")), *units, "-lm", "-o", _LIBRARY]
+        try:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        except OSError as problem:
+            raise ExportError(file, f"the C compiler {compiler[0]} cannot be run: {problem.strerror}") from problem
+        if done.returncode != 0:
+            raise ExportError(
+                file, f"the C compiler {shlex.join(compiler)} ended with {done.returncode}: {done.stderr.strip()}"
+            )
+        return (Path(folder) / _LIBRARY).read_bytes()
+
+
+def _compiler(file: str) -> list[str]:
+    """The command of a C compiler.
+
+    Raises:
+        ExportError: there is none.
+    """
+    if os.environ.get("CC"):
+        return shlex.split(os.environ["CC"])
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
+    if importlib.util.find_spec("ziglang"):
+        # without a processor zig compiles for the one at hand
+        return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
+    raise ExportError(
+        file,
+        "holds a compiled library, and there is no C compiler. Install one (Debian, Ubuntu: apt install gcc) or PyPI's "
+        "(pip install ziglang)",
+    )
