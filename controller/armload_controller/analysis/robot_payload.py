@@ -44,6 +44,7 @@ def read_run(
     effort: Effort | str = Effort.TORQUE,
     between_s: tuple[float, float] | None = None,
     joints: Sequence[int] = (),
+    episode: int | None = None,
 ) -> Recording:
     """Read a recording of any format.
 
@@ -55,6 +56,7 @@ def read_run(
         effort: What the effort of a ROS message is, "torque" or "current".
         between_s: Times since the first row between which rows are used.
         joints: Which of the recorded joints are the arm's, from 0; else those of its names, or all.
+        episode: Number of the recording to take from a data set of several.
 
     Raises:
         RecordingError: it cannot be read, or has other joints.
@@ -70,10 +72,10 @@ def read_run(
         (2, True)
     """
     known = parse_columns(columns) if isinstance(columns, str) else columns
-    choice = RecordingChoice(known, Effort(effort), between_s, tuple(joints))
+    choice = RecordingChoice(known, Effort(effort), between_s, episode, tuple(joints))
     if robot is not None:
         return read_of(_robot(robot), Path(path), choice)
-    recording = read_recording(Path(path), known, effort=choice.effort, between_s=between_s)
+    recording = read_recording(Path(path), known, effort=choice.effort, between_s=between_s, episode=episode)
     return chosen_joints(recording, choice.joints)
 
 

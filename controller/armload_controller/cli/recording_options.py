@@ -27,30 +27,50 @@ ColumnsOption = Annotated[
     typer.Option(help='What the columns of a table hold, such as "time=0 position=1-6 current=7-12", or by names.'),
 ]
 EffortOption = Annotated[Effort, typer.Option(help="What the effort of a ROS message is: joint torque, motor current.")]
+EpisodeOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="N[,N...]",
+        help="Episode of a data set to use: one for all recordings, or one for each, loaded first.",
+    ),
+]
 
 _SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 _DURATION = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(ms|s|min|h|)")
 _RANGE = re.compile(r"(\d{1,4})(?:-(\d{1,4}))?")
 
 
-def recording_choice(
-    columns: str | None, effort: Effort, between: tuple[str, str] | None, joints: str | None
-) -> RecordingChoice:
-    """The options as one choice.
+def recording_choices(
+    columns: str | None,
+    effort: Effort,
+    between: tuple[str, str] | None,
+    joints: str | None,
+    episode: str | None,
+    *,
+    count: int,
+) -> list[RecordingChoice]:
+    """The options as one choice for each recording.
+
+    Args:
+        columns: As given, like the next four.
+        effort: Likewise.
+        between: Likewise.
+        joints: Likewise.
+        episode: Likewise.
+        count: How many recordings there are.
 
     Raises:
-        BadParameter: a time or a joint that is none.
+        BadParameter: a time, a joint or an episode that is none.
         RecordingError: columns that cannot be understood.
     """
     from armload_controller.config.robot_recordings import RecordingChoice
     from armload_identification.recording.csv_columns import parse_columns
 
-    return RecordingChoice(
-        None if columns is None else parse_columns(columns),
-        effort,
-        None if between is None else _between(*between),
-        () if joints is None else _joints(joints),
-    )
+    known = None if columns is None else parse_columns(columns)
+    between_s = None if between is None else _between(*between)
+    chosen = () if joints is None else _joints(joints)
+    episodes = _episodes(episode, count)
+    return [RecordingChoice(known, effort, between_s, number, chosen) for number in episodes]
 
 
 def _between(begin: str, end: str) -> tuple[float, float]:
@@ -79,3 +99,15 @@ def _joints(text: str) -> tuple[int, ...]:
     if len(set(chosen)) < len(chosen):
         raise typer.BadParameter(f"--joints: {text!r} names a joint twice")
     return tuple(chosen)
+
+
+def _episodes(text: str | None, count: int) -> list[int | None]:
+    """An episode for each recording."""
+    if text is None:
+        return [None] * count
+    parts = text.split(",")
+    if not all(part.strip().isdecimal() for part in parts):
+        raise typer.BadParameter(f"--episode: {text!r} is no number of an episode; write 3, or 3,4")
+    if len(parts) not in {1, count}:
+        raise typer.BadParameter(f"--episode: {len(parts)} numbers for {count} recordings; give one, or one for each")
+    return [int(part) for part in (parts * count)[:count]]

@@ -21,12 +21,14 @@ class RecordingChoice:
         columns: What stands where in a table; if not given, as the arm's file or the header says.
         effort: What the effort of a ROS message is.
         between_s: Times since the first row; everything if not given.
+        episode: Number of the recording in a data set of several.
         joints: Columns of the arm's joints among those that were recorded, from 0; by name or all if not given.
     """
 
     columns: CsvColumns | None = None
     effort: Effort = Effort.TORQUE
     between_s: tuple[float, float] | None = None
+    episode: int | None = None
     joints: tuple[int, ...] = ()
 
 
@@ -48,7 +50,12 @@ def read_of(arm: MeasuredArm, path: Path, choice: RecordingChoice = EVERYTHING) 
     """
     columns = choice.columns or arm.csv_columns
     recording = read_recording(
-        path, columns, effort=choice.effort, joint_names=arm.joint_names, between_s=choice.between_s
+        path,
+        columns,
+        effort=choice.effort,
+        joint_names=arm.joint_names,
+        between_s=choice.between_s,
+        episode=choice.episode,
     )
     return arm.own(chosen_joints(recording, choice.joints))
 

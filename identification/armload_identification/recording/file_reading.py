@@ -38,6 +38,7 @@ def read_recording(
     effort: Effort = Effort.TORQUE,
     joint_names: Sequence[str] = (),
     between_s: tuple[float, float] | None = None,
+    episode: int | None = None,
     with_effort: bool = True,
     short_rows: int = SHORT_ROWS,
 ) -> Recording:
@@ -49,6 +50,7 @@ def read_recording(
         effort: What the effort of a ROS message is.
         joint_names: Names of the arm's joints, to choose by where a recording has other joints too.
         between_s: Times since the first row between which rows are used; all of them if not given.
+        episode: Number of the recording to take from a data set of several.
         with_effort: Whether a recording without torque and current is refused; it is for looking at only.
         short_rows: Rows up to which it is kept as it is.
 
@@ -58,12 +60,13 @@ def read_recording(
     Raises:
         RecordingError: the file is missing, empty, of another kind, damaged, or holds nothing usable.
     """
-    reader = reader_of(path, ReadingOptions(columns, effort, tuple(joint_names)))
+    reader = reader_of(path, ReadingOptions(columns, effort, tuple(joint_names), episode))
     text = reader.attachments.get(EXCITATION_ATTACHMENT)
     excitation = None if text is None else parse_excitation(text, f"{path}, attachment {EXCITATION_ATTACHMENT}")
-    for reduction in _reductions(path, excitation):
+    shown = path if episode is None else path.with_name(f"{path.name} episode {episode}")
+    for reduction in _reductions(shown, excitation):
         try:
-            garbage = GarbageFilter(path, with_effort=with_effort)
+            garbage = GarbageFilter(shown, with_effort=with_effort)
             return _read(reader, garbage, excitation, reduction, short_rows, between_s)
         except WrongReduction:
             continue

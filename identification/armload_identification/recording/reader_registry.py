@@ -65,7 +65,7 @@ def open_parquet(path: Path, start: bytes, options: ReadingOptions) -> Recording
         from armload_identification.recording.formats.parquet_reader import ParquetReader
     except ImportError as error:
         raise _missing(path, "a Parquet table", "parquet", error) from error
-    return ParquetReader(path, options.columns)
+    return ParquetReader(path, options.columns, options.episode)
 
 
 def open_csv(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
@@ -95,8 +95,11 @@ def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
         raise RecordingError(f"{path}: cannot be read ({error.strerror}). Check the path.") from error
     for factory in READERS:
         reader = factory(path, start, options)
-        if reader is not None:
-            return reader
+        if reader is None:
+            continue
+        if options.episode is not None and factory is not open_parquet:
+            raise RecordingError(f"{path}: has no episodes, as LeRobot's data sets have. Leave --episode out.")
+        return reader
     raise RecordingError(
         f"{path}: a {'folder' if path.is_dir() else 'file'} of no known format. Give a recording made by armload, a "
         "ROS 2 bag (folder, .db3 or .mcap), or a table with names of its columns (.csv, .parquet, .npz)."

@@ -24,8 +24,10 @@ class ReadingOptions:
         effort: What an effort is of which the format does not say it.
         joint_names: Names of the arm's joints, where they are known: of several groups of joints the reader takes
             the one with these.
+        episode: Number of the recording to take from a data set of several.
     """
 
     columns: CsvColumns | None = None
     effort: Effort = Effort.TORQUE
     joint_names: tuple[str, ...] = ()
+    episode: int | None = None

@@ -26,8 +26,9 @@ from armload_controller.cli.recording_options import (
     BetweenOption,
     ColumnsOption,
     EffortOption,
+    EpisodeOption,
     JointsOption,
-    recording_choice,
+    recording_choices,
 )
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.recording.reading_options import Effort
@@ -71,6 +72,7 @@ def identify(
     effort: EffortOption = Effort.TORQUE,
     between: BetweenOption = None,
     joints: JointsOption = None,
+    episode: EpisodeOption = None,
     estimator: Annotated[
         Estimator,
         typer.Option(
@@ -101,29 +103,28 @@ def identify(
         if file is not None:
             require_folder(file)
     known = _known(mass_kg, center_of_mass_m, cad, cad_share, symmetric=symmetric)
-    arm, choice = given_arm(robot, urdf, base, flange), recording_choice(columns, effort, between, joints)
-    run = read_of(arm, loaded, choice)
+    if every is not None and (
+        symmetric
+        or any(given is not None for given in (unloaded, output, report, validation, mass_kg, center_of_mass_m, cad))
+    ):
+        raise typer.BadParameter("goes with --loaded, --calibration, --picture and --json alone", param_hint="--every")
+    if picture is not None and every is None:
+        raise typer.BadParameter("needs --every", param_hint="--picture")
+    arm = given_arm(robot, urdf, base, flange)
+    files = [loaded, *([] if unloaded is None else [unloaded]), *(validation or ())]
+    choices = recording_choices(columns, effort, between, joints, episode, count=len(files))
+    if validation is not None:
+        choices[-2:] = [replace(choice, between_s=None) for choice in choices[-2:]]
+    runs = [read_of(arm, file, choice) for file, choice in zip(files, choices, strict=True)]
     if every is not None:
-        if symmetric or any(
-            given is not None for given in (unloaded, output, report, validation, mass_kg, center_of_mass_m, cad)
-        ):
-            raise typer.BadParameter(
-                "goes with --loaded, --calibration, --picture and --json alone", param_hint="--every"
-            )
-        history = robot_payload.identify_over_time(arm, run, _seconds(every), calibration=calibration)
+        history = robot_payload.identify_over_time(arm, runs[0], _seconds(every), calibration=calibration)
         show_windows(Screen(as_json=as_json), history, picture=picture, as_json=as_json)
         return
-    if picture is not None:
-        raise typer.BadParameter("needs --every", param_hint="--picture")
-    pair = None
-    if validation is not None:
-        whole = replace(choice, between_s=None)
-        pair = read_of(arm, validation[0], whole), read_of(arm, validation[1], whole)
     findings = robot_payload.identify(
         arm,
-        run,
-        None if unloaded is None else read_of(arm, unloaded, choice),
-        validation=pair,
+        runs[0],
+        None if unloaded is None else runs[1],
+        validation=None if validation is None else (runs[-2], runs[-1]),
         tolerance=tolerance_of(tolerance),
         calibration=calibration,
         known=known,

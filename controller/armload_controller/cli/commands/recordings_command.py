@@ -13,8 +13,9 @@ from armload_controller.cli.recording_options import (
     BetweenOption,
     ColumnsOption,
     EffortOption,
+    EpisodeOption,
     JointsOption,
-    recording_choice,
+    recording_choices,
 )
 from armload_identification.recording.reading_options import Effort
 
@@ -36,6 +37,7 @@ def show_command(
     effort: EffortOption = Effort.TORQUE,
     between: BetweenOption = None,
     joints: JointsOption = None,
+    episode: EpisodeOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show joints, rate, holes, range and motion of a recording, and what is missing to identify a payload."""
@@ -45,14 +47,21 @@ def show_command(
     from armload_identification.pipeline.recording_survey import pair_problem, survey
     from armload_identification.recording.file_reading import read_recording
 
-    choice = recording_choice(columns, effort, between, joints)
+    files = [path for path in (file, other) if path is not None]
+    choices = recording_choices(columns, effort, between, joints, episode, count=len(files))
     runs = [
         chosen_joints(
-            read_recording(path, choice.columns, effort=choice.effort, between_s=choice.between_s, with_effort=False),
+            read_recording(
+                path,
+                choice.columns,
+                effort=choice.effort,
+                between_s=choice.between_s,
+                episode=choice.episode,
+                with_effort=False,
+            ),
             choice.joints,
         )
-        for path in (file, other)
-        if path is not None
+        for path, choice in zip(files, choices, strict=True)
     ]
     surveys = [survey(run) for run in runs]
     problem = pair_problem(*runs) if len(runs) == 2 else None

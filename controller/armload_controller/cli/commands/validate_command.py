@@ -19,6 +19,15 @@ from armload_controller.cli.output.findings_output import ReportOption, finish
 from armload_controller.cli.output.json_output import JsonOption
 from armload_controller.cli.output.output_files import require_folder
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, exit_status, tolerance_of
+from armload_controller.cli.recording_options import (
+    BetweenOption,
+    ColumnsOption,
+    EffortOption,
+    EpisodeOption,
+    JointsOption,
+    recording_choices,
+)
+from armload_identification.recording.reading_options import Effort
 
 
 def validate(
@@ -36,12 +45,18 @@ def validate(
     flange: FlangeOption = None,
     report: ReportOption = None,
     calibration: CalibrationOption = None,
+    columns: ColumnsOption = None,
+    effort: EffortOption = Effort.TORQUE,
+    between: BetweenOption = None,
+    joints: JointsOption = None,
+    episode: EpisodeOption = None,
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
     """Judge a payload file by identifying it again. Exit status 3: wrong; 4: these runs cannot tell."""
     from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot_recordings import read_of
 
     *robots, payload = arguments
     if len(robots) > 1:
@@ -50,7 +65,9 @@ def validate(
     if report is not None:
         require_folder(report)
     allowed = tolerance_of(tolerance)
-    findings = robot_payload.validate(arm, payload, loaded, unloaded, calibration=calibration, tolerance=allowed)
+    choices = recording_choices(columns, effort, between, joints, episode, count=2)
+    runs = [read_of(arm, file, choice) for file, choice in zip((loaded, unloaded), choices, strict=True)]
+    findings = robot_payload.validate(arm, payload, *runs, calibration=calibration, tolerance=allowed)
     finish(Screen(as_json=as_json), findings, payload=None, report=report, as_json=as_json)
     if findings.outcome is not None:
         raise typer.Exit(exit_status(findings.outcome))

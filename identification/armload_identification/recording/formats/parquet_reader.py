@@ -9,6 +9,7 @@ References:
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from armload_core.arrays import FloatArray
@@ -47,20 +49,21 @@ class ParquetReader:
     Args:
         path: The file, or the folder of a data set.
         columns: What stands where; if not given, the names show it.
+        episode: Number of the episode to read, where there are several.
 
     Raises:
-        RecordingError: not readable, or several episodes, which are recordings of their own.
+        RecordingError: not readable, several episodes of which none is chosen, or one that is not there.
     """
 
     kind = "parquet"
     attachments: Mapping[str, str] = {}
 
-    def __init__(self, path: Path, columns: CsvColumns | None) -> None:
-        self._path = path
+    def __init__(self, path: Path, columns: CsvColumns | None, episode: int | None = None) -> None:
+        self._path, self._episode = path, episode
         info, self._files = _described(path) if path.is_dir() else ({}, [path])
         try:
             self._names = pq.ParquetFile(self._files[0]).schema_arrow
-            self._require_one_episode()
+            self._require_episode()
         except _BROKEN as error:
             raise self._damaged(error) from error
         self._columns = columns or self._recognised(info)
@@ -84,11 +87,17 @@ class ParquetReader:
             )
         account.joint_names = self._columns.joint_names
         account.sha256 = hash_of_files(self._files)
+        if self._episode is not None:
+            account.sha256 = hashlib.sha256(f"{account.sha256} episode {self._episode}".encode()).hexdigest()
+            wanted.append(_EPISODE)
         for file in self._files:
             try:
-                for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=wanted):
+                for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=list(dict.fromkeys(wanted))):
+                    if self._episode is not None:
+                        batch = batch.filter(pc.equal(batch.column(_EPISODE), self._episode))  # noqa: PLW2901
                     account.rows_read += batch.num_rows
-                    yield self._block(batch, groups)
+                    if batch.num_rows:
+                        yield self._block(batch, groups)
             except _BROKEN as error:
                 raise self._damaged(error) from error
 
@@ -117,23 +126,32 @@ class ParquetReader:
             time, [position], others["velocity_rad_s"], others["current_a"], others["torque_nm"], joint_names=joints
         )
 
-    def _require_one_episode(self) -> None:
-        """Refuse a table of several recordings."""
-        if _EPISODE not in self._names.names:
-            return
+    def _require_episode(self) -> None:
+        """Refuse a table of several recordings of which none is chosen, or a choice that is not there."""
         episodes: set[int] = set()
-        for file in self._files:
-            for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=[_EPISODE]):
-                episodes.update(batch.column(0).unique().to_pylist())
-        if len(episodes) > 1:
+        if _EPISODE in self._names.names:
+            for file in self._files:
+                for batch in pq.ParquetFile(file).iter_batches(_BLOCK_ROWS, columns=[_EPISODE]):
+                    episodes.update(batch.column(0).unique().to_pylist())
+        if self._episode is None and len(episodes) > 1:
             raise RecordingError(
-                f"{self._path}: {len(episodes)} episodes, each of which is a recording of its own. Write the one that "
-                f"is meant to a file of its own (rows with one {_EPISODE})."
+                f"{self._path}: {len(episodes)} episodes ({_numbered(episodes)}), each of which is a recording of its "
+                "own. Choose one for each recording, such as --episode 3, or --episode 3,4 for loaded and unloaded."
             )
+        if self._episode is not None and self._episode not in episodes:
+            there = f"there are {_numbered(episodes)}" if episodes else f"no column {_EPISODE}"
+            raise RecordingError(f"{self._path}: no episode {self._episode}, {there}. Correct --episode.")
 
     def _damaged(self, error: Exception) -> RecordingError:
         reason = " ".join(str(error).split())[:200]
         return RecordingError(f"{self._path}: the table cannot be read: {reason}. Copy it again, or write it anew.")
+
+
+def _numbered(episodes: set[int]) -> str:
+    """Numbers of episodes, in short where none is left out."""
+    first, last = min(episodes), max(episodes)
+    whole = last - first + 1 == len(episodes)
+    return f"{first} to {last}" if whole else ", ".join(map(str, sorted(episodes)))
 
 
 def _described(folder: Path) -> tuple[Mapping[str, Any], list[Path]]:

@@ -6,6 +6,8 @@ import json
 import re
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 DEGREE = np.pi / 180.0
@@ -92,6 +94,8 @@ def test_a_part_and_some_joints_can_be_chosen(armload, tmp_path):
         (["--between", "soon", "2s"], "'soon' is no time"),
         (["--joints", "0-2"], "'0-2' is no joint"),
         (["--joints", "1,1"], "names a joint twice"),
+        (["--episode", "last"], "'last' is no number of an episode"),
+        (["--episode", "1,2"], "2 numbers for 1 recordings"),
     ],
 )
 def test_options_that_make_no_sense_are_wrong_usage(armload, tmp_path, words, said):
@@ -105,12 +109,12 @@ def test_joints_that_are_not_there_are_named(armload, tmp_path):
     assert "no joint 4, the recording has 3" in str(result.exception)
 
 
-def test_identify_uses_the_part_and_the_joints_that_it_is_told_to(armload, recorded_er50, tmp_path):
-    """The runs of er50 as tables with a gripper's column in between, and garbage at both ends."""
+def test_identify_and_validate_use_the_part_and_the_joints_that_they_are_told_to(armload, recorded_er50, tmp_path):
+    """The runs of er50 as tables with a gripper's column in between, and garbage before them; and as two episodes."""
     from armload_identification.recording.file_reading import read_recording
 
     today = recorded_er50 / "runs" / "today"
-    paths = []
+    paths, episodes = [], []
     for load in ("loaded", "unloaded"):
         run = read_recording(today / f"{load}_identification.mcap")
         inside = np.isfinite(run.phase_s)
@@ -123,6 +127,8 @@ def test_identify_uses_the_part_and_the_joints_that_it_is_told_to(armload, recor
         header = ["t", *(f"q{j}" for j in range(7)), *(f"i{j}" for j in range(7))]
         np.savetxt(path, np.vstack([junk, table]), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
         paths.append(str(path))
+        columns = dict(zip(header, table.T, strict=True))
+        episodes.append(pa.table(columns | {"episode_index": np.full(len(table), len(episodes))}))
     words = ["identify", "er50", "--loaded", paths[0], "--unloaded", paths[1], "--json"]
     result = armload(*words, "--joints", "2-7", "--between", "20s", "1h")
     assert result.exit_code == 0, (result.output, result.exception)
@@ -132,3 +138,16 @@ def test_identify_uses_the_part_and_the_joints_that_it_is_told_to(armload, recor
     )
     assert mass_kg == pytest.approx(json.loads(known.stdout)["payload"]["model"]["mass_kg"], rel=0.02)
     assert armload(*words).exit_code != 0
+
+    again = armload("validate", "er50", today / "payload.toml", *words[2:], "--joints", "2-7", "--between", "20s", "1h")
+    assert json.loads(again.stdout)["validation"]["outcome"] != "wrong"
+    assert armload("validate", "er50", today / "payload.toml", *words[2:]).exit_code == 1
+
+    both = tmp_path / "both.parquet"
+    pq.write_table(pa.concat_tables(episodes), both)
+    named = {"both.parquet episode 0", "both.parquet episode 1"}
+    words = ["identify", "er50", "--loaded", both, "--unloaded", both, "--joints", "2-7", "--json"]
+    result = armload(*words, "--episode", "0,1")
+    assert json.loads(result.stdout)["payload"]["model"]["mass_kg"] == pytest.approx(mass_kg, rel=0.02)
+    assert set(json.loads(result.stdout)["payload"]["recordings_sha256"]) == named
+    assert "--episode 3,4 for loaded and unloaded" in str(armload(*words).exception)

@@ -119,11 +119,37 @@ def lerobot(folder, episodes=1, names=NAMES):
 
 def test_a_lerobot_data_set(tmp_path):
     assert_read(read_recording(lerobot(tmp_path / "set")), NAMES)
-    with pytest.raises(RecordingError, match="2 episodes, each of which is a recording of its own"):
-        read_recording(lerobot(tmp_path / "two", episodes=2))
     (tmp_path / "set" / "meta" / "info.json").write_text("[" * 100_000)
     with pytest.raises(RecordingError, match=r"info\.json: cannot be read"):
         read_recording(tmp_path / "set")
+
+
+def test_of_a_data_set_of_several_episodes_one_is_chosen(tmp_path):
+    """An episode is a recording of its own: its rows, its name, its hash."""
+    folder = lerobot(tmp_path / "three", episodes=3)
+    with pytest.raises(RecordingError, match=r"3 episodes \(0 to 2\).*--episode 3, or --episode 3,4 for loaded and"):
+        read_recording(folder)
+    with pytest.raises(RecordingError, match=r"no episode 3, there are 0 to 2\. Correct --episode"):
+        read_recording(folder, episode=3)
+    parts = [read_recording(folder, episode=number) for number in range(3)]
+    np.testing.assert_array_equal(np.vstack([part.position_rad for part in parts]), POSITION)
+    assert [part.source.path for part in parts] == [tmp_path / f"three episode {number}" for number in range(3)]
+    assert len({part.source.sha256 for part in parts}) == 3
+    one = lerobot(tmp_path / "one")
+    assert_read(read_recording(one, episode=0), NAMES)
+    with pytest.raises(RecordingError, match=r"no episode 1, there are 0 to 0"):
+        read_recording(one, episode=1)
+
+
+def test_a_file_without_episodes_has_none_to_choose(tmp_path):
+    path = tmp_path / "run.parquet"
+    pq.write_table(pa.table(columns()), path)
+    with pytest.raises(RecordingError, match=r"no episode 0, no column episode_index"):
+        read_recording(path, episode=0)
+    log = tmp_path / "run.csv"
+    log.write_text("t,q1\n0,0\n")
+    with pytest.raises(RecordingError, match=r"run\.csv: has no episodes.*Leave --episode out"):
+        read_recording(log, episode=0)
 
 
 def test_damaged_tables_are_named(tmp_path):
