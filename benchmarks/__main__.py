@@ -3,7 +3,8 @@
 These figures are this machine's, now: compare within a run, not between runs.
 """
 
-from benchmarks import commissionings, cycle, excitation, export_c, following, reading, regressor, startup, stops
+from benchmarks import commissionings, cycle, excitation, following, reading, regressor, startup, stops
+from benchmarks.peers import generated_code
 
-for benchmark in (startup, regressor, cycle, export_c, stops, commissionings, excitation, following, reading):
+for benchmark in (startup, regressor, cycle, generated_code, stops, commissionings, excitation, following, reading):
     benchmark.run()
