@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from armload_identification.estimation.arm_friction import ArmFriction
 from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.estimation.known_arm_fit import fit_on_known_arm
 from armload_identification.estimation.least_squares import Prior
@@ -152,8 +153,9 @@ def _on_known_arm(
     if plain.mass_kg <= 0.0 or width > DETERMINED_SHARE * plain.mass_kg:
         raise quality.undetermined(name, plain.mass_kg, width)
     floor = float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.mass_kg)) / plain.mass_kg
-    changes = np.abs(fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1) / arm.drift[:2])
-    said = friction_notes(changes.max(axis=0))
+    changes = fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1)
+    said = friction_notes(np.abs(changes / arm.drift[:2]).max(axis=0))
+    own = ArmFriction.of(arm.fit.model, signal.states.velocity_rad_s, changes)
     # Gains and body err together: what is left of one run has the errors of both.
     doubts = np.concatenate(
         [
@@ -162,5 +164,5 @@ def _on_known_arm(
         ]
     )
     return completed(
-        signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, struck, said, prior=prior
+        signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, own, struck, said, prior=prior
     )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_friction import ArmFriction
 from armload_identification.estimation.blows import struck_samples
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
@@ -50,6 +51,7 @@ class Identification:
             that was fitted with it included.
         residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus prediction, comparable to
             `signal.noise_nm`.
+        arm_friction: Friction of the arm itself: of the unloaded run where there is one, else of the loaded one.
         sources: Of the loaded and, where there is one, the unloaded recording.
         notes: What the operator should know, one sentence each.
     """
@@ -63,6 +65,7 @@ class Identification:
     signal: LoadSignal
     predicted_nm: FloatArray
     residual_rms_nm: FloatArray
+    arm_friction: ArmFriction
     sources: tuple[RecordingSource, ...]
     notes: tuple[str, ...]
 
@@ -87,6 +90,7 @@ def completed(
     runs: tuple[Recording, ...],
     transmission: Transmission,
     arm: BodyFit | None,
+    arm_friction: ArmFriction,
     struck: NDArray[np.bool_],
     arm_notes: tuple[str, ...] = (),
     fitted_gains: GainFit | None = None,
@@ -104,6 +108,7 @@ def completed(
         runs: The loaded and, where there is one, the unloaded recording.
         transmission: Gains and coupling.
         arm: The body fitted to the unloaded run, or None.
+        arm_friction: Of the arm itself.
         struck: (K,) samples left out as blows.
         arm_notes: What the runs say of the calibrated arm.
         fitted_gains: Gains that were fitted with the payload, in place of their errors.
@@ -131,6 +136,7 @@ def completed(
         signal=signal,
         predicted_nm=predicted,
         residual_rms_nm=raw_residual_rms(signal, predicted),
+        arm_friction=arm_friction,
         sources=tuple(run.source for run in runs),
         notes=(
             *notes_on(runs, transmission, signal, arm, fit, friction, fitted_gains, physical, uncertainty),

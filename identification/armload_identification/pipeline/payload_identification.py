@@ -12,6 +12,8 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.arm_friction import ArmFriction
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.estimators import fit_payload
 from armload_identification.estimation.friction_columns import unloaded_body
@@ -31,6 +33,7 @@ from armload_identification.pipeline.known_ranges import within_ranges
 from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal
+from armload_identification.signals.motion import Motion
 from armload_identification.verdict.friction_validity import friction_change, friction_notes
 from armload_identification.verdict.sanity import check_pair, check_signs, explain_negative_mass
 
@@ -154,17 +157,21 @@ def _identified(
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf
         raise explain_negative_mass(plain.mass_kg, float(width))
     doubts = np.zeros((0, *signal.torque_nm.shape)) if friction is None else friction.doubts_nm
-    said = () if known_arm is None else _on_friction(known_arm, chain, signal)
+    said: tuple[str, ...] = ()
+    own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s)
+    if known_arm is not None:
+        change = _friction_change(known_arm, chain, signal.unloaded)
+        said = friction_notes(np.abs(change[:2]).max(axis=0))
+        own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s, (known_arm.drift * change)[:2])
     return completed(
-        signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, struck, said, fitted_gains, prior
+        signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, own, struck, said, fitted_gains, prior
     )
 
 
-def _on_friction(arm: KnownArm, chain: Chain, signal: LoadSignal) -> tuple[str, ...]:
-    """Whether the arm still is as it was calibrated, by the unloaded run."""
-    run = signal.unloaded
+def _friction_change(arm: KnownArm, chain: Chain, run: Motion) -> FloatArray:
+    """(3, n) by how much friction differs from that of the calibrated arm, by the unloaded run."""
     left = run.torque_nm - arm.fit.model.torque(chain, *run.states)
-    return friction_notes(friction_change(arm, run.states.velocity_rad_s, left, run.valid, run.interval_s))
+    return friction_change(arm, run.states.velocity_rad_s, left, run.valid, run.interval_s)
 
 
 def payload_result(

@@ -38,19 +38,18 @@ def friction_change(
         interval_s: Time between them.
 
     Returns:
-        (n,) standard deviations of the drift between runs, of Coulomb or viscous friction, whichever is more.
+        (3, n) Coulomb and viscous friction and offset, in standard deviations of their drift between runs.
     """
     direction = smooth_sign(velocity_rad_s, arm.fit.model.reversal_speed_rad_s)
     moving = np.abs(velocity_rad_s) > _REVERSAL * np.abs(velocity_rad_s).max(axis=0)
     weight = _INDEPENDENT_HZ * interval_s / np.maximum(arm.fit.residual_rms_nm, np.finfo(float).tiny) ** 2
-    found = np.zeros(left_nm.shape[1])
-    for joint in range(found.size):
+    found = np.zeros((3, left_nm.shape[1]))
+    for joint in range(found.shape[1]):
         rows = used & moving[:, joint]
         columns = np.stack([direction[rows, joint], velocity_rad_s[rows, joint], np.ones(np.count_nonzero(rows))], 1)
         columns = columns * arm.drift[:, joint]
         information = np.eye(3) + weight[joint] * columns.T @ columns
-        change = np.linalg.solve(information, weight[joint] * columns.T @ left_nm[rows, joint])
-        found[joint] = np.abs(change[:2]).max()
+        found[:, joint] = np.linalg.solve(information, weight[joint] * columns.T @ left_nm[rows, joint])
     return found
 
 
@@ -58,7 +57,7 @@ def friction_notes(change: FloatArray) -> tuple[str, ...]:
     """What the operator should know of it.
 
     Args:
-        change: (n,) as `friction_change` gives it.
+        change: (n,) standard deviations of the drift, of Coulomb or viscous friction, whichever is more.
     """
     far = np.flatnonzero(change > FAR)
     if not far.size:

@@ -144,12 +144,22 @@ def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nom
         assert not any("nominal" in note or "far outside" in note for note in found.notes)
     assert alone.uncertainty.half_width_95[0] > pair.uncertainty.half_width_95[0]
     # A cold gear: two thirds more friction on joint 3 than the calibration knows.
-    speed = np.gradient(loaded.position_rad, loaded.time_s, axis=0)[:, 2]
-    current = loaded.current_a.copy()
-    current[:, 2] += (3.0 * np.tanh(speed / 0.01) + 3.0 * speed) / arm.transmission.gain_nm_a[2]
-    cold = identify(replace(loaded, current_a=current), None, level, transmission, arm=known)
-    (note,) = [note for note in cold.notes if "far outside" in note]
-    assert re.match(r"The friction of joint 3 \(\d+ standard deviations\) lies far outside", note)
+    cold = [colder(run, 2, arm) for run in (loaded, unloaded)]
+    for warm, empty in ((alone, None), (pair, cold[1])):
+        found = identify(cold[0], empty, level, transmission, arm=known)
+        (note,) = [note for note in found.notes if "far outside" in note]
+        assert re.match(r"The friction of joint 3 \(\d+ standard deviations\) lies far outside", note)
+        change = found.arm_friction.torque_nm - warm.arm_friction.torque_nm
+        expected = np.where(np.arange(6) == 2, 3.0 + 3.0 * found.arm_friction.speed_rad_s, 0.0)
+        np.testing.assert_allclose(change, expected, atol=0.5)
+
+
+def colder(run, joint, arm):
+    """The run with 3 N m and 3 N m s/rad more friction of a joint."""
+    speed = np.gradient(run.position_rad, run.time_s, axis=0)[:, joint]
+    current = run.current_a.copy()
+    current[:, joint] += (3.0 * np.tanh(speed / 0.01) + 3.0 * speed) / arm.transmission.gain_nm_a[joint]
+    return replace(run, current_a=current)
 
 
 def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocchio_arm, nominal, result):

@@ -46,6 +46,8 @@ def test_the_payload_is_found_and_its_intervals_hold_it(pinocchio_arm, options):
     assert result.plain.rank == 10
     assert result.predicted_nm.shape == result.signal.torque_nm.shape
     np.testing.assert_allclose(result.residual_rms_nm, result.signal.noise_nm, rtol=0.15)
+    friction = result.arm_friction  # the fixture's arm: 4 N m and 5 N m s/rad at every joint
+    np.testing.assert_allclose(friction.torque_nm, 4.0 + 5.0 * friction.speed_rad_s, rtol=0.07)
     assert not any("gains" in note for note in result.notes)
 
 
