@@ -8,6 +8,7 @@ ControlError
  +-- CommissioningError   a step of the commissioning cannot be done as asked
  +-- OffsetRefused        a drive's torque offset does not do what it should
  +-- ExportError          a payload that must not be written for others, or a file in the way
+ +-- FleetError           many recordings cannot be worked on: a library, a scheduler, a file of rows
 """
 
 from __future__ import annotations
@@ -66,6 +67,10 @@ class OffsetRefused(ControlError):
     def __init__(self, joints: tuple[str, ...], what: str) -> None:
         super().__init__(what)
         self.joints = joints
+
+
+class FleetError(ControlError):
+    """Recordings of many arms cannot be worked on: a library, a scheduler or a file of rows."""
 
 
 class ExportError(ControlError):

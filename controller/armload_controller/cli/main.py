@@ -24,6 +24,7 @@ from armload_controller.cli.commands.drift_command import drift
 from armload_controller.cli.commands.drives_command import drives
 from armload_controller.cli.commands.export_command import export
 from armload_controller.cli.commands.feedforward_command import feedforward
+from armload_controller.cli.commands.fleet_command import fleet
 from armload_controller.cli.commands.identify_command import identify
 from armload_controller.cli.commands.init_command import init
 from armload_controller.cli.commands.recordings_command import recordings
@@ -61,6 +62,7 @@ for command in (
 
 app.add_typer(drives, name="drives")
 app.add_typer(recordings, name="recordings")
+app.add_typer(fleet, name="fleet")
 
 
 def _print_version(wanted: bool) -> None:

@@ -16,12 +16,14 @@ from rich.progress import (
     BarColumn,
     Progress,
     ProgressColumn,
+    Task,
     TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
 from rich.table import Column, Table
+from rich.text import Text
 
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
@@ -37,6 +39,14 @@ _LEAST_BAR = 8
 _GREATEST_BAR = 30
 _TIME = Column(no_wrap=True, min_width=7)
 """Hours, minutes and seconds."""
+
+
+class _Rate(ProgressColumn):
+    """How much is done per second."""
+
+    def render(self, task: Task) -> Text:
+        """The rate since the beginning."""
+        return Text("" if not task.elapsed else f"{task.completed / task.elapsed:.1f}/s")
 
 
 class Screen:
@@ -72,13 +82,14 @@ class Screen:
             self.console.print(part)
 
     @contextmanager
-    def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
-        """A progress bar; the function given takes how much is done."""
+    def track(self, text: str, total: int, *, rate: bool = False) -> Iterator[Callable[[int], None]]:
+        """A progress bar, with how much is done per second if wanted; the function given takes how much is done."""
         if self._keyboard is not None and not self._hinted:
             self._hinted = True
             self.step(HINT)
         text = printable(text)
-        bar = Progress(*self._columns(text), console=self.console, auto_refresh=False)
+        columns = [*self._columns(text), *([_Rate()] if rate else [])]
+        bar = Progress(*columns, console=self.console, auto_refresh=False)
         with nullcontext() if self._keyboard is None else self._keyboard.awake(), bar:
             task = bar.add_task(text, total=total)
             drawn, asked = 0, ""

@@ -1,4 +1,4 @@
-"""One commissioning at a time in a folder: a lock of the operating system, which ends with its process."""
+"""One program at a time in a folder: a lock of the operating system, which ends with its process."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from armload_controller.control_errors import CommissioningError
 
 
 @contextmanager
-def claimed(directory: Path) -> Iterator[None]:
+def claimed(directory: Path, work: str = "commissioning") -> Iterator[None]:
     """Keep others out of a folder while the block lasts; no file is left, not even after kill -9.
 
     Some network file systems lock no folders; there nobody is kept out.
 
     Args:
         directory: The folder; it exists.
+        work: What is at work there, for the message.
 
     Raises:
         CommissioningError: another process has claimed it.
@@ -29,7 +30,7 @@ def claimed(directory: Path) -> Iterator[None]:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise CommissioningError(
-                f"another commissioning is at work in {directory}: wait until it has ended, or choose another --output"
+                f"another {work} is at work in {directory}: wait until it has ended, or choose another --output"
             ) from error
         except OSError:
             pass

@@ -14,6 +14,7 @@ import typer
 from armload_controller.analysis.payload_events import PayloadEvent
 from armload_controller.analysis.payload_watch import HeardBus, WatchedMoment
 from armload_controller.cli.main import app
+from armload_controller.cli.output.fleet_output import fleet_document
 from armload_controller.cli.output.result_documents import (
     calibration_document,
     feedforward_document,
@@ -21,6 +22,7 @@ from armload_controller.cli.output.result_documents import (
     nodes_document,
 )
 from armload_controller.feedforward.offset_check import OffsetVerdict
+from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.session.feedforward_comparison import Comparison, Measure
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
@@ -147,6 +149,7 @@ def made():
         feedforward_document("arm", offset, [compared], Path("picture.svg")),
         nodes_document("socketcan", "can0", [node]),
         half_document(Path("runs/today")),
+        fleet_document(FleetTally(1, 1, remarks=("line 2: no file",)), Path("fleet")),
     ]
 
 

@@ -21,6 +21,10 @@ HEAVY = (
     "matplotlib",
     "jinja2",
     "mujoco",
+    "dask",
+    "distributed",
+    "pyarrow",
+    "fsspec",
     "multiprocessing",
     "asyncio",
 )

@@ -1,0 +1,258 @@
+"""Many pairs on Dask: CPU time beside `armload.identify` itself, two workers beside one, and an end with faults.
+
+Distinct pairs of the shipped arms, 30 s a run: the simulated arm's steady period with noise, quantisation and gain
+errors of their own, as the recorder writes them. In the last part one file in a hundred is damaged, a worker is killed
+and then the coordinator, both with SIGKILL, and a second run ends the work.
+
+    python -m benchmarks.fleet [PAIRS] [--folder FOLDER]        1,000 pairs are 3 GB of disk; a folder is used again
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
+from typing import Final
+
+import numpy as np
+
+import armload
+from armload_controller.config.robot import load_robot
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.fleet.row_store import read_rows
+from armload_controller.motion.phase import Segment
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.excitation.excitation_file import format_excitation
+from armload_identification.recording.recording import Recording
+from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
+from benchmarks.recordings import record
+from benchmarks.setups import Twin, setup_of, shipped_motion
+from benchmarks.trials import Setup, workers
+
+PAIRS: Final = 40
+"""Of `make bench`; the criteria are stated for 1,000."""
+ROBOTS: Final = ("er50", "prbt")
+ARMS: Final = 10
+GAIN_SPREAD: Final = 0.02
+FIRST_DAY: Final = datetime(2026, 3, 1, 22, tzinfo=UTC)
+DAMAGED_SHARE: Final = 0.01
+EFFICIENCY_LEAST: Final = 0.9
+CPU_MOST: Final = 1.3
+_COMMAND: Final = (sys.executable, "-c", "from armload_controller.cli.entry import main; main()", "fleet", "identify")
+
+
+def run(pairs: int = PAIRS, folder: Path | None = None) -> None:
+    """Write recordings, identify them in every way, and print.
+
+    Args:
+        pairs: How many.
+        folder: Where recordings are or go; a temporary folder if not given.
+    """
+    load = os.getloadavg()[0]
+    print(f"Fleet: {pairs} distinct pairs of {' and '.join(ROBOTS)}, 30 s a run; load of the machine {load:.1f}")
+    with tempfile.TemporaryDirectory() as temporary:
+        recordings = folder or Path(temporary)
+        table = recordings / "jobs.csv"
+        if not table.is_file():
+            with workers() as pool:
+                _write_all(pool, recordings, pairs)
+        _compare(table, Path(temporary), pairs)
+        _with_faults(table, Path(temporary), pairs)
+
+
+@dataclass(frozen=True)
+class _Figures:
+    """One way to do it."""
+
+    cpu_s: float
+    wall_s: float
+
+
+def _compare(table: Path, scratch: Path, pairs: int) -> None:
+    """Time and CPU time of `identify` in one process, and of the fleet with one worker and two."""
+    size = sum(file.stat().st_size for file in table.parent.glob("*/*.mcap"))
+    print(f"  {size / pairs / 1e6:.2f} MB a pair")
+    alone = _in_this_process(table, min(pairs, 10))
+    print(f"  armload.identify, one after the other, loaded  {alone.cpu_s:6.3f} s of CPU a pair")
+    walls = []
+    for count in (1, 2):
+        output = scratch / f"rows-{count}"
+        found = _fleet(table, output, count)
+        rows = read_rows(output, ("outcome", "cpu_s"))
+        inside = float(np.mean([row["cpu_s"] for row in rows]))
+        walls.append(found.wall_s)
+        print(
+            f"  armload fleet identify --workers {count}             {found.cpu_s / pairs:6.3f} s of CPU a pair with "
+            f"start and end, {inside:.3f} s in the worker ({inside / alone.cpu_s:.2f} x identify, at most {CPU_MOST}); "
+            f"{pairs / found.wall_s:.2f} pairs/s; {dict(Counter(row['outcome'] for row in rows))}"
+        )
+    print(
+        f"  parallel efficiency of two workers, first job to last row: {walls[0] / walls[1] / 2:.0%} "
+        f"(at least {EFFICIENCY_LEAST:.0%} on two idle cores)"
+    )
+    begun_s = time.monotonic()
+    _fleet(table, scratch / "rows-2", 2)
+    print(f"  a second run, all of it done: {time.monotonic() - begun_s:.1f} s")
+
+
+def _with_faults(table: Path, scratch: Path, pairs: int) -> None:
+    """Damage files, kill a worker and the coordinator, run again, and count."""
+    rows = [line.split(",") for line in table.read_text().splitlines()]
+    damaged = max(round(DAMAGED_SHARE * pairs), 1)
+    for row in rows[1 : damaged + 1]:
+        bad = scratch / "damaged" / Path(row[2]).parent.name / Path(row[2]).name
+        bad.parent.mkdir(parents=True, exist_ok=True)
+        content = (table.parent / row[2]).read_bytes()
+        bad.write_bytes(content[:100] + b"\0" * (len(content) - 100))
+        row[2] = str(bad)
+    for row in rows[1:]:
+        row[2], row[3] = (str(table.parent / name) for name in row[2:4])
+    faulty, output = scratch / "faulty.csv", scratch / "rows-with-faults"
+    faulty.write_text("".join(",".join(row) + "\n" for row in rows))
+    coordinator = subprocess.Popen(
+        [*_COMMAND, str(faulty), "-o", str(output), "--workers", "2"], stdout=subprocess.DEVNULL
+    )
+    _wait_for_rows(output, coordinator, max(pairs // 4, 1))
+    killed = _workers_of(coordinator.pid)[0]
+    os.kill(killed, signal.SIGKILL)
+    _wait_for_rows(output, coordinator, max(pairs // 2, 2))
+    coordinator.kill()
+    coordinator.wait()
+    kept = _journal_rows(output)
+    _fleet(faulty, output, 2)
+    found = read_rows(output, ("key", "outcome"))
+    print(
+        f"  {damaged} damaged, a worker and the coordinator killed: {kept} rows were kept, the second run added "
+        f"{len(found) - kept}; {len({row['key'] for row in found})} of {pairs} recordings have a row, "
+        f"{dict(Counter(row['outcome'] for row in found))}"
+    )
+
+
+def _in_this_process(table: Path, pairs: int) -> _Figures:
+    """`armload.identify` on some pairs, everything loaded before."""
+    rows = [line.split(",") for line in table.read_text().splitlines()[1:]]
+    robots = {name: load_robot(name) for name in ROBOTS}
+    chosen = rows[:: max(len(rows) // pairs, 1)][:pairs]
+
+    def identified(row: list[str]) -> None:
+        armload.identify(robots[row[1]], table.parent / row[2], table.parent / row[3])
+
+    identified(chosen[0])
+    cpu_s, wall_s = time.process_time(), time.monotonic()
+    for row in chosen:
+        identified(row)
+    return _Figures((time.process_time() - cpu_s) / len(chosen), (time.monotonic() - wall_s) / len(chosen))
+
+
+def _fleet(table: Path, output: Path, count: int) -> _Figures:
+    """The command, in processes of its own."""
+    before = getrusage(RUSAGE_CHILDREN)
+    command = [*_COMMAND, str(table), "-o", str(output), "--workers", str(count), "--json"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    after = getrusage(RUSAGE_CHILDREN)
+    cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return _Figures(cpu_s, json.loads(done.stdout)["wall_s"])
+
+
+def _journal_rows(output: Path) -> int:
+    """Rows that are on the disk and not yet Parquet, and those that are."""
+    journals = sum(file.read_text().count("\n") for file in output.glob("journal-*.jsonl"))
+    return journals + len(read_rows(output, ("key",)))
+
+
+def _wait_for_rows(output: Path, coordinator: subprocess.Popen[bytes], count: int) -> None:
+    """Wait until there are so many, or the coordinator has ended."""
+    while coordinator.poll() is None and (not output.is_dir() or _journal_rows(output) < count):
+        time.sleep(0.1)
+
+
+def _workers_of(process_id: int) -> list[int]:
+    """Processes that a process has spawned to do jobs."""
+    threads = Path(f"/proc/{process_id}/task").glob("*/children")
+    children = [child for thread in threads for child in thread.read_text().split()]
+    return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
+def _write_all(pool: Executor, folder: Path, pairs: int) -> None:
+    """Recordings and their table."""
+    setups = {}
+    for name in ROBOTS:
+        robot = load_robot(name)
+        payload = robot.simulation.plant_spec(robot.simulation.payload_name).payload
+        if payload is None:
+            raise ValueError(f"{name} names no payload to simulate")
+        setups[name] = setup_of(
+            f"fleet {name}", robot, Twin.NORMATIVE, shipped_motion(robot), payload, gain_spread=GAIN_SPREAD
+        )
+    tasks = [
+        pool.submit(_write_pair, setups[ROBOTS[number % 2]], ROBOTS[number % 2], number, folder)
+        for number in range(pairs)
+    ]
+    lines = ["arm,robot,loaded,unloaded", *(task.result() for task in tasks)]
+    (folder / "jobs.csv").write_text("\n".join(lines) + "\n")
+    used = getrusage(RUSAGE_SELF)
+    print(f"  written to {folder}, {used.ru_maxrss / 1024:.0f} MB")
+
+
+def _write_pair(setup: Setup, name: str, number: int, folder: Path) -> str:
+    """A pair of an arm and a day; its line of the table."""
+    arm = f"{name}-{number // 2 % ARMS + 1:02d}"
+    day = FIRST_DAY + timedelta(days=number // (2 * ARMS))
+    gains = np.random.default_rng([7, number // 2 % ARMS]).uniform(-GAIN_SPREAD, GAIN_SPREAD, setup.scales.n)
+    rng = setup.rng(number)
+    place = folder / f"{arm}-{day:%Y%m%d}"
+    place.mkdir(parents=True, exist_ok=True)
+    for load, period in (("loaded", setup.loaded), ("unloaded", setup.unloaded)):
+        run_of_load = record(period, setup.scales, setup.periods, rng, gains)
+        write_run(place / f"{load}.mcap", run_of_load, name, load, day)
+    return f"{arm},{name},{place.name}/loaded.mcap,{place.name}/unloaded.mcap"
+
+
+def write_run(path: Path, run: Recording, name: str, load: str, day: datetime) -> None:
+    """Write a run as the recorder does.
+
+    Args:
+        path: Where to.
+        run: The run.
+        name: A shipped robot.
+        load: "loaded" or "unloaded".
+        day: When it was recorded.
+    """
+    if run.phase_s is None or run.excitation is None:
+        raise ValueError("the run follows no excitation")
+    said = {"armload_version": "benchmark", "robot": name, "load": load, "created": day.isoformat()}
+    attachments = {
+        CONFIGURATION_ATTACHMENT: load_robot(name).text,
+        EXCITATION_ATTACHMENT: format_excitation(run.excitation),
+        RUN_ATTACHMENT: json.dumps(said),
+    }
+    nothing, missing = np.zeros(run.n), np.zeros(run.n, dtype=bool)
+    statusword = np.full(run.n, 0x0637, dtype=np.uint16)
+    with Recorder(path, attachments) as recorder:
+        for k in range(run.time_s.size):
+            current = None if run.current_a is None else run.current_a[k]
+            torque = None if run.torque_nm is None else run.torque_nm[k]
+            feedback = JointFeedback(
+                k, float(run.time_s[k]), run.position_rad[k], None, current, torque, statusword, missing
+            )
+            command = JointCommand(run.position_rad[k], nothing, nothing)
+            recorder.write(feedback, command, Segment.PERIODS, float(run.phase_s[k]))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("pairs", nargs="?", type=int, default=PAIRS)
+    parser.add_argument("--folder", type=Path)
+    chosen_arguments = parser.parse_args()
+    run(chosen_arguments.pairs, chosen_arguments.folder)

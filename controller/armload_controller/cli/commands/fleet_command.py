@@ -1,0 +1,120 @@
+"""`armload fleet`: recordings of many arms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from armload_controller.cli.command_group import CommandGroup
+from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.output_files import make_folder
+
+if TYPE_CHECKING:
+    from armload_controller.cli.screen import Screen
+    from armload_controller.fleet.fleet_run import FleetTally
+
+fleet = typer.Typer(cls=CommandGroup, help="Identify and judge the recordings of many arms.", no_args_is_help=True)
+
+TableArgument = Annotated[
+    Path, typer.Argument(metavar="JOBS", help="Table of jobs (CSV: arm, robot, loaded, unloaded, calibration, ...).")
+]
+OutputOption = Annotated[Path, typer.Option("--output", "-o", help="Folder of the rows (Parquet, one folder per day).")]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(help="Address of a Dask scheduler, such as tls://host:8786; else processes of this machine."),
+]
+WorkersOption = Annotated[
+    int | None, typer.Option(min=1, help="Processes of this machine; as many as it has cores if not given.")
+]
+_CLAIM = "run of `armload fleet`"
+
+
+@fleet.callback()
+def _group() -> None:
+    """Identify and judge the recordings of many arms."""
+
+
+@fleet.command("identify")
+def identify_command(
+    table: TableArgument,
+    output: OutputOption,
+    scheduler: SchedulerOption = None,
+    workers: WorkersOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Identify every recording of the table that there is no row of yet.
+
+    A recording that is refused is a row with the reason. A second run does what is new, has changed or has failed.
+    """
+    from armload_controller.cli.screen import Screen
+    from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
+    from armload_controller.fleet.row_store import RowStore
+    from armload_controller.fleet.workforce import Workforce
+    from armload_controller.session.folder_claim import claimed
+
+    screen = Screen(as_json=as_json)
+    make_folder(output)
+    with claimed(output, _CLAIM), RowStore(output) as store:
+        listing, jobs = new_jobs(table, store)
+        for remark in listing.remarks:
+            screen.step(f"warning: {remark}")
+        screen.step(f"{len(listing.jobs)} recordings, {len(listing.jobs) - len(jobs)} of them done before")
+        if not jobs:
+            tally = FleetTally.before(listing, jobs)
+        else:
+            with Workforce(scheduler, workers) as force, screen.track("identifying", len(jobs), rate=True) as progress:
+                tally = do_jobs(listing, jobs, store, force.rows, progress)
+    _show(screen, tally, output, as_json=as_json)
+
+
+@fleet.command("watch")
+def watch_command(
+    table: TableArgument,
+    output: OutputOption,
+    every_s: Annotated[float, typer.Option(min=1.0, help="Time between two looks at the table's files in s.")] = 60.0,
+    scheduler: SchedulerOption = None,
+    workers: WorkersOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Identify what is new, again and again, until Ctrl-C.
+
+    A recording is taken once it has stayed as it is between two looks: until then it may still be written.
+    """
+    from time import sleep
+
+    from armload_controller.cli.screen import Screen
+    from armload_controller.control_errors import ConfigurationError
+    from armload_controller.fleet.fleet_run import Settled, do_jobs, new_jobs
+    from armload_controller.fleet.row_store import RowStore
+    from armload_controller.fleet.workforce import Workforce
+    from armload_controller.session.folder_claim import claimed
+
+    screen, settled = Screen(as_json=as_json), Settled()
+    make_folder(output)
+    try:
+        with claimed(output, _CLAIM), RowStore(output) as store, Workforce(scheduler, workers) as force:
+            screen.step("watching; Ctrl-C ends it")
+            while True:
+                try:
+                    listing, jobs = new_jobs(table, store)
+                except ConfigurationError as problem:  # somebody is editing the table
+                    screen.step(f"warning: {problem}; nothing is done until that is corrected")
+                else:
+                    if ready := settled.of(jobs):
+                        tally = do_jobs(listing, ready, store, force.rows)
+                        store.flush()
+                        _show(screen, tally, output, as_json=as_json)
+                sleep(every_s)
+    except KeyboardInterrupt:
+        screen.step("no longer watched")
+
+
+def _show(screen: Screen, tally: FleetTally, output: Path, *, as_json: bool) -> None:
+    """What came of some jobs."""
+    from armload_controller.cli.output.fleet_output import fleet_document, tally_text
+
+    screen.result(tally_text(tally))
+    if as_json:
+        print_document(fleet_document(tally, output))

@@ -1,0 +1,135 @@
+"""Identify what is new: from the table of jobs to rows, skipping what is done."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from armload_controller.fleet.job import Job
+from armload_controller.fleet.job_listing import JobListing, list_jobs
+from armload_controller.fleet.job_table import read_job_table
+from armload_controller.fleet.recording_row import Row, RowOutcome
+from armload_controller.fleet.row_store import RowStore
+
+DoJobs = Callable[[Iterable[Job]], Iterator[Row]]
+"""Does jobs, and gives a row for each in any order: `Workforce.rows`, or `map(run_job, jobs)` in this process."""
+
+
+@dataclass
+class FleetTally:
+    """What came of the jobs.
+
+    Attributes:
+        listed: Recordings that the table stands for.
+        skipped: Of these, done before.
+        outcomes: Of the others, how many by outcome.
+        cpu_s: CPU time that the workers took.
+        wall_s: Time from the first job to the last row.
+        remarks: Lines of the table that stand for nothing.
+    """
+
+    listed: int = 0
+    skipped: int = 0
+    outcomes: Counter[str] = field(default_factory=Counter)
+    cpu_s: float = 0.0
+    wall_s: float = 0.0
+    remarks: tuple[str, ...] = ()
+
+    @classmethod
+    def before(cls, listing: JobListing, jobs: Sequence[Job]) -> FleetTally:
+        """Nothing is done yet.
+
+        Args:
+            listing: What the table stands for.
+            jobs: Of these, the ones to do.
+        """
+        return cls(len(listing.jobs), len(listing.jobs) - len(jobs), remarks=listing.remarks)
+
+    @property
+    def done(self) -> int:
+        """Recordings that were done now."""
+        return sum(self.outcomes.values())
+
+    @property
+    def per_second(self) -> float:
+        """Recordings per second; 0 where none was done."""
+        return self.done / self.wall_s if self.wall_s > 0.0 else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Counts and rate: what `--json` prints of them."""
+        return {
+            "listed": self.listed,
+            "skipped": self.skipped,
+            "outcomes": {outcome.value: self.outcomes[outcome.value] for outcome in RowOutcome},
+            "cpu_s": self.cpu_s,
+            "wall_s": self.wall_s,
+            "remarks": list(self.remarks),
+        }
+
+
+def new_jobs(table: Path, store: RowStore) -> tuple[JobListing, list[Job]]:
+    """What a table stands for, and of that what there is no row of.
+
+    Args:
+        table: The table of jobs.
+        store: The rows there are.
+
+    Raises:
+        ConfigurationError: a table that makes no sense.
+        FleetError: URLs that nothing installed can read.
+    """
+    listing = list_jobs(read_job_table(table), table)
+    done = store.done_keys()
+    return listing, [job for job in listing.jobs if job.key not in done]
+
+
+def do_jobs(
+    listing: JobListing,
+    jobs: Sequence[Job],
+    store: RowStore,
+    do: DoJobs,
+    progress: Callable[[int], None] = lambda _done: None,
+) -> FleetTally:
+    """Do jobs and keep their rows, each as soon as it is there.
+
+    Args:
+        listing: What the table stands for.
+        jobs: Of these, the ones to do.
+        store: Where rows go.
+        do: Who does them.
+        progress: Takes how many are done.
+
+    Raises:
+        FleetError: rows cannot be written.
+    """
+    tally = FleetTally.before(listing, jobs)
+    started_s = time.monotonic()
+    for row in do(jobs):
+        store.add(row)
+        tally.outcomes[row["outcome"]] += 1
+        tally.cpu_s += row["cpu_s"] or 0.0
+        tally.wall_s = time.monotonic() - started_s
+        progress(tally.done)
+    return tally
+
+
+class Settled:
+    """Which jobs have files that are no longer being written: they are the same at two looks."""
+
+    def __init__(self) -> None:
+        self._seen: set[str] = set()
+
+    def of(self, jobs: Iterable[Job]) -> list[Job]:
+        """The jobs whose files are as they were at the last look.
+
+        Args:
+            jobs: Those of this look.
+        """
+        now = list(jobs)
+        same = [job for job in now if job.key in self._seen]
+        self._seen = {job.key for job in now}
+        return same

@@ -1,0 +1,96 @@
+"""From the table of jobs to jobs: patterns expanded, every file looked at, nothing read."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from armload_controller.config.robot import shipped_robots
+from armload_controller.control_errors import ConfigurationError
+from armload_controller.fleet.job import Job, job_key
+from armload_controller.fleet.job_table import RECORDINGS, TableEntry
+from armload_controller.fleet.remote_files import RemoteFile, is_url, matches, with_stars
+
+_LOADED = RECORDINGS[0]
+
+
+@dataclass(frozen=True)
+class JobListing:
+    """What a table stands for now.
+
+    Attributes:
+        jobs: In the table's order, each recording once.
+        remarks: Lines that stand for nothing, a sentence each.
+    """
+
+    jobs: tuple[Job, ...]
+    remarks: tuple[str, ...]
+
+
+def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
+    """The jobs of a table.
+
+    Args:
+        entries: Its lines.
+        table: The file; paths are relative to it.
+
+    Raises:
+        ConfigurationError: a recording that two lines name, or stars that stand for nothing.
+        FleetError: URLs that nothing installed can read.
+    """
+    jobs: list[Job] = []
+    remarks: list[str] = []
+    lines: dict[str, int] = {}
+    look = cache(RemoteFile.of)
+    content = cache(_content)
+    for entry in entries:
+        there = matches(_placed(entry.recordings[_LOADED], table))
+        if not there:
+            remarks.append(f"{table}, line {entry.line}: no file matches {entry.recordings[_LOADED]}")
+        robot = entry.robot if entry.robot in shipped_robots() else _placed(entry.robot, table)
+        calibration = _placed(entry.calibration, table) if entry.calibration else ""
+        for loaded, stars in there:
+            if lines.setdefault(loaded, entry.line) != entry.line:
+                raise ConfigurationError(
+                    str(table), f"line {entry.line}, loaded", loaded, f"line {lines[loaded]} names it already"
+                )
+            files = {_LOADED: look(loaded)}
+            for name in RECORDINGS[1:]:
+                if name in entry.recordings:
+                    files[name] = look(_partner(entry, name, stars, table))
+            recordings = {name: file.url for name, file in files.items()}
+            stamps = {name: file.stamp for name, file in files.items()}
+            known = (content(robot), look(calibration).stamp if calibration else "", entry.payload, entry.mass_kg)
+            key = job_key(entry.arm, robot, recordings, stamps, calibration, *known)
+            modified = files[_LOADED].modified
+            jobs.append(Job(key, entry.arm, robot, recordings, calibration, entry.payload, entry.mass_kg, modified))
+    return JobListing(tuple(jobs), tuple(remarks))
+
+
+def _placed(text: str, table: Path) -> str:
+    """A path from the table's folder; a URL as it is."""
+    return text if is_url(text) else str(table.parent.absolute() / text)
+
+
+def _partner(entry: TableEntry, name: str, stars: tuple[str, ...], table: Path) -> str:
+    """The recording that belongs to a loaded one: its stars stand for the same."""
+    filled = with_stars(entry.recordings[name], stars)
+    if filled is None:
+        raise ConfigurationError(
+            str(table),
+            f"line {entry.line}, {name}",
+            entry.recordings[name],
+            f"expected at most as many * as in loaded, {entry.recordings[_LOADED]}: each stands for the same text",
+        )
+    return _placed(filled, table)
+
+
+def _content(robot: str) -> str:
+    """Hash of a robot's file; the name of a shipped one, and of one that cannot be read."""
+    try:
+        return hashlib.sha256(Path(robot).read_bytes()).hexdigest()
+    except OSError:
+        return robot

@@ -1,0 +1,166 @@
+"""What is kept of a recording: one flat row, whatever came of it.
+
+Units are in the names, as everywhere; a number that is not determined is null. Lists are by joint, from the base.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Any, Final
+
+import numpy as np
+
+from armload_controller.fleet.job import Job
+from armload_core.arrays import FloatArray
+from armload_identification.model.payload import PARAMETER_NAMES
+from armload_identification.recording.recording import Recording
+from armload_identification.results.findings import Findings
+
+Row = dict[str, Any]
+
+PARAMETER_UNITS: Final = ("kg", "m", "m", "m", *("kg_m2",) * 6)
+_PER_JOINT: Final = (
+    "residual_rms_nm",
+    "noise_nm",
+    "gain_change",
+    "gain_half_width_95",
+    "friction_nm",
+    "friction_speed_rad_s",
+)
+_TEXTS_BEFORE: Final = (
+    "key",
+    "arm",
+    "payload",
+    "robot",
+    "loaded",
+    "unloaded",
+    "validation_loaded",
+    "validation_unloaded",
+    "calibration",
+)
+_TEXTS_BEHIND: Final = (
+    "validation_outcome",
+    "verdict",
+    "loaded_sha256",
+    "unloaded_sha256",
+    "robot_sha256",
+    "kinematics_sha256",
+    "calibration_sha256",
+    "armload_version",
+    "worker",
+)
+_EARLIEST_S: Final = 946684800.0
+"""2000-01-01: time stamps before that do not count from 1970."""
+
+
+class RowOutcome(StrEnum):
+    """What came of a recording."""
+
+    IDENTIFIED = "identified"
+    REFUSED = "refused"
+    FAILED = "failed"
+
+
+def value_columns() -> tuple[tuple[str, str, str], ...]:
+    """Value, lower and upper end of the 95 % interval of each of the ten parameters: the names of their columns."""
+    names = []
+    for name, unit in zip(PARAMETER_NAMES, PARAMETER_UNITS, strict=True):
+        names.append((f"{name}_{unit}", f"{name}_low_{unit}", f"{name}_high_{unit}"))
+    return tuple(names)
+
+
+def column_kinds() -> dict[str, str]:
+    """Every column in its order with what it holds: text, number, count, truth, time, or a list of numbers or texts."""
+    kinds = dict.fromkeys(_TEXTS_BEFORE, "text")
+    kinds |= {"known_mass_kg": "number", "recorded_utc": "time", "recorded_by": "text", "identified_utc": "time"}
+    kinds |= {"outcome": "text", "error": "text", "robot_name": "text", "joint_names": "texts"}
+    kinds |= {name: "number" for names in value_columns() for name in names}
+    kinds |= {"model": "numbers", "feedforward_ready": "truth", "condition_number": "number", "notes": "texts"}
+    kinds |= dict.fromkeys(_PER_JOINT, "numbers")
+    kinds |= {"rows_read": "count", "rows_dropped": "count", "cpu_s": "number", "wall_s": "number"}
+    return kinds | dict.fromkeys(_TEXTS_BEHIND, "text")
+
+
+def empty_row(job: Job, armload_version: str) -> Row:
+    """A row of which nothing is known but the job; the outcome is that it failed.
+
+    Args:
+        job: The job.
+        armload_version: Version of the program.
+    """
+    row: Row = dict.fromkeys(column_kinds())
+    row |= {"key": job.key, "arm": job.arm, "payload": job.payload, "robot": job.robot, "calibration": job.calibration}
+    row |= dict(job.recordings)
+    row |= {"known_mass_kg": job.mass_kg, "armload_version": armload_version}
+    now = datetime.now(UTC)
+    recorded = (now, "identification") if job.modified is None else (job.modified, "file")
+    row |= {"recorded_utc": recorded[0], "recorded_by": recorded[1], "identified_utc": now}
+    return row | {"outcome": RowOutcome.FAILED.value}
+
+
+def recorded_fields(recording: Recording) -> Row:
+    """When a recording was made, where it says so, and its rows.
+
+    Args:
+        recording: The loaded one.
+    """
+    row: Row = {"rows_read": recording.source.rows_read, "rows_dropped": recording.source.rows_dropped}
+    row |= {"loaded_sha256": recording.source.sha256}
+    try:
+        said = datetime.fromisoformat(str(recording.source.run().get("created", "")))
+        return row | {"recorded_utc": said.astimezone(UTC), "recorded_by": "recording"}
+    except ValueError:
+        pass
+    first_s = float(recording.time_s[0])
+    if first_s < _EARLIEST_S:
+        return row
+    return row | {"recorded_utc": datetime.fromtimestamp(first_s, UTC), "recorded_by": "time stamps"}
+
+
+def findings_fields(findings: Findings) -> Row:
+    """What was found.
+
+    Args:
+        findings: From recordings.
+    """
+    payload, content = findings.payload, findings.content
+    row: Row = {"outcome": RowOutcome.IDENTIFIED.value, "robot_name": findings.arm.name}
+    row |= {"joint_names": list(findings.arm.joint_names), "armload_version": findings.armload_version}
+    for i, names in enumerate(value_columns()):
+        known = bool(payload.determined[i])
+        values = (payload.values[i], *payload.interval_95[i])
+        row |= {name: _number(value) if known else None for name, value in zip(names, values, strict=True)}
+    row |= {"model": payload.model.values.tolist(), "feedforward_ready": bool(payload.feedforward_ready)}
+    row |= {"residual_rms_nm": _numbers(payload.residual_rms_nm), "noise_nm": _numbers(payload.noise_nm)}
+    row |= {"validation_outcome": None if findings.outcome is None else findings.outcome.value}
+    row |= {"verdict": findings.verdict.title, "robot_sha256": payload.provenance.configuration_sha256}
+    row |= {"kinematics_sha256": payload.provenance.kinematics_sha256}
+    row |= {"calibration_sha256": next(iter(payload.provenance.calibration_sha256.values()), None)}
+    found = content.identification
+    if found is None:
+        return row
+    if found.gains is not None:
+        row |= {"gain_change": _numbers(np.expm1(found.gains.log_gain))}
+        row |= {"gain_half_width_95": _numbers(np.exp(found.gains.log_gain) * found.gains.half_width_95)}
+    row |= {"friction_nm": _numbers(found.arm_friction.torque_nm)}
+    row |= {"friction_speed_rad_s": _numbers(found.arm_friction.speed_rad_s)}
+    row |= {"condition_number": _number(found.plain.condition_number), "notes": list(found.notes)}
+    unloaded = found.sources[1:]
+    return row | {"unloaded_sha256": unloaded[0].sha256 if unloaded else None}
+
+
+def day_of(row: Mapping[str, Any]) -> str:
+    """The day of a row, by which the rows are partitioned: that of the recording, UTC."""
+    day: str = row["recorded_utc"].date().isoformat()
+    return day
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _numbers(values: FloatArray | Sequence[float]) -> list[float | None]:
+    return [_number(float(value)) for value in values]

@@ -1,0 +1,182 @@
+"""Files wherever fsspec finds them: what there is, whether it has changed, and a copy on this machine.
+
+Readers of recordings take files of this machine. A remote one is copied to the local disk in blocks while it is worked
+on, so that no format needs to know of it and memory does not grow with the file.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
+from pathlib import Path
+from typing import Any, Final
+
+from armload_controller.control_errors import FleetError
+from armload_controller.fleet.fleet_extra import fsspec
+
+_CHANGES: Final = ("size", "mtime", "ETag", "etag", "LastModified", "Last-Modified", "last_modified", "updated", "md5")
+"""What file systems know of a file that changes when its content does; each has some of them."""
+_DATES: Final = ("mtime", "LastModified", "Last-Modified", "last_modified", "updated")
+_MISSING: Final = "missing"
+
+
+@dataclass(frozen=True)
+class RemoteFile:
+    """What is known of a file or folder without reading it.
+
+    Attributes:
+        url: Path or URL.
+        stamp: Changes when the content does; "missing" where there is no such file.
+        modified: When it was last changed; None where its file system does not say.
+    """
+
+    url: str
+    stamp: str
+    modified: datetime | None
+
+    @classmethod
+    def of(cls, url: str) -> RemoteFile:
+        """Look at a file.
+
+        Args:
+            url: Path or URL.
+
+        Raises:
+            FleetError: nothing is installed that reads such URLs.
+        """
+        files, path = _file_system(url)
+        try:
+            info = files.info(path)
+            if info.get("type") == "directory":
+                parts = [files.info(part) for part in sorted(files.find(path))]
+                stamp = ";".join(f"{_below(part['name'], path)} {_stamp(part)}" for part in parts)
+                dates = [date for part in parts if (date := _modified(part)) is not None]
+                return cls(url, stamp, max(dates, default=None))
+        except FileNotFoundError:
+            return cls(url, _MISSING, None)
+        except OSError as problem:  # a server that does not answer today may answer tomorrow
+            return cls(url, f"{_MISSING}: {problem}", None)
+        return cls(url, _stamp(info), _modified(info))
+
+
+def is_url(text: str) -> bool:
+    """Whether a text is a URL; everything else is a path."""
+    return "://" in text
+
+
+def matches(pattern: str) -> list[tuple[str, tuple[str, ...]]]:
+    """The files and folders that a pattern stands for.
+
+    Args:
+        pattern: Path or URL, in which `*` stands for any part of one name; no hidden files.
+
+    Returns:
+        Path or URL of each, sorted, and what every `*` stands for.
+
+    Raises:
+        FleetError: nothing is installed that reads such URLs, or a folder cannot be listed.
+    """
+    if "*" not in pattern:
+        return [(pattern, ())]
+    files, path = _file_system(pattern)
+    files.invalidate_cache()
+    first, *rest = path.split("/")
+    found: list[tuple[str, tuple[str, ...]]] = [(first, ())]
+    for name in rest:
+        if "*" not in name:
+            found = [(f"{folder}/{name}", stars) for folder, stars in found]
+            continue
+        wanted = re.compile("(?!\\.)" * name.startswith("*") + "(.*)".join(map(re.escape, name.split("*"))))
+        listed = [(child, stars) for folder, stars in found for child in _children(files, folder)]
+        found = [
+            (child, (*stars, *match.groups()))
+            for child, stars in listed
+            if (match := wanted.fullmatch(child.rsplit("/", 1)[-1]))
+        ]
+    there = [(path, stars) for path, stars in found if pattern.endswith("*") or files.exists(path)]
+    return sorted((files.unstrip_protocol(path) if is_url(pattern) else path, stars) for path, stars in there)
+
+
+def with_stars(pattern: str, stars: tuple[str, ...]) -> str | None:
+    """A pattern with every `*` filled in, or None where there are fewer texts than stars.
+
+    Args:
+        pattern: Path or URL with `*`.
+        stars: What the stars of another pattern stand for, in order.
+    """
+    first, *rest = pattern.split("*")
+    if len(rest) > len(stars):
+        return None
+    return first + "".join(star + text for star, text in zip(stars, rest, strict=False))
+
+
+@contextmanager
+def local_copy(url: str) -> Iterator[Path]:
+    """The file on this machine: itself where it is there, else a copy that lasts as long as the block.
+
+    Args:
+        url: Path or URL of a file or folder.
+
+    Raises:
+        FleetError: nothing is installed that reads such URLs.
+        OSError: it is not there or cannot be copied.
+    """
+    if not is_url(url):
+        yield Path(url)
+        return
+    files, path = _file_system(url)
+    with tempfile.TemporaryDirectory(prefix="armload-") as folder:
+        copy = Path(folder) / (path.rstrip("/").rsplit("/", 1)[-1] or "recording")
+        files.get(path, str(copy), recursive=files.isdir(path))
+        yield copy
+
+
+def _file_system(url: str) -> tuple[Any, str]:
+    """The file system of a URL, and the path there."""
+    try:
+        files, path = fsspec().core.url_to_fs(url if is_url(url) else os.fspath(Path(url).absolute()))
+    except ImportError as problem:
+        protocol = url.partition("://")[0]
+        package = {"s3": "s3fs", "gs": "gcsfs", "gcs": "gcsfs", "az": "adlfs", "abfs": "adlfs", "http": "aiohttp"}
+        needed = package.get(protocol, {"https": "aiohttp"}.get(protocol, protocol))
+        raise FleetError(f"{url}: {problem}. For {protocol}:// install it: pip install {needed}") from problem
+    except ValueError as problem:
+        raise FleetError(f"{url}: {problem}; expected a path, or a URL that fsspec knows, such as s3://") from problem
+    return files, path
+
+
+def _children(files: Any, folder: str) -> list[str]:
+    """Paths of what is in a folder; nothing where it is not there."""
+    try:
+        return [str(path).rstrip("/") for path in files.ls(folder or "/", detail=False)]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as problem:
+        raise FleetError(f"{folder}: cannot be listed ({problem}); check the table of jobs and the server") from problem
+
+
+def _below(path: str, folder: str) -> str:
+    return path.removeprefix(folder).strip("/")
+
+
+def _stamp(info: dict[str, Any]) -> str:
+    return " ".join(str(info[key]) for key in _CHANGES if info.get(key) is not None)
+
+
+def _modified(info: dict[str, Any]) -> datetime | None:
+    """When a file was changed, however its file system says it."""
+    said = next((info[key] for key in _DATES if info.get(key) is not None), None)
+    try:
+        if isinstance(said, datetime):
+            return said.astimezone(UTC)
+        if isinstance(said, str):
+            return parsedate_to_datetime(said).astimezone(UTC)
+        return None if said is None else datetime.fromtimestamp(float(said), UTC)
+    except (ValueError, OverflowError):
+        return None

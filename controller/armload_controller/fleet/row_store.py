@@ -1,0 +1,173 @@
+"""Where rows are kept: Parquet, a folder per day, and a journal of those that are not there yet.
+
+    fleet/day=2026-03-01/3f0c...-0.parquet      rows of recordings of that day
+    fleet/journal-3f0c....jsonl                 rows since, one JSON object a line
+
+A row is on the disk, in the journal, before the next is waited for, so that a coordinator that is killed loses none. A
+journal of `ROWS_PER_PART` rows becomes Parquet, one file per day with the journal's name, and is removed; where that is
+interrupted the same files are written again. What is left of the last row of a killed process is dropped.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import UTC, datetime
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Final
+
+from armload_controller.control_errors import FleetError
+from armload_controller.fleet.fleet_extra import parquet
+from armload_controller.fleet.recording_row import Row, RowOutcome, column_kinds, day_of
+from armload_identification.storage.replace_file import replace_file
+
+ROWS_PER_PART: Final = 1000
+_JOURNAL: Final = "journal-*.jsonl"
+_PARTS: Final = "day=*/*.parquet"
+_TIMES: Final = tuple(name for name, kind in column_kinds().items() if kind == "time")
+
+
+class RowStore:
+    """The rows of a fleet in a folder, for one writer at a time.
+
+    Args:
+        folder: It exists, and nobody else writes there; `session.folder_claim` sees to that.
+        rows_per_part: Rows that a journal holds at most.
+
+    Raises:
+        FleetError: the rows there cannot be read, or the folder cannot be written to.
+    """
+
+    def __init__(self, folder: Path, rows_per_part: int = ROWS_PER_PART) -> None:
+        self._folder, self._rows_per_part = folder, rows_per_part
+        self._journal: Path | None = None
+        self._written = 0
+        for journal in sorted(folder.glob(_JOURNAL)):
+            self._to_parquet(journal)
+
+    def __enter__(self) -> RowStore:
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self.flush()
+
+    def done_keys(self) -> set[str]:
+        """Keys of the jobs that need not be done again: identified or refused."""
+        failed = RowOutcome.FAILED.value
+        rows = read_rows(self._folder, ("key", "outcome"))
+        return {row["key"] for row in rows if row["outcome"] != failed}
+
+    def add(self, row: Row) -> None:
+        """Keep a row.
+
+        Args:
+            row: With the columns of `column_kinds`.
+
+        Raises:
+            FleetError: the disk is full, or another error of the file.
+        """
+        try:
+            if self._journal is None:
+                self._journal = self._folder / _JOURNAL.replace("*", secrets.token_hex(8))
+            with self._journal.open("a", encoding="utf-8") as journal:
+                journal.write(json.dumps(row, default=datetime.isoformat, allow_nan=False) + "\n")
+                journal.flush()
+                os.fsync(journal.fileno())
+        except OSError as problem:
+            raise FleetError(f"{self._folder}: a row cannot be written ({problem.strerror})") from problem
+        self._written += 1
+        if self._written >= self._rows_per_part:
+            self.flush()
+
+    def flush(self) -> None:
+        """Turn the journal into Parquet.
+
+        Raises:
+            FleetError: a file cannot be written.
+        """
+        if self._journal is None:
+            return
+        journal, self._journal, self._written = self._journal, None, 0
+        self._to_parquet(journal)
+
+    def _to_parquet(self, journal: Path) -> None:
+        """One file per day; a journal without a whole row is removed."""
+        by_day: defaultdict[str, list[Row]] = defaultdict(list)
+        for row in _journal_rows(journal):
+            by_day[day_of(row)].append(row)
+        try:
+            for day, rows in by_day.items():
+                folder = self._folder / f"day={day}"
+                folder.mkdir(exist_ok=True)
+                replace_file(folder / f"{journal.stem.removeprefix('journal-')}.parquet", _parquet_bytes(rows))
+            journal.unlink()
+        except OSError as problem:
+            raise FleetError(f"{self._folder}: rows cannot be written ({problem.strerror})") from problem
+
+
+def read_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
+    """Some columns of all rows.
+
+    Args:
+        folder: Of a fleet.
+        columns: Their names; all of them if there are none.
+
+    Raises:
+        FleetError: a file cannot be read.
+    """
+    rows: list[Row] = []
+    for part in sorted(folder.glob(_PARTS)):
+        try:
+            rows += parquet().read_table(part, columns=list(columns) or None, partitioning=None).to_pylist()
+        except (OSError, ValueError, KeyError) as problem:
+            raise FleetError(f"{part}: not a file of `armload fleet` ({problem}); move it away") from problem
+    for row in rows:
+        row |= {name: row[name].replace(tzinfo=UTC) for name in _TIMES if name in row}
+    return rows
+
+
+def latest_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
+    """Of each recording of each arm the row that was written last, in the order of recording.
+
+    Args:
+        folder: Of a fleet.
+        columns: Their names; "arm", "loaded", "recorded_utc" and "identified_utc" are there in any case.
+    """
+    needed = ("arm", "loaded", "recorded_utc", "identified_utc")
+    rows = read_rows(folder, list(dict.fromkeys([*needed, *columns])))
+    rows.sort(key=lambda row: row["identified_utc"])
+    latest = {(row["arm"], row["loaded"]): row for row in rows}
+    return sorted(latest.values(), key=lambda row: row["recorded_utc"])
+
+
+def _journal_rows(journal: Path) -> Iterator[Row]:
+    """The whole rows of a journal."""
+    with journal.open(encoding="utf-8") as lines:
+        for line in lines:
+            if not line.endswith("\n"):
+                return
+            row: Row = json.loads(line)
+            yield row | {name: datetime.fromisoformat(row[name]) for name in _TIMES}
+
+
+def _parquet_bytes(rows: Iterable[Row]) -> bytes:
+    """A file of rows, every column of one type in all files."""
+    import pyarrow as pa
+
+    types: dict[str, Any] = {
+        "text": pa.string(),
+        "texts": pa.list_(pa.string()),
+        "number": pa.float64(),
+        "numbers": pa.list_(pa.float64()),
+        "count": pa.int64(),
+        "truth": pa.bool_(),
+        "time": pa.timestamp("us"),  # UTC, without a zone: DuckDB needs another library for those
+    }
+    schema = pa.schema([(name, types[kind]) for name, kind in column_kinds().items()])
+    written = BytesIO()
+    parquet().write_table(pa.Table.from_pylist(list(rows), schema=schema), written, compression="zstd")
+    return written.getvalue()

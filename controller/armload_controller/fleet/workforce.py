@@ -1,0 +1,171 @@
+"""Processes that do the jobs: a cluster of Dask on this machine, or a scheduler that there is.
+
+At most as many jobs are handed out as there are threads, and one more each is on its way, so a worker that is killed
+costs what it was doing and memory does not grow with the table. Dask starts a killed worker again and does its job once
+more; a job that takes its worker with it three times over becomes a row of its own.
+
+A cluster of this machine listens on loopback alone. Whoever reaches a scheduler runs programs as its user: one on a
+network belongs behind `tls://` with certificates, which Dask takes from its own configuration.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from itertools import islice
+from typing import Any, Final
+
+from armload_controller.control_errors import FleetError
+from armload_controller.fleet.fleet_extra import distributed
+from armload_controller.fleet.job import Job
+from armload_controller.fleet.recording_row import Row, empty_row
+
+MEMORY_BYTES: Final = 2**30
+"""Of a worker of this machine: one that exceeds it is ended, and its job with it."""
+LOOPBACK: Final = "127.0.0.1"
+_CONFIGURATION: Final = {
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.scheduler.allowed-failures": 2,
+    "distributed.worker.daemon": True,
+    "distributed.worker.profile.enabled": False,
+    # With what Dask sets here every array comes from the kernel anew: 300,000 page faults a pair, twice the CPU time.
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
+}
+_WAIT_S: Final = 30.0
+
+
+class Workforce:
+    """Workers that have everything loaded before the first job.
+
+    Args:
+        scheduler: Address of a scheduler that there is, such as tls://host:8786; if not given, a cluster is started on
+            this machine.
+        workers: Processes of that cluster; as many as there are cores to this program if not given.
+
+    Raises:
+        FleetError: Dask is not installed, the scheduler does not answer, or a worker has another version of armload.
+    """
+
+    def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
+        self._scheduler, self._workers = scheduler, workers or len(os.sched_getaffinity(0))
+        self._stack = ExitStack()
+        self._client: Any = None
+
+    def __enter__(self) -> Workforce:
+        import dask
+
+        library = distributed()
+        with ExitStack() as stack:
+            stack.enter_context(dask.config.set(_CONFIGURATION))
+            address = self._scheduler
+            try:
+                if address is None:
+                    address = stack.enter_context(_cluster(library, self._workers))
+                self._client = stack.enter_context(library.Client(address, timeout=_WAIT_S))
+            except (OSError, ValueError, TypeError, RuntimeError) as problem:
+                raise FleetError(
+                    f"no scheduler at {address}: {problem}; check --scheduler and its certificates"
+                ) from problem
+            self._require_same_version()
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self._stack.__exit__(*exception)
+
+    @property
+    def threads(self) -> int:
+        """Jobs that are done at the same time, now."""
+        threads: dict[str, int] = self._client.nthreads()
+        return max(sum(threads.values()), 1)
+
+    def rows(self, jobs: Iterable[Job]) -> Iterator[Row]:
+        """Do jobs.
+
+        Args:
+            jobs: Taken as they are needed.
+
+        Yields:
+            A row for each, in the order in which they are done.
+        """
+        from armload_controller.fleet.work import run_job
+
+        waiting = iter(jobs)
+        given: dict[str, Job] = {}
+        under_way = distributed().as_completed(with_results=False)
+
+        def hand_out(count: int) -> None:
+            for job in islice(waiting, count):
+                given[job.key] = job
+                under_way.add(self._client.submit(run_job, job, key=f"armload-{job.key}", pure=False))
+
+        hand_out(2 * self.threads)
+        while given:
+            future = next(under_way)
+            job = given.pop(future.key.removeprefix("armload-"))
+            if future.cancelled():
+                raise FleetError(f"the scheduler at {self._scheduler} was lost; run again to do what is left")
+            yield _row_of(future, job)
+            future.release()
+            hand_out(1)
+
+    def _require_same_version(self) -> None:
+        """Load what the jobs need in every worker, and compare versions."""
+        own = _ready()
+        try:
+            there: dict[str, str] = self._client.run(_ready)
+        except Exception as problem:
+            raise FleetError(
+                f"the workers cannot run armload ({problem}); install armload {own} where they run"
+            ) from problem
+        others = {version for version in there.values() if version != own}
+        if others:
+            raise FleetError(
+                f"workers have armload {', '.join(sorted(others))}, this is {own}; install the same everywhere"
+            )
+        if not there and self._scheduler is not None:
+            raise FleetError(
+                f"the scheduler at {self._scheduler} has no workers; start some: dask worker {self._scheduler}"
+            )
+
+
+def _ready() -> str:
+    """Load what a job needs, where it is going to be done; armload's version there."""
+    from importlib.metadata import version
+
+    import armload_controller.fleet.work  # noqa: F401 - loading it is what this is for
+
+    return version("armload")
+
+
+def _cluster(library: Any, workers: int) -> Any:
+    """A cluster of this machine, which nothing but this machine reaches."""
+    return library.LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        processes=True,
+        host=LOOPBACK,
+        dashboard_address=f"{LOOPBACK}:0",
+        worker_dashboard_address=f"{LOOPBACK}:0",
+        scheduler_kwargs={"dashboard": False},
+        memory_limit=MEMORY_BYTES,
+        silence_logs=50,
+    )
+
+
+def _row_of(future: Any, job: Job) -> Row:
+    """The row of a job; a worker that died of it gives none."""
+    from importlib.metadata import version
+
+    problem = future.exception()
+    if problem is None:
+        row: Row = future.result()
+        return row
+    text = (
+        "the worker died of it, as often as it was tried: more than "
+        f"{MEMORY_BYTES // 2**20} MiB of memory, or killed from outside"
+        if isinstance(problem, distributed().KilledWorker)
+        else f"{type(problem).__name__}: {problem}"
+    )
+    return empty_row(job, version("armload")) | {"error": text}

@@ -1,0 +1,171 @@
+"""The same jobs on Dask: killed workers and coordinators, a scheduler behind TLS, and who can reach one on loopback."""
+
+import contextlib
+import functools
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from armload_controller.control_errors import CommissioningError, FleetError
+from armload_controller.fleet.fleet_run import do_jobs, new_jobs
+from armload_controller.fleet.row_store import RowStore, read_rows
+from armload_controller.fleet.work import run_job
+from armload_controller.fleet.workforce import Workforce
+from armload_controller.session.folder_claim import claimed
+
+IDENTIFY = (sys.executable, "-c", "from armload_controller.cli.entry import main; main()", "fleet", "identify")
+PATIENCE_S = 120.0
+LISTENING = "0A"
+
+
+def wait_for(what, coordinator):
+    """Until it is true; a coordinator that ends before has failed."""
+    until_s = time.monotonic() + PATIENCE_S
+    while not what():
+        assert coordinator.poll() is None, coordinator.stderr.read()
+        assert time.monotonic() < until_s, "nothing happens"
+        time.sleep(0.02)
+
+
+def children_of(process_id):
+    """Processes that any thread of a process has spawned to do jobs."""
+    threads = Path(f"/proc/{process_id}/task").glob("*/children")
+    listed = [child for thread in threads for child in thread.read_text().split()]
+    return [int(child) for child in listed if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
+
+
+def listening_addresses(process_ids):
+    """Hexadecimal addresses, as /proc has them, at which processes listen."""
+    inodes, found = set(), set()
+    for process_id in process_ids:
+        for file in Path(f"/proc/{process_id}/fd").iterdir():
+            with contextlib.suppress(FileNotFoundError):  # closed meanwhile
+                inodes.add(str(file.readlink()).removeprefix("socket:[").removesuffix("]"))
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            _, address, _, state, *rest = line.split()
+            if state == LISTENING and rest[5] in inodes:
+                found.add(address.split(":")[0])
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs Linux' /proc")
+def test_a_killed_worker_and_a_killed_coordinator_cost_what_they_were_doing(recorded_er50, tmp_path):
+    today = recorded_er50 / "runs" / "today"
+    for number in range(3):
+        shutil.copy(today / "loaded_identification.mcap", tmp_path / f"{number}.mcap")
+    table, rows = tmp_path / "jobs.csv", tmp_path / "rows"
+    table.write_text(f"arm,robot,loaded,unloaded\none,er50,*.mcap,{today}/unloaded_identification.mcap\n")
+
+    def kept():
+        return sum(file.read_text().count("\n") for file in rows.glob("journal-*.jsonl"))
+
+    command = [*IDENTIFY, str(table), "-o", str(rows), "--workers", "1"]
+    coordinator = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    try:
+        wait_for(lambda: kept() == 1, coordinator)
+        (worker,) = children_of(coordinator.pid)
+        assert listening_addresses([coordinator.pid, worker]) == {"0100007F"}
+        os.kill(worker, signal.SIGKILL)
+        with (
+            pytest.raises(CommissioningError, match="another run of `armload fleet` is at work"),
+            claimed(rows, "run of `armload fleet`"),
+        ):
+            pass
+        wait_for(lambda: kept() == 2, coordinator)
+        (other,) = children_of(coordinator.pid)
+        assert other != worker
+    finally:
+        coordinator.kill()
+        coordinator.communicate()
+    with claimed(rows), RowStore(rows) as store:
+        listing, jobs = new_jobs(table, store)
+        assert (len(listing.jobs), len(jobs)) == (3, 1)
+        do_jobs(listing, jobs, store, functools.partial(map, run_job))
+    found = read_rows(rows, ("loaded", "outcome", "worker"))
+    assert sorted(row["loaded"] for row in found) == [str(tmp_path / f"{number}.mcap") for number in range(3)]
+    assert {row["outcome"] for row in found} == {"identified"}
+    assert len({row["worker"] for row in found}) == 3
+    until_s = time.monotonic() + PATIENCE_S
+    while Path(f"/proc/{other}").exists() and time.monotonic() < until_s:
+        time.sleep(0.02)
+    assert not Path(f"/proc/{other}").exists(), "a worker outlived its coordinator"
+
+
+def tls_of(folder):
+    """Dask's configuration for a key and a certificate of its own for 127.0.0.1."""
+    openssl = shutil.which("openssl")
+    if openssl is None:
+        pytest.skip("needs openssl to make a certificate")
+    command = [openssl, "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2"]
+    command += ["-subj", "/CN=armload", "-addext", "subjectAltName=IP:127.0.0.1"]
+    command += ["-keyout", "key.pem", "-out", "cert.pem"]
+    subprocess.run(command, check=True, cwd=folder, capture_output=True)
+    certificate = str(folder / "cert.pem")
+    tls = {"distributed.comm.tls.ca-file": certificate, "distributed.comm.require-encryption": True}
+    for party in ("scheduler", "worker", "client"):
+        prefix = f"distributed.comm.tls.{party}"
+        tls |= {f"{prefix}.cert": certificate, f"{prefix}.key": str(folder / "key.pem")}
+    return tls
+
+
+@pytest.fixture(scope="module")
+def behind_tls(recorded_er50, tmp_path_factory):
+    """What a scheduler behind TLS with one worker, in this process, did for its owner and told strangers.
+
+    All of it while a fixture is made: threads of Dask last as long as the process.
+    """
+    import dask
+    from distributed import LocalCluster
+
+    owner, stranger, jobs = (tmp_path_factory.mktemp(name) for name in ("owner", "stranger", "jobs"))
+    today = recorded_er50 / "runs" / "today"
+    table = jobs / "jobs.csv"
+    table.write_text(
+        "arm,robot,loaded,unloaded\n"
+        f"one,er50,{today}/loaded_identification.mcap,{today}/unloaded_identification.mcap\n"
+        f"two,er50,{today}/payload.toml,{today}/unloaded_identification.mcap\n"
+    )
+    with dask.config.set(tls_of(owner)):
+        cluster = LocalCluster(
+            n_workers=1,
+            threads_per_worker=1,
+            processes=False,
+            host="127.0.0.1",
+            protocol="tls://",
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
+        )
+        with cluster:
+            address = cluster.scheduler_address
+            with RowStore(jobs) as store, Workforce(address) as force:
+                listing, new = new_jobs(table, store)
+                tally = do_jobs(listing, new, store, force.rows)
+            with dask.config.set(tls_of(stranger)):
+                refusals = [refusal(address), refusal("carrier-pigeon://roof")]
+    return address, tally, refusals
+
+
+def refusal(address):
+    with pytest.raises(FleetError) as refused:
+        Workforce(address).__enter__()
+    return str(refused.value)
+
+
+def test_a_scheduler_behind_tls_does_the_jobs_of_its_owner(behind_tls):
+    address, tally, _ = behind_tls
+    assert address.startswith("tls://127.0.0.1:")
+    assert tally.to_dict()["outcomes"] == {"identified": 1, "refused": 1, "failed": 0}
+
+
+def test_a_certificate_that_the_scheduler_does_not_know_is_refused(behind_tls):
+    address, _, refusals = behind_tls
+    assert f"no scheduler at {address}: " in refusals[0]
+    assert "check --scheduler and its certificates" in refusals[0]
+    assert "no scheduler at carrier-pigeon://roof: " in refusals[1]

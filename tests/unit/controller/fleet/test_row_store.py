@@ -1,0 +1,92 @@
+"""Rows outlive whoever writes them, and are read as one table whatever happened in between."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import duckdb
+import pytest
+
+from armload_controller.control_errors import FleetError
+from armload_controller.fleet.job import Job
+from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row
+from armload_controller.fleet.row_store import RowStore, latest_rows, read_rows
+
+DAY = datetime(2026, 3, 1, 23, 30, tzinfo=UTC)
+JOB = Job("k0", "one", "er50", {"loaded": "a.mcap", "unloaded": "b.mcap"}, "", "tool", None, DAY)
+
+
+def row(number, outcome=RowOutcome.IDENTIFIED, **changes):
+    """A row of a recording made that many hours after the first."""
+    job = replace(JOB, key=f"k{number}", recordings={"loaded": f"{number}.mcap"})
+    made = empty_row(job, "1.2") | {"recorded_utc": DAY + timedelta(hours=number), "outcome": outcome.value}
+    return made | {"mass_kg": 2.0 + number, "gain_change": [0.01, None], "joint_names": ["a", "b"]} | changes
+
+
+def test_rows_become_one_file_per_day_and_duckdb_reads_them(tmp_path):
+    with RowStore(tmp_path, rows_per_part=3) as store:
+        for number in range(4):
+            store.add(row(number))
+        assert len(read_rows(tmp_path, ("key",))) == 3
+        assert len(list(tmp_path.glob("journal-*.jsonl"))) == 1
+    days = {folder.name: len(list(folder.iterdir())) for folder in tmp_path.iterdir()}
+    assert days == {"day=2026-03-01": 1, "day=2026-03-02": 2}
+    table = duckdb.sql(
+        f"select day, count(*), max(mass_kg), any_value(gain_change[1]), min(recorded_utc) "
+        f"from read_parquet('{tmp_path}/day=*/*.parquet', hive_partitioning=true) group by day order by day"
+    ).fetchall()
+    assert [(str(day), *values[:3]) for day, *values in table] == [
+        ("2026-03-01", 1, 2.0, 0.01),
+        ("2026-03-02", 3, 5.0, 0.01),
+    ]
+    assert table[0][4].replace(tzinfo=UTC) == DAY
+    names = [name for name, *_ in duckdb.sql(f"describe from '{tmp_path}/day=*/*.parquet'").fetchall()]
+    assert names[: len(column_kinds())] == list(column_kinds())
+
+
+def test_rows_of_a_killed_writer_are_kept_but_for_half_a_row(tmp_path):
+    store = RowStore(tmp_path)
+    store.add(row(0))
+    store.add(row(1, RowOutcome.REFUSED, error="Mist, ü"))
+    (journal,) = tmp_path.glob("journal-*.jsonl")
+    with journal.open("a") as file:
+        file.write('{"key": "k2", "arm": "on')
+    again = RowStore(tmp_path)
+    assert again.done_keys() == {"k0", "k1"}
+    assert not journal.exists()
+    assert {row["error"] for row in read_rows(tmp_path, ("error",))} == {None, "Mist, ü"}
+
+
+def test_a_journal_that_is_parquet_already_gives_no_row_twice(tmp_path):
+    store = RowStore(tmp_path)
+    store.add(row(0))
+    (journal,) = tmp_path.glob("journal-*.jsonl")
+    kept = journal.read_bytes()
+    store.flush()
+    journal.write_bytes(kept)  # killed before the journal was removed
+    RowStore(tmp_path)
+    assert len(read_rows(tmp_path, ("key",))) == 1
+
+
+def test_failed_is_not_done_and_the_latest_row_of_a_recording_counts(tmp_path):
+    later = datetime.now(UTC) + timedelta(hours=1)
+    with RowStore(tmp_path) as store:
+        store.add(row(0, RowOutcome.FAILED))
+        store.add(row(1))
+        assert store.done_keys() == set()
+        store.flush()
+        assert store.done_keys() == {"k1"}
+        store.add(row(0, identified_utc=later, mass_kg=7.0))
+    found = latest_rows(tmp_path, ("mass_kg", "outcome"))
+    assert [(row["mass_kg"], row["outcome"]) for row in found] == [(7.0, "identified"), (3.0, "identified")]
+
+
+def test_a_strange_file_among_the_rows_is_named(tmp_path):
+    (tmp_path / "day=2026-03-01").mkdir()
+    (tmp_path / "day=2026-03-01" / "x.parquet").write_bytes(b"nothing")
+    with pytest.raises(FleetError, match=r"x\.parquet: not a file of `armload fleet`"):
+        RowStore(tmp_path).done_keys()
+
+
+def test_a_row_that_cannot_be_written_is_said(tmp_path):
+    with pytest.raises(FleetError, match="a row cannot be written"):
+        RowStore(tmp_path / "none").add(row(0))
