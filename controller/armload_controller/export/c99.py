@@ -28,6 +28,7 @@ import numpy as np
 from armload_controller.cycle.torque_gate import FULL_SWING_S
 from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.c_code.change_rate import change_rate
+from armload_controller.export.c_code.estimator_source import estimator_texts
 from armload_controller.export.c_code.rounding import SinglePrecisionError, single_precision_error
 from armload_controller.export.c_code.self_test import VECTORS, self_test
 from armload_controller.export.inertia import TENSOR, complete_inertia
@@ -48,6 +49,7 @@ from armload_controller.export.subject import ExportSubject
 from armload_controller.export.wording import comment, exact, provenance
 from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES
+from armload_identification.recording.reading_options import Effort
 
 _SELF_TEST_SHARE = 1e-12
 """Difference that the self-test allows in double precision, of the greatest torque in its vectors."""
@@ -58,11 +60,15 @@ _PIVOTS = {
 """Below which share of the greatest parameter a pivot is negative, zero, and what stands beside a zero one is zero."""
 
 
+_EFFORT = {Effort.CURRENT: "A of motor current", Effort.TORQUE: "N m of reported torque"}
+
+
 def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) -> dict[str, str]:
     """The package `armload_<robot>`: header, source, header of C++, and what CMake needs.
 
     Args:
-        subject: The payload and the arm; of a calibrated arm the payload's friction is written too.
+        subject: The payload and the arm; of a calibrated arm the payload's friction and the recursive estimator, always
+            in double precision, are written too.
         precision: Of all numbers.
 
     Returns:
@@ -94,8 +100,15 @@ def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) ->
         f"Calibration of the arm: {name}, sha256 {sha256}." for name, sha256 in subject.calibration_sha256.items()
     ]
     about += [] if error is None else [error.statement]
+    texts = {}
+    fields |= {"sources": f"{name}.c", "headers": f"{name}.h {name}.hpp"}
+    if subject.calibration is not None and subject.estimator is not None:
+        effort = _EFFORT[subject.calibration.effort]
+        body = subject.calibration.body
+        texts = estimator_texts(name, _block(about), subject.chain, body, subject.estimator, effort)
+        fields |= {"sources": f"{name}.c {name}_estimator.c", "headers": f"{name}.h {name}.hpp {name}_estimator.h"}
     source = [*about[:2], f"C99; needs math.h. Written by a generator; see {name}.h."]
-    return {
+    return texts | {
         f"{name}.h": filled("payload.h", fields | {"about": _block(about), "contract": _block(_contract(subject))}),
         f"{name}.c": filled("payload.c", fields | {"about": _block(source)}),
         f"{name}.hpp": filled("payload.hpp", fields | {"about": _block([about[0], "C++17."])}),

@@ -16,6 +16,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PayloadResult
+from armload_identification.pipeline.estimator_constants import EstimatorConstants, estimator_constants
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,7 @@ class ExportSubject:
         payload_sha256: Hash of that file.
         armload_version: Version of the program.
         calibration: The arm's gains, links and friction; None where it is not calibrated.
+        estimator: What the recursive estimator needs of a calibrated arm; None where it is not calibrated.
         calibration_sha256: Hash of the calibration file by its name.
 
     Raises:
@@ -50,6 +52,7 @@ class ExportSubject:
     payload_sha256: str
     armload_version: str
     calibration: ArmCalibration | None = None
+    estimator: EstimatorConstants | None = None
     calibration_sha256: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -76,6 +79,9 @@ class ExportSubject:
             calibration: Of the arm, if it is calibrated.
             calibration_sha256: Hash of the calibration file by its name.
         """
+        constants = None
+        if calibration is not None:
+            constants = estimator_constants(calibration, robot.chain, robot.transmission)
         return ExportSubject(
             robot=robot.name,
             robot_sha256=robot.sha256,
@@ -87,6 +93,7 @@ class ExportSubject:
             payload_sha256=payload_sha256,
             armload_version=version("armload"),
             calibration=calibration,
+            estimator=constants,
             calibration_sha256=calibration_sha256 or {},
         )
 

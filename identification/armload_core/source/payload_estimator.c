@@ -1,9 +1,9 @@
+/* `armload export --format c` writes this file and its header for one arm, with straight-line code as `estimator_arm`: they
+   use nothing of the core but the two numbers of `chain.h`. */
 #include "payload_estimator.h"
 
 #include <math.h>
 #include <string.h>
-
-extern const batch_kernels *batch;
 
 static const double BIN_S = 0.0095;      /* samples that come faster are averaged over this */
 static const double WINDOW_S = 0.30;     /* what a cubic is fitted to: a Savitzky-Golay filter at the stamps as they are */
@@ -432,8 +432,7 @@ static void take_row(payload_estimator *e)
     e->rows += 1.0;
     e->next_row = (e->next_row + 1) % REMEMBERED_ROWS;
     e->remembered += e->remembered < REMEMBERED_ROWS;
-    batch->regressor(e->chain, n, 0, 1, row->position, row->velocity, row->acceleration, regressor);
-    batch->arm_torque(e->chain, n, e->links, 1, row->position, row->velocity, row->acceleration, links);
+    estimator_arm(e, row->position, row->velocity, row->acceleration, regressor, links);
     for (int j = 0; j < n; j++) {
         payload[j] = 0.0;
         for (int k = 0; k < BODY_PARAMETERS; k++) {
@@ -575,19 +574,4 @@ void estimator_read(const payload_estimator *e, double *theta, double *covarianc
     status[ESTIMATOR_CHANGE_MASS] = e->change_mass;
     status[ESTIMATOR_CONTACT_RATIO] = e->contact_ratio;
     status[ESTIMATOR_CONTACT] = e->touched_since > -HUGE_VAL && e->row_time - e->touched_since >= HELD_S ? 1.0 : 0.0;
-}
-
-int estimator_rows(const payload_estimator *e, double *out)
-{
-    const size_t joints = (size_t)e->n;
-    for (int k = 0; k < e->remembered; k++) {
-        const estimator_row *row = e->row + (e->next_row + REMEMBERED_ROWS - e->remembered + k) % REMEMBERED_ROWS;
-        *out++ = row->time;
-        memcpy(out, row->position, joints * sizeof(double));
-        memcpy(out + joints, row->velocity, joints * sizeof(double));
-        memcpy(out + 2 * joints, row->acceleration, joints * sizeof(double));
-        memcpy(out + 3 * joints, row->torque, joints * sizeof(double));
-        out += 4 * joints;
-    }
-    return e->remembered;
 }

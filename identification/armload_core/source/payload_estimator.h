@@ -15,7 +15,6 @@
 #ifndef ARMLOAD_PAYLOAD_ESTIMATOR_H
 #define ARMLOAD_PAYLOAD_ESTIMATOR_H
 
-#include "batch.h"
 #include "chain.h"
 
 /* Rows of the arm's constants, (ESTIMATOR_PARAMETERS, n). */
@@ -49,10 +48,14 @@ enum { ESTIMATOR_PARAMETER_ROWS(ESTIMATOR_NAME) ESTIMATOR_PARAMETERS };
 enum { ESTIMATOR_STATUS_ROWS(ESTIMATOR_NAME) ESTIMATOR_STATUS };
 #undef ESTIMATOR_NAME
 
+/* What the sensitivity to gains and body is computed from: 20 s. An export, which does not, keeps the last. */
+#ifndef REMEMBERED_ROWS
+#define REMEMBERED_ROWS 400
+#endif
+
 enum {
     FRICTION_STATES = 3,
-    SMOOTHED = 40,       /* means over 10 ms that the front end holds at most */
-    REMEMBERED_ROWS = 400 /* what the sensitivity to gains and body is computed from: 20 s */
+    SMOOTHED = 40 /* means over 10 ms that the front end holds at most */
 };
 
 typedef struct {
@@ -70,7 +73,6 @@ typedef struct {
 
 typedef struct {
     int n; /* 0 before it is made */
-    double chain[15 + 21 * MOST_JOINTS], links[MOST_JOINTS * BODY_PARAMETERS]; /* links in the turned frames */
     double from_effort[MOST_JOINTS * MOST_JOINTS], rotors[MOST_JOINTS * MOST_JOINTS];
     double parameter[ESTIMATOR_PARAMETERS][MOST_JOINTS], scale[BODY_PARAMETERS];
     double memory_s, delay_s;
@@ -106,7 +108,8 @@ void estimator_update(payload_estimator *e, double time_s, const double *positio
 void estimator_read(const payload_estimator *e, double *theta, double *covariance, double *friction, double *moving_s,
                     double *status);
 
-/* The remembered rows, the oldest first: time, and q, dq, ddq, tau (n each). Returns how many. */
-int estimator_rows(const payload_estimator *e, double *out);
+/* Given by whoever builds the estimator: the payload's regressor (n, 10) and the torque of the arm's own links (n). */
+void estimator_arm(const payload_estimator *e, const double *position, const double *velocity,
+                   const double *acceleration, double *regressor, double *links);
 
 #endif

@@ -1,13 +1,27 @@
 /* The Python type PayloadEstimator over the recursive estimator. */
 
+#include <stddef.h>
 #include <string.h>
 
+#include "batch.h"
 #include "payload_estimator.h"
 #include "python_types.h"
 
+extern const batch_kernels *batch;
+
 typedef struct {
     PyObject_HEAD payload_estimator estimator; /* n is 0 before __init__ */
+    double chain[15 + 21 * MOST_JOINTS], links[MOST_JOINTS * BODY_PARAMETERS]; /* links in the turned frames */
 } payload_estimator_object;
+
+void estimator_arm(const payload_estimator *e, const double *position, const double *velocity,
+                   const double *acceleration, double *regressor, double *links)
+{
+    const char *const object = (const char *)e - offsetof(payload_estimator_object, estimator);
+    const payload_estimator_object *const self = (const payload_estimator_object *)(const void *)object;
+    batch->regressor(self->chain, e->n, 0, 1, position, velocity, acceleration, regressor);
+    batch->arm_torque(self->chain, e->n, self->links, 1, position, velocity, acceleration, links);
+}
 
 static int init(PyObject *object, PyObject *args, PyObject *keywords)
 {
@@ -18,7 +32,8 @@ static int init(PyObject *object, PyObject *args, PyObject *keywords)
                                            {"rotors", 'd', 0, 2, {JOINTS, JOINTS}},
                                            {"parameter", 'd', 0, 2, {ESTIMATOR_PARAMETERS, JOINTS}},
                                            {"scale", 'd', 0, 1, {BODY_PARAMETERS}}};
-    payload_estimator *e = &((payload_estimator_object *)object)->estimator;
+    payload_estimator_object *self = (payload_estimator_object *)object;
+    payload_estimator *e = &self->estimator;
     PyObject *arrays[ARRAYS];
     Py_buffer views[ARRAYS];
     sizes found;
@@ -41,8 +56,8 @@ static int init(PyObject *object, PyObject *args, PyObject *keywords)
                  && parameter[ESTIMATOR_NOISE * n + j] > 0.0;
     }
     if (valid) {
-        memcpy(e->links, views[LINKS].buf, (size_t)views[LINKS].len);
-        memcpy(e->chain, views[CHAIN].buf, (size_t)views[CHAIN].len);
+        memcpy(self->links, views[LINKS].buf, (size_t)views[LINKS].len);
+        memcpy(self->chain, views[CHAIN].buf, (size_t)views[CHAIN].len);
         memcpy(e->from_effort, views[FROM_EFFORT].buf, (size_t)views[FROM_EFFORT].len);
         memcpy(e->rotors, views[ROTORS].buf, (size_t)views[ROTORS].len);
         memcpy(e->scale, views[SCALE].buf, (size_t)views[SCALE].len);
@@ -165,6 +180,22 @@ static PyObject *read_into(PyObject *object, PyObject *const *args, Py_ssize_t g
 
 PyDoc_STRVAR(rows_into_doc, "rows_into($self, rows, /)\n--\n\nThe remembered rows into an array; how many there are.");
 
+/* The rows, the oldest first: time, and q, dq, ddq, tau (n each). Returns how many. */
+static int remembered_rows(const payload_estimator *e, double *out)
+{
+    const size_t joints = (size_t)e->n;
+    for (int k = 0; k < e->remembered; k++) {
+        const estimator_row *row = e->row + (e->next_row + REMEMBERED_ROWS - e->remembered + k) % REMEMBERED_ROWS;
+        *out++ = row->time;
+        memcpy(out, row->position, joints * sizeof(double));
+        memcpy(out + joints, row->velocity, joints * sizeof(double));
+        memcpy(out + 2 * joints, row->acceleration, joints * sizeof(double));
+        memcpy(out + 3 * joints, row->torque, joints * sizeof(double));
+        out += 4 * joints;
+    }
+    return e->remembered;
+}
+
 static PyObject *rows_into(PyObject *object, PyObject *value)
 {
     const payload_estimator *e = &((payload_estimator_object *)object)->estimator;
@@ -176,7 +207,7 @@ static PyObject *rows_into(PyObject *object, PyObject *value)
     }
     const int fits = has_type(&view, 'd') && view.ndim == 2 && view.shape[0] == REMEMBERED_ROWS
                      && view.shape[1] == 1 + 4 * e->n;
-    const int rows = fits ? estimator_rows(e, view.buf) : 0;
+    const int rows = fits ? remembered_rows(e, view.buf) : 0;
     PyBuffer_Release(&view);
     if (!fits) {
         PyErr_Format(PyExc_ValueError, "expected an array of float64 (%d, %d)", REMEMBERED_ROWS, 1 + 4 * e->n);

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
-from armload_identification.estimation.known_arm_fit import MOVING, moving_weights
+from armload_identification.estimation.known_arm_fit import moving_weights
 from armload_identification.estimation.uncertainty import (
     DETERMINED_SHARE,
     NORMAL_HALF_WIDTH,
@@ -24,23 +24,17 @@ from armload_identification.estimation.uncertainty import (
 )
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
-from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import FLOOR_KG, FLOOR_SHARE
-from armload_identification.recording.reading_options import Effort
+from armload_identification.pipeline.estimator_constants import ROW_S, estimator_constants
 from armload_identification.signals.joint_torque import Transmission
 
-ROW_S: Final = 0.05
-"""Time between rows of the estimator."""
 _COLOUR: Final = 2.0
 """By how much the variance of an estimate exceeds that of rows as independent as they are weighted: ARM.md, part B."""
 _WEIGHTLESS_KG: Final = 1e-3
 """Below this there is no centre of mass."""
-_TOOL_M: Final = 0.3
-_OF_GRAVITY: Final = 9.81
-_LEVER_M: Final = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,42 +97,11 @@ class PayloadEstimator:
     def __init__(
         self, calibration: ArmCalibration, chain: Chain, transmission: Transmission, *, memory_s: float = 60.0
     ) -> None:
-        calibration.require_arm(chain, transmission.coupling)
+        constants = estimator_constants(calibration, chain, transmission, memory_s)
         self._chain = calibration.level(chain)
         self._arm = calibration.known_arm(chain)
-        n, body = chain.n, calibration.body
-        used = calibration.transmission(transmission)
-        unit = np.eye(n)
-        from_effort = used.reported_torque(unit) if calibration.effort is Effort.TORQUE else used.joint_torque(unit)
-        colour = np.sqrt(np.maximum(self._arm.correlation_s / ROW_S, 1.0))
-        parameter = np.zeros((kernels.ESTIMATOR_PARAMETERS, n))
-        rows = {
-            kernels.ESTIMATOR_COULOMB: body.coulomb_nm,
-            kernels.ESTIMATOR_VISCOUS: body.viscous_nm_s_rad,
-            kernels.ESTIMATOR_ROOT: body.root_nm,
-            kernels.ESTIMATOR_LOAD: body.load_friction,
-            kernels.ESTIMATOR_REVERSAL: body.reversal_speed_rad_s,
-            kernels.ESTIMATOR_GATE: MOVING * body.reversal_speed_rad_s,
-            kernels.ESTIMATOR_NOISE: self._arm.noise_nm * colour,
-            kernels.ESTIMATOR_COULOMB_DRIFT: calibration.drift[0],
-            kernels.ESTIMATOR_VISCOUS_DRIFT: calibration.drift[1],
-            kernels.ESTIMATOR_OFFSET_DRIFT: calibration.drift[2],
-        }
-        for row, values in rows.items():
-            parameter[row] = values
-        mass = float(calibration.level_nm.max()) / (_OF_GRAVITY * _LEVER_M)
-        self._scale = mass * np.array([1.0] + [_TOOL_M] * 3 + [_TOOL_M**2] * 6)
-        self._parameter = parameter
-        self._kernel = kernels.PayloadEstimator(
-            self._chain.packed,
-            ArmDynamics(self._chain, body).turned_links,
-            np.ascontiguousarray(from_effort),
-            np.ascontiguousarray(body.rotor_mass_kg_m2),
-            parameter,
-            self._scale,
-            memory_s,
-            body.torque_delay_s,
-        )
+        self._parameter, self._scale = constants.parameter, constants.scale
+        self._kernel = kernels.PayloadEstimator(self._chain.packed, *constants)
         self._memory_s = memory_s
         self.update = self._kernel.update
         self.update_all = self._kernel.update_all

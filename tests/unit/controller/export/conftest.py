@@ -7,7 +7,7 @@ import pytest
 
 from armload_controller.export.c99 import export_c
 from armload_controller.export.straight_line.precision import Precision
-from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.arm_calibration import ArmCalibration, kinematics_sha256
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import Provenance
 from armload_identification.recording.reading_options import Effort
@@ -21,25 +21,15 @@ def library(tmp_path_factory):
 
     def library(subject, *options, precision=Precision.DOUBLE):
         texts = export_c(subject, precision)
-        name = next(file.removesuffix(".h") for file in texts if file.endswith(".h"))
+        name = next(file.removesuffix(".hpp") for file in texts if file.endswith(".hpp"))
         key = texts[f"{name}.c"], options
         if key not in made:
             folder = tmp_path_factory.mktemp(name)
             for file, text in texts.items():
                 (folder / file).write_text(text)
-            run(
-                GCC,
-                *FLAGS,
-                *options,
-                "-DARMLOAD_SELFTEST",
-                "-shared",
-                "-fPIC",
-                f"{name}.c",
-                "-o",
-                "a.so",
-                "-lm",
-                cwd=folder,
-            )
+            sources = [file for file in texts if file.endswith(".c")]
+            flags = [*FLAGS, *options, "-DARMLOAD_SELFTEST", "-shared", "-fPIC"]
+            run(GCC, *flags, *sources, "-o", "a.so", "-lm", cwd=folder)
             made[key] = ctypes.CDLL(str(folder / "a.so"))
         return made[key], name
 
@@ -86,7 +76,7 @@ def any_calibration():
             runs=(),
             left_out=(),
             warnings=(),
-            kinematics_sha256="",
+            kinematics_sha256=kinematics_sha256(chain),
             provenance=Provenance("0", "0", {}),
         )
 

@@ -1,21 +1,34 @@
-"""The exported C of a calibrated arm: the payload's friction in its gears."""
+"""The exported C of a calibrated arm: the payload's friction in its gears, and the recursive estimator."""
 
+import ctypes
+import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from armload_controller.export.c99 import export_c
 from armload_controller.export.straight_line.precision import Precision
 from armload_controller.feedforward.body_torque import LoadFriction
+from armload_core import kernels
 from armload_identification.model.regressor import payload_torque
+from armload_identification.pipeline.estimator_constants import estimator_constants
+from armload_identification.signals.joint_torque import Transmission
 from tests.unit.controller.export.compiled_c import needs_gcc
 
 
 def calibrated(make_subject, any_calibration, robot="er50"):
     subject = make_subject(robot)
     calibration = any_calibration(subject.chain)
-    chain = calibration.level(subject.chain)
-    return replace(subject, chain=chain, calibration=calibration, calibration_sha256={"arm.calibration.toml": "77ab"})
+    return replace(
+        subject,
+        chain=calibration.level(subject.chain),
+        calibration=calibration,
+        estimator=estimator_constants(
+            calibration, subject.chain, Transmission(np.full(6, 10.0), calibration.body.coupling)
+        ),
+        calibration_sha256={"arm.calibration.toml": "77ab"},
+    )
 
 
 @needs_gcc
@@ -47,3 +60,78 @@ def test_the_header_names_the_calibration_and_has_friction_only_then(make_subjec
     assert "Calibration of the arm: arm.calibration.toml, sha256 77ab." in header
     assert "#define ARMLOAD_ER50_FRICTION 1" in header
     assert "friction" not in export_c(make_subject("er50"))["armload_er50.h"].lower()
+
+
+class Exported:
+    """The exported estimator, with the methods of the core's."""
+
+    def __init__(self, library, name, n):
+        self._library, self._name, self._n = library, name, n
+        self._state = (ctypes.c_double * 4096)()
+        vector = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+        self._function("init")(self._state)
+        self._update, self._read = self._function("update"), self._function("read")
+        self._update.argtypes = [ctypes.c_void_p, ctypes.c_double, vector, vector]
+        self._read.argtypes = [ctypes.c_void_p, *[vector] * 5]
+
+    def _function(self, name):
+        return getattr(self._library, f"{self._name}_estimator_{name}")
+
+    def update(self, time_s, position, effort):
+        self._update(self._state, time_s, position, effort)
+
+    def read_into(self, *arrays):
+        self._read(self._state, *arrays)
+
+
+def read(estimator, n=6):
+    found = np.empty(10), np.empty((10, 10)), np.empty((3, n)), np.empty(n), np.empty(kernels.ESTIMATOR_STATUS)
+    estimator.read_into(*found)
+    return found
+
+
+@pytest.fixture
+def both(library, make_subject, any_calibration):
+    """The exported estimator and the core's."""
+    subject = calibrated(make_subject, any_calibration)
+    exported = Exported(*library(subject), 6)
+    return subject, exported, kernels.PayloadEstimator(subject.chain.packed, *subject.estimator)
+
+
+@needs_gcc
+def test_the_estimator_is_the_cores_sample_by_sample(both):
+    """A payload grasped and dropped; stamps irregular, samples lost, one of them no number, the clock set back."""
+    subject, exported, core = both
+    rng = np.random.default_rng(32)
+    body, theta = subject.calibration.body, 2.0 * subject.payload.model.theta
+    to_effort = np.linalg.inv(subject.estimator.from_effort)
+    time_s = np.cumsum(rng.uniform(0.002, 0.012, 2500))
+    rates = rng.uniform(0.5, 3.0, 6)
+    phase = np.outer(time_s, rates)
+    q, dq, ddq = 0.8 * np.sin(phase), 0.8 * rates * np.cos(phase), -0.8 * rates**2 * np.sin(phase)
+    payload_nm = payload_torque(subject.chain, theta, q, dq, ddq)
+    payload_nm *= ((time_s > 5.0) & (time_s < 12.0))[:, None]
+    effort = (body.torque(subject.chain, q, dq, ddq, payload_nm) + rng.normal(0.0, 0.5, q.shape)) @ to_effort
+    q[700, 2] = np.nan
+    time_s[2000:] -= 5.0
+    largest = 0.0
+    for k in np.delete(np.arange(len(time_s)), np.arange(900, 930)):
+        exported.update(time_s[k], q[k], effort[k])
+        core.update(time_s[k], q[k], effort[k])
+        if k % 25 == 24:
+            found, expected = read(exported), read(core)
+            for one, other in zip(found, expected, strict=True):
+                np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-7)
+            largest = max(largest, found[0][0])
+    assert largest == pytest.approx(theta[0], rel=0.2)
+    status = found[-1]
+    assert status[kernels.ESTIMATOR_CHANGES] >= 2.0
+    assert status[kernels.ESTIMATOR_REFUSED] == 1.0
+    assert status[kernels.ESTIMATOR_ROWS] > 100.0
+
+
+def test_its_header_says_what_to_give_it_and_what_it_costs(make_subject, any_calibration):
+    header = export_c(calibrated(make_subject, any_calibration))["armload_er50_estimator.h"]
+    assert "every sample, in rad and A of motor current" in header
+    assert re.search(r"the regressor \(\d{3} multiplications and additions\) and the arm.s links \(\d{3}\)", header)
+    assert "sha256 77ab" in header

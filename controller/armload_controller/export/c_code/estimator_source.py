@@ -1,0 +1,87 @@
+"""The recursive estimator for one calibrated arm: straight-line regressor and links, and the core's update around them.
+
+The update is the core's own source (`armload_core/source/payload_estimator.[ch]`) with the arm's prefix in its names:
+written once, it runs per sample on a computer and in a controller, and the tests feed both the same samples.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+from typing import Final
+
+from armload_controller.export.c_code.c_template import filled
+from armload_controller.export.straight_line.arm_functions import link_torque_of, regressor_of
+from armload_controller.export.straight_line.c_function import c_statements
+from armload_controller.export.wording import exact
+from armload_core.arrays import FloatArray
+from armload_identification.model.body_model import BodyModel
+from armload_identification.model.chain import Chain
+from armload_identification.pipeline.estimator_constants import EstimatorConstants
+
+_CONSTANTS: Final = r"\b(ESTIMATOR_\w*|FRICTION_STATES|SMOOTHED|REMEMBERED_ROWS)"
+_NAMES: Final = r"\b(joint_sample|friction_information|estimator_(?:row|begin|update|read|arm))\b"
+
+
+def estimator_texts(
+    name: str, about: str, chain: Chain, body: BodyModel, constants: EstimatorConstants, effort: str
+) -> dict[str, str]:
+    """Header and source of `<name>_estimator`.
+
+    Args:
+        name: Prefix of every name that others see.
+        about: The inside of both files' first comment.
+        chain: Kinematics, and gravity as it pulls on the arm.
+        body: Its links.
+        constants: What else the estimator knows of it.
+        effort: What drives report, with its unit.
+
+    Returns:
+        Texts by file name.
+    """
+    regressor, links = regressor_of(chain), link_torque_of(chain, body.links)
+    fields = {
+        "name": name,
+        "GUARD": name.upper(),
+        "about": about,
+        "effort": effort,
+        "regressor": c_statements(regressor),
+        "regressor_count": str(regressor.operations.total),
+        "links": c_statements(links),
+        "links_count": str(links.operations.total),
+        "from_effort": _rows(constants.from_effort),
+        "rotors": _rows(constants.rotors),
+        "parameter": ",\n    ".join(f"{{{_listed(row)}}}" for row in constants.parameter),
+        "scale": _rows(constants.scale.reshape(2, 5)),
+        "memory_s": exact(constants.memory_s),
+        "delay_s": exact(constants.delay_s),
+        "declarations": _of_the_core("payload_estimator.h", name, '#include "chain.h"\n')
+        .removesuffix("#endif")
+        .strip(),
+        "update": _of_the_core("payload_estimator.c", name, "#include <string.h>\n"),
+    }
+    return {
+        f"{name}_estimator.h": filled("estimator.h", fields),
+        f"{name}_estimator.c": filled("estimator.c", fields),
+    }
+
+
+def _of_the_core(file: str, name: str, after: str) -> str:
+    """What follows the last `#include` of one of the core's files, in names of this arm."""
+    text = (resources.files("armload_core") / "source" / file).read_text(encoding="ascii").partition(after)[2]
+    text = re.sub(_CONSTANTS, rf"{name.upper()}_\1", text)
+    text = re.sub(_NAMES, rf"{name}_\1", text)
+    text = re.sub(r"\bpayload_estimator\b", f"{name}_estimator", text)
+    text = text.replace("MOST_JOINTS", f"{name.upper()}_JOINTS").replace(
+        "BODY_PARAMETERS", f"{name.upper()}_PARAMETERS"
+    )
+    return text.strip()
+
+
+def _listed(values: FloatArray) -> str:
+    return ", ".join(exact(float(value)) for value in values)
+
+
+def _rows(values: FloatArray) -> str:
+    """A matrix, a row to a line."""
+    return ",\n    ".join(_listed(row) for row in values)

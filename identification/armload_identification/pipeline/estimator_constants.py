@@ -1,0 +1,91 @@
+"""What the recursive estimator knows of a calibrated arm: its constants, for the kernel and for exported C."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from armload_core import kernels
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.estimation.known_arm_fit import MOVING
+from armload_identification.model.chain import Chain
+from armload_identification.model.dynamics import ArmDynamics
+from armload_identification.recording.reading_options import Effort
+from armload_identification.signals.joint_torque import Transmission
+
+ROW_S: Final = 0.05
+"""Time between rows of the estimator."""
+_TOOL_M: Final = 0.3
+_OF_GRAVITY: Final = 9.81
+_LEVER_M: Final = 0.5
+
+
+class EstimatorConstants(NamedTuple):
+    """Constants of an arm of n joints, in the order in which the kernel takes them after the chain.
+
+    Attributes:
+        links: (n, 10) in the turned joint frames.
+        from_effort: (n, n) joint torque of one unit of effort of each drive, by rows.
+        rotors: (n, n) the rotors' part of the mass matrix, kg m2.
+        parameter: (ESTIMATOR_PARAMETERS, n) friction, gate, noise and drift.
+        scale: (10,) standard deviations of the payload's parameters beforehand.
+        memory_s: Time after which what was seen counts 37 %.
+        delay_s: By how much torque is reported later than position.
+    """
+
+    links: FloatArray
+    from_effort: FloatArray
+    rotors: FloatArray
+    parameter: FloatArray
+    scale: FloatArray
+    memory_s: float
+    delay_s: float
+
+
+def estimator_constants(
+    calibration: ArmCalibration, chain: Chain, transmission: Transmission, memory_s: float = 60.0
+) -> EstimatorConstants:
+    """The constants of a calibrated arm.
+
+    Args:
+        calibration: The arm.
+        chain: As configured.
+        transmission: Nominal gains, and coupling.
+        memory_s: Time after which what was seen counts 37 %.
+
+    Raises:
+        ModelError: the calibration belongs to another arm.
+    """
+    calibration.require_arm(chain, transmission.coupling)
+    arm, n, body = calibration.known_arm(chain), chain.n, calibration.body
+    used = calibration.transmission(transmission)
+    unit = np.eye(n)
+    from_effort = used.reported_torque(unit) if calibration.effort is Effort.TORQUE else used.joint_torque(unit)
+    colour = np.sqrt(np.maximum(arm.correlation_s / ROW_S, 1.0))
+    parameter = np.zeros((kernels.ESTIMATOR_PARAMETERS, n))
+    rows = {
+        kernels.ESTIMATOR_COULOMB: body.coulomb_nm,
+        kernels.ESTIMATOR_VISCOUS: body.viscous_nm_s_rad,
+        kernels.ESTIMATOR_ROOT: body.root_nm,
+        kernels.ESTIMATOR_LOAD: body.load_friction,
+        kernels.ESTIMATOR_REVERSAL: body.reversal_speed_rad_s,
+        kernels.ESTIMATOR_GATE: MOVING * body.reversal_speed_rad_s,
+        kernels.ESTIMATOR_NOISE: arm.noise_nm * colour,
+        kernels.ESTIMATOR_COULOMB_DRIFT: calibration.drift[0],
+        kernels.ESTIMATOR_VISCOUS_DRIFT: calibration.drift[1],
+        kernels.ESTIMATOR_OFFSET_DRIFT: calibration.drift[2],
+    }
+    for row, values in rows.items():
+        parameter[row] = values
+    mass = float(calibration.level_nm.max()) / (_OF_GRAVITY * _LEVER_M)
+    return EstimatorConstants(
+        links=ArmDynamics(calibration.level(chain), body).turned_links,
+        from_effort=np.ascontiguousarray(from_effort),
+        rotors=np.ascontiguousarray(body.rotor_mass_kg_m2),
+        parameter=parameter,
+        scale=mass * np.array([1.0] + [_TOOL_M] * 3 + [_TOOL_M**2] * 6),
+        memory_s=memory_s,
+        delay_s=body.torque_delay_s,
+    )
