@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_controller.control_errors import MotionError, OffsetRefused, RecordingFailed
@@ -19,7 +20,7 @@ from armload_controller.cycle.monitors import FollowingMonitor, TorqueWindow
 from armload_controller.cycle.plugins import CyclePlugin, CycleStep
 from armload_controller.cycle.safety import DECISIONS, Cause, cause_of
 from armload_controller.cycle.torque_gate import TorqueGate
-from armload_controller.motion.checked_path import check_path
+from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_controller.motion.motion_control import MotionControl, OperatorStop, TerminationStop
 from armload_controller.motion.paths import BlockedWay
@@ -188,26 +189,37 @@ def run() -> None:
     robot = load_robot("er50")
     print(f"Stops of {robot.name}, loaded, at phase {AT_S} s of its validation excitation")
     print(f"  {'cause':44s} {'category':15s} {'off the path':>12s} {'stands after':>13s}")
-    undisturbed = measure(robot, None)
+    path = one_period(robot)
+    undisturbed = measure(robot, path, None)
     print(f"  {'(none: the drives lag)':44s} {'':15s} {undisturbed.deviation_rad * 1e3:9.2f} mrad")
     for cause in Cause:
-        stop = measure(robot, cause)
+        stop = measure(robot, path, cause)
         print(
             f"  {cause.value:44s} {DECISIONS[cause].category.value:15s} "
             f"{stop.deviation_rad * 1e3:9.2f} mrad {stop.standstill_s:11.2f} s"
         )
 
 
-def measure(robot: Robot, cause: Cause | None) -> Stop:
+def one_period(robot: Robot) -> CheckedPath:
+    """One period of an arm's validation excitation."""
+    one = Excitation(robot.excitations["validation"].trajectory, 1)
+    cycle_s = 1 / robot.bus.cycle_hz
+    return check_path(one, robot.motion_constraints, cycle_s, file=robot.file, key="excitation.validation")
+
+
+def measure(robot: Robot, path: CheckedPath, cause: Cause | None) -> Stop:
     """Bring a cause about, and look at the arm.
+
+    Args:
+        robot: The arm.
+        path: Its path.
+        cause: None for an undisturbed run.
 
     Raises:
         RuntimeError: another cause was found, or none.
     """
-    limits, cycle_s = robot.limits.motion, 1 / robot.bus.cycle_hz
-    trajectory = robot.excitations["validation"].trajectory
-    one = Excitation(trajectory, 1)
-    path = check_path(one, robot.motion_constraints, cycle_s, file=robot.file, key="excitation.validation")
+    limits, cycle_s = robot.limits.motion, path.cycle_s
+    trajectory = path.excitation.trajectory
     spec = replace(robot.simulation.plant_spec(robot.simulation.payload_name), start_position_rad=path.start_rad)
     lead_in = round(-path.measured.leg.start_s / cycle_s * 2) + round(AT_S / cycle_s)
     plant = WatchedPlant(spec)
@@ -264,7 +276,7 @@ def _look(plant: WatchedPlant, trajectory: FourierTrajectory, cause: Cause, begi
     path = trajectory.evaluate(np.arange(0.0, trajectory.period_s, GRID_S)).position_rad
     time = np.array(plant.time)
     rows = np.flatnonzero(time >= begin_s)
-    distance = max(float(np.abs(path - plant.position[row]).max(axis=1).min()) for row in rows)
+    distance = float(KDTree(path).query(np.array(plant.position)[rows], p=np.inf)[0].max())
     moving = rows[np.array(plant.speed)[rows] > STILL_RAD_S]
     stands_s = float(time[moving[-1]] - begin_s) if moving.size else 0.0
     return Stop(cause, distance, stands_s, message)

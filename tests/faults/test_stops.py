@@ -4,7 +4,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.cycle.safety import DECISIONS, Cause, StopCategory
-from benchmarks.stops import measure
+from benchmarks.stops import measure, one_period
 
 BOUNDS = {
     # Distance from the path in rad (the lag of the drives alone is 7e-3), time to stand still in s.
@@ -21,12 +21,13 @@ OTHERS = {Cause.DRIVE_FAULT: BRAKED, Cause.VELOCITY: WATCHED, Cause.POSITION_REV
 
 @pytest.fixture(scope="module")
 def er50():
-    return load_robot("er50")
+    robot = load_robot("er50")
+    return robot, one_period(robot)
 
 
 @pytest.mark.parametrize("cause", Cause, ids=lambda cause: cause.name.lower())
 def test_the_arm_stays_near_its_path_and_stands(er50, cause):
-    stop = measure(er50, cause)
+    stop = measure(*er50, cause)
     deviation_rad, standstill_s = OTHERS.get(cause, BOUNDS[DECISIONS[cause].category])
     assert stop.deviation_rad < deviation_rad
     assert 0.0 < stop.standstill_s < standstill_s
