@@ -1,5 +1,6 @@
 """What several tests share: arms that follow perfectly, with and without a bus, and a watch over leaked threads."""
 
+import gc
 import math
 import os
 import threading
@@ -58,6 +59,12 @@ def pytest_report_header(config):
 
 def pytest_sessionstart(session):
     session.config.stash[BEGUN] = time.monotonic()
+
+
+def pytest_collection_finish(session):
+    """What was loaded for all tests stays: the garbage collector need not look at it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_sessionfinish(session, exitstatus):

@@ -55,6 +55,7 @@ def write_short_robot(folder):
         write_excitation(folder / f"{role}.toml", Excitation(trajectory, 2))
         text, count = re.subn(rf'^{role} = ".*"$', f'{role} = "{role}.toml"', text, flags=re.MULTILINE)
         assert count == 1
+    text = text.replace("cycle_hz = 100", "cycle_hz = 50")
     path = folder / "short.toml"
     path.write_text(text)
     return path

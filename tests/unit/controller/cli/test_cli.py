@@ -16,13 +16,14 @@ import pytest
 
 from armload_controller.cli.commands.design_command import CriterionName
 from armload_controller.config.robot import load_robot
-from armload_identification.excitation.excitation_file import read_excitation, write_excitation
-from armload_identification.excitation.fourier import CRITERIA, Excitation, FourierTrajectory
+from armload_identification.excitation.excitation_file import read_excitation
+from armload_identification.excitation.fourier import CRITERIA
 from armload_identification.files.payload_file import read_payload, write_payload
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_validation import validate
 from armload_identification.recording.file_reading import read_recording
 from tests.bounded import await_that
+from tests.short_commissioning import write_short_robot
 from tests.started_programs import BACKGROUND, as_started
 
 PROGRAM = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
@@ -31,24 +32,24 @@ CONFIGS = Path(str(resources.files("armload_configs")))
 
 @pytest.fixture(scope="module")
 def short_robot(tmp_path_factory):
-    """prbt with excitations of two periods of 2 s, so that a commissioning takes seconds."""
-    folder = tmp_path_factory.mktemp("robot")
-    text = (CONFIGS / "prbt.toml").read_text()
-    for seed, role in enumerate(("identification", "validation")):
-        rng = np.random.default_rng(seed)
-        swing = 0.07 * rng.choice([-1.0, 1.0], (2, 6, 2)) / np.array([1.0, 2.0])
-        trajectory = FourierTrajectory(0.5, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), swing[0], swing[1])
-        write_excitation(folder / f"{role}.toml", Excitation(trajectory, 2))
-        text = re.sub(rf'^{role} = ".*"$', f'{role} = "{role}.toml"', text, flags=re.MULTILINE)
-    path = folder / "short.toml"
-    path.write_text(text)
-    return path
+    return write_short_robot(tmp_path_factory.mktemp("robot"))
 
 
 @pytest.fixture(scope="module")
-def commissioned(armload, short_robot, tmp_path_factory):
-    """Folder and console text of one commissioning."""
+def first_half(armload, short_robot, tmp_path_factory):
+    """Folder and outcome of a commissioning's unloaded half, with a live view."""
+    output = tmp_path_factory.mktemp("halves") / "run"
+    half = ("commission", short_robot, "--runs", "unloaded", "--output", output, "--json")
+    result = armload(*half, "--live-address", "127.0.0.1:0")
+    assert result.exit_code == 0, result.output
+    return output, result
+
+
+@pytest.fixture(scope="module")
+def commissioned(armload, short_robot, first_half, tmp_path_factory):
+    """Folder and console text of one commissioning, whose unloaded half was recorded before."""
     output = tmp_path_factory.mktemp("commissioned") / "run"
+    shutil.copytree(first_half[0], output)
     result = armload("commission", short_robot, "--output", output)
     assert result.exit_code == 0, result.output
     return output, result.output
@@ -109,19 +110,18 @@ def test_validate_fails_on_another_payload(commissioned, armload, short_robot, t
     assert "limit" in result.output
 
 
-def test_the_second_half_takes_up_the_first(armload, short_robot, tmp_path):
-    output = tmp_path / "halves"
-    half = ("commission", short_robot, "--runs", "unloaded", "--output", output, "--json")
-    first = armload(*half, "--live-address", "127.0.0.1:0")
-    assert first.exit_code == 0, first.output
+def test_the_second_half_takes_up_the_first(armload, short_robot, first_half, tmp_path):
+    folder, first = first_half
     assert "--runs loaded" in first.stderr
     assert "ws://127.0.0.1:" in first.stderr
-    assert not (output / "payload.toml").exists()
+    assert not (folder / "payload.toml").exists()
     assert json.loads(first.stdout) == {
         "schema": "armload/commission-half/1",
         "armload_version": version("armload"),
-        "files": {"directory": str(output)},
+        "files": {"directory": str(folder)},
     }
+    output = tmp_path / "halves"
+    shutil.copytree(folder, output)
     second = armload("commission", short_robot, "--runs", "loaded", "--output", output, "--mass-kg", "3.0", "--json")
     assert second.exit_code == 0, second.output
     document = json.loads(second.stdout)
