@@ -15,6 +15,7 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
+from armload_identification.report import figures
 from armload_identification.report.center_figure import center_views
 from armload_identification.report.content import ReportContent, ReportSubject
 from armload_identification.report.figures import thin_out, torque_figure
@@ -106,6 +107,13 @@ def noisy(pinocchio_arm):
 @pytest.fixture(scope="module")
 def validation(pair, clear, pinocchio_arm):
     return validate(*pair, pinocchio_arm.chain, pinocchio_arm.transmission, subject(clear).payload)
+
+
+@pytest.fixture
+def without_curves(monkeypatch):
+    """Pages whose words are looked at: the curves of the joints take longest to draw."""
+    for name in ("motion_figure", "torque_figure"):
+        monkeypatch.setattr(figures, name, lambda *args: "<svg></svg>")
 
 
 @pytest.fixture(scope="module")
@@ -230,7 +238,7 @@ def test_plain_and_reported_are_both_shown_where_they_differ(bare, full, noisy):
     assert full.table("possible") == []
 
 
-def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy):
+def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy, without_curves):
     for note in noisy.notes:
         assert note[1:] in bare.text
     blind = subject(noisy)
@@ -257,7 +265,7 @@ def test_the_joint_table_has_noise_and_residual_of_both_runs(full, clear, valida
             assert number(value) == pytest.approx(scale, abs=5.01e-4)
 
 
-def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, pinocchio_arm):
+def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, pinocchio_arm, without_curves):
     right = verdict_box(validation, NAMES)
     assert (right.kind, right.title) == ("passed", "Right within the tolerance")
     payload = subject(clear).payload
@@ -329,7 +337,7 @@ def test_a_direction_that_is_not_determined_is_not_drawn(views):
     assert views(unknown=(1,))[1] == ()
 
 
-def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm):
+def test_the_page_says_what_to_do_next(clear, validation, pinocchio_arm, without_curves):
     payload = subject(clear).payload
     assert "armload export" in next_steps(payload, validation)[0]
     assert "another motion" in next_steps(payload, None)[0]
@@ -423,7 +431,7 @@ def test_the_same_inputs_give_the_same_bytes(tmp_path, noisy, bare_text):
     assert path.read_bytes() == bare_text.encode()
 
 
-def test_a_page_that_cannot_be_written_is_an_error_with_its_path(tmp_path, noisy):
+def test_a_page_that_cannot_be_written_is_an_error_with_its_path(tmp_path, noisy, without_curves):
     path = tmp_path / "missing" / "report.html"
     with pytest.raises(ReportError, match=r"missing/report\.html: the report cannot be written"):
         write_report(path, subject(noisy), ReportContent.of_identification(noisy))
