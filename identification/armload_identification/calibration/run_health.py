@@ -22,6 +22,7 @@ from armload_identification.calibration.arm_fit import MOVING
 from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
 from armload_identification.calibration.arm_rows import RunSignals, arm_rows, run_signals
 from armload_identification.estimation.blows import struck_samples
+from armload_identification.estimation.known_arm_rows import payload_scale
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
@@ -34,9 +35,6 @@ _GAIN: Final = 0.10
 """Standard deviation of a gain's change beforehand."""
 _LOOSE: Final = 10.0
 """Friction may change by so many times what it usually does."""
-_TOOL_M: Final = 0.3
-_OF_GRAVITY: Final = 9.81
-_LEVER_M: Final = 0.5
 _STEPS: Final = 6
 _SETTLED: Final = 0.02
 _HUBER: Final = 2.0
@@ -178,9 +176,7 @@ class _RunFit:
             self.x[of.arm :] = known[self.carried]
         fitted[of.arm :] = self.carried is None
         self._place: NDArray[np.intp] = np.concatenate([np.flatnonzero(fitted), of.size + np.arange(PER_RUN * of.n)])
-        mass = float(calibration.level_nm.max()) / (_OF_GRAVITY * _LEVER_M)
-        size = mass * np.array([1.0] + [_TOOL_M] * 3 + [_TOOL_M**2] * 6)
-        payload = size if self.carried is None else np.zeros(0)
+        payload = payload_scale(calibration.level_nm) if self.carried is None else np.zeros(0)
         self._prior = np.concatenate([np.full(of.n, _GAIN), payload, _LOOSE * calibration.drift.ravel()])
         self._noise = calibration.noise_nm
         self._independent = np.sqrt(np.minimum(self._apart_s / calibration.correlation_s, 1.0))

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import Field, field_validator, model_validator
 
-from armload_identification.excitation.fourier import CRITERIA, Excitation, FourierTrajectory
+from armload_identification.excitation.fourier import CRITERIA, MASS_CRITERION, Excitation, FourierTrajectory
 from armload_identification.excitation.limit_margins import LimitMargins
 from armload_identification.identification_errors import ExcitationFileError
 from armload_identification.storage import toml_text
@@ -54,8 +54,9 @@ class _DesignTable(Table):
     @field_validator("criterion")
     @classmethod
     def _one_that_exists(cls, name: str) -> str:
-        if name not in CRITERIA:
-            raise BadValue("", name, f"expected one of {', '.join(CRITERIA)}")
+        known = (*CRITERIA, MASS_CRITERION)
+        if name not in known:
+            raise BadValue("", name, f"expected one of {', '.join(known)}")
         return name
 
 

@@ -17,6 +17,8 @@ from armload_identification.identification_errors import ModelError
 
 CRITERIA = ("a-optimal", "a-optimal-mean", "a-optimal-max", "d-optimal", "condition-number")
 """What an excitation may have been designed for."""
+MASS_CRITERION = "mass"
+"""What a motion about a place may have been designed for: the half width of the mass' interval over the mass."""
 ROBUST_CRITERIA = ("a-optimal-mean", "a-optimal-max")
 """Those that look at a set of payloads."""
 

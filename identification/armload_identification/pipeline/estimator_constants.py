@@ -10,6 +10,7 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.estimation.known_arm_fit import MOVING
+from armload_identification.estimation.known_arm_rows import payload_scale
 from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.recording.reading_options import Effort
@@ -17,9 +18,6 @@ from armload_identification.signals.joint_torque import Transmission
 
 ROW_S: Final = 0.05
 """Time between rows of the estimator."""
-_TOOL_M: Final = 0.3
-_OF_GRAVITY: Final = 9.81
-_LEVER_M: Final = 0.5
 
 
 class EstimatorConstants(NamedTuple):
@@ -79,13 +77,12 @@ def estimator_constants(
     }
     for row, values in rows.items():
         parameter[row] = values
-    mass = float(calibration.level_nm.max()) / (_OF_GRAVITY * _LEVER_M)
     return EstimatorConstants(
         links=ArmDynamics(calibration.level(chain), body).turned_links,
         from_effort=np.ascontiguousarray(from_effort),
         rotors=np.ascontiguousarray(body.rotor_mass_kg_m2),
         parameter=parameter,
-        scale=mass * np.array([1.0] + [_TOOL_M] * 3 + [_TOOL_M**2] * 6),
+        scale=payload_scale(calibration.level_nm),
         memory_s=memory_s,
         delay_s=body.torque_delay_s,
     )

@@ -15,23 +15,21 @@ from numpy.typing import NDArray
 from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
-from armload_identification.estimation.known_arm_fit import moving_weights
+from armload_identification.estimation.known_arm_rows import KnownArmRows
 from armload_identification.estimation.uncertainty import (
     DETERMINED_SHARE,
     NORMAL_HALF_WIDTH,
     REFERENCE_LENGTH_M,
     derived,
 )
-from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters
-from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import FLOOR_KG, FLOOR_SHARE
 from armload_identification.pipeline.estimator_constants import ROW_S, estimator_constants
 from armload_identification.signals.joint_torque import Transmission
 
-_COLOUR: Final = 2.0
+COLOUR: Final = 2.0
 """By how much the variance of an estimate exceeds that of rows as independent as they are weighted: ARM.md, part B."""
 _WEIGHTLESS_KG: Final = 1e-3
 """Below this there is no centre of mass."""
@@ -100,7 +98,7 @@ class PayloadEstimator:
         constants = estimator_constants(calibration, chain, transmission, memory_s)
         self._chain = calibration.level(chain)
         self._arm = calibration.known_arm(chain)
-        self._parameter, self._scale = constants.parameter, constants.scale
+        self._parameter = constants.parameter
         self._kernel = kernels.PayloadEstimator(self._chain.packed, *constants)
         self._memory_s = memory_s
         self.update = self._kernel.update
@@ -129,7 +127,7 @@ class PayloadEstimator:
         values, slope = np.zeros(4), np.eye(4, 10)
         if mass > _WEIGHTLESS_KG:
             values, slope = (part[:4] for part in derived(InertialParameters(theta)))
-        spread = _COLOUR * status[kernels.ESTIMATOR_MISFIT] * covariance
+        spread = COLOUR * status[kernels.ESTIMATOR_MISFIT] * covariance
         shifts = self._shifts(theta)
         variance = np.einsum("ij,jk,ik->i", slope, spread, slope) + np.sum((slope @ shifts.T) ** 2, axis=1)
         variance[0] += FLOOR_KG**2 + (FLOOR_SHARE * mass) ** 2
@@ -162,18 +160,7 @@ class PayloadEstimator:
         if len(rows) < 2:
             return np.zeros((0, 10))
         q, dq, ddq, tau = (np.ascontiguousarray(part) for part in np.split(rows[:, 1:], 4, axis=1))
-        body = self._arm.fit.model
-        empty = body.link_torque(self._chain, q, dq, ddq)
-        direction = smooth_sign(dq, body.reversal_speed_rad_s)
-        regressor = payload_regressor(self._chain, q, dq, ddq)
-        through = 1.0 + body.load_friction * direction * np.sign(empty + regressor @ theta)
-        own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * self._arm.drift.ravel()
-        changes = own[:, None, :] * np.tile(np.eye(n), 3)
-        columns = np.concatenate([through[:, :, None] * regressor * self._scale, changes], axis=2)
-        faded = np.exp((rows[:, 0] - rows[-1, 0]) / (2.0 * self._memory_s))
-        weight = moving_weights(dq, body) / self._parameter[kernels.ESTIMATOR_NOISE] * faded[:, None]
-        tall = (columns * weight[:, :, None]).reshape(-1, columns.shape[2])
-        doubts = self._arm.doubts(JointStates(q, dq, ddq), ROW_S, tau) * weight
-        information = np.eye(tall.shape[1]) + tall.T @ tall
-        moved = np.linalg.solve(information, tall.T @ doubts.reshape(len(doubts), -1).T)
-        return np.asarray(moved[:10].T * self._scale)
+        faded = np.exp((rows[:, :1] - rows[-1, 0]) / (2.0 * self._memory_s))
+        states = JointStates(q, dq, ddq)
+        seen = KnownArmRows.of(self._chain, self._arm, states, theta, self._parameter[kernels.ESTIMATOR_NOISE] / faded)
+        return seen.shifts(self._arm.doubts(states, ROW_S, tau))

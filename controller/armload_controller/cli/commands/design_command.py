@@ -3,16 +3,39 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from math import radians
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from armload_controller.cli.options import RobotArgument
+from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.json_output import JsonOption, print_document
+
+if TYPE_CHECKING:
+    from armload_controller.analysis.robot_excitation import DesignedExcitation
+    from armload_controller.analysis.robot_wiggle import DesignedWiggle
+    from armload_controller.cli.screen import Screen
 
 MOST_HARMONICS, MOST_RESTARTS, MOST_PERIODS = 50, 1000, 10_000
 """More is a slip of the finger."""
+_MOST_DEG = 180.0
+_PARTS = 100
+"""Steps of the progress."""
+
+
+class Purpose(StrEnum):
+    """What a motion is for."""
+
+    PAYLOAD = "payload"
+    ANY_MOTION = "any-motion"
+
+
+_OPTIONS_OF = {
+    Purpose.PAYLOAD: ("restarts", "harmonics", "period_s", "periods", "criterion"),
+    Purpose.ANY_MOTION: ("at_rad", "within_deg", "mass_within", "speed_m_s", "calibration"),
+}
+"""Options that one purpose alone has."""
 
 
 class CriterionName(StrEnum):
@@ -26,8 +49,32 @@ class CriterionName(StrEnum):
 
 
 def design(
+    context: typer.Context,
     robot: RobotArgument,
     output: Annotated[Path, typer.Option("--output", "-o", help="Excitation file to write; a picture goes beside it.")],
+    purpose: Annotated[
+        Purpose,
+        typer.Option(
+            "--for",
+            help="payload: an excitation for two runs, empty and loaded. any-motion: the shortest motion about a place "
+            "that shows what a calibrated arm carries.",
+        ),
+    ] = Purpose.PAYLOAD,
+    at_rad: Annotated[
+        str | None,
+        typer.Option(
+            metavar="'Q1 Q2 ...'", help="any-motion: where the arm stands; else the middle of its excitation."
+        ),
+    ] = None,
+    within_deg: Annotated[float, typer.Option(help="any-motion: what no joint leaves that place by.")] = 5.0,
+    mass_within: Annotated[
+        float,
+        typer.Option(min=0.001, max=1.0, help="any-motion: half width of the mass' 95 % interval, as a share."),
+    ] = 0.02,
+    speed_m_s: Annotated[
+        float | None, typer.Option(min=0.01, help="any-motion: what no point of the arm exceeds, such as 0.25.")
+    ] = None,
+    calibration: CalibrationOption = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same excitation.")] = 1,
     restarts: Annotated[int, typer.Option(min=1, max=MOST_RESTARTS, help="Random starts; the best one wins.")] = 8,
     harmonics: Annotated[int, typer.Option(min=1, max=MOST_HARMONICS, help="Harmonics of the Fourier series.")] = 5,
@@ -44,7 +91,11 @@ def design(
     criterion: Annotated[CriterionName, typer.Option(help="What to optimise.")] = CriterionName.A_OPTIMAL,
     as_json: JsonOption = False,
 ) -> None:
-    """Design an excitation for a robot's expected payload, at any time within all limits and clear of all obstacles."""
+    """Design an excitation for a robot's expected payload, at any time within all limits and clear of all obstacles.
+
+    With --for any-motion: the shortest motion, of some degrees about the place where the arm stands, that shows what a
+    calibrated arm carries.
+    """
     from armload_controller.analysis.robot_excitation import UnstreamablePeriod
     from armload_controller.analysis.robot_excitation import design as design_excitation
     from armload_controller.cli.screen import Screen
@@ -56,6 +107,23 @@ def design(
         screen.step(
             f"note: {arm.file} has no [workspace]: nothing keeps this motion from the floor or from the arm itself"
         )
+    _require_fitting(context, purpose)
+    if purpose is Purpose.ANY_MOTION:
+        from armload_controller.analysis.robot_wiggle import design_wiggle
+
+        with screen.track("designing", _PARTS) as done:
+            wiggle = design_wiggle(
+                arm,
+                at_rad=_positions(at_rad),
+                within_rad=_radians(within_deg),
+                mass_share=mass_within,
+                speed_m_s=speed_m_s,
+                calibration=calibration,
+                seed=seed,
+                progress=lambda count, total: done(_PARTS * count // total),
+            )
+        _finish(screen, wiggle, output, as_json=as_json)
+        return
     with screen.track("designing", restarts) as done:
         try:
             designed = design_excitation(
@@ -70,6 +138,11 @@ def design(
             )
         except UnstreamablePeriod as error:
             raise typer.BadParameter(str(error)) from error
+    _finish(screen, designed, output, as_json=as_json)
+
+
+def _finish(screen: Screen, designed: DesignedExcitation | DesignedWiggle, output: Path, *, as_json: bool) -> None:
+    """Write the excitation and its picture, and show its figures."""
     designed.save(output)
     picture = output.with_suffix(".png")
     designed.picture(picture)
@@ -77,6 +150,32 @@ def design(
         print_document(designed.to_dict() | {"files": {"excitation": str(output), "picture": str(picture)}})
     screen.result(f"{output}: {designed}")
     screen.step(f"picture: {picture}")
+
+
+def _require_fitting(context: typer.Context, purpose: Purpose) -> None:
+    """Refuse options that the purpose has no use for."""
+    for of, names in _OPTIONS_OF.items():
+        for name in names:
+            given = context.get_parameter_source(name)
+            if of is not purpose and given is not None and given.name == "COMMANDLINE":
+                raise typer.BadParameter(f"goes with --for {of}", param_hint=f"--{name.replace('_', '-')}")
+
+
+def _radians(degrees: float) -> float:
+    """An amplitude."""
+    if not 0.0 < degrees <= _MOST_DEG:
+        raise typer.BadParameter(f"{degrees:g}: expected above 0, at most {_MOST_DEG:g}", param_hint="--within-deg")
+    return radians(degrees)
+
+
+def _positions(text: str | None) -> tuple[float, ...]:
+    """Positions in rad."""
+    try:
+        return () if text is None else tuple(float(part) for part in text.replace(",", " ").split())
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r}: expected one position in rad per joint, such as '0 -0.5 1.2 0 0.3 0'", param_hint="--at-rad"
+        ) from None
 
 
 def _period(text: str) -> float | Literal["auto"]:

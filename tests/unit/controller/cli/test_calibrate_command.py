@@ -7,6 +7,7 @@ import re
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import armload as armload_package
@@ -14,6 +15,7 @@ from armload_controller.analysis.arm_in_use import arm_in_use
 from armload_controller.config.robot import load_robot
 from armload_controller.config.robot_runs import is_run_table, read_runs
 from armload_controller.control_errors import ConfigurationError
+from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.files.calibration_file import read_calibration
 from armload_identification.identification_errors import CalibrationFileError, ReportError, RunTableError
 from armload_identification.report.calibration_report import render_calibration_report
@@ -215,3 +217,41 @@ def test_drift_takes_days_and_payloads_from_a_table(armload, calibrated, today, 
     none = armload("drift", "er50", tmp_path / "none.mcap", "--calibration", calibrated[0])
     assert none.exit_code == 1
     assert "no recording can be used (none.mcap:" in str(none.exception)
+
+
+def test_a_wiggle_is_designed_about_the_place_where_the_arm_stands(armload, calibrated, tmp_path):
+    place, output = [0.1, 0.8, 0.2, 0.0, 0.3, 0.0], tmp_path / "wiggle.toml"
+    words = ["design", "er50", "--for", "any-motion", "--calibration", calibrated[0], "--mass-within", "0.2"]
+    result = armload(*words, "--at-rad", " ".join(map(str, place)), "--within-deg", "4", "-o", output, "--json")
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    assert found["half_width_95_kg"] <= 0.2 * found["expected_kg"]
+    assert found["measured_s"] > found["periods"] * found["period_s"]
+    assert [joint["at_rad"] for joint in found["joints"]] == place
+    assert max(joint["amplitude_rad"] for joint in found["joints"]) <= 0.07
+    written = read_excitation(output)
+    assert written.design["criterion"] == "mass"
+    assert written.design["command"].startswith("armload design er50 --for any-motion")
+    assert written.periods == found["periods"]
+    np.testing.assert_allclose(written.trajectory.offset_rad, place)
+    assert output.with_suffix(".png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--for", "any-motion"], "armload calibrate"),
+        (["--for", "any-motion", "--restarts", "2"], "--restarts: goes with --for payload"),
+        (["--mass-within", "0.1"], "--mass-within: goes with --for any-motion"),
+        (["--for", "any-motion", "--within-deg", "0"], "expected above 0"),
+        (["--for", "any-motion", "--at-rad", "0 x"], "expected one position in rad per joint"),
+        (["--for", "any-motion", "--at-rad", "0 0 0", "CALIBRATION"], "expected 6 positions in rad"),
+        (["--for", "any-motion", "--at-rad", "0 0 0 0 0 9", "CALIBRATION"], "joint_6 stands at 9.000 rad"),
+    ],
+)
+def test_a_wiggle_that_makes_no_sense_is_refused(armload, calibrated, tmp_path, words, message):
+    given = [part for word in words for part in (["--calibration", calibrated[0]] if word == "CALIBRATION" else [word])]
+    result = armload("design", "er50", *given, "-o", tmp_path / "wiggle.toml")
+    assert result.exit_code != 0
+    assert message in f"{' '.join(result.output.split())} {result.exception}"
+    assert not (tmp_path / "wiggle.toml").exists()

@@ -13,6 +13,7 @@ import typer
 
 from armload_controller.analysis.payload_events import PayloadEvent
 from armload_controller.analysis.payload_watch import HeardBus, WatchedMoment
+from armload_controller.analysis.robot_wiggle import DesignedWiggle
 from armload_controller.cli.main import app
 from armload_controller.cli.output.fleet_output import fleet_document
 from armload_controller.cli.output.result_documents import (
@@ -21,15 +22,18 @@ from armload_controller.cli.output.result_documents import (
     half_document,
     nodes_document,
 )
+from armload_controller.config.robot import load_robot
 from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.session.feedforward_comparison import Comparison, Measure
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_identification.calibration.run_health import RunHealth
+from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.pipeline.arm_drift import arm_drift
 from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.pipeline.wiggle import Wiggle
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.arm_history import ArmHistory
 from armload_identification.results.payload_over_time import PayloadOverTime
@@ -101,6 +105,14 @@ def document(armload, recorded_er50, tmp_path_factory):
     return printed
 
 
+def designed_wiggle():
+    """A short motion, its limits and its path, without a search."""
+    path = FourierTrajectory(0.5, np.zeros(6), np.full((6, 1), 0.01), np.zeros((6, 1)))
+    leg = SimpleNamespace(start_s=0.0, end_s=4.5)
+    checked = SimpleNamespace(measured=SimpleNamespace(leg=leg), slow_round_s=8.0)
+    return Wiggle(path, 2, 0.05, 180, 1), None, checked
+
+
 def made():
     """Documents of commands that take long or need a bus."""
     joints, ones = ("a", "b"), np.ones(2)
@@ -137,6 +149,7 @@ def made():
     ]
     worn = arm_drift(SimpleNamespace(n=2, friction_nm=ones, usual_change_nm=noise), runs)
     weeks = ArmHistory("arm", "", joints, None, "arm.toml", worn, (("other.mcap", "too short"),), "0")
+    wiggle = DesignedWiggle(load_robot("prbt"), np.zeros(6), *designed_wiggle(), "armload design")
     four = np.ones(4)
     sure_of = np.array([True, True, False, False])
     live = LivePayload(1.0, ones, four, 0.1 * four, sure_of, ones, ones, 1, 0.5, 1.0, contact=False, refused=0)
@@ -144,6 +157,7 @@ def made():
     return [
         moment.to_dict("arm", "0"),
         history.to_dict() | {"files": {"picture": None}},
+        wiggle.to_dict() | {"files": {"excitation": "wiggle.toml", "picture": "wiggle.png"}},
         weeks.to_dict() | {"files": {"report": None, "picture": None}},
         calibration_document("arm", joints, arm, Path("arm.toml"), Path("arm.html")),
         feedforward_document("arm", offset, [compared], Path("picture.svg")),
@@ -154,7 +168,7 @@ def made():
 
 
 def test_what_is_not_determined_has_no_number():
-    watched, over_time, drift, calibrated, fed, *_ = made()
+    watched, over_time, _, drift, calibrated, fed, *_ = made()
     assert drift["findings"][0]["run"] == "4.mcap"
     assert drift["joints"][0]["warm_up_nm"] is None
     assert watched["center_of_mass_m"] == [1.0, None, None]

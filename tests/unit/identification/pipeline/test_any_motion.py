@@ -9,9 +9,14 @@ import pytest
 
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.estimation.estimator_names import Estimator
-from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
+from armload_identification.excitation.joint_strength import TorqueLimits
+from armload_identification.excitation.workspace import Workspace
+from armload_identification.identification_errors import EstimationError, ExcitationError, RecordingError
 from armload_identification.pipeline.any_motion import FLOOR_KG, identify_windows
+from armload_identification.pipeline.mass_prospect import MassProspect
 from armload_identification.pipeline.payload_identification import identify
+from armload_identification.pipeline.wiggle import shortest_wiggle
 from armload_identification.recording.recording import Recording
 from armload_identification.results.payload_over_time import PayloadOverTime
 
@@ -118,3 +123,55 @@ def test_a_table_a_document_and_a_picture(known, loaded, tmp_path):
     assert document["windows"][0]["mass_kg"] > 1.0
     history.picture(tmp_path / "mass.svg")
     assert b"mass" in (tmp_path / "mass.svg").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def about(pinocchio_arm):
+    """A place, and all limits with 6 degrees about it."""
+    place = np.array([0.2, -0.4, 0.6, 0.1, 0.3, -0.2])
+    ones, chain = np.ones(6), pinocchio_arm.chain
+    joints = ExcitationLimits(place - 0.1, place + 0.1, 1.0 * ones, 10.0 * ones, 300.0 * ones)
+    torque = TorqueLimits.from_share(chain, np.zeros(6), pinocchio_arm.payload, 1e4 * ones)
+    return place, Envelope(joints, torque, Workspace(chain))
+
+
+@pytest.fixture(scope="module")
+def wiggle(pinocchio_arm, known, about):
+    """The shortest motion that shows the mass to 3 %."""
+    prospect = MassProspect(known[0], known[2], pinocchio_arm.payload)
+    return found_about(prospect, about, 0.03 * pinocchio_arm.payload.mass_kg)
+
+
+def found_about(prospect, about, wanted_kg, objection=lambda trajectory: None):
+    place, envelope = about
+    with_nothing = {"step_s": 0.01, "seed": 1, "objection": objection, "progress": lambda done, total: None}
+    return shortest_wiggle(prospect, envelope, place, wanted_kg, **with_nothing)
+
+
+def test_a_wiggle_of_some_degrees_shows_the_mass_as_well_as_promised(pinocchio_arm, known, about, wiggle):
+    assert about[1].worst(wiggle.trajectory).max() <= 0.0
+    assert wiggle.half_width_kg <= 0.03 * pinocchio_arm.payload.mass_kg
+    assert wiggle.lasts_s <= 10.0
+    run = pinocchio_arm.run(wiggle.trajectory, True, seed=3, periods=wiggle.periods + 1, with_phase=False)
+    found = identify(run, None, known[0], known[1], arm=known[2])
+    width = found.uncertainty.half_width_95[0]
+    assert 0.5 * wiggle.half_width_kg < width < 2.0 * wiggle.half_width_kg
+    assert abs(found.parameters.mass_kg - pinocchio_arm.payload.mass_kg) < 1.5 * width
+
+
+def test_more_periods_promise_more_but_never_more_than_the_calibration_knows(pinocchio_arm, known, wiggle):
+    prospect = MassProspect(known[0], known[2], pinocchio_arm.payload)
+    widths = prospect.half_widths_kg(wiggle.trajectory, np.array([1.0, 2.0, 4.0, 1e4]))
+    assert widths[0] > widths[1] > widths[2] > 1.96 * FLOOR_KG
+    assert widths[3] > 0.5 * widths[2]
+
+
+def test_a_wiggle_that_must_not_be_driven_is_none(pinocchio_arm, known, about, monkeypatch):
+    prospect = MassProspect(known[0], known[2], pinocchio_arm.payload)
+    monkeypatch.setattr("armload_identification.pipeline.wiggle.PERIODS_S", (2.0,))
+    with pytest.raises(ExcitationError, match=r"keeps all limits; touches the post\. Give another place"):
+        found_about(prospect, about, 1.0, lambda trajectory: "touches the post")
+    with pytest.raises(
+        ExcitationError, match=r"shows the mass to 0\.001 kg \(95 %\); the best one shows it to 0\.\d+ kg"
+    ):
+        found_about(prospect, about, 0.001)

@@ -1,0 +1,245 @@
+"""The shortest motion about the place where a calibrated arm stands that shows what it carries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
+from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
+from armload_controller.config.robot import Robot, shipped_robots
+from armload_controller.control_errors import ConfigurationError
+from armload_controller.motion.checked_path import CheckedPath, check_path
+from armload_controller.motion.paths import PLANNED_SPEED_M_S
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.cartesian_speed import SpeedLimit
+from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
+from armload_identification.excitation.excitation_file import write_excitation
+from armload_identification.excitation.fourier import MASS_CRITERION, Excitation, FourierTrajectory
+from armload_identification.excitation.information import condition_number
+from armload_identification.identification_errors import EstimationError, ExcitationError
+from armload_identification.pipeline.mass_prospect import MassProspect
+from armload_identification.pipeline.wiggle import Wiggle, shortest_wiggle
+
+_WITHOUT_BUS_S: Final = 0.01
+"""Time between setpoints of an arm whose file names no bus."""
+_PICTURE_DPI: Final = 150
+
+
+@dataclass(frozen=True, eq=False)
+class DesignedWiggle:
+    """A short motion that shows a mass, with what was found of it; printed, it is some lines.
+
+    Attributes:
+        arm: The arm.
+        at_rad: (n,) the place.
+        wiggle: The motion, and what it shows.
+        envelope: The limits that it was designed within.
+        path: The motion as it may be driven.
+        command: The command that makes it again, without the output.
+    """
+
+    arm: Robot
+    at_rad: FloatArray
+    wiggle: Wiggle
+    envelope: Envelope
+    path: CheckedPath
+    command: str
+
+    @property
+    def share(self) -> float:
+        """Half width of the mass' 95 % interval over the mass that is expected."""
+        return self.wiggle.half_width_kg / self.arm.payloads.expected.mass_kg
+
+    @property
+    def measured_s(self) -> float:
+        """All periods, and the ramps up and down."""
+        leg = self.path.measured.leg
+        return leg.end_s - leg.start_s
+
+    @property
+    def amplitude_rad(self) -> FloatArray:
+        """(n,) greatest distance of every joint from the place."""
+        reach = self.wiggle.trajectory.bounds()
+        return np.maximum(reach.position_max_rad - self.at_rad, self.at_rad - reach.position_min_rad)
+
+    @property
+    def speed_m_s(self) -> float:
+        """What no point of the arm exceeds."""
+        return float(self.arm.limits.points.greatest_on(self.wiggle.trajectory).max())
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the excitation file; an existing file is replaced."""
+        write_excitation(Path(path), self._excitation(Path(path).name))
+
+    def picture(self, path: str | PathLike[str]) -> None:
+        """Draw the motion and its limits on one page, .png, .svg or .pdf."""
+        # Imported here: matplotlib is slow to load.
+        from armload_identification.report.figure_file import write_figure
+        from armload_identification.report.path_figure import path_figure
+
+        page = path_figure(self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
+        write_figure(Path(path), page, _PICTURE_DPI)
+
+    def _excitation(self, output: str) -> Excitation:
+        trajectory = self.wiggle.trajectory
+        at = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, 200, endpoint=False))
+        motion = (at.position_rad, at.velocity_rad_s, at.acceleration_rad_s2)
+        design: dict[str, str | int | float] = {
+            "criterion": MASS_CRITERION,
+            "cost": self.share,
+            "condition_number": condition_number(self.arm.chain).cost(*motion, trajectory.period_s),
+            "seed": self.wiggle.seed,
+            "restarts": self.wiggle.tried,
+            "command": f"{self.command} --output {output}",
+            "armload_version": version("armload"),
+        }
+        return Excitation(trajectory, self.wiggle.periods, design, (), self.envelope.margins(trajectory))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The figures as numbers, texts, lists and dictionaries: the schema `armload/wiggle/1`."""
+        return {
+            "schema": "armload/wiggle/1",
+            "armload_version": version("armload"),
+            "robot": self.arm.name,
+            "expected_kg": float(self.arm.payloads.expected.mass_kg),
+            "half_width_95_kg": self.wiggle.half_width_kg,
+            "period_s": self.wiggle.trajectory.period_s,
+            "periods": self.wiggle.periods,
+            "measured_s": self.measured_s,
+            "slow_round_s": self.path.slow_round_s,
+            "speed_m_s": self.speed_m_s,
+            "joints": [
+                {"name": name, "at_rad": float(at), "amplitude_rad": float(size)}
+                for name, at, size in zip(self.arm.joint_names, self.at_rad, self.amplitude_rad, strict=True)
+            ],
+        }
+
+    def __str__(self) -> str:
+        """What it shows, how long it takes, and where it goes."""
+        way = ", ".join(f"{np.degrees(size):.1f}" for size in self.amplitude_rad)
+        wiggle = self.wiggle
+        return (
+            f"{wiggle.periods} period{'' if wiggle.periods == 1 else 's'} of {wiggle.trajectory.period_s:g} s, "
+            f"{self.measured_s:.1f} s with ramps, show {self.arm.payloads.expected.mass_kg:g} kg to "
+            f"{wiggle.half_width_kg:.3g} kg, {self.share:.1%} (95 %)\n"
+            f"joints move by {way} degrees about {np.round(self.at_rad, 3).tolist()} rad\n"
+            f"limits, workspace and torque are kept at any time; no point of the arm is faster than "
+            f"{self.speed_m_s:.2f} m/s; the slow round before it takes {self.path.slow_round_s:.0f} s at "
+            f"{PLANNED_SPEED_M_S:.3f} m/s at most"
+        )
+
+
+def design_wiggle(
+    robot: Robot,
+    *,
+    at_rad: Sequence[float] = (),
+    within_rad: float,
+    mass_share: float,
+    speed_m_s: float | None = None,
+    calibration: FilePath | None = None,
+    seed: int = 1,
+    progress: Callable[[int, int], None],
+) -> DesignedWiggle:
+    """Find the shortest motion about a place that shows the mass of the robot's expected payload.
+
+    Args:
+        robot: The arm.
+        at_rad: (n,) the place; if not given, the middle of its excitation.
+        within_rad: What no joint leaves the place by.
+        mass_share: Half width of the mass' 95 % interval that is wanted, over the mass.
+        speed_m_s: What no point of the arm is to exceed; if not given, what the robot's file says.
+        calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
+        seed: Same seed, same motion.
+        progress: Takes how much is done, and of how much.
+
+    Raises:
+        EstimationError: the arm is not calibrated.
+        ConfigurationError: no place is given or known, or the robot's file lacks what a design needs.
+        ExcitationError: no such motion keeps all limits, or none shows so much.
+        BlockedWay: the way from the place onto the motion is not free.
+    """
+    used = arm_in_use(robot, calibration)
+    if used.known is None:
+        raise EstimationError(
+            "what a motion will show follows from the arm's calibration: calibrate it once with `armload calibrate` "
+            "and give that file as --calibration."
+        )
+    at = _place(robot, at_rad)
+    envelope = _about(robot, at, within_rad, speed_m_s)
+    cycle_s = 1.0 / robot.bus.cycle_hz if robot.has_bus else _WITHOUT_BUS_S
+
+    def checked(trajectory: FourierTrajectory, periods: int = 1) -> CheckedPath:
+        excitation = Excitation(trajectory, periods)
+        path = check_path(excitation, robot.motion_constraints, cycle_s, file="the design", key="any-motion")
+        path.approach_from(at)
+        return path
+
+    prospect = MassProspect(used.chain, used.known, robot.payloads.expected)
+    wiggle = shortest_wiggle(
+        prospect,
+        envelope,
+        at,
+        mass_share * prospect.payload.mass_kg,
+        step_s=cycle_s,
+        seed=seed,
+        objection=robot.obstacles.objection,
+        progress=progress,
+    )
+    name = robot.file.removesuffix(".toml")
+    options = [f"--for any-motion --within-deg {np.degrees(within_rad):g} --mass-within {mass_share:g}"]
+    options += [f"--at-rad '{' '.join(f'{value:.6g}' for value in at)}'", f"--seed {seed}"]
+    options += [] if speed_m_s is None else [f"--speed-m-s {speed_m_s:g}"]
+    command = f"armload design {name if name in shipped_robots() else robot.file} {' '.join(options)}"
+    return DesignedWiggle(robot, at, wiggle, envelope, checked(wiggle.trajectory, wiggle.periods), command)
+
+
+def _place(robot: Robot, at_rad: Sequence[float]) -> FloatArray:
+    """Where the arm stands."""
+    if len(at_rad):
+        at = np.asarray(at_rad, dtype=np.float64)
+        if at.shape != (robot.n,) or not np.isfinite(at).all():
+            raise ConfigurationError(
+                "the command line", "--at-rad", list(at_rad), f"expected {robot.n} positions in rad"
+            )
+        return at
+    excitation = robot.excitations.get("identification")
+    if excitation is None:
+        raise ConfigurationError(
+            "the command line",
+            "--at-rad",
+            None,
+            f"expected {robot.n} positions in rad, as {robot.file} has no excitation",
+        )
+    return excitation.trajectory.offset_rad
+
+
+def _about(robot: Robot, at: FloatArray, within_rad: float, speed_m_s: float | None) -> Envelope:
+    """The robot's limits, and a box about the place."""
+    whole = robot.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
+    joints = whole.joints
+    low, high = joints.position_min_rad, joints.position_max_rad
+    outside = np.flatnonzero((at <= low) | (at >= high))
+    if outside.size:
+        joint = int(outside[0])
+        raise ExcitationError(
+            f"{robot.joint_names[joint]} stands at {at[joint]:.3f} rad; expected between {low[joint]:.3f} and "
+            f"{high[joint]:.3f}, {POSITION_MARGIN_RAD} rad from its limits, which motions keep"
+        )
+    about = ExcitationLimits(
+        np.maximum(low, at - within_rad),
+        np.minimum(high, at + within_rad),
+        joints.velocity_max_rad_s,
+        joints.acceleration_max_rad_s2,
+        joints.jerk_max_rad_s3,
+    )
+    speed = whole.speed
+    if speed_m_s is not None and (speed is None or speed_m_s < speed.speed_m_s):
+        speed = SpeedLimit(robot.limits.points, speed_m_s)
+    return replace(whole, joints=about, speed=speed)

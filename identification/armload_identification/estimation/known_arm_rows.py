@@ -1,0 +1,99 @@
+"""Rows of a payload and of a run's changes of friction on a calibrated arm, in units of what is known beforehand.
+
+    tau - tau_arm = (1 + mu s sgn(tau_l)) Phi theta + s dFc + dq dFv + dF0
+
+What is known beforehand, the size of a payload and the drift of friction, is the unit, so that information about the
+10 + 3 n unknowns begins as the identity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.known_arm_fit import CHANGES, moving_weights
+from armload_identification.model.body_model import smooth_sign
+from armload_identification.model.chain import Chain
+from armload_identification.model.joint_states import JointStates
+from armload_identification.model.regressor import payload_regressor
+
+_TOOL_M: Final = 0.3
+_OF_GRAVITY: Final = 9.81
+_LEVER_M: Final = 0.5
+
+
+def payload_scale(effort_nm: FloatArray) -> FloatArray:
+    """(10,) size of a payload that an arm may carry: its strongest joint's torque half a metre out, in a tool of 0.3 m.
+
+    Args:
+        effort_nm: (n,) RMS torque of the joints.
+    """
+    mass = float(effort_nm.max()) / (_OF_GRAVITY * _LEVER_M)
+    return mass * np.array([1.0] + [_TOOL_M] * 3 + [_TOOL_M**2] * 6)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownArmRows:
+    """K rows of n joints, weighted.
+
+    Attributes:
+        tall: (K n, 10 + 3 n) columns of payload and changes of friction over the row's noise.
+        weight: (K, n) one over a row's noise.
+        scale: (10,) unit of the payload's parameters.
+    """
+
+    tall: FloatArray
+    weight: FloatArray
+    scale: FloatArray
+
+    @classmethod
+    def of(
+        cls, chain: Chain, arm: KnownArm, states: JointStates, theta: FloatArray, noise_nm: FloatArray
+    ) -> KnownArmRows:
+        """The rows of a motion.
+
+        Args:
+            chain: The arm, as level as its calibration says.
+            arm: What is known of it.
+            states: (K, n) each.
+            theta: (10,) the payload, about which friction under load is linear.
+            noise_nm: (n,) or (K, n) of a row far from reversals, as if rows were independent.
+        """
+        body, dq = arm.fit.model, states.velocity_rad_s
+        scale = payload_scale(arm.fit.torque_rms_nm)
+        direction = smooth_sign(dq, body.reversal_speed_rad_s)
+        regressor = payload_regressor(chain, *states)
+        carried = body.link_torque(chain, *states) + regressor @ theta
+        through = 1.0 + body.load_friction * direction * np.sign(carried)
+        own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * arm.drift.ravel()
+        changes = own[:, None, :] * np.tile(np.eye(chain.n), CHANGES)
+        columns = np.concatenate([through[:, :, None] * regressor * scale, changes], axis=2)
+        weight = moving_weights(dq, body) / noise_nm
+        return cls((columns * weight[:, :, None]).reshape(-1, columns.shape[2]), weight, scale)
+
+    def covariance(self, repeats: float = 1.0) -> FloatArray:
+        """(10, 10) of the payload, where the rows' noise is all that errs.
+
+        Args:
+            repeats: How many times the rows are seen.
+        """
+        unit = np.linalg.inv(self._information(repeats))[:10, :10]
+        return np.asarray(unit * self.scale[:, None] * self.scale)
+
+    def shifts(self, doubts_nm: FloatArray, repeats: float = 1.0) -> FloatArray:
+        """(k, 10) by how much the payload moves with torques that are left of the arm.
+
+        Args:
+            doubts_nm: (k, K, n).
+            repeats: How many times the rows are seen.
+        """
+        pull = repeats * self.tall.T @ (doubts_nm * self.weight).reshape(len(doubts_nm), -1).T
+        moved = np.linalg.solve(self._information(repeats), pull)
+        return np.asarray(moved[:10].T * self.scale)
+
+    def _information(self, repeats: float) -> FloatArray:
+        return np.asarray(np.eye(self.tall.shape[1]) + repeats * self.tall.T @ self.tall)

@@ -1,0 +1,70 @@
+"""How well a motion will show what a payload weighs, before it is driven: what the calibrated arm promises.
+
+    P = 2 C + S C_arm S^T + (10 g)^2 + (0.1 %)^2
+
+with C of the calibration's noise, of which rows within its correlation time count as one, S the sensitivity of the
+payload to gains and body: what `any_motion` finds from a recording, where the residual is the calibration's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from armload_core.arrays import FloatArray
+from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.known_arm_rows import KnownArmRows
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.model.chain import Chain
+from armload_identification.model.joint_states import JointStates
+from armload_identification.model.payload import InertialParameters
+from armload_identification.model.regressor import payload_regressor
+from armload_identification.pipeline.any_motion import FLOOR_KG, FLOOR_SHARE
+from armload_identification.pipeline.payload_estimator import COLOUR
+
+_ROW_S: Final = 0.05
+"""Time between the samples of a motion that are looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class MassProspect:
+    """What a calibrated arm promises.
+
+    Attributes:
+        chain: The arm, as level as its calibration says.
+        arm: What is known of it.
+        payload: The payload that is expected.
+    """
+
+    chain: Chain
+    arm: KnownArm
+    payload: InertialParameters
+
+    def half_widths_kg(self, path: FourierTrajectory, periods: FloatArray) -> FloatArray:
+        """Half widths of the 95 % interval of the mass.
+
+        Args:
+            path: One period.
+            periods: (p,) how many of them are driven.
+
+        Returns:
+            (p,).
+        """
+        count = max(int(path.period_s / _ROW_S), 1)
+        interval_s = path.period_s / count
+        at = path.evaluate(np.arange(count) * interval_s)
+        states = JointStates(at.position_rad, at.velocity_rad_s, at.acceleration_rad_s2)
+        independent = np.minimum(interval_s / self.arm.correlation_s, 1.0)
+        theta = self.payload.theta
+        rows = KnownArmRows.of(self.chain, self.arm, states, theta, self.arm.noise_nm / np.sqrt(independent))
+        torque = self.arm.fit.model.torque(self.chain, *states) + payload_regressor(self.chain, *states) @ theta
+        doubts = self.arm.doubts(states, interval_s, torque)
+        floor = FLOOR_KG**2 + (FLOOR_SHARE * self.payload.mass_kg) ** 2
+        variance = [
+            COLOUR * rows.covariance(number)[0, 0] + float(np.sum(rows.shifts(doubts, number)[:, 0] ** 2)) + floor
+            for number in periods
+        ]
+        return np.asarray(NORMAL_HALF_WIDTH * np.sqrt(variance))

@@ -1,0 +1,201 @@
+"""The shortest motion about a place that shows what a payload weighs: a wiggle of a few degrees, in every joint.
+
+A joint's motion is a Fourier series whose amplitude reaches the nearest of its limits, so that what is looked for is
+its shape: many are drawn for each period, and the best is varied. The number of periods is the least that suffices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from armload_core.arrays import FloatArray
+from armload_identification.excitation.design_envelope import Envelope
+from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.identification_errors import ExcitationError
+from armload_identification.pipeline.mass_prospect import MassProspect
+
+PERIODS_S: Final = (2.0, 3.0, 4.0, 6.0, 8.0)
+LONGEST_S: Final = 60.0
+_FASTEST_HZ: Final = 1.2
+"""Of the highest harmonic; what is faster is smoothed away with the noise."""
+_MOST_HARMONICS: Final = 6
+_JUDGED_S: Final = 10.0
+"""Shapes of one period are compared by what so long a motion shows."""
+_DRAWS: Final = 60
+_VARIATIONS: Final = 120
+_VARIED: Final = 0.4
+_ORDERS: Final = 4
+_INSIDE: Final = 0.98
+_SAMPLES: Final = 48
+"""Per harmonic."""
+_SMALLER: Final = 0.9
+_MOST_SHRINKING: Final = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Wiggle:
+    """A motion that shows a mass.
+
+    Attributes:
+        trajectory: One period.
+        periods: How many.
+        half_width_kg: What the mass will be known to.
+        tried: Motions of this period that were looked at.
+        seed: What they were drawn from.
+    """
+
+    trajectory: FourierTrajectory
+    periods: int
+    half_width_kg: float
+    tried: int
+    seed: int
+
+    @property
+    def lasts_s(self) -> float:
+        """All periods, without ramps."""
+        return self.periods * self.trajectory.period_s
+
+
+def shortest_wiggle(
+    prospect: MassProspect,
+    envelope: Envelope,
+    at_rad: FloatArray,
+    wanted_kg: float,
+    *,
+    step_s: float,
+    seed: int,
+    objection: Callable[[FourierTrajectory], str | None],
+    progress: Callable[[int, int], None],
+) -> Wiggle:
+    """Find the shortest motion about a place.
+
+    Args:
+        prospect: What motions show.
+        envelope: All limits; the ranges of the joints are those about the place.
+        at_rad: (n,) the place.
+        wanted_kg: Half width of the 95 % interval that the mass is to have.
+        step_s: A period is a multiple of it.
+        seed: Same seed, same motion.
+        objection: Says why a motion within the limits must not be driven all the same.
+        progress: Takes how many periods were looked at, and of how many.
+
+    Raises:
+        ExcitationError: no motion within the limits, or none of at most a minute that shows so much.
+    """
+    found: list[Wiggle] = []
+    best_kg, refused = np.inf, ""
+    with threadpool_limits(1):
+        for done, about_s in enumerate(PERIODS_S, 1):
+            progress(done, len(PERIODS_S))
+            period_s = max(round(about_s / step_s), 1) * step_s
+            if found and period_s >= min(one.lasts_s for one in found):
+                continue
+            shape = _Shapes(prospect, envelope, at_rad, period_s, np.random.default_rng([seed, done]))
+            trajectory = shape.best()
+            said = None if trajectory is None else objection(trajectory)
+            refused = refused or said or ""
+            if trajectory is not None and said is None:
+                counts = np.arange(1, int(LONGEST_S / period_s) + 1)
+                widths = prospect.half_widths_kg(trajectory, counts.astype(float))
+                best_kg = min(best_kg, float(widths[-1]))
+                enough = np.flatnonzero(widths <= wanted_kg)
+                if enough.size:
+                    found.append(
+                        Wiggle(trajectory, int(counts[enough[0]]), float(widths[enough[0]]), shape.tried, seed)
+                    )
+    if found:
+        return min(found, key=lambda one: one.lasts_s)
+    if not np.isfinite(best_kg):
+        why = f"; {refused}" if refused else ""
+        raise ExcitationError(
+            f"no motion about this place keeps all limits{why}. Give another place or a smaller amplitude"
+        )
+    raise ExcitationError(
+        f"no motion of {LONGEST_S:g} s within these limits shows the mass to {wanted_kg:.3g} kg (95 %); the best one "
+        f"shows it to {best_kg:.3g} kg. Allow a greater amplitude or more speed, ask for less, or calibrate the arm "
+        "with more runs"
+    )
+
+
+class _Shapes:
+    """Motions of one period about a place."""
+
+    def __init__(
+        self,
+        prospect: MassProspect,
+        envelope: Envelope,
+        at_rad: FloatArray,
+        period_s: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._prospect, self._envelope, self._at, self._rng = prospect, envelope, at_rad, rng
+        self._period_s = period_s
+        self._harmonics = int(np.clip(round(_FASTEST_HZ * period_s), 1, _MOST_HARMONICS))
+        self._times_s = np.arange(_SAMPLES * self._harmonics) * (period_s / (_SAMPLES * self._harmonics))
+        joints = envelope.joints
+        self._room = np.stack(
+            [
+                np.minimum(joints.position_max_rad - at_rad, at_rad - joints.position_min_rad),
+                joints.velocity_max_rad_s,
+                joints.acceleration_max_rad_s2,
+                joints.jerk_max_rad_s3,
+            ]
+        )
+        self._judged = np.array([max(round(_JUDGED_S / period_s), 1)], dtype=np.float64)
+        self.tried = 0
+
+    def best(self) -> FourierTrajectory | None:
+        """The best shape found; None where none keeps all limits."""
+        size = (self._at.size, 2 * self._harmonics)
+        best, chosen, least = None, None, np.inf
+        for number in range(_DRAWS + _VARIATIONS):
+            drawn = self._rng.normal(size=size)
+            if number >= _DRAWS:
+                if chosen is None:
+                    return None
+                drawn = chosen + _VARIED * drawn
+            drawn = drawn / np.sqrt(np.mean(drawn**2, axis=1, keepdims=True))
+            trajectory = self._inside(drawn)
+            if trajectory is None:
+                continue
+            self.tried += 1
+            width = float(self._prospect.half_widths_kg(trajectory, self._judged)[0])
+            if width < least:
+                best, chosen, least = trajectory, drawn, width
+        return best if best is None or self._envelope.worst(best).max() <= 0.0 else self._shrunk(best)
+
+    def _inside(self, drawn: FloatArray) -> FourierTrajectory | None:
+        """A shape as large as its limits allow."""
+        one = self._trajectory(drawn)
+        at = one.evaluate(self._times_s)
+        states = np.stack([at.position_rad - self._at, at.velocity_rad_s, at.acceleration_rad_s2, at.jerk_rad_s3])
+        reach = np.abs(states).max(axis=1) / self._room
+        size = (_INSIDE / reach.max(axis=0))[:, None]
+        for _ in range(_ORDERS):
+            trajectory = self._trajectory(size * drawn)
+            at = trajectory.evaluate(self._times_s)
+            whole = np.stack([at.position_rad, at.velocity_rad_s, at.acceleration_rad_s2, at.jerk_rad_s3])
+            if self._envelope.excess(whole).max() <= 0.0:
+                return trajectory
+            size = size * _SMALLER
+        return None
+
+    def _shrunk(self, trajectory: FourierTrajectory) -> FourierTrajectory | None:
+        """The motion made smaller until every limit is kept between the samples too."""
+        smaller = trajectory
+        for _ in range(_MOST_SHRINKING):
+            smaller = FourierTrajectory(
+                smaller.base_frequency_hz, smaller.offset_rad, _INSIDE * smaller.sin_rad, _INSIDE * smaller.cos_rad
+            )
+            if self._envelope.worst(smaller).max() <= 0.0:
+                return smaller
+        return None
+
+    def _trajectory(self, coefficients: FloatArray) -> FourierTrajectory:
+        sine, cosine = np.split(coefficients, 2, axis=1)
+        return FourierTrajectory(1.0 / self._period_s, self._at, sine, cosine)
