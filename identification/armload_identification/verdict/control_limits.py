@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, t
+from scipy.special import chdtri, stdtrit
 
 from armload_core.arrays import FloatArray
 
@@ -30,7 +30,7 @@ _EXPECTED_RUNS: Final = 5.0
 """The expected spread counts as much as so many differences of runs."""
 _OF_DIFFERENCES: Final = 2.0 / 3.0
 """Degrees of freedom of a mean square successive difference, per run."""
-_HALF: Final = float(chi2.ppf(0.5, 1))
+_HALF: Final = float(chdtri(1.0, 0.5))
 _CLIPPED: Final = 9.0
 """A squared difference counts for at most so many times what the median one says: it may be a change."""
 _LEAST_LEVEL: Final = 2
@@ -99,7 +99,7 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
     # A change of level and a run that is off by itself, upwards or downwards, at every run of every chart.
     tests = 4.0 * charts * max(shown.size, 1)
     freedom = _EXPECTED_RUNS + _OF_DIFFERENCES * max(shown.size - 1, 0)
-    bound = float(t.isf(FALSE_ALARM / tests, freedom))
+    bound = -float(stdtrit(freedom, FALSE_ALARM / tests))
     alone = _alone(v, deviation, bound)
     kept: NDArray[np.intp] = np.flatnonzero(~alone)
     level, changes = np.full(shown.size, np.nan), []
