@@ -26,6 +26,7 @@ from html import escape
 from itertools import count
 from xml.etree import ElementTree
 
+from armload_controller.export.body_parameters import PARAMETERS, TRANSITION_S, body_values
 from armload_controller.export.c99 import export_c
 from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.compiled_library import compiled_library
@@ -44,15 +45,6 @@ UNITS = {
     "kg.m2": {"kg": 1, "m": 2},
 }
 """Exponents of the base units."""
-PARAMETERS = (
-    ("mass", "kg", "mass"),
-    *((f"com_{axis}", "m", f"centre of mass, {axis} in the flange frame") for axis in "xyz"),
-    *((f"i{axis}{axis}", "kg.m2", f"moment of inertia about {axis} through the centre of mass") for axis in "xyz"),
-    *((f"i{a}{b}", "kg.m2", f"-int {a} {b} dm about the centre of mass") for a, b in ("xy", "xz", "yz")),
-)
-"""Name, unit and meaning of the payload's parameters."""
-TRANSITION_S = 0.5
-"""Start value: the time that a change of the payload takes."""
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 """Date of every file inside: the same payload gives the same bytes."""
 
@@ -93,7 +85,7 @@ def fmu_texts(subject: ExportSubject) -> dict[str, str]:
     """
     name = _name(subject)
     code = {file: text for file, text in export_c(subject).items() if file in {f"{name}.c", f"{name}.h"}}
-    body = _body(subject)
+    body = body_values(subject)
     token = hashlib.sha256("".join((*code.values(), *map(exact, body))).encode()).hexdigest()
     about = comment([provenance(subject), "FMI 3.0 co-simulation; see modelDescription.xml."], " *")
     wrapper = filled(
@@ -119,14 +111,6 @@ def fmu_texts(subject: ExportSubject) -> dict[str, str]:
 def _name(subject: ExportSubject) -> str:
     """The model's name and identifier."""
     return f"armload_{subject.identifier}"
-
-
-def _body(subject: ExportSubject) -> tuple[float, ...]:
-    """Mass, centre of mass and inertia about it, as the parameters have them."""
-    body = subject.payload.model
-    i = body.inertia_about_com
-    elements = (i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
-    return tuple(float(value) for value in (body.mass_kg, *body.center_of_mass_m, *elements))
 
 
 def _model_description(subject: ExportSubject, token: str, body: tuple[float, ...]) -> str:

@@ -16,6 +16,7 @@ class ExportFormat(StrEnum):
 
     C = "c"
     FMU = "fmu"
+    HAL = "hal"
     URDF = "urdf"
     ROS2 = "ros2"
     KUKA = "kuka"
@@ -31,6 +32,7 @@ Exporter = Callable[["ExportSubject"], Mapping[str, str | bytes]]
 _HOMES: Final = {
     ExportFormat.C: ("c99", "export_c"),
     ExportFormat.FMU: ("fmu", "export_fmu"),
+    ExportFormat.HAL: ("hal", "export_hal"),
     ExportFormat.URDF: ("urdf", "export_urdf"),
     ExportFormat.ROS2: ("ros2", "export_ros2"),
     ExportFormat.KUKA: ("kuka", "export_kuka"),

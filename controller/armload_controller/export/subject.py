@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 
+import numpy as np
+
 from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ExportError
 from armload_controller.cycle.torque_gate import FULL_SWING_S
@@ -33,6 +35,8 @@ class ExportSubject:
         payload_file: The file it was read from, as messages name it; the exported texts have its name without folders.
         payload_sha256: Hash of that file.
         armload_version: Version of the program.
+        permille_per_nm: (n, n) torque offset (60B2) of each axis, in per mille of its drive's rated torque, for torques
+            of the joints; None where the robot's file does not say what 60B2 means.
         calibration: The arm's gains, links and friction; None where it is not calibrated.
         estimator: What the recursive estimator needs of a calibrated arm; None where it is not calibrated.
         calibration_sha256: Hash of the calibration file by its name.
@@ -51,6 +55,7 @@ class ExportSubject:
     payload_file: str
     payload_sha256: str
     armload_version: str
+    permille_per_nm: FloatArray | None = None
     calibration: ArmCalibration | None = None
     estimator: EstimatorConstants | None = None
     calibration_sha256: Mapping[str, str] = field(default_factory=dict)
@@ -92,6 +97,7 @@ class ExportSubject:
             payload_file=payload_file,
             payload_sha256=payload_sha256,
             armload_version=version("armload"),
+            permille_per_nm=_permille_per_nm(robot),
             calibration=calibration,
             estimator=constants,
             calibration_sha256=calibration_sha256 or {},
@@ -112,3 +118,15 @@ class ExportSubject:
         """The robot's name as an identifier of C, RAPID and file systems: lower case, digits, underscores."""
         name = re.sub(r"[^0-9a-z]+", "_", self.robot.lower()).strip("_")
         return name if name[:1].isalpha() else f"robot_{name}".rstrip("_")
+
+
+def _permille_per_nm(robot: Robot) -> FloatArray | None:
+    """What 60B2 of the axes is for torques of the joints; None where no rated torque is stated."""
+    if not robot.has_bus:
+        return None
+    rated_nm = [drive.rated_torque_nm for drive in robot.drives.settings.drives]
+    stated_nm = [value for value in rated_nm if value is not None]
+    if len(stated_nm) < len(rated_nm):
+        return None
+    permille: FloatArray = robot.drives.coupling.T * (1e3 / np.array(stated_nm))[:, None]
+    return permille

@@ -20,6 +20,7 @@ from armload_identification.model.payload import PayloadResult, Provenance
 
 ROOT = Path(__file__).resolve().parents[3]
 README, GUIDE, HELP = ROOT / "README.md", ROOT / "controller" / "GUIDE.md", ROOT / "controller" / "HELP.md"
+ROOMS = ROOT / "controller" / "README.md"
 MOST_WORDS = 700
 MOST_PICTURE_BYTES = 100_000
 
@@ -83,7 +84,7 @@ def anchors(page):
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", [README, GUIDE, HELP], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [README, GUIDE, HELP, ROOMS], ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)]+)\)", page.read_text("utf-8")):
         name, _, anchor = target.partition("#")

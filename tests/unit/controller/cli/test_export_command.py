@@ -45,7 +45,7 @@ def test_every_format_writes_files_and_says_so(export, tmp_path, monkeypatch, ex
     result = export("--format", export_format, "--output", folder)
     assert result.exit_code == 0, result.output
     written = sorted(folder.iterdir())
-    assert len(written) == {"c": 4, "ros2": 2}.get(export_format, 1)
+    assert len(written) == {"c": 4, "hal": 2, "ros2": 2}.get(export_format, 1)
     assert sorted(result.output.splitlines()) == [f"written: {path}" for path in written]
     again = export("--format", export_format, "--output", folder)
     assert sorted(again.output.splitlines()) == [f"unchanged: {path}" for path in written]

@@ -19,7 +19,8 @@ from fmpy.model_description import read_build_description, read_model_descriptio
 from fmpy.validation import validate_fmu
 
 from armload_controller.control_errors import ExportError
-from armload_controller.export.fmu import PARAMETERS, export_fmu, fmu_texts
+from armload_controller.export.body_parameters import PARAMETERS
+from armload_controller.export.fmu import export_fmu, fmu_texts
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters

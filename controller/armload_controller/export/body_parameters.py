@@ -1,0 +1,26 @@
+"""The payload as the parameters of a component: what a person sets, where C takes ten numbers about the origin.
+
+The C function `theta_of` (`c_code/theta_of.c.in`) makes those ten from these, in this order.
+"""
+
+from __future__ import annotations
+
+from armload_controller.export.subject import ExportSubject
+
+PARAMETERS = (
+    ("mass", "kg", "mass"),
+    *((f"com_{axis}", "m", f"centre of mass, {axis} in the flange frame") for axis in "xyz"),
+    *((f"i{axis}{axis}", "kg.m2", f"moment of inertia about {axis} through the centre of mass") for axis in "xyz"),
+    *((f"i{a}{b}", "kg.m2", f"-int {a} {b} dm about the centre of mass") for a, b in ("xy", "xz", "yz")),
+)
+"""Name, unit and meaning of the payload's parameters."""
+TRANSITION_S = 0.5
+"""Start value: the time that a change of the payload takes."""
+
+
+def body_values(subject: ExportSubject) -> tuple[float, ...]:
+    """(10,) values of the parameters, from the model's complete set."""
+    body = subject.payload.model
+    i = body.inertia_about_com
+    elements = (i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
+    return tuple(float(value) for value in (body.mass_kg, *body.center_of_mass_m, *elements))

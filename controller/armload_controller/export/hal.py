@@ -1,0 +1,147 @@
+"""LinuxCNC: the payload's torque as a realtime component of HAL, and a file that wires it to CiA 402 drives.
+
+    halcompile --install armload_<robot>.comp;  loadrt armload_<robot>;  addf armload-<robot>.0.compute servo-thread -2
+
+- q-N, dq-N, ddq-N in rad, rad/s, rad/s2, tau-N in N m, at the joints, N from 0 at the base.
+- mass in kg, com-x .. com-z in m in the flange frame, ixx .. iyz in kg m2 about the centre of mass as tensor elements
+  (ixy = -int xy dm): the payload of the file when loaded, taken over when set-payload is set, without a step.
+- enable ramps the torque in and out; each joint's torque is limited to its parameter limit-N.
+
+The component holds the exported C, so it is one file that halcompile takes as it is. The HAL file takes LinuxCNC's
+commanded motion, whose angular joints are in degrees, and gives per mille of rated torque (60B2) to pins of lcec, the
+EtherCAT component; it is written where the robot's file states what 60B2 means, which needs its drives' rated torques.
+
+What is not determined: as in `c99`.
+
+References:
+    LinuxCNC 2.9, halcompile(1), "HAL Component Generator"; motion(9) for joint.N.pos-cmd, vel-cmd, acc-cmd.
+    linuxcnc-ethercat, configuration reference: `<pdoEntry>` of the generic driver, names of its pins.
+    CiA 402-2: 60B2, torque offset, in per mille of rated torque (6076).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+from armload_controller.cycle.torque_gate import OPENING_S, TORQUE_SHARE
+from armload_controller.export.body_parameters import PARAMETERS, TRANSITION_S, body_values
+from armload_controller.export.c99 import export_c
+from armload_controller.export.c_code.c_template import filled
+from armload_controller.export.inertia import TENSOR, complete_inertia
+from armload_controller.export.subject import ExportSubject
+from armload_controller.export.wording import comment, exact, printable, provenance
+
+LONGEST_NAME = 22
+"""Characters of a component's name, so that its longest parameter, .0.compute.tmax-increased, has no more than 47."""
+
+
+def export_hal(subject: ExportSubject) -> dict[str, str]:
+    """The component, and where 60B2 is known the HAL file.
+
+    Args:
+        subject: The payload and the arm.
+
+    Returns:
+        Texts by file name.
+    """
+    component = f"armload_{subject.identifier}"[:LONGEST_NAME].rstrip("_")
+    texts = {f"{component}.comp": _component(subject, component)}
+    if subject.permille_per_nm is not None:
+        texts[f"{component}.hal"] = _wiring(subject, component.replace("_", "-"), component)
+    return texts
+
+
+def _component(subject: ExportSubject, component: str) -> str:
+    """What halcompile takes."""
+    name, n = f"armload_{subject.identifier}", subject.chain.n
+    code = export_c(subject)
+    header, source = code[f"{name}.h"], code[f"{name}.c"].replace(f'#include "{name}.h"\n', "")
+    limits_nm = TORQUE_SHARE * subject.torque_max_nm
+    limits = (
+        f'param rw float limit-{i} = {exact(limit)} "greatest torque of joint {i}, either direction, in N m";'
+        for i, limit in enumerate(limits_nm)
+    )
+    payload = (
+        f'pin in float {parameter.replace("_", "-")} = {exact(value)} "payload: {meaning}, in {unit}";'
+        for (parameter, unit, meaning), value in zip(PARAMETERS, body_values(subject), strict=True)
+    )
+    return filled(
+        "hal_component.comp",
+        {
+            "component": component,
+            "robot": _quotable(subject.robot),
+            "name": name,
+            "GUARD": name.upper(),
+            "n": str(n),
+            "description": "\n\n".join(_quotable(paragraph) for paragraph in _description(subject)),
+            "payload_pins": "\n".join(payload),
+            "limits": "\n".join(limits),
+            "limit_list": ",\n".join(f"        __comp_inst->limit_{i}" for i in range(n)),
+            "transition": exact(TRANSITION_S),
+            "ramp": exact(OPENING_S),
+            "header": header,
+            "source": source,
+            "theta_of": filled("theta_of.c", {}),
+            **_offsets(subject),
+        },
+    )
+
+
+def _description(subject: ExportSubject) -> tuple[str, ...]:
+    """What stands in the manual page."""
+    joints = ", ".join(f"{i} {joint}" for i, joint in enumerate(subject.joint_names))
+    return (
+        provenance(subject),
+        f"The robot's file: sha256 {subject.robot_sha256}.",
+        f"Joints, from the base to the flange: {joints}; with the zeros and directions of the robot's file.",
+        "Torque that the payload requires of the joints, gravity included: what the joints must give for it on top of "
+        "what the empty arm needs. Centre of mass in the flange frame, inertia about the centre of mass.",
+        complete_inertia(subject.payload, TENSOR).statement,
+    )
+
+
+def _offsets(subject: ExportSubject) -> dict[str, str]:
+    """Pins for the drives, and what is written to them; nothing where 60B2 is not known."""
+    if subject.permille_per_nm is None:
+        return {"offset_pin": "", "offsets": ""}
+    text = "torque offset (60B2) of the drive of axis #, in whole per mille of its rated torque"
+    lines = []
+    for axis, row in enumerate(subject.permille_per_nm):
+        terms = (f"{exact(value)} * *__comp_inst->tau[{joint}]" for joint, value in enumerate(row) if value != 0.0)
+        lines.append(f"    *__comp_inst->offset[{axis}] = rint({' + '.join(terms)});\n")
+    return {"offset_pin": f'pin out float offset-#[{subject.chain.n}] "{text}";', "offsets": "".join(lines)}
+
+
+def _wiring(subject: ExportSubject, prefix: str, component: str) -> str:
+    """The HAL file, to be named in the machine's INI file after the one that adds lcec."""
+    unit = prefix + ".0"
+    slaves = [re.sub(r"[^0-9A-Za-z_-]", "-", joint) for joint in subject.joint_names]
+    entry = '<pdoEntry idx="60B2" subIdx="00" bitLen="16" halPin="torque-offset" halType="float"/>'
+    paragraphs = (
+        provenance(subject),
+        f"The payload's torque from LinuxCNC's commanded motion to the torque offset (60B2) of {subject.robot}'s "
+        "drives, CiA 402 over EtherCAT (lcec). HALFILE in the machine's INI file, after the file that adds "
+        "lcec.write-all as the last function of servo-thread.",
+        f"In ethercat-conf.xml each drive is a slave named as its joint ({', '.join(slaves)}) on master 0, and one of "
+        f"the PDOs that it receives has {entry}",
+        "LinuxCNC's joints 0, 1, ... must be those of the robot's file, with its zeros and directions, in degrees. The "
+        "per mille are those of the rated torques and the coupling in the robot's file.",
+        f"Before motion, standing: setp {unit}.gain 0.1, enable, and look whether the drives' actual torque changes by "
+        "what is added, in sign and size. The torque belongs to the commanded motion, which a servo follows later by "
+        "its lag: delay the inputs by it where that is long.",
+    )
+    lines = comment(paragraphs, "#")
+    lines += ["", f"loadrt {component}", f"setp {unit}.position-unit {exact(math.radians(1.0))}", ""]
+    for i, slave in enumerate(slaves):
+        for pin, source in (("q", "pos-cmd"), ("dq", "vel-cmd"), ("ddq", "acc-cmd")):
+            lines.append(f"net {prefix}-{pin}-{i} joint.{i}.{source} => {unit}.{pin}-{i}")
+        lines.append(f"net {prefix}-offset-{i} {unit}.offset-{i} => lcec.0.{slave}.torque-offset")
+    lines += [f"net {prefix}-enable motion.motion-enabled => {unit}.enable", ""]
+    lines.append(f"addf {unit}.compute servo-thread -2")
+    return "\n".join(lines) + "\n"
+
+
+def _quotable(text: str) -> str:
+    """A text inside the quotes of a component's declarations."""
+    return printable(text).replace("\\", "/").replace('"', "'")
