@@ -143,6 +143,9 @@ class _System:
         self._inertias = _inertia_columns(chain, q[thin])[:, :, self._base]
         self._turn_over = reversal_speed(dq)
         self._direction = smooth_sign(dq, self._turn_over)
+        # Orthonormal columns of the friction that does not depend on the load.
+        own = np.stack([self._direction, dq, np.ones_like(dq)], axis=2) * self._weight[:, :, None]
+        self._own = [np.linalg.qr(own[:, joint])[0] for joint in range(n)]
         self._moving = np.abs(dq).max(axis=0) > self._turn_over
         self._level = np.sqrt(np.mean(self._torque[valid] ** 2, axis=0))
         greatest = float(np.abs(self._torque[valid]).max())
@@ -260,9 +263,7 @@ class _System:
         self, joint: int, total: FloatArray, rotor: FloatArray, greatest: float, left: FloatArray
     ) -> tuple[float, float]:
         """Rotor and load-dependent friction of a joint, by what its torque leaves without the latter."""
-        weight, direction = self._weight[:, joint], self._direction[:, joint]
-        own = np.column_stack([direction, self._dq[:, joint], np.ones_like(left)]) * weight[:, None]
-        basis, _ = np.linalg.qr(own)
+        weight, direction, basis = self._weight[:, joint], self._direction[:, joint], self._own[joint]
         inertia = np.linspace(0.0, greatest, _GRID)
         columns = (direction * weight)[:, None] * np.abs(total[:, None] - rotor[:, None] * inertia)
         columns -= basis @ (basis.T @ columns)

@@ -1,8 +1,8 @@
 """The filters that take noise out of a measured signal, and the noise that it has.
 
 Averages of whole periods go through the five-point cubic smoothing of Chen 2016; what has no period goes through a
-zero-phase low-pass chosen by the motion's own band. scipy.signal is loaded by the first filter: what only moves an arm
-starts in half the time.
+zero-phase low-pass chosen by the motion's own band. scipy.signal is loaded by the low-pass only: it loads much of
+scipy, and neither moving an arm nor averaging periods requires it.
 """
 
 from __future__ import annotations
@@ -17,6 +17,10 @@ from armload_identification.signals.robust_scale import deviation_by_median
 SMOOTHING_PASSES: Final = 5
 SMOOTHING_LOSS_LIMIT: Final = 0.10
 """Chen 2016: at most this share of a signal's RMS may be lost by smoothing."""
+_WINDOW: Final = 5
+_POWERS: Final = np.vander(np.arange(_WINDOW) - 2.0, 4)
+_CUBIC: Final = _POWERS @ np.linalg.pinv(_POWERS)
+"""From five values to those of the cubic that fits them best."""
 _LOW_PASS_ORDER: Final = 4
 _LOW_PASS_BANDS: Final = 8.0
 _BAND_POWER: Final = 0.999
@@ -37,11 +41,10 @@ def smooth(values: FloatArray) -> FloatArray:
         Chen 2016, eq. (8): with its four rows for the ends, a Savitzky-Golay filter of window 5 and order 3
         with interpolated ends.
     """
-    from scipy.signal import savgol_filter
-
     for _ in range(SMOOTHING_PASSES):
-        values = savgol_filter(values, 5, 3, axis=0, mode="interp")
-    return np.asarray(values)
+        inner = np.lib.stride_tricks.sliding_window_view(values, _WINDOW, axis=0) @ _CUBIC[2]
+        values = np.concatenate([_CUBIC[:2] @ values[:_WINDOW], inner, _CUBIC[3:] @ values[-_WINDOW:]])
+    return values
 
 
 def smoothing_loss(raw: FloatArray, smoothed: FloatArray) -> FloatArray:
