@@ -6,7 +6,8 @@ import subprocess
 import pytest
 
 GCC = shutil.which("gcc")
-FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-pedantic"]
+WARNINGS = "all extra conversion double-promotion shadow cast-qual strict-prototypes missing-prototypes undef error"
+FLAGS = ["-std=c99", "-pedantic", *(f"-W{name}" for name in WARNINGS.split())]
 
 needs_gcc = pytest.mark.skipif(GCC is None, reason="no gcc on this machine")
 

@@ -1,6 +1,7 @@
 """An export as a library, and an arm that is calibrated without a calibration."""
 
 import ctypes
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from armload_controller.export.straight_line.precision import Precision
 from armload_identification.calibration.arm_calibration import ArmCalibration, kinematics_sha256
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.payload import Provenance
+from armload_identification.pipeline.estimator_constants import estimator_constants
 from armload_identification.recording.reading_options import Effort
+from armload_identification.signals.joint_torque import Transmission
 from tests.unit.controller.export.compiled_c import FLAGS, GCC, run
 
 
@@ -81,3 +84,18 @@ def any_calibration():
         )
 
     return any_calibration
+
+
+@pytest.fixture
+def calibrated(make_subject, any_calibration):
+    """The er50, calibrated and not level."""
+    subject = make_subject("er50")
+    calibration = any_calibration(subject.chain)
+    transmission = Transmission(np.full(6, 10.0), calibration.body.coupling)
+    return replace(
+        subject,
+        chain=calibration.level(subject.chain),
+        calibration=calibration,
+        estimator=estimator_constants(calibration, subject.chain, transmission),
+        calibration_sha256={"arm.calibration.toml": "77ab"},
+    )

@@ -27,6 +27,7 @@ target_link_libraries(my_controller PRIVATE armload_er50::armload_er50)
 """
 MAIN = """\
 #include <armload_er50.hpp>
+#include <armload_er50_estimator.h>
 
 #include <cstdio>
 
@@ -51,6 +52,9 @@ int main()
         (void)payload.gravity(q);
     }
     print(payload.compute(q, dq, ddq));
+    armload_er50_estimator estimator;
+    armload_er50_estimator_init(&estimator);
+    armload_er50_estimator_update(&estimator, 0.0, q.data(), dq.data());
     return refused && taken ? 0 : 1;
 }
 """
@@ -62,14 +66,14 @@ def run(*command, cwd):
     return done.stdout
 
 
-def test_find_package_and_a_class_give_pythons_torque(make_subject, tmp_path):
-    subject = make_subject("er50")
+def test_find_package_and_a_class_give_pythons_torque(calibrated, tmp_path):
+    subject = calibrated
     package, user = tmp_path / "package", tmp_path / "user"
     package.mkdir()
     user.mkdir()
     for name, text in export_c(subject).items():
         (package / name).write_text(text)
-    run(CMAKE, "-S", ".", "-B", "build", cwd=package)
+    run(CMAKE, "-S", ".", "-B", "build", "-DCMAKE_BUILD_TYPE=Debug", cwd=package)
     run(CMAKE, "--build", "build", cwd=package)
     tested = run(CMAKE.with_name("ctest"), "--test-dir", "build", cwd=package)
     assert "100% tests passed" in tested

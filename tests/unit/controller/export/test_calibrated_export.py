@@ -2,7 +2,6 @@
 
 import ctypes
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,35 +11,20 @@ from armload_controller.export.straight_line.precision import Precision
 from armload_controller.feedforward.body_torque import LoadFriction
 from armload_core import kernels
 from armload_identification.model.regressor import payload_torque
-from armload_identification.pipeline.estimator_constants import estimator_constants
-from armload_identification.signals.joint_torque import Transmission
 from tests.unit.controller.export.compiled_c import needs_gcc
 
-
-def calibrated(make_subject, any_calibration, robot="er50"):
-    subject = make_subject(robot)
-    calibration = any_calibration(subject.chain)
-    return replace(
-        subject,
-        chain=calibration.level(subject.chain),
-        calibration=calibration,
-        estimator=estimator_constants(
-            calibration, subject.chain, Transmission(np.full(6, 10.0), calibration.body.coupling)
-        ),
-        calibration_sha256={"arm.calibration.toml": "77ab"},
-    )
+pytestmark = pytest.mark.pure
 
 
 @needs_gcc
-def test_the_payloads_friction_is_pythons_on_an_arm_that_is_not_level(library, make_subject, any_calibration):
-    subject = calibrated(make_subject, any_calibration)
-    found, name = library(subject)
+def test_the_payloads_friction_is_pythons_on_an_arm_that_is_not_level(library, calibrated):
+    found, name = library(calibrated)
     function = getattr(found, f"{name}_friction")
     function.argtypes = [np.ctypeslib.ndpointer(np.float64, 1, flags="C_CONTIGUOUS")] * 5
-    python = LoadFriction(subject.chain, subject.calibration.body)
+    python = LoadFriction(calibrated.chain, calibrated.calibration.body)
     greatest = 0.0
     for state in np.random.default_rng(31).uniform(-1.5, 1.5, (200, 3, 6)):
-        payload_nm = payload_torque(subject.chain, subject.payload.model.theta, *state)
+        payload_nm = payload_torque(calibrated.chain, calibrated.payload.model.theta, *state)
         friction = np.full(6, np.nan)
         function(*state, payload_nm, friction)
         np.testing.assert_allclose(friction, python.torque_nm(*state, payload_nm), rtol=0.0, atol=1e-11)
@@ -50,13 +34,13 @@ def test_the_payloads_friction_is_pythons_on_an_arm_that_is_not_level(library, m
 
 
 @needs_gcc
-def test_in_single_precision_too(library, make_subject, any_calibration):
-    found, name = library(calibrated(make_subject, any_calibration), precision=Precision.SINGLE)
+def test_in_single_precision_too(library, calibrated):
+    found, name = library(calibrated, precision=Precision.SINGLE)
     assert getattr(found, f"{name}_selftest")() == 0
 
 
-def test_the_header_names_the_calibration_and_has_friction_only_then(make_subject, any_calibration):
-    header = export_c(calibrated(make_subject, any_calibration))["armload_er50.h"]
+def test_the_header_names_the_calibration_and_has_friction_only_then(calibrated, make_subject):
+    header = export_c(calibrated)["armload_er50.h"]
     assert "Calibration of the arm: arm.calibration.toml, sha256 77ab." in header
     assert "#define ARMLOAD_ER50_FRICTION 1" in header
     assert "friction" not in export_c(make_subject("er50"))["armload_er50.h"].lower()
@@ -90,18 +74,12 @@ def read(estimator, n=6):
     return found
 
 
-@pytest.fixture
-def both(library, make_subject, any_calibration):
-    """The exported estimator and the core's."""
-    subject = calibrated(make_subject, any_calibration)
-    exported = Exported(*library(subject), 6)
-    return subject, exported, kernels.PayloadEstimator(subject.chain.packed, *subject.estimator)
-
-
 @needs_gcc
-def test_the_estimator_is_the_cores_sample_by_sample(both):
+def test_the_estimator_is_the_cores_sample_by_sample(library, calibrated):
     """A payload grasped and dropped; stamps irregular, samples lost, one of them no number, the clock set back."""
-    subject, exported, core = both
+    subject = calibrated
+    exported = Exported(*library(subject), 6)
+    core = kernels.PayloadEstimator(subject.chain.packed, *subject.estimator)
     rng = np.random.default_rng(32)
     body, theta = subject.calibration.body, 2.0 * subject.payload.model.theta
     to_effort = np.linalg.inv(subject.estimator.from_effort)
@@ -130,8 +108,8 @@ def test_the_estimator_is_the_cores_sample_by_sample(both):
     assert status[kernels.ESTIMATOR_ROWS] > 100.0
 
 
-def test_its_header_says_what_to_give_it_and_what_it_costs(make_subject, any_calibration):
-    header = export_c(calibrated(make_subject, any_calibration))["armload_er50_estimator.h"]
+def test_its_header_says_what_to_give_it_and_what_it_costs(calibrated):
+    header = export_c(calibrated)["armload_er50_estimator.h"]
     assert "every sample, in rad and A of motor current" in header
     assert re.search(r"the regressor \(\d{3} multiplications and additions\) and the arm.s links \(\d{3}\)", header)
     assert "sha256 77ab" in header

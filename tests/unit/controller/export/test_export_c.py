@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from armload_controller.export.c99 import export_c
@@ -63,6 +64,28 @@ def test_any_chain_gives_pythons_torque(compiled, make_subject, seed, n):
     states = np.random.default_rng(seed).uniform(-3, 3, (3, 100, n))
     largest_nm = np.abs(payload_torque(chain, subject.payload.model.theta, *states)).max()
     require_equal(compiled(subject, "-O3", "-march=native"), subject, 1e-12 * max(1.0, largest_nm))
+
+
+@needs_gcc
+@pytest.mark.parametrize(("seed", "n"), [(5, 6), (6, 7)])
+def test_any_chain_gives_pinocchios_torque(compiled, make_subject, any_arm, in_pinocchio, seed, n):
+    rng = np.random.default_rng(seed)
+    chain, links = any_arm(rng, n)
+    subject = make_subject(chain=chain)
+    models = [in_pinocchio(chain, links, payload) for payload in (subject.payload.model, None)]
+    data, still = [model.createData() for model in models], np.zeros(n)
+    moving, resting = compiled(subject), compiled(subject, function="gravity")
+
+    def payloads(*state):
+        loaded, empty = (pin.rnea(model, own, *state) for model, own in zip(models, data, strict=True))
+        return loaded - empty
+
+    for state in rng.uniform(-3, 3, (30, 3, n)):
+        torque = np.full(n, np.nan)
+        moving(*state, torque)
+        np.testing.assert_allclose(torque, payloads(*state), rtol=1e-9, atol=1e-9)
+        resting(state[0], torque)
+        np.testing.assert_allclose(torque, payloads(state[0], still, still), rtol=1e-9, atol=1e-9)
 
 
 @needs_gcc
@@ -295,6 +318,9 @@ def test_possible_payloads_are_taken_and_times_below_zero_are_not(changing):
     assert state.set(theta, 0.1) == 0
     assert state.set(theta, -0.1) == -1
     assert state.set(theta, 0.1, 0.0) == -1
+    assert state.set(theta, 0.1, -0.001) == -1
+    assert state.set(theta, 1e4, 1e-6) == -1  # more cycles than are counted
+    assert state.set(np.array([2e9, *np.zeros(9)]), 0.1, 100.0) == -1
     assert state.set(theta, np.nan) == -1
 
 

@@ -2,6 +2,7 @@
 
 import ctypes
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_torque
 from tests.unit.controller.export.compiled_c import FLAGS, GCC, needs_gcc, run
 
+CORTEX_GCC = shutil.which("arm-none-eabi-gcc")
+CORTEX_M4 = ("-Os", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 VECTOR = np.ctypeslib.ndpointer(np.float32, 1, flags="C_CONTIGUOUS")
 
 
@@ -70,6 +73,18 @@ def test_nothing_of_it_is_double(make_subject, tmp_path):
     assert symbols == {"cosf", "sinf", "floorf"}
     code = re.sub(r"/\*.*?\*/", "", texts["armload_prbt.c"] + texts["armload_prbt.h"], flags=re.DOTALL)
     assert not re.search(r"\bdouble\b|\d\.\d+(e[-+]\d+)?(?!f|\d|e)", code)
+
+
+@needs_gcc
+@pytest.mark.skipif(CORTEX_GCC is None, reason="no gcc-arm-none-eabi on this machine")
+def test_a_cortex_m4_computes_it_in_its_own_unit(make_subject, tmp_path):
+    texts = export_c(make_subject("er50"), Precision.SINGLE)
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    run(CORTEX_GCC, *FLAGS, *CORTEX_M4, "-DARMLOAD_SELFTEST", "-c", "armload_er50.c", cwd=tmp_path)
+    tool = CORTEX_GCC.removesuffix("gcc") + "nm"
+    symbols = {line.split()[-1] for line in run(tool, "-u", "armload_er50.o", cwd=tmp_path).splitlines()}
+    assert symbols == {"cosf", "sinf", "floorf"}  # no __aeabi_dadd, which adds what is double
 
 
 def test_the_error_is_in_the_header(make_subject):
