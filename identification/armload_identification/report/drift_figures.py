@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from functools import partial
 from typing import Final
 
 import matplotlib.style
@@ -14,17 +14,13 @@ from matplotlib.figure import Figure as Drawing
 from armload_core.arrays import FloatArray
 from armload_identification.pipeline.arm_drift import ArmDrift, Figure
 from armload_identification.pipeline.warm_up import WARM_S, WarmUp
-from armload_identification.report.figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED, ticks
-from armload_identification.verdict.control_limits import ControlChart
+from armload_identification.report.control_chart_axes import DATES, days_of, draw_control_chart, draw_dates
+from armload_identification.report.figures import FIGURE_STYLE, PREDICTED, SMOOTHED, ticks
 
 _WIDE_IN: Final = 7.0
 _ROW_IN: Final = 1.25
 _ENDS_IN: Final = 0.6
 _COLUMNS: Final = 3
-_BAND: Final = "#e3e3e3"
-_DAY_S: Final = 86_400.0
-_FEW_DAYS: Final = 3.0
-_LABELS: Final = 4
 _HEADINGS: Final = {
     Figure.FRICTION: "friction less the calibration's, N m",
     Figure.GAIN: "gain against the calibration's, %",
@@ -50,7 +46,7 @@ def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Drawing:
         for joint, name in enumerate(names):
             for column, figure in enumerate(figures):
                 axes = grid[joint][column]
-                _chart(axes, place, drift.charts[figure][joint], figure)
+                draw_control_chart(axes, place, drift.charts[figure][joint], partial(_drawn, figure=figure))
                 if joint == 0:
                     axes.set_title(_HEADINGS[figure], fontsize=7.5)
                 if column == 0:
@@ -63,38 +59,23 @@ def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Drawing:
 def _places(drift: ArmDrift) -> tuple[FloatArray, bool]:
     """Where every run stands on the axis, and whether that is a date."""
     if drift.began:
-        return np.array([moment.timestamp() / _DAY_S for moment in drift.began]), True
+        return days_of(drift.began), True
     return np.arange(1.0, len(drift.runs) + 1.0), False
 
 
-def _chart(axes: Axes, place: FloatArray, chart: ControlChart, figure: Figure) -> None:
-    """Limits, runs, levels and changes."""
-
-    def drawn(values: FloatArray) -> FloatArray:
-        return np.asarray(
-            np.exp(values) if figure is Figure.RESIDUAL else 100.0 * values if figure is Figure.GAIN else values
-        )
-
-    known = np.isfinite(chart.values)
-    axes.fill_between(place[known], drawn(-chart.limit[known]), drawn(chart.limit[known]), color=_BAND, linewidth=0)
-    axes.plot(place[known], drawn(chart.level[known]), color=INK, linewidth=0.7, drawstyle="steps-post")
-    loud = chart.outside | chart.alone
-    for rows, color, marker in ((known & ~loud, SMOOTHED, "o"), (known & loud, PREDICTED, "D")):
-        axes.plot(place[rows], drawn(chart.values[rows]), marker, color=color, markersize=2.8)
-    for change in chart.changes:
-        axes.axvline(place[change.index], color=PREDICTED, linewidth=0.8, dashes=(3.0, 2.0))
-    axes.yaxis.set_major_locator(ticks(4))
+def _drawn(values: FloatArray, figure: Figure) -> FloatArray:
+    """What is drawn of the values of a chart."""
+    shown = np.exp(values) if figure is Figure.RESIDUAL else 100.0 * values if figure is Figure.GAIN else values
+    return np.asarray(shown)
 
 
 def _time_axis(axes: Axes, place: FloatArray, dated: bool) -> None:
     """Dates, or the numbers of the runs."""
     if not dated:
         axes.set_xlabel("run")
-        axes.xaxis.set_major_locator(ticks(_LABELS))
+        axes.xaxis.set_major_locator(ticks(DATES))
         return
-    axes.xaxis.set_major_locator(ticks(_LABELS))
-    text = "{:%d %b\n%H:%M}" if np.ptp(place) < _FEW_DAYS else "{:%d %b\n%Y}"
-    axes.xaxis.set_major_formatter(lambda day, _position: text.format(datetime.fromtimestamp(day * _DAY_S, UTC)))
+    draw_dates(axes, place)
 
 
 def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Drawing:

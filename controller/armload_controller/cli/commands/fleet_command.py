@@ -9,7 +9,7 @@ import typer
 
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.output.json_output import JsonOption, print_document
-from armload_controller.cli.output.output_files import make_folder
+from armload_controller.cli.output.output_files import make_folder, require_folder
 
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
@@ -109,6 +109,35 @@ def watch_command(
                 sleep(every_s)
     except KeyboardInterrupt:
         screen.step("no longer watched")
+
+
+@fleet.command("report")
+def report_command(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the rows.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Report (HTML) to write; FOLDER/report.html if not given.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Judge the arms of a fleet: payload, gains and friction over time, the most suspicious first."""
+    from importlib.metadata import version
+
+    from armload_controller.cli.output.fleet_output import fleet_report_document, suspicion_lines
+    from armload_controller.cli.screen import Screen
+    from armload_controller.fleet.fleet_rows import runs_of
+    from armload_identification.many_arms.fleet_review import review_fleet
+    from armload_identification.report.fleet.fleet_report import write_fleet_report
+
+    screen = Screen(as_json=as_json)
+    page = output or folder / "report.html"
+    review = review_fleet(runs_of(folder))
+    require_folder(page)
+    write_fleet_report(page, review, version("armload"))
+    for line in suspicion_lines(review):
+        screen.result(line)
+    screen.step(f"written: {page}")
+    if as_json:
+        print_document(fleet_report_document(review, page))
 
 
 def _show(screen: Screen, tally: FleetTally, output: Path, *, as_json: bool) -> None:

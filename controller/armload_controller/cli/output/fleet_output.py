@@ -8,6 +8,9 @@ from typing import Any
 
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
+from armload_identification.many_arms.fleet_review import FleetReview
+
+_MOST_LINES = 10
 
 
 def tally_text(tally: FleetTally) -> str:
@@ -37,4 +40,54 @@ def fleet_document(tally: FleetTally, output: Path) -> dict[str, Any]:
         "armload_version": version("armload"),
         **tally.to_dict(),
         "files": {"directory": str(output)},
+    }
+
+
+def suspicion_lines(review: FleetReview) -> list[str]:
+    """The most suspicious arms, a line each.
+
+    Args:
+        review: The fleet.
+    """
+    suspicious = [arm for arm in review.arms if arm.suspicions]
+    if not suspicious:
+        return [f"none of {len(review.arms)} arms is suspicious"]
+    shown = [
+        f"{number:3}. {arm.arm}: {arm.suspicions[0].text} ({arm.deviations:.0f} standard deviations)"
+        for number, arm in enumerate(suspicious[:_MOST_LINES], 1)
+    ]
+    return [f"{len(suspicious)} of {len(review.arms)} arms should be looked at", *shown]
+
+
+def fleet_report_document(review: FleetReview, page: Path) -> dict[str, Any]:
+    """All arms for `--json`, the most suspicious first.
+
+    Args:
+        review: The fleet.
+        page: The report.
+    """
+    return {
+        "schema": "armload/fleet-report/1",
+        "armload_version": version("armload"),
+        "arms": [
+            {
+                "name": arm.arm,
+                "model": arm.model,
+                "runs": arm.runs,
+                "without_result": arm.without_result,
+                "latest": arm.latest.isoformat(),
+                "suspicions": [
+                    {
+                        "cause": found.cause.value,
+                        "figure": None if found.quantity is None else found.quantity.kind.value,
+                        "of": None if found.quantity is None else found.quantity.of,
+                        "deviations": found.deviations,
+                        "text": found.text,
+                    }
+                    for found in arm.suspicions
+                ],
+            }
+            for arm in review.arms
+        ],
+        "files": {"report": str(page)},
     }

@@ -3,6 +3,7 @@
 import json
 import re
 from collections import defaultdict
+from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +16,7 @@ from armload_controller.analysis.payload_events import PayloadEvent
 from armload_controller.analysis.payload_watch import HeardBus, WatchedMoment
 from armload_controller.analysis.robot_wiggle import DesignedWiggle
 from armload_controller.cli.main import app
-from armload_controller.cli.output.fleet_output import fleet_document
+from armload_controller.cli.output.fleet_output import fleet_document, fleet_report_document
 from armload_controller.cli.output.result_documents import (
     calibration_document,
     feedforward_document,
@@ -30,6 +31,8 @@ from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_identification.calibration.run_health import RunHealth
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.many_arms.arm_runs import Kind, Quantity
+from armload_identification.many_arms.fleet_review import ArmReview, Cause, FleetReview, Suspicion
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.pipeline.arm_drift import arm_drift
 from armload_identification.pipeline.payload_estimator import LivePayload
@@ -113,6 +116,13 @@ def designed_wiggle():
     return Wiggle(path, 2, 0.05, 180, 1), None, checked
 
 
+def fleet_review():
+    """An arm that carries more since its last run, and gave nothing then."""
+    change = Suspicion(Cause.CHANGE, Quantity(Kind.MASS, "tool"), 9.0, "a sentence")
+    silence = Suspicion(Cause.SILENCE, None, 3.0, "another")
+    return FleetReview((ArmReview("one", "er50", 2, 1, datetime(2026, 3, 1, tzinfo=UTC), {}, (change, silence)),), ())
+
+
 def made():
     """Documents of commands that take long or need a bus."""
     joints, ones = ("a", "b"), np.ones(2)
@@ -163,6 +173,7 @@ def made():
         feedforward_document("arm", offset, [compared], Path("picture.svg")),
         nodes_document("socketcan", "can0", [node]),
         half_document(Path("runs/today")),
+        fleet_report_document(fleet_review(), Path("report.html")),
         fleet_document(FleetTally(1, 1, remarks=("line 2: no file",)), Path("fleet")),
     ]
 

@@ -1,0 +1,79 @@
+"""From the rows of a fleet to what is followed of every arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from armload_controller.control_errors import FleetError
+from armload_controller.fleet.recording_row import Row, RowOutcome, value_columns
+from armload_controller.fleet.row_store import latest_rows
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
+from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
+
+_OF_PAYLOAD: Final = (Kind.MASS, Kind.CENTER_X, Kind.CENTER_Y, Kind.CENTER_Z)
+_COLUMNS: Final = (
+    *(name for names in value_columns()[: len(_OF_PAYLOAD)] for name in names),
+    *("payload", "robot", "robot_name", "outcome", "error", "joint_names"),
+    *("gain_change", "gain_half_width_95", "friction_nm", "residual_rms_nm", "noise_nm"),
+)
+
+
+def runs_of(folder: Path) -> list[ArmRun]:
+    """The recordings of a fleet, each once, as it was identified last.
+
+    Args:
+        folder: Where the rows are.
+
+    Raises:
+        FleetError: there are none, or a file cannot be read.
+    """
+    rows = latest_rows(folder, _COLUMNS)
+    if not rows:
+        raise FleetError(
+            f"{folder}: no rows there; `armload fleet identify JOBS --output {folder}` makes them, and writes them in "
+            "parts while it runs"
+        )
+    return [
+        ArmRun(
+            arm=row["arm"],
+            model=row["robot_name"] or row["robot"],
+            recorded=row["recorded_utc"],
+            recording=row["loaded"],
+            problem="" if row["outcome"] == RowOutcome.IDENTIFIED else row["error"] or row["outcome"],
+            figures=dict(_figures(row)),
+        )
+        for row in _of_known_models(rows)
+    ]
+
+
+def _of_known_models(rows: list[Row]) -> list[Row]:
+    """Rows with the robot's name that other rows of the arm have: a refused recording may not have got that far."""
+    names = {row["arm"]: row["robot_name"] for row in rows if row["robot_name"]}
+    return [row | {"robot_name": row["robot_name"] or names.get(row["arm"])} for row in rows]
+
+
+def _figures(row: Row) -> Iterator[tuple[Quantity, tuple[float, float]]]:
+    """Value and standard deviation of everything that is determined."""
+    for kind, (value, low, high) in zip(_OF_PAYLOAD, value_columns(), strict=False):
+        if row[value] is not None:
+            yield Quantity(kind, row["payload"]), (row[value], 0.5 * (row[high] - row[low]) / NORMAL_HALF_WIDTH)
+    for joint, name in enumerate(row["joint_names"] or ()):
+        gain, width = _of_joint(row, "gain_change", joint), _of_joint(row, "gain_half_width_95", joint)
+        if gain is not None and width is not None:
+            yield Quantity(Kind.GAIN, name), (gain, width / NORMAL_HALF_WIDTH)
+        friction = _of_joint(row, "friction_nm", joint)
+        if friction is not None:
+            yield Quantity(Kind.FRICTION, name), (friction, 0.0)
+        residual, noise = _of_joint(row, "residual_rms_nm", joint), _of_joint(row, "noise_nm", joint)
+        if residual is not None and noise:
+            yield Quantity(Kind.RESIDUAL, name), (residual / noise, 0.0)
+
+
+def _of_joint(row: Row, column: str, joint: int) -> float | None:
+    """A joint's number; None where there is none."""
+    values = row[column]
+    value = None if values is None else values[joint]
+    return None if value is None or not math.isfinite(value) else float(value)

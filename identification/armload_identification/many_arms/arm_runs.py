@@ -1,0 +1,74 @@
+"""What a recording of one of many arms says: the figures that are followed, each with its own uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from enum import StrEnum
+
+
+class Kind(StrEnum):
+    """What is followed."""
+
+    MASS = "mass"
+    CENTER_X = "centre of mass x"
+    CENTER_Y = "centre of mass y"
+    CENTER_Z = "centre of mass z"
+    GAIN = "gain"
+    FRICTION = "friction"
+    RESIDUAL = "residual over noise"
+
+
+PER_PAYLOAD = frozenset({Kind.MASS, Kind.CENTER_X, Kind.CENTER_Y, Kind.CENTER_Z})
+"""What belongs to a payload; the others belong to a joint."""
+UNITS: Mapping[Kind, tuple[str, float]] = {
+    Kind.MASS: ("kg", 1.0),
+    Kind.CENTER_X: ("mm", 1e3),
+    Kind.CENTER_Y: ("mm", 1e3),
+    Kind.CENTER_Z: ("mm", 1e3),
+    Kind.GAIN: ("%", 1e2),
+    Kind.FRICTION: ("N m", 1.0),
+    Kind.RESIDUAL: ("", 1.0),
+}
+"""Unit in which each is shown, and how many of it make one of SI; a gain is its change against nominal."""
+
+
+@dataclass(frozen=True, order=True)
+class Quantity:
+    """One figure of an arm.
+
+    Attributes:
+        kind: What it is.
+        of: Name of the payload or of the joint; a payload may have none.
+    """
+
+    kind: Kind
+    of: str
+
+    def __str__(self) -> str:
+        """In words."""
+        if self.kind in PER_PAYLOAD:
+            return f"{self.kind} of {self.of}" if self.of else str(self.kind)
+        return f"{self.kind} of {self.of}"
+
+
+@dataclass(frozen=True)
+class ArmRun:
+    """One recording of one arm.
+
+    Attributes:
+        arm: Name of the arm.
+        model: What arm it is: arms of one model are twins.
+        recorded: When it was recorded.
+        recording: Its path or URL.
+        problem: Why nothing was identified; empty where something was.
+        figures: Value and standard deviation by its own noise, SI units; what is not determined is left out.
+    """
+
+    arm: str
+    model: str
+    recorded: datetime
+    recording: str
+    problem: str
+    figures: Mapping[Quantity, tuple[float, float]]

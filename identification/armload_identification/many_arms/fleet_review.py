@@ -1,0 +1,325 @@
+"""Which of many arms are suspicious, and why.
+
+Every figure of every arm has a control chart about the level that it had in its first runs (`verdict.control_limits`).
+Suspicious is
+
+- a change: the level of a figure is another one since a run;
+- an outlier: one run is off from those beside it;
+- a stranger: the figure's latest level is off from that of the arm's twins by more than these differ among each other;
+- silence: the latest recordings gave nothing.
+
+All charts of a fleet together name something by mere chance in one report of a hundred, as do all comparisons with
+twins. Suspicions are ranked by how many standard deviations of a normal variable are as improbable.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+from scipy.stats import norm, t
+
+from armload_core.arrays import FloatArray
+from armload_identification.many_arms.arm_runs import PER_PAYLOAD, UNITS, ArmRun, Quantity
+from armload_identification.signals.robust_scale import deviation_by_median
+from armload_identification.verdict.control_limits import FALSE_ALARM, ControlChart, control_chart
+
+FIRST_RUNS: Final = 7
+"""Runs whose median is the centre of a chart."""
+MOST_RUNS: Final = 100
+"""Runs of a figure that a chart shows; older ones are left out."""
+LATEST_RUNS: Final = 5
+"""Runs whose median is compared with the twins'."""
+TWINS_LEAST: Final = 3
+"""Twins without which an arm is compared with none."""
+SILENT: Final = 3.0
+"""Deviations that each of the latest recordings counts that gave nothing."""
+_OF_MEDIAN: Final = float(np.sqrt(np.pi / 2.0))
+"""Standard deviation of a median over that of a mean."""
+_FINEST: Final = 1e-9
+_GREATEST: Final = 99.0
+
+ArmKey = tuple[str, str]
+"""Name of an arm, and its model."""
+
+
+class Cause(StrEnum):
+    """Why an arm is suspicious."""
+
+    CHANGE = "change"
+    OUTLIER = "outlier"
+    STRANGER = "differs from its twins"
+    SILENCE = "no result"
+
+
+@dataclass(frozen=True, eq=False)
+class FigureReview:
+    """One figure of one arm over its runs.
+
+    Attributes:
+        quantity: What it is.
+        recorded: When, run by run.
+        values: (r,) SI units.
+        center: The level of the first runs.
+        chart: Of the difference from it.
+        twins: The same figure of its twins; None where there are too few.
+    """
+
+    quantity: Quantity
+    recorded: tuple[datetime, ...]
+    values: FloatArray
+    center: float
+    chart: ControlChart
+    twins: Twins | None
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """One reason to look at an arm.
+
+    Attributes:
+        cause: Of what kind.
+        quantity: Which figure; None for silence.
+        deviations: How many standard deviations of a normal variable are as improbable.
+        text: In a sentence.
+    """
+
+    cause: Cause
+    quantity: Quantity | None
+    deviations: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Twins:
+    """A figure of an arm's twins.
+
+    Attributes:
+        count: How many there are.
+        level: Their median.
+        spread: Standard deviation from one to the other.
+        suspicion: Of the arm that they are compared with; None where it is like them.
+    """
+
+    count: int
+    level: float
+    spread: float
+    suspicion: Suspicion | None
+
+
+@dataclass(frozen=True, eq=False)
+class ArmReview:
+    """One arm.
+
+    Attributes:
+        arm: Its name.
+        model: What arm it is.
+        runs: Recordings of it.
+        without_result: Of these, how many gave nothing.
+        latest: When the last one was made.
+        figures: What is followed of it.
+        suspicions: The gravest first; none where nothing is suspicious.
+    """
+
+    arm: str
+    model: str
+    runs: int
+    without_result: int
+    latest: datetime
+    figures: Mapping[Quantity, FigureReview]
+    suspicions: tuple[Suspicion, ...]
+
+    @property
+    def deviations(self) -> float:
+        """Of the gravest suspicion; 0 without one."""
+        return self.suspicions[0].deviations if self.suspicions else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class FleetReview:
+    """Many arms.
+
+    Attributes:
+        arms: The most suspicious first, those alike by name.
+        problems: Recordings that gave nothing, the latest first.
+    """
+
+    arms: tuple[ArmReview, ...]
+    problems: tuple[ArmRun, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """Runs that show a figure, in the order of time."""
+
+    recorded: tuple[datetime, ...]
+    values: FloatArray
+    noise: FloatArray
+
+    @classmethod
+    def of(cls, runs: Sequence[ArmRun], quantity: Quantity) -> _Series:
+        shown = [run for run in runs if quantity in run.figures][-MOST_RUNS:]
+        values, noise = np.array([run.figures[quantity] for run in shown]).T
+        return cls(tuple(run.recorded for run in shown), values, noise)
+
+    def latest(self, usual: float) -> tuple[float, float]:
+        """Level of the latest runs, and its standard deviation by noise and what runs usually differ by."""
+        part = slice(-LATEST_RUNS, None)
+        width = float(np.median(np.hypot(self.noise[part], usual)))
+        count = self.values[part].size
+        return float(np.median(self.values[part])), width * (_OF_MEDIAN if count > 2 else 1.0) / float(np.sqrt(count))
+
+
+def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
+    """Judge the arms of a fleet.
+
+    Args:
+        runs: Of all arms; each recording once.
+    """
+    ordered = sorted(runs, key=lambda run: run.recorded)
+    by_arm: defaultdict[tuple[str, str], list[ArmRun]] = defaultdict(list)
+    for run in ordered:
+        by_arm[run.arm, run.model].append(run)
+    series = {
+        arm: {
+            quantity: _Series.of(of_arm, quantity)
+            for quantity in sorted({quantity for run in of_arm for quantity in run.figures})
+        }
+        for arm, of_arm in by_arm.items()
+    }
+    usual = _usual(series)
+    compared = _against_twins(series, usual)
+    charts = sum(len(of_arm) for of_arm in series.values())
+    arms = []
+    for arm, of_arm in by_arm.items():
+        figures, found = {}, _silence(of_arm)
+        for quantity, one in series[arm].items():
+            twins = compared.get((arm, quantity))
+            figures[quantity] = _figure(quantity, one, usual[arm[1], quantity], charts, twins)
+            found += _changes(figures[quantity])
+            if twins is not None and twins.suspicion is not None:
+                found.append(twins.suspicion)
+        silent = sum(bool(run.problem) for run in of_arm)
+        gravest = tuple(sorted(found, key=lambda suspicion: -suspicion.deviations))
+        arms.append(ArmReview(*arm, len(of_arm), silent, of_arm[-1].recorded, figures, gravest))
+    arms.sort(key=lambda review: (-review.deviations, review.arm))
+    return FleetReview(tuple(arms), tuple(run for run in reversed(ordered) if run.problem))
+
+
+def _usual(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[str, Quantity], float]:
+    """By how much runs of one arm differ, by model and figure: from successive runs of all arms of the model."""
+    steps: defaultdict[tuple[str, Quantity], list[float]] = defaultdict(list)
+    for (_, model), quantity, one in _each(series):
+        noise = np.hypot(one.noise[1:], one.noise[:-1])
+        scale = np.sqrt(2.0) * float(np.median(one.noise)) if one.values.size == 1 else 0.0
+        steps[model, quantity] += [scale, *np.sqrt(np.maximum(np.diff(one.values) ** 2 - noise**2, 0.0))]
+    return {
+        place: max(float(deviation_by_median(np.array(found)[:, None])[0]) / np.sqrt(2.0), _FINEST)
+        for place, found in steps.items()
+    }
+
+
+def _each(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> Iterator[tuple[ArmKey, Quantity, _Series]]:
+    """All series."""
+    for arm, of_arm in series.items():
+        for quantity, one in of_arm.items():
+            yield arm, quantity, one
+
+
+def _figure(quantity: Quantity, one: _Series, usual: float, charts: int, twins: Twins | None) -> FigureReview:
+    """The chart of a figure."""
+    first = slice(0, FIRST_RUNS)
+    center = float(np.median(one.values[first]))
+    width = float(np.median(np.hypot(one.noise[first], usual)))
+    doubt = np.full(one.values.size, _OF_MEDIAN * width / np.sqrt(one.values[first].size))
+    chart = control_chart(one.values - center, one.noise, doubt, usual, charts)
+    return FigureReview(quantity, one.recorded, one.values, center, chart, twins)
+
+
+def _changes(figure: FigureReview) -> list[Suspicion]:
+    """The last change of level, and the last run that is off by itself."""
+    chart, found = figure.chart, []
+    unit, scale = UNITS[figure.quantity.kind]
+    changes = [change for change in chart.changes if change.index > 0]
+    if changes:
+        change = changes[-1]
+        before, after = (scale * (figure.center + level) for level in (change.before, change.after))
+        size = abs(change.after - change.before) / change.deviation
+        text = (
+            f"{figure.quantity} is {_number(after, before)} {unit} since {figure.recorded[change.index]:%Y-%m-%d}, "
+            f"{_number(before, after)} {unit} before"
+        )
+        found.append(Suspicion(Cause.CHANGE, figure.quantity, min(size, _GREATEST), text.replace("  ", " ")))
+    alone = np.flatnonzero(chart.alone)
+    if alone.size:
+        run = int(alone[-1])
+        others = np.delete(chart.values, run)
+        usual = float(np.median(others[max(run - 2, 0) : run + 2]))
+        size = abs(chart.values[run] - usual) / chart.deviation[run]
+        off, level = (scale * (figure.center + value) for value in (float(chart.values[run]), usual))
+        text = (
+            f"{figure.quantity} was {_number(off, level)} {unit} on {figure.recorded[run]:%Y-%m-%d}, "
+            f"{_number(level, off)} {unit} in the runs beside it"
+        )
+        found.append(Suspicion(Cause.OUTLIER, figure.quantity, min(size, _GREATEST), text.replace("  ", " ")))
+    return found
+
+
+def _against_twins(
+    series: Mapping[ArmKey, Mapping[Quantity, _Series]], usual: Mapping[tuple[str, Quantity], float]
+) -> dict[tuple[ArmKey, Quantity], Twins]:
+    """Each arm's figures against those of its twins."""
+    groups: defaultdict[tuple[str, Quantity], list[tuple[str, float, float]]] = defaultdict(list)
+    for (arm, model), quantity, one in _each(series):
+        if quantity.of or quantity.kind not in PER_PAYLOAD:  # payloads without a name may be different ones
+            groups[model, quantity].append((arm, *one.latest(usual[model, quantity])))
+    compared = {place: arms for place, arms in groups.items() if len(arms) > TWINS_LEAST}
+    tests = max(sum(len(arms) for arms in compared.values()), 1)
+    found: dict[tuple[ArmKey, Quantity], Twins] = {}
+    for (model, quantity), arms in compared.items():
+        names, levels, own = zip(*arms, strict=True)
+        level, width = np.array(levels), np.array(own)
+        for i, name in enumerate(names):
+            others = np.delete(level, i)
+            middle = float(np.median(others))
+            spread = float(deviation_by_median((others - middle)[:, None])[0])
+            expected = np.hypot(spread, width[i]) * np.sqrt(1.0 + _OF_MEDIAN**2 / others.size)
+            log_chance = float(t.logsf(abs(level[i] - middle) / expected, others.size - 1)) + np.log(2.0)
+            suspicion = None
+            if log_chance < np.log(FALSE_ALARM / tests):
+                unit, scale = UNITS[quantity.kind]
+                mine, theirs = scale * float(level[i]), scale * middle
+                text = (
+                    f"{quantity} is {_number(mine, theirs)} {unit}, that of {others.size} twins "
+                    f"{_number(theirs, mine)} {unit}"
+                )
+                size = min(float(-norm.ppf(np.exp(log_chance) / 2.0)), _GREATEST)
+                suspicion = Suspicion(Cause.STRANGER, quantity, size, text.replace(" ,", ","))
+            found[(name, model), quantity] = Twins(others.size, middle, spread, suspicion)
+    return found
+
+
+def _silence(runs: Sequence[ArmRun]) -> list[Suspicion]:
+    """The latest recordings that gave nothing."""
+    silent = 0
+    for run in reversed(runs):
+        if not run.problem:
+            break
+        silent += 1
+    if not silent:
+        return []
+    which = "the latest recording" if silent == 1 else f"the {silent} latest recordings"
+    text = f"{which} gave no result: {runs[-1].problem}"
+    return [Suspicion(Cause.SILENCE, None, min(SILENT * silent, _GREATEST), text)]
+
+
+def _number(value: float, beside: float) -> str:
+    """A number with as many decimals as show its distance from another."""
+    distance = abs(value - beside)
+    decimals = 3 if distance <= 0.0 else int(np.clip(1 - np.floor(np.log10(distance)), 0, 6))
+    return f"{value:.{decimals}f}"

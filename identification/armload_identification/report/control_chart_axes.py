@@ -1,0 +1,63 @@
+"""A control chart in the axes of a figure: limits, runs, levels and changes over the days."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from armload_core.arrays import FloatArray
+from armload_identification.report.figures import INK, PREDICTED, SMOOTHED, ticks
+from armload_identification.verdict.control_limits import ControlChart
+
+DATES: Final = 4
+"""Labels below a chart."""
+_BAND: Final = "#e3e3e3"
+_DAY_S: Final = 86_400.0
+_FEW_DAYS: Final = 3.0
+
+
+def days_of(moments: Sequence[datetime]) -> FloatArray:
+    """(r,) places of moments on an axis, in days.
+
+    Args:
+        moments: With their zone.
+    """
+    return np.array([moment.timestamp() / _DAY_S for moment in moments])
+
+
+def draw_control_chart(
+    axes: Axes, place: FloatArray, chart: ControlChart, drawn: Callable[[FloatArray], FloatArray]
+) -> None:
+    """Draw limits in grey, runs, levels in black, and what stands out in orange.
+
+    Args:
+        axes: Where to.
+        place: (r,) of the runs along the axis.
+        chart: What to draw.
+        drawn: From the chart's values to those of the axis.
+    """
+    known = np.isfinite(chart.values)
+    axes.fill_between(place[known], drawn(-chart.limit[known]), drawn(chart.limit[known]), color=_BAND, linewidth=0)
+    axes.plot(place[known], drawn(chart.level[known]), color=INK, linewidth=0.7, drawstyle="steps-post")
+    loud = chart.outside | chart.alone
+    for rows, color, marker in ((known & ~loud, SMOOTHED, "o"), (known & loud, PREDICTED, "D")):
+        axes.plot(place[rows], drawn(chart.values[rows]), marker, color=color, markersize=2.8)
+    for change in chart.changes:
+        axes.axvline(place[change.index], color=PREDICTED, linewidth=0.8, dashes=(3.0, 2.0))
+    axes.yaxis.set_major_locator(ticks(4))
+
+
+def draw_dates(axes: Axes, place: FloatArray) -> None:
+    """Label an axis of days with dates, and with hours where there are few days.
+
+    Args:
+        axes: Where to.
+        place: (r,) days, as `days_of` gives them.
+    """
+    axes.xaxis.set_major_locator(ticks(DATES))
+    text = "{:%d %b\n%H:%M}" if np.ptp(place) < _FEW_DAYS else "{:%d %b\n%Y}"
+    axes.xaxis.set_major_formatter(lambda day, _position: text.format(datetime.fromtimestamp(day * _DAY_S, UTC)))

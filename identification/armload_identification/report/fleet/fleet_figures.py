@@ -1,0 +1,91 @@
+"""The figures of many arms: control charts of a suspicious one, and a strip per figure of every one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+from xml.sax.saxutils import escape
+
+import matplotlib.style
+import numpy as np
+from matplotlib.figure import Figure
+
+from armload_core.arrays import FloatArray
+from armload_identification.many_arms.arm_runs import UNITS
+from armload_identification.many_arms.fleet_review import FigureReview
+from armload_identification.report.control_chart_axes import days_of, draw_control_chart, draw_dates
+from armload_identification.report.figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED
+from armload_identification.report.svg import inline_svg
+
+CHARTS: Final = 3
+"""Beside each other."""
+_WIDE_IN: Final = 7.0
+_HIGH_IN: Final = 1.9
+_STRIP: Final = (96.0, 18.0)
+_MARGIN: Final = 2.5
+_LIMIT_COLOR: Final = "#e3e3e3"
+
+
+def charts_figure(figures: Sequence[FigureReview], name: str, title: str) -> str:
+    """Control charts beside each other; dashed, the level of the twins.
+
+    Args:
+        figures: At most `CHARTS`.
+        name: Unique on the page.
+        title: What is shown, in words.
+
+    Returns:
+        An `svg` element.
+    """
+    with matplotlib.style.context(["default", FIGURE_STYLE]):
+        drawing = Figure(figsize=(_WIDE_IN, _HIGH_IN))
+        # By hand: a layout that is computed takes longer than all the rest of the report.
+        drawing.subplots_adjust(0.07, 0.24, 0.99, 0.86, 0.3)
+        grid = drawing.subplots(1, CHARTS, squeeze=False)[0]
+        for axes, figure in zip(grid, figures, strict=False):
+            unit, scale = UNITS[figure.quantity.kind]
+            place = days_of(figure.recorded)
+
+            def drawn(values: FloatArray, figure: FigureReview = figure, scale: float = scale) -> FloatArray:
+                return scale * (figure.center + values)
+
+            draw_control_chart(axes, place, figure.chart, drawn)
+            if figure.twins is not None:
+                axes.axhline(scale * figure.twins.level, color=INK, linewidth=0.7, dashes=(4.0, 3.0))
+            draw_dates(axes, place)
+            axes.set_title(f"{figure.quantity}{', ' if unit else ''}{unit}", fontsize=7.5)
+        for axes in grid[len(figures) :]:
+            axes.set_axis_off()
+        return inline_svg(drawing, name, title)
+
+
+def strip(figure: FigureReview) -> str:
+    """The same chart as small as a word: limits, runs, and what stands out.
+
+    Args:
+        figure: What is shown.
+
+    Returns:
+        An `svg` element.
+    """
+    chart, (width, height) = figure.chart, _STRIP
+    low, high = float(np.min(-chart.limit)), float(np.max(chart.limit))
+    bottom, top = min(low, float(chart.values.min())), max(high, float(chart.values.max()))
+    days = days_of(figure.recorded)
+    span = max(float(np.ptp(days)), np.finfo(float).tiny)
+    x = _MARGIN + (width - 2.0 * _MARGIN) * ((days - days[0]) / span if np.ptp(days) > 0.0 else 0.5 + 0.0 * days)
+
+    def up(value: float) -> float:
+        return _MARGIN + (height - 2.0 * _MARGIN) * (top - value) / max(top - bottom, np.finfo(float).tiny)
+
+    loud = chart.outside | chart.alone
+    marks = "".join(
+        f'<circle cx="{place:.1f}" cy="{up(value):.1f}" r="1.6" fill="{PREDICTED if off else SMOOTHED}"/>'
+        for place, value, off in zip(x.tolist(), chart.values.tolist(), loud.tolist(), strict=True)
+    )
+    label = escape(f"{figure.quantity} over {len(figure.recorded)} runs")
+    return (
+        f'<svg class="bar" viewBox="0 0 {width:g} {height:g}" role="img"><title>{label}</title>'
+        f'<rect x="0" y="{up(high):.1f}" width="{width:g}" height="{up(low) - up(high):.1f}" fill="{_LIMIT_COLOR}"/>'
+        f"{marks}</svg>"
+    )

@@ -1,0 +1,129 @@
+"""The report of many arms: the most suspicious first, then all of them, and what gave no result; one HTML file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from markupsafe import Markup
+
+from armload_identification.many_arms.arm_runs import UNITS, Kind
+from armload_identification.many_arms.fleet_review import ArmReview, FigureReview, FleetReview, Suspicion
+from armload_identification.report.fleet.fleet_figures import CHARTS, charts_figure, strip
+from armload_identification.report.numerals import NO_BREAK, decimals_for, numeral
+from armload_identification.report.page import rendered, write_page
+
+MOST_SUSPICIOUS: Final = 10
+"""Arms that are shown with their charts."""
+_MOST_PROBLEMS: Final = 50
+_TEMPLATE: Final = "fleet/fleet.html.j2"
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """A suspicious arm."""
+
+    name: str
+    model: str
+    suspicions: tuple[Suspicion, ...]
+    charts: Markup
+
+
+@dataclass(frozen=True)
+class _Figure:
+    """A figure in the table of all arms."""
+
+    text: str
+    strip: Markup
+
+
+@dataclass(frozen=True)
+class _Row:
+    """An arm in the table of all."""
+
+    name: str
+    model: str
+    runs: str
+    latest: str
+    figures: tuple[_Figure, ...]
+    suspicion: str
+
+
+def write_fleet_report(path: Path, review: FleetReview, armload_version: str) -> None:
+    """Write the report of a fleet.
+
+    Args:
+        path: Where to; an existing file is replaced.
+        review: The fleet.
+        armload_version: Version of the program.
+
+    Raises:
+        ReportError: the file cannot be written.
+    """
+    write_page(path, render_fleet_report(review, armload_version))
+
+
+def render_fleet_report(review: FleetReview, armload_version: str) -> str:
+    """The report's text.
+
+    Args:
+        review: The fleet.
+        armload_version: Version of the program.
+
+    Returns:
+        HTML.
+    """
+    suspicious = [arm for arm in review.arms if arm.suspicions]
+    return rendered(
+        _TEMPLATE,
+        armload_version=armload_version,
+        arms=len(review.arms),
+        runs=sum(arm.runs for arm in review.arms),
+        without_result=len(review.problems),
+        latest=f"{max(arm.latest for arm in review.arms):%Y-%m-%d}",
+        suspicious=len(suspicious),
+        panels=tuple(_panel(arm, number) for number, arm in enumerate(suspicious[:MOST_SUSPICIOUS], 1)),
+        rows=tuple(_row(arm) for arm in review.arms),
+        problems=review.problems[:_MOST_PROBLEMS],
+    )
+
+
+def _panel(arm: ArmReview, number: int) -> _Panel:
+    """A suspicious arm with the charts of what is suspicious, and of what it carries."""
+    named = [arm.figures[found.quantity] for found in arm.suspicions if found.quantity is not None]
+    others = [_most_off(arm, (kind,)) for kind in (Kind.MASS, Kind.GAIN, Kind.FRICTION)]
+    shown = list(dict.fromkeys([*named, *(figure for figure in others if figure is not None)]))[:CHARTS]
+    title = f"{arm.arm}: {', '.join(str(figure.quantity) for figure in shown)} over the runs."
+    return _Panel(arm.arm, arm.model, arm.suspicions, Markup(charts_figure(shown, f"charts-{number}", title)))
+
+
+def _row(arm: ArmReview) -> _Row:
+    """A line of the table."""
+    figures = (_most_off(arm, (kind,)) for kind in (Kind.MASS, Kind.GAIN, Kind.FRICTION))
+    return _Row(
+        name=arm.arm,
+        model=arm.model,
+        runs=f"{arm.runs}" + (f", {arm.without_result} without result" if arm.without_result else ""),
+        latest=f"{arm.latest:%Y-%m-%d}",
+        figures=tuple(_Figure("", Markup()) if figure is None else _shown(figure) for figure in figures),
+        suspicion="" if not arm.suspicions else f"{arm.deviations:.0f}",
+    )
+
+
+def _shown(figure: FigureReview) -> _Figure:
+    """The latest value of a figure, and all of them."""
+    unit, scale = UNITS[figure.quantity.kind]
+    decimals = decimals_for(scale * float(figure.chart.deviation[-1]), scale * float(figure.values[-1]))
+    of = f"{figure.quantity.of}: " if figure.quantity.of else ""
+    signed = figure.quantity.kind is Kind.GAIN
+    number = numeral(scale * float(figure.values[-1]), decimals, signed=signed)
+    return _Figure(f"{of}{number}{NO_BREAK}{unit}", Markup(strip(figure)))
+
+
+def _most_off(arm: ArmReview, kinds: Iterable[Kind]) -> FigureReview | None:
+    """Of the figures of some kinds the one whose latest value is farthest from where it began."""
+    figures = [figure for quantity, figure in arm.figures.items() if quantity.kind in kinds]
+    return max(figures, key=lambda f: float(np.abs(f.chart.values[-1]) / f.chart.deviation[-1]), default=None)

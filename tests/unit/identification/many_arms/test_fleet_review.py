@@ -1,0 +1,129 @@
+"""Which arms of a fleet are suspicious: what was done to one of them is named, and nothing else is."""
+
+import re
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from armload_identification.many_arms.arm_runs import ArmRun, Kind, Quantity
+from armload_identification.many_arms.fleet_review import Cause, review_fleet
+from armload_identification.report.fleet.fleet_report import MOST_SUSPICIOUS, render_fleet_report
+
+FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
+ARMS, NIGHTS = 12, 14
+MASS, CENTER = Quantity(Kind.MASS, "gripper"), Quantity(Kind.CENTER_X, "gripper")
+GAINS = tuple(Quantity(Kind.GAIN, f"joint{joint}") for joint in (1, 2, 3))
+FRICTIONS = tuple(Quantity(Kind.FRICTION, f"joint{joint}") for joint in (1, 2, 3))
+SPREAD = {MASS: 0.01, CENTER: 0.001} | dict.fromkeys(GAINS, 0.004) | dict.fromkeys(FRICTIONS, 0.3)
+NOISE = {MASS: 0.008, CENTER: 0.001} | dict.fromkeys(GAINS, 0.003) | dict.fromkeys(FRICTIONS, 0.0)
+USUAL = {MASS: 4.0, CENTER: 0.05} | dict.fromkeys(GAINS, 0.0) | dict.fromkeys(FRICTIONS, 9.0)
+OF_ARM = {MASS: 0.01, CENTER: 0.001} | dict.fromkeys(GAINS, 0.01) | dict.fromkeys(FRICTIONS, 1.0)
+"""By how much arms differ."""
+
+
+def fleet(seed=3, **changes):
+    """Runs of all arms, night by night; `changes` by arm: from night, quantity and by how much, or for one night."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for number in range(ARMS):
+        arm = f"cell{number:02d}"
+        level = {quantity: USUAL[quantity] + OF_ARM[quantity] * rng.normal() for quantity in USUAL}
+        for night in range(NIGHTS):
+            figures = {}
+            for quantity in USUAL:
+                off = sum(
+                    size
+                    for changed, first, last, size in changes.get(arm, ())
+                    if changed == quantity and first <= night < last
+                )
+                value = level[quantity] + off + SPREAD[quantity] * rng.normal()
+                figures[quantity] = (value, NOISE[quantity])
+            runs.append(ArmRun(arm, "er50", FIRST + timedelta(days=night), f"{arm}/{night}.mcap", "", figures))
+    return runs
+
+
+@pytest.fixture(scope="module")
+def review():
+    """One arm with each trouble, the gravest first."""
+    runs = fleet(
+        cell03=[(FRICTIONS[1], 7, 99, 4.0)],
+        cell05=[(MASS, 0, 99, 0.4)],
+        cell07=[(CENTER, 6, 7, 0.03)],
+    )
+    damaged = [replace(run, problem="loaded.mcap is damaged", figures={}) for run in runs if run.arm == "cell09"][-2:]
+    runs = [run for run in runs if run.recording not in {run.recording for run in damaged}]
+    return review_fleet([*runs, *damaged])
+
+
+def test_a_fleet_in_which_nothing_happens_is_not_suspicious():
+    named = sum(len(arm.suspicions) for seed in range(4) for arm in review_fleet(fleet(seed)).arms)
+    assert named == 0
+
+
+def test_each_trouble_is_named_and_nothing_else(review):
+    found = {arm.arm: arm.suspicions for arm in review.arms if arm.suspicions}
+    assert set(found) == {"cell03", "cell05", "cell07", "cell09"}
+    change = found["cell03"][0]
+    assert (change.cause, change.quantity) == (Cause.CHANGE, FRICTIONS[1])
+    assert re.fullmatch(r"friction of joint2 is 1[0-9.]+ N m since 2026-03-08, [0-9.]+ N m before", change.text)
+    stranger = found["cell05"][0]
+    assert (stranger.cause, stranger.quantity) == (Cause.STRANGER, MASS)
+    assert re.fullmatch(r"mass of gripper is 4\.4\d kg, that of 11 twins 4\.0\d kg", stranger.text)
+    outlier = found["cell07"][0]
+    assert (outlier.cause, outlier.quantity) == (Cause.OUTLIER, CENTER)
+    assert re.search(r"x of gripper was [78]\d mm on 2026-03-07, [45]\d mm in the runs beside", outlier.text)
+    (silence,) = found["cell09"]
+    assert silence.cause is Cause.SILENCE
+    assert silence.text == "the 2 latest recordings gave no result: loaded.mcap is damaged"
+
+
+def test_the_most_suspicious_come_first_and_recordings_without_result_are_listed(review):
+    sizes = [arm.deviations for arm in review.arms]
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[4:] == [0.0] * (ARMS - 4)
+    assert [run.recording for run in review.problems] == ["cell09/13.mcap", "cell09/12.mcap"]
+    (arm,) = (arm for arm in review.arms if arm.arm == "cell09")
+    assert (arm.runs, arm.without_result) == (NIGHTS, 2)
+
+
+def test_masses_of_payloads_without_a_name_are_not_compared():
+    runs = fleet(cell05=[(MASS, 0, 99, 0.4)])
+    nameless = [
+        replace(run, figures={replace(q, of="") if q.kind is Kind.MASS else q: v for q, v in run.figures.items()})
+        for run in runs
+    ]
+    assert not any(arm.suspicions for arm in review_fleet(nameless).arms)
+
+
+def test_arms_of_another_model_are_no_twins():
+    runs = [replace(run, model="prbt") if run.arm == "cell05" else run for run in fleet(cell05=[(MASS, 0, 99, 0.4)])]
+    assert not any(arm.suspicions for arm in review_fleet(runs).arms)
+
+
+def test_one_recording_is_a_fleet_too():
+    (run,) = (run for run in fleet() if run.recording == "cell00/0.mcap")
+    (arm,) = review_fleet([run]).arms
+    assert not arm.suspicions
+    assert arm.figures[MASS].values.tolist() == [run.figures[MASS][0]]
+    assert "No arm is suspicious." in render_fleet_report(review_fleet([run]), "1.2")
+
+
+def test_the_page_shows_the_most_suspicious_with_charts_and_all_arms(review):
+    page = render_fleet_report(review, "1.2")
+    assert "4 of 12 arms should be looked at." in page
+    names = re.findall(r'<h2 class="small">\d+\. (\w+), er50</h2>', page)
+    assert names == [arm.arm for arm in review.arms[:4]]
+    assert len(names) <= MOST_SUSPICIOUS
+    assert page.count('id="charts-') >= len(names)
+    assert page.count('<tr><th scope="row">cell') == ARMS + 2
+    assert "loaded.mcap is damaged" in page
+    assert "http" not in page.replace("http-equiv", "")
+
+
+def test_what_recordings_say_is_text_on_the_page():
+    runs = [replace(run, arm="<script>", problem="<b>", figures={}) for run in fleet()[:1]]
+    page = render_fleet_report(review_fleet(runs), "1.2")
+    assert "<script>" not in page
+    assert "&lt;b&gt;" in page
