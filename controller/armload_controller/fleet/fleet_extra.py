@@ -10,20 +10,20 @@ from armload_controller.control_errors import FleetError
 
 def distributed() -> Any:
     """Dask's scheduler, workers and client."""
-    return _library("distributed", "runs recordings on Dask")
+    return library("distributed", "runs recordings on Dask")
 
 
 def parquet() -> Any:
     """Arrow's Parquet files."""
-    return _library("pyarrow.parquet", "keeps its rows as Parquet")
+    return library("pyarrow.parquet", "keeps its rows as Parquet")
 
 
 def fsspec() -> Any:
     """File systems, local and remote."""
-    return _library("fsspec", "finds recordings through it")
+    return library("fsspec", "finds recordings through it")
 
 
-def _library(name: str, purpose: str) -> Any:
+def library(name: str, purpose: str) -> Any:
     """A module of the extra.
 
     Raises:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from armload_controller.control_errors import ConfigurationError
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.job_listing import JobListing, list_jobs
 from armload_controller.fleet.job_table import read_job_table
@@ -115,6 +116,39 @@ def do_jobs(
         tally.wall_s = time.monotonic() - started_s
         progress(tally.done)
     return tally
+
+
+def looks(
+    table: Path, store: RowStore, do: DoJobs, sleep: Callable[[float], None], every_s: float
+) -> Iterator[FleetTally | ConfigurationError]:
+    """Do what is new, again and again.
+
+    Args:
+        table: The table of jobs, read at every look.
+        store: Where rows go; Parquet after every look.
+        do: Who does the jobs.
+        sleep: Waits; whatever it raises ends the looks.
+        every_s: Time between two looks in s.
+
+    Yields:
+        What came of the jobs whose files have stayed as they were since the look before, where there are any; what is
+        wrong with the table, which may be in the middle of being edited.
+
+    Raises:
+        FleetError: rows cannot be written, or the scheduler is lost.
+    """
+    settled = Settled()
+    while True:
+        try:
+            listing, jobs = new_jobs(table, store)
+        except ConfigurationError as problem:
+            yield problem
+        else:
+            if ready := settled.of(jobs):
+                tally = do_jobs(listing, ready, store, do)
+                store.flush()
+                yield tally
+        sleep(every_s)
 
 
 class Settled:

@@ -86,27 +86,21 @@ def watch_command(
 
     from armload_controller.cli.screen import Screen
     from armload_controller.control_errors import ConfigurationError
-    from armload_controller.fleet.fleet_run import Settled, do_jobs, new_jobs
+    from armload_controller.fleet.fleet_run import looks
     from armload_controller.fleet.row_store import RowStore
     from armload_controller.fleet.workforce import Workforce
     from armload_controller.session.folder_claim import claimed
 
-    screen, settled = Screen(as_json=as_json), Settled()
+    screen = Screen(as_json=as_json)
     make_folder(output)
     try:
         with claimed(output, _CLAIM), RowStore(output) as store, Workforce(scheduler, workers) as force:
             screen.step("watching; Ctrl-C ends it")
-            while True:
-                try:
-                    listing, jobs = new_jobs(table, store)
-                except ConfigurationError as problem:  # somebody is editing the table
-                    screen.step(f"warning: {problem}; nothing is done until that is corrected")
+            for found in looks(table, store, force.rows, sleep, every_s):
+                if isinstance(found, ConfigurationError):
+                    screen.step(f"warning: {found}; nothing is done until that is corrected")
                 else:
-                    if ready := settled.of(jobs):
-                        tally = do_jobs(listing, ready, store, force.rows)
-                        store.flush()
-                        _show(screen, tally, output, as_json=as_json)
-                sleep(every_s)
+                    _show(screen, found, output, as_json=as_json)
     except KeyboardInterrupt:
         screen.step("no longer watched")
 

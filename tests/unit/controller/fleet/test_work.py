@@ -10,7 +10,7 @@ import fsspec.asyn
 import pytest
 
 import armload
-from armload_controller.fleet.fleet_run import Settled, do_jobs, new_jobs
+from armload_controller.fleet.fleet_run import do_jobs, new_jobs
 from armload_controller.fleet.recording_row import RowOutcome, value_columns
 from armload_controller.fleet.row_store import RowStore, read_rows
 from armload_controller.fleet.work import run_job
@@ -117,13 +117,3 @@ def test_a_second_run_does_what_failed_and_what_is_new(done):
         listing, jobs = new_jobs(table, store)
         assert [job.arm for job in jobs] == ["gone"]
         assert len(listing.jobs) == 6
-
-
-def test_files_that_are_still_written_wait(done):
-    table, rows, _ = done
-    settled = Settled()
-    with RowStore(rows) as store:
-        jobs = list(new_jobs(table, store)[0].jobs)
-        assert settled.of(jobs[:2]) == []
-        assert settled.of(jobs) == jobs[:2]
-        assert settled.of(jobs[1:]) == jobs[1:]

@@ -1,0 +1,142 @@
+"""What is done when: looks at a table that changes, the report of what was found, what is said without the extra."""
+
+import json
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from armload_controller.control_errors import ConfigurationError, FleetError
+from armload_controller.fleet.fleet_extra import library
+from armload_controller.fleet.fleet_rows import runs_of
+from armload_controller.fleet.fleet_run import FleetTally, looks
+from armload_controller.fleet.job import Job
+from armload_controller.fleet.recording_row import RowOutcome, empty_row, value_columns
+from armload_controller.fleet.row_store import RowStore
+from armload_identification.many_arms.arm_runs import Kind, Quantity
+
+FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
+NIGHTS = 10
+
+
+class Over(Exception):
+    """No more looks."""
+
+
+def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_waited_for(tmp_path):
+    table, recording = tmp_path / "jobs.csv", tmp_path / "a.mcap"
+    text = "arm,robot,loaded\none,er50,*.mcap\n"
+    between = [
+        lambda: recording.write_bytes(b"beg"),  # at the first look there is no table
+        lambda: table.write_text(text),
+        lambda: recording.write_bytes(b"begun"),  # seen once, and not for the second time
+        lambda: None,
+        lambda: None,  # done here
+        lambda: table.write_text("arm\n"),
+        lambda: table.write_text(text),
+    ]
+    done, found = [], []
+
+    def sleep(seconds):
+        assert seconds == 7.0
+        if not between:
+            raise Over
+        between.pop(0)()
+
+    def do(jobs):
+        for job in jobs:
+            done.append(recording.read_bytes())
+            yield empty_row(job, "1") | {"outcome": RowOutcome.IDENTIFIED.value}
+
+    def look():
+        with RowStore(tmp_path) as store:
+            for result in looks(table, store, do, sleep, 7.0):
+                found.append(result)
+
+    with pytest.raises(Over):
+        look()
+    assert done == [b"begun"]
+    assert [type(result) for result in found] == [ConfigurationError] * 2 + [FleetTally, ConfigurationError]
+    assert (found[2].listed, found[2].done) == (1, 1)
+
+
+@pytest.fixture
+def nights(tmp_path):
+    """Rows of two arms; one of them carries 300 g more since the seventh night, and gave nothing in the last."""
+    with RowStore(tmp_path) as store:
+        for night in range(NIGHTS):
+            for arm in ("one", "two"):
+                job = Job(
+                    f"{arm}{night}", arm, "arms/er50.toml", {"loaded": f"{arm}/{night}.mcap"}, "", "tool", None, None
+                )
+                made = FIRST + timedelta(days=night)
+                row = empty_row(job, "1") | {"recorded_utc": made, "identified_utc": made}
+                if arm == "one" and night == NIGHTS - 1:
+                    store.add(row | {"outcome": RowOutcome.REFUSED.value, "error": "cut short"})
+                    continue
+                mass = 2.0 + 0.001 * (-1) ** night + 0.3 * (arm == "one" and night > 5)
+                row |= dict(zip(value_columns()[0], (mass, mass - 0.02, mass + 0.02), strict=True))
+                row |= {"outcome": RowOutcome.IDENTIFIED.value, "robot_name": "er50", "joint_names": ["a", "b"]}
+                row |= {"gain_change": [0.01, None], "gain_half_width_95": [0.02, None], "friction_nm": [3.0, 4.0]}
+                store.add(row | {"residual_rms_nm": [0.2, 0.1], "noise_nm": [0.1, 0.1]})
+    return tmp_path
+
+
+def test_the_report_names_what_changed(armload, nights):
+    result = armload("fleet", "report", nights, "--json")
+    assert result.exit_code == 0, (result.output, result.exception)
+    first, second = json.loads(result.stdout)["arms"]
+    assert (first["name"], first["model"], first["runs"], first["without_result"]) == ("one", "er50", NIGHTS, 1)
+    assert {found["cause"]: found["figure"] for found in first["suspicions"]} == {"change": "mass", "no result": None}
+    assert "since 2026-03-07" in first["suspicions"][0]["text"]
+    assert second["suspicions"] == []
+    assert "mass of tool" in (nights / "report.html").read_text()
+    assert "1. one: mass of tool is 2.30 kg since 2026-03-07" in armload("fleet", "report", nights).stdout
+
+
+def test_figures_of_a_row_are_those_that_are_determined(nights):
+    run = next(run for run in runs_of(nights) if run.recording == "two/0.mcap")
+    assert set(run.figures) == {
+        Quantity(Kind.MASS, "tool"),
+        Quantity(Kind.GAIN, "a"),
+        Quantity(Kind.FRICTION, "a"),
+        Quantity(Kind.FRICTION, "b"),
+        Quantity(Kind.RESIDUAL, "a"),
+        Quantity(Kind.RESIDUAL, "b"),
+    }
+    assert run.figures[Quantity(Kind.MASS, "tool")] == pytest.approx((2.001, 0.02 / 1.96), abs=1e-5)
+    assert run.figures[Quantity(Kind.RESIDUAL, "a")] == (2.0, 0.0)
+
+
+def test_duckdb_answers_what_an_operator_asks(nights, queried):
+    """The queries of FLEET.md."""
+    parts = f"'{nights}/day=*/*.parquet'"
+    latest = queried(
+        f"select arm, recorded_utc, mass_kg, mass_low_kg, mass_high_kg from {parts} where outcome = 'identified' "
+        "qualify row_number() over (partition by arm order by recorded_utc desc) = 1 order by arm"
+    )
+    assert [(arm, round(mass, 3)) for arm, _, mass, *_ in latest] == [("one", 2.301), ("two", 1.999)]
+    friction = queried(
+        f"select arm, unnest(joint_names) as joint, unnest(friction_nm) as friction_nm from {parts} "
+        "where arm = 'two' and day = '2026-03-01'"
+    )
+    assert friction == [("two", "a", 3.0), ("two", "b", 4.0)]
+    assert queried(f"select arm, error from {parts} where outcome <> 'identified'") == [("one", "cut short")]
+
+
+def test_a_folder_without_rows_says_what_makes_them(tmp_path):
+    with pytest.raises(FleetError, match="no rows there; `armload fleet identify JOBS --output"):
+        runs_of(tmp_path)
+
+
+def test_a_second_run_of_nothing_new_starts_no_workers(armload, nights, tmp_path):
+    table = tmp_path / "jobs.csv"
+    table.write_text("arm,robot,loaded\none,er50,none/*.mcap\n")
+    result = armload("fleet", "identify", table, "-o", nights, "--scheduler", "tcp://nobody:1", "--json")
+    assert result.exit_code == 0, (result.output, result.exception)
+    assert json.loads(result.stdout)["remarks"] == [f"{table}, line 2: no file matches none/*.mcap"]
+    assert "nothing new: 0 recordings done before" in armload("fleet", "identify", table, "-o", nights).stdout
+
+
+def test_without_the_extra_its_command_is_named():
+    with pytest.raises(FleetError, match=r"runs on it, and no_such_library is not installed.*'armload\[fleet\]'"):
+        library("no_such_library", "runs on it")
