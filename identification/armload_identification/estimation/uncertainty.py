@@ -55,6 +55,8 @@ _BAND_SHARE: Final = 0.9999
 _FREEST: Final = 1e6
 _FLAT: Final = 1e-12
 """Least eigenvalue of a correlation matrix that is inverted."""
+_LEAST_OF_WHITE: Final = 0.25
+"""No variance is less than this share of what it would be if the residual were white."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +120,9 @@ def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray |
     spectrum = ResidualSpectrum.of(fit, half)
     # The rows of the prior have errors of unit deviation of their own.
     known = fit.prior_rows @ half
-    variance = spectrum.variance(contrast) + np.sum((contrast @ known.T) ** 2, axis=1)
+    # A spectrum that is far below its average somewhere has seen next to nothing there, such as joints at rest.
+    local = np.maximum(spectrum.variance(contrast), _LEAST_OF_WHITE * np.sum(contrast**2, axis=1))
+    variance = local + np.sum((contrast @ known.T) ** 2, axis=1)
     freedom = spectrum.freedom(contrast)
     if shifts is not None:
         systematic = np.sum((gradient @ shifts.T) ** 2, axis=1)

@@ -19,6 +19,8 @@ from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 
+_AT_REST: Final = 0.1
+"""Weight that no sample of a joint at rest exceeds."""
 _POOR_FIT: Final = 0.5
 _FEW_PERIODS: Final = 2
 _LOUD: Final = 5.0
@@ -184,7 +186,9 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
 
 def _on_misfit(signal: LoadSignal, fit: Estimate) -> list[str]:
     """Whether a payload explains the torque difference, of all joints and of each."""
-    torque, left = signal.torque_nm[signal.valid], fit.residual_nm[signal.valid]
+    # A joint at rest was not fitted: its friction holds whatever it holds.
+    moves = fit.sample_weight[signal.valid].max(axis=0) > _AT_REST
+    torque, left = (np.where(moves, values[signal.valid], 0.0) for values in (signal.torque_nm, fit.residual_nm))
     measured = np.mean((torque * fit.weight_1_nm) ** 2)
     misfit = np.mean((left * fit.weight_1_nm) ** 2)
     if misfit > _POOR_FIT * measured:
