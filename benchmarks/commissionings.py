@@ -1,12 +1,11 @@
-"""Commissionings on fakes in virtual time: how fast the slow rounds and approaches are, and false alarms over seeds.
+"""Commissionings on fakes in virtual time: how fast the slow rounds and approaches are.
 
 Speeds are those of the setpoints as they were sent, and of the positions that came back: differences of the tool centre
-point's places, by forward kinematics. A false alarm is a run that anything stopped although nothing was wrong.
+point's places, by forward kinematics.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from armload_controller.config.robot import Robot, load_robot
-from armload_controller.control_errors import MotionError
 from armload_controller.cycle.plugins import CycleStep
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.phase import Segment
@@ -30,7 +28,6 @@ from benchmarks.setups import Twin, twin_spec
 
 ROBOTS = ("er50", "prbt")
 TOOLS_M = (0.0, 0.2)
-SEEDS = 3
 REDUCED_M_S = 0.25
 MEASURED_OVER_S = 0.04
 """Measured speeds are averages over this time, as encoders have noise."""
@@ -54,7 +51,7 @@ class Places:
 
 
 def run() -> None:
-    """Print speeds and false alarms."""
+    """Print speeds."""
     print(
         "Highest speed of the tool centre point, m/s: sent and measured; 0.25 is the limit (one period at full speed)"
     )
@@ -62,15 +59,6 @@ def run() -> None:
     for name in ROBOTS:
         for tool_m in TOOLS_M:
             _print_speeds(load_robot(name), tool_m)
-    print(f"False alarms in commissionings (four runs each, slow rounds included), {SEEDS} seeds")
-    for name in ROBOTS:
-        for twin in (Twin.NORMATIVE, Twin.HARSH):
-            begun_s = time.process_time()
-            stops = [stop for seed in range(SEEDS) for stop in false_alarms(load_robot(name), twin, seed)]
-            took_s = time.process_time() - begun_s
-            print(f"  {name:6s} {twin:12s} {4 * SEEDS} runs, {len(stops)} stopped  ({took_s:.0f} s)")
-            for stop in stops:
-                print(f"    {stop}")
 
 
 def _print_speeds(robot: Robot, tool_m: float) -> None:
@@ -93,22 +81,6 @@ def _print_speeds(robot: Robot, tool_m: float) -> None:
             f"  {robot.name:6s} {tool_m:4.1f} m {role:>15s} {sent[0]:8.3f} {measured[0]:8.3f} {sent[1]:8.3f} "
             f"{measured[1]:8.3f} {path.slow_round_s:15.1f} s{judged}"
         )
-
-
-def false_alarms(robot: Robot, twin: Twin, seed: int) -> list[str]:
-    """What stopped the four runs of a commissioning in which nothing is wrong."""
-    stops = []
-    paths = {role: _path(robot, role, robot.limits.points) for role in robot.excitations}
-    for load in Load:
-        payload = robot.simulation.plant_spec(robot.simulation.payload_name).payload if load is Load.LOADED else None
-        spec = replace(twin_spec(robot, twin, payload), seed=1000 * seed + (load is Load.LOADED))
-        with run_session(robot, load, _opener(robot, spec), no_operator()) as session:
-            for role, path in paths.items():
-                try:
-                    session.run(path, role)
-                except MotionError as error:
-                    stops.append(f"seed {seed}, {load}, {role}: {error}")
-    return stops
 
 
 def _path(robot: Robot, role: str, points: ArmPoints) -> CheckedPath:

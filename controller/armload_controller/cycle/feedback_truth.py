@@ -40,6 +40,9 @@ SAME_RAD = 1e-9
 """Positions this close are the same count of an encoder."""
 STRAIGHT_SHARE, LEAST_WAY_RAD, BACKWARDS_SHARE = 0.95, 0.01, 0.5
 """Setpoints that went one way, this far at least; a position goes the other way when it has gone by so much of that."""
+APART_SHARE = 0.2
+"""Meanwhile it is so much of the following error's window away from them: friction held a joint of the simulated PRBT
+back until its setpoints were on their way back, 16 mrad away and 0.08 of the window."""
 VELOCITY_FACTOR, VELOCITY_SHARE = 0.3, 0.05
 """A reported velocity may differ by so much of the position's, and so much of the limit besides."""
 IDLE_RAD = 0.1
@@ -122,7 +125,8 @@ class FeedbackTruth:
         self._spare_rad_s = JUMP_SHARE * limits.velocity_max_rad_s
         self._velocity_max = limits.velocity_max_rad_s
         # A joint without a window of its own is judged by its range of speed over the window of time.
-        self._frozen_rad = FROZEN_SHARE * np.minimum(limits.following_error_rad, limits.velocity_max_rad_s * WINDOW_S)
+        window_rad = np.minimum(limits.following_error_rad, limits.velocity_max_rad_s * WINDOW_S)
+        self._frozen_rad, self._apart_rad = FROZEN_SHARE * window_rad, APART_SHARE * window_rad
         self._forbidden = np.where(reports_lag, _FOLLOWING, 0).astype(np.uint16)
         self._decay = float(np.exp(-cycle_s / RECENT_S))
         self._every = max(1, round(EVERY_S / cycle_s))
@@ -278,7 +282,8 @@ class FeedbackTruth:
     def _judge_direction(self, moved: FloatArray, wanted: FloatArray, way: FloatArray) -> None:
         """Whether a position goes the other way."""
         straight = (np.abs(wanted) > STRAIGHT_SHARE * way) & (np.abs(wanted) > LEAST_WAY_RAD)
-        wrong = straight & (moved * np.sign(wanted) < -BACKWARDS_SHARE * np.abs(wanted))
+        backwards = moved * np.sign(wanted) < -BACKWARDS_SHARE * np.abs(wanted)
+        wrong = straight & backwards & (np.abs(self._wanted - self._axes) > self._apart_rad)
         if wrong.any():
             joint = int(wrong.argmax())
             raise PositionReversed(

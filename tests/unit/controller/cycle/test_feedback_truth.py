@@ -11,6 +11,7 @@ from armload_controller.cycle.feedback_truth import (
     DriveLag,
     InternalLimit,
     PositionJumps,
+    PositionReversed,
     TorqueMissing,
     VelocityContradicts,
     VoltageLost,
@@ -106,6 +107,29 @@ def test_one_frozen_motor_of_a_coupled_wrist_is_found():
 
     with pytest.raises(Exception, match="joint_5: the position has not changed by a count"):
         run(frozen, 1000)
+
+
+def swing(amplitude_rad, late_s):
+    """Feed the monitor joints that swing once in 2 s; joint 6 is where it should have been some time ago."""
+
+    def places(time_s):
+        return amplitude_rad * np.sin(np.pi * (time_s - np.append(np.zeros(N - 1), late_s)).clip(0.0))
+
+    truth, sent = feedback_truth(ROBOT, CYCLE_S), None
+    for cycle in range(1500):
+        time_s = cycle * CYCLE_S
+        words, none = np.full(N, WORD, dtype=np.uint16), np.zeros(N, dtype=bool)
+        feedback = JointFeedback(cycle, time_s, places(time_s), None, np.ones(N), None, words, none)
+        truth.on_cycle(CycleStep(feedback, sent, None, None, None, None))
+        wanted = amplitude_rad * np.sin(np.pi * time_s) * np.ones(N)
+        sent = JointCommand(wanted, np.pi * amplitude_rad * np.cos(np.pi * time_s) * np.ones(N), np.zeros(N))
+
+
+def test_a_small_swing_that_friction_holds_back_is_no_reversal():
+    """What the simulated PRBT's joint 6 does at 9 mrad; a large swing that runs against its setpoints is a lie."""
+    swing(0.009, 0.6)
+    with pytest.raises(PositionReversed, match="joint_6"):
+        swing(0.1, 1.0)
 
 
 def test_a_velocity_of_another_sign_is_found():

@@ -1,0 +1,54 @@
+"""The benchmark of false alarms shows the monitors what they would see in a run of each seed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_controller.cycle.monitors import TorqueError
+from armload_controller.session.run_session import Load
+from benchmarks.false_alarms import judge, moved, replayed, seed_of
+from benchmarks.setups import Twin, twin_spec
+from tests.short_commissioning import MIDDLE_RAD, least_robot
+
+ROBOT = least_robot()
+
+
+def ran(seed):
+    spec = replace(twin_spec(ROBOT, Twin.HARSH, None), seed=seed, start_position_rad=MIDDLE_RAD)
+    one = {"validation": ROBOT.excitations["validation"]}
+    motions, plant, stops = moved(ROBOT, Load.UNLOADED, spec, one)
+    assert stops == []
+    return motions, plant
+
+
+@pytest.fixture(scope="module")
+def first():
+    return ran(seed_of(0, Load.UNLOADED))
+
+
+def test_a_replay_is_the_run_of_that_seed(first):
+    motions, plant = first
+    seed = seed_of(7, Load.UNLOADED)
+    (replay,), ((direct,), _) = replayed(ROBOT, plant, motions, seed), ran(seed)
+    assert len(replay) == len(direct.steps) > 200
+    for name in ("time_s", "position_rad", "torque_nm", "statusword"):
+        found, expected = (
+            [getattr(each, name) for each in run] for run in (replay, [s.feedback for s in direct.steps])
+        )
+        np.testing.assert_array_equal(found, expected)
+    assert [step.command.position_rad.tolist() for step in motions[0].steps] == [
+        step.command.position_rad.tolist() for step in direct.steps
+    ]
+    assert np.ptp(
+        [step.feedback.torque_nm - seen.torque_nm for step, seen in zip(motions[0].steps, replay, strict=True)]
+    )
+
+
+def test_what_should_stop_a_run_does_so_in_a_replay(first):
+    motions, plant = first
+    (replay,) = replayed(ROBOT, plant, motions, 1)
+    judge(ROBOT, Load.UNLOADED, motions[0], replay)
+    strong = [replace(feedback, torque_nm=feedback.torque_nm + 1e3) for feedback in replay]
+    with pytest.raises(TorqueError):
+        judge(ROBOT, Load.UNLOADED, motions[0], strong)
