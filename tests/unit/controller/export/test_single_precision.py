@@ -3,6 +3,7 @@
 import ctypes
 import re
 import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from tests.unit.controller.export.compiled_c import FLAGS, GCC, needs_gcc, run
 
 CORTEX_GCC = shutil.which("arm-none-eabi-gcc")
 CORTEX_M4 = ("-Os", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
+CPPCHECK = shutil.which("cppcheck")
 VECTOR = np.ctypeslib.ndpointer(np.float32, 1, flags="C_CONTIGUOUS")
 
 
@@ -85,6 +87,17 @@ def test_a_cortex_m4_computes_it_in_its_own_unit(make_subject, tmp_path):
     tool = CORTEX_GCC.removesuffix("gcc") + "nm"
     symbols = {line.split()[-1] for line in run(tool, "-u", "armload_er50.o", cwd=tmp_path).splitlines()}
     assert symbols == {"cosf", "sinf", "floorf"}  # no __aeabi_dadd, which adds what is double
+
+
+@pytest.mark.skipif(CPPCHECK is None, reason="no cppcheck on this machine")
+def test_of_misras_rules_only_advice_is_not_followed(calibrated, tmp_path):
+    for name, text in export_c(calibrated, Precision.SINGLE).items():
+        (tmp_path / name).write_text(text)
+    command = [CPPCHECK, "--addon=misra", "--std=c99", "--enable=style,warning", "-DARMLOAD_SELFTEST", "armload_er50.c"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    broken = set(re.findall(r"misra-c2012-([\d.]+)", done.stderr))
+    # macros for the caller, functions and constants of file scope, more than one return
+    assert {"2.5"} <= broken <= {"2.5", "8.7", "8.9", "15.5"}
 
 
 def test_the_error_is_in_the_header(make_subject):
