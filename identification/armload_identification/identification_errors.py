@@ -11,6 +11,7 @@ IdentificationError
  |    +-- PayloadFileError     a payload.toml that is incomplete, inconsistent or physically impossible
  |    +-- ExcitationFileError  an excitation that is incomplete or inconsistent
  +-- ReportError        a report that cannot be written
+ +-- ExtraMissing       a library that a plain installation leaves out
 """
 
 from __future__ import annotations
@@ -74,6 +75,10 @@ class ExcitationFileError(FileError):
 
 class ReportError(IdentificationError):
     """A report or a picture that cannot be written."""
+
+
+class ExtraMissing(IdentificationError):
+    """A library that a plain installation leaves out; the message names what brings it."""
 
 
 def file_problem(file: str, key: str, found: object, expected: str) -> str:

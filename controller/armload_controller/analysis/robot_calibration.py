@@ -10,6 +10,7 @@ from armload_controller.config.robot import Robot
 from armload_controller.config.robot_runs import ArmRuns, read_runs
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.calibrate_arm import calibrate_arm
+from armload_identification.extras import Extra, require_extra
 
 _PARTS = 100
 """Steps of either half of the progress, reading and calibrating."""
@@ -29,6 +30,7 @@ def calibrate_from_files(
         RunTableError: a table that makes no sense.
         EstimationError: no usable run, an arm that is mounted otherwise than entered, or no agreement.
     """
+    require_extra(Extra.IDENTIFY, "calibrating an arm")
 
     def half(first: int) -> Callable[[int, int], None] | None:
         if progress is None:
@@ -51,6 +53,7 @@ def calibrate_from_runs(
     Raises:
         EstimationError: no usable run, an arm that is mounted otherwise than entered, or no agreement.
     """
+    require_extra(Extra.IDENTIFY, "calibrating an arm")
     return calibrate_arm(
         runs.runs,
         runs.weighed,

@@ -27,6 +27,7 @@ from armload_identification.excitation.design_search import PeriodRange
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.excitation.information import named_criterion
+from armload_identification.extras import Extra, require_extra
 
 POSITION_MARGIN_RAD: Final = 0.1
 """Room left to the position limits, for the ramps and the servo."""
@@ -80,7 +81,7 @@ class DesignedExcitation:
         Raises:
             ReportError: the file cannot be written.
         """
-        # Imported here: matplotlib is slow to load.
+        require_extra(Extra.REPORT, "the picture of an excitation")
         from armload_identification.report.figure_file import write_figure
         from armload_identification.report.path_figure import path_figure
 
@@ -202,6 +203,7 @@ def design(
         10
         >>> excitation.save("excitation.toml")
     """
+    require_extra(Extra.IDENTIFY, "designing an excitation")
     arm = robot if isinstance(robot, Robot) else load_robot(robot)
     frequency = _frequency(arm, period_s, harmonics)
     envelope = arm.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)

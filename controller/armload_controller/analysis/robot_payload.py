@@ -17,6 +17,7 @@ from armload_controller.config.robot_recordings import RecordingChoice, chosen_j
 from armload_controller.feedforward.payload_use import another_arms
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
+from armload_identification.extras import Extra, require_extra
 from armload_identification.files.payload_file import read_payload
 from armload_identification.identification_errors import EstimationError, PayloadFileError
 from armload_identification.model.payload import PayloadResult
@@ -126,6 +127,7 @@ def identify(
         >>> result.save("payload.toml")
         >>> result.report("report.html")
     """
+    require_extra(Extra.IDENTIFY, "identifying a payload")
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
     run, empty = _run(arm, loaded), None if unloaded is None else _run(arm, unloaded)
@@ -169,6 +171,7 @@ def identify_over_time(
         EstimationError: the arm is not calibrated, or the windows are too short to say anything.
         RecordingError: a recording that does not fit the arm or cannot be right.
     """
+    require_extra(Extra.IDENTIFY, "identifying a payload")
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
     if used.known is None:
@@ -218,6 +221,7 @@ def validate(
         >>> result.verdict.title
         'Right within the tolerance'
     """
+    require_extra(Extra.IDENTIFY, "judging a payload")
     arm = _robot(robot)
     findings = Findings(arm, _payload(payload, arm), ReportContent(), version("armload"))
     return _validated(findings, arm, arm_in_use(arm, calibration), (loaded, unloaded), tolerance)
@@ -246,6 +250,7 @@ def findings_from_files(
         PayloadFileError: the payload's file cannot be read, or it is not given in the flange frame.
         RecordingError: recordings that do not fit the arm or each other.
     """
+    require_extra(Extra.IDENTIFY, "judging a payload by recordings")
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
     result = _payload(payload, arm)

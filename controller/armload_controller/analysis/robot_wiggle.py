@@ -23,6 +23,7 @@ from armload_identification.excitation.design_envelope import Envelope, Excitati
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import MASS_CRITERION, Excitation, FourierTrajectory
 from armload_identification.excitation.information import condition_number
+from armload_identification.extras import Extra, require_extra
 from armload_identification.identification_errors import EstimationError, ExcitationError
 from armload_identification.pipeline.mass_prospect import MassProspect
 from armload_identification.pipeline.wiggle import Wiggle, shortest_wiggle
@@ -81,6 +82,7 @@ class DesignedWiggle:
     def picture(self, path: str | PathLike[str]) -> None:
         """Draw the motion and its limits on one page, .png, .svg or .pdf."""
         # Imported here: matplotlib is slow to load.
+        require_extra(Extra.REPORT, "the picture of an excitation")
         from armload_identification.report.figure_file import write_figure
         from armload_identification.report.path_figure import path_figure
 

@@ -19,10 +19,17 @@ def main() -> None:
         from armload_controller.cli.main import app
         from armload_controller.control_errors import ControlError
         from armload_drivers.driver_errors import DriverError
+        from armload_identification.extras import missing_extra
         from armload_identification.identification_errors import IdentificationError
 
         try:
-            app()
+            try:
+                app()
+            except ModuleNotFoundError as error:
+                missing = missing_extra(error)
+                if missing is None:
+                    raise
+                raise missing from error
         except (ControlError, DriverError, IdentificationError) as error:
             status = _exit_status(error)
             from armload_controller.cli.screen import Screen

@@ -11,7 +11,6 @@ from typing import Any, Final
 
 import numpy as np
 import orjson
-from scipy.spatial.transform import Rotation
 
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
@@ -65,7 +64,7 @@ class ArmFrames:
         self._edges = list(zip((*frames[:-1], frames[-1]), (*frames[1:], FLANGE_FRAME), strict=True))
         poses = np.concatenate([chain.placement, chain.flange[None]])
         self._shifts = [dict(zip("xyz", pose[:3, 3].tolist(), strict=True)) for pose in poses]
-        self._turns = Rotation.from_matrix(poses[:, :3, :3])
+        self._turns = np.array([_quaternion(pose[:3, :3]) for pose in poses])
         self._axes = np.vstack([chain.axis, np.zeros(3)])
 
     def message(self, position_rad: FloatArray, stamp_ns: int) -> bytes:
@@ -75,8 +74,12 @@ class ArmFrames:
             position_rad: (n,) positions of the joints.
             stamp_ns: Wall-clock time.
         """
-        turned = Rotation.from_rotvec(np.append(position_rad, 0.0)[:, None] * self._axes)
-        quaternions = (self._turns * turned).as_quat().tolist()
+        half = 0.5 * np.append(position_rad, 0.0)[:, None]
+        scalar, vector = np.cos(half), np.sin(half) * self._axes
+        own_scalar, own_vector = self._turns[:, 3:], self._turns[:, :3]
+        dot = np.sum(own_vector * vector, axis=1, keepdims=True)
+        product = own_scalar * vector + scalar * own_vector + np.cross(own_vector, vector)
+        quaternions = np.hstack([product, own_scalar * scalar - dot]).tolist()
         stamp = {"sec": stamp_ns // 10**9, "nsec": stamp_ns % 10**9}
         transforms = [
             {
@@ -89,3 +92,17 @@ class ArmFrames:
             for (parent, child), shift, quaternion in zip(self._edges, self._shifts, quaternions, strict=True)
         ]
         return orjson.dumps({"transforms": transforms})
+
+
+def _quaternion(rotation: FloatArray) -> FloatArray:
+    """(4,) unit quaternion x, y, z, w of a rotation matrix (Bar-Itzhack, JGCD 23(6), 2000), exact at half turns too."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+    square = np.array(
+        [
+            [xx - yy - zz, xy + yx, xz + zx, zy - yz],
+            [xy + yx, yy - xx - zz, yz + zy, xz - zx],
+            [xz + zx, yz + zy, zz - xx - yy, yx - xy],
+            [zy - yz, xz - zx, yx - xy, xx + yy + zz],
+        ]
+    )
+    return np.asarray(np.linalg.eigh(square)[1][:, -1])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from armload_controller.control_errors import CommissioningError
 from armload_controller.session.feedforward_comparison import Comparison
+from armload_identification.extras import Extra, require_extra
 from armload_identification.report.figure_file import write_figure
 
 COLORS = ("#0072b2", "#009e73", "#d55e00")
@@ -19,6 +20,7 @@ def require_picture(path: Path) -> None:
     Raises:
         CommissioningError: another ending than .svg or .png.
     """
+    require_extra(Extra.REPORT, "the picture of a comparison")
     if path.suffix.lower() not in {".svg", ".png"}:
         raise CommissioningError(f"{path}: pictures are written as .svg or .png")
 

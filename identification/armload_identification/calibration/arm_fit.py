@@ -20,7 +20,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
@@ -336,6 +335,8 @@ class _Fitter:
 
 def _eliminate(information: FloatArray, gradient: FloatArray, shared: int) -> _Reduced:
     """The arrow's head less what the run's own unknowns take up."""
+    from scipy.linalg import cho_factor, cho_solve
+
     factor = cho_factor(information[shared:, shared:])
     follow = cho_solve(factor, information[shared:, :shared])
     own = cho_solve(factor, gradient[shared:])
@@ -349,6 +350,8 @@ def _eliminate(information: FloatArray, gradient: FloatArray, shared: int) -> _R
 
 def _solved(information: FloatArray, right: FloatArray) -> FloatArray:
     """Solution of the normal equations, at unit diagonal; what only the prior knows has room for rounding."""
+    from scipy.linalg import cho_factor, cho_solve
+
     scale = 1.0 / np.sqrt(np.diag(information))
     factor = cho_factor(information * scale[:, None] * scale + _ROUNDING * np.eye(len(scale)))
     tall = scale[:, None] if right.ndim > 1 else scale

@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
@@ -137,6 +136,8 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
     Raises:
         RecordingError: too short, or without torque.
     """
+    from scipy.ndimage import binary_dilation
+
     name = str(recording.source.path)
     effort = joint_torque(recording, transmission) @ transmission.coupling
     from_torque = recording.torque_nm is not None

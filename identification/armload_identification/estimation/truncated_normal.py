@@ -18,8 +18,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.optimize import lsq_linear
-from scipy.special import gammaincinv, ndtr, ndtri
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import CONFIDENCE
@@ -79,6 +77,9 @@ def contradicted(mean: FloatArray, covariance: FloatArray, limits: FloatArray) -
         covariance: (k, k) of it.
         limits: (k, 2) low and high.
     """
+    from scipy.optimize import lsq_linear
+    from scipy.special import gammaincinv
+
     inverse = np.linalg.inv(np.linalg.cholesky(covariance + np.diag(_LEAST_VARIANCE * np.diag(covariance))))
     nearest = lsq_linear(inverse, inverse @ mean, (limits[:, 0], limits[:, 1]))
     return bool(2.0 * nearest.cost > 2.0 * gammaincinv(0.5 * mean.size, CONFIDENCE))
@@ -86,6 +87,8 @@ def contradicted(mean: FloatArray, covariance: FloatArray, limits: FloatArray) -
 
 def _drawn(uniform: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Standard normal numbers between limits, and the probability of these limits; by the tail that keeps digits."""
+    from scipy.special import ndtr, ndtri
+
     sign = np.where(low > 0.0, -1.0, 1.0)
     first, last = np.where(low > 0.0, -high, low), np.where(low > 0.0, -low, high)
     below, up_to = ndtr(first), ndtr(last)

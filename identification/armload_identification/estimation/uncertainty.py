@@ -25,20 +25,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.special import ndtri, stdtrit
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Estimate, Prior
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
 CONFIDENCE: Final = 0.95
 _UPPER: Final = 0.5 + 0.5 * CONFIDENCE
-NORMAL_HALF_WIDTH: Final = float(ndtri(_UPPER))
+NORMAL_HALF_WIDTH: Final = NormalDist().inv_cdf(_UPPER)
 """Half the width of the interval of a normal distribution, in standard deviations."""
 DETERMINED_SHARE: Final = 0.20
 REFERENCE_LENGTH_M: Final = 0.1
@@ -97,6 +99,8 @@ def student_half_width(freedom: float | FloatArray) -> FloatArray:
     Args:
         freedom: Degrees of freedom, of any shape.
     """
+    from scipy.special import stdtrit
+
     return np.asarray(stdtrit(freedom, _UPPER))
 
 
@@ -358,6 +362,8 @@ def _window(bins: int) -> csr_array:
 
     Sparse: an aperiodic recording has as many bins as half of its rows, and the full matrix grows with their square.
     """
+    from scipy.sparse import csr_array
+
     rows = np.arange(bins)
     half = np.clip(rows // 2, 1, _WIDEST_HALF_WINDOW)
     row, offset = np.meshgrid(rows, np.arange(-_WIDEST_HALF_WINDOW, _WIDEST_HALF_WINDOW + 1), indexing="ij")

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import OptimizeResult, minimize
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
@@ -23,6 +23,9 @@ from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
 from armload_identification.excitation.information import Criterion
 from armload_identification.identification_errors import ExcitationError
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 _ORDERS = 4  # position, velocity, acceleration, jerk
 _SAMPLES_PER_HARMONIC = 24
@@ -173,6 +176,8 @@ class Search:
         self, x: FloatArray, multipliers: FloatArray, reserve: FloatArray, penalty: float, history: list[float]
     ) -> FloatArray:
         """The minimum of the augmented Lagrangian for fixed multipliers."""
+        from scipy.optimize import minimize
+
         latest = np.inf
 
         def lagrangian(trial: FloatArray) -> tuple[float, FloatArray]:

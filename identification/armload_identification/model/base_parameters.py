@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
@@ -48,6 +47,8 @@ def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
 
 def _independent(columns: FloatArray, *, unit: bool = True) -> NDArray[np.intp]:
     """Indices of a largest well-conditioned set of independent columns."""
+    from scipy.linalg import qr
+
     length = np.sqrt(np.sum(columns**2, axis=0)) if unit else np.ones(columns.shape[1])
     scaled = columns / np.where(length > 0.0, length, 1.0)
     triangle, order = qr(scaled, mode="r", pivoting=True)

@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol
 
+from armload_identification.extras import Extra, require_extra
 from armload_identification.files.payload_file import write_payload
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters, PayloadResult
 from armload_identification.recording.recording import hashes_by_name
@@ -122,6 +123,7 @@ class Findings:
         Raises:
             ReportError: the file cannot be written.
         """
+        require_extra(Extra.REPORT, "a report")
         from armload_identification.report.report import write_report  # matplotlib takes longer to load than a fit
 
         subject = ReportSubject(

@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from armload_identification.extras import Extra, require_extra
 from armload_identification.pipeline.any_motion import Window
 from armload_identification.recording.recording import RecordingSource
 from armload_identification.results.payload_text import plain_table
@@ -62,7 +63,7 @@ class PayloadOverTime:
         Raises:
             ReportError: the file cannot be written.
         """
-        # Imported here: matplotlib is slow to load.
+        require_extra(Extra.REPORT, "the picture of a payload over time")
         from armload_identification.report.figure_file import write_figure
         from armload_identification.report.mass_figure import mass_figure
 

@@ -8,13 +8,15 @@ at the stamps as they are, and the spline is differentiated. How fine its knots 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.interpolate import BSpline, make_lsq_spline
 
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import RecordingError
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 _DEGREE: Final = 5
 _COARSEST_KNOTS_S: Final = 2.0
@@ -57,6 +59,8 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
     Raises:
         RecordingError: too short for any spline.
     """
+    from scipy.interpolate import make_lsq_spline
+
     elapsed = time_s - time_s[0]
     interval_s = float(np.median(np.diff(elapsed)))
     spacing_s = min(_COARSEST_KNOTS_S, elapsed[-1] / 4.0)

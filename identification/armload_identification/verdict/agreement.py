@@ -28,8 +28,6 @@ from enum import StrEnum
 from typing import Final
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import fdtri, ncfdtrinc
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import student_half_width
@@ -163,6 +161,8 @@ def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agree
     Returns:
         Verdict and figures.
     """
+    from scipy.special import fdtri
+
     difference = measured.values - judged.values
     gains = _from_gains(judged.covariance, measured.covariance)
     covariance, freedom = _combined(judged.covariance, measured.covariance, gains)
@@ -204,6 +204,8 @@ def length_needed(judged: Known, measured: Known, tolerance: Tolerance) -> Lengt
         measured: What was measured.
         tolerance: What is to be noticed.
     """
+    from scipy.optimize import brentq
+
     tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
     gains = _from_gains(judged.covariance, measured.covariance)
 
@@ -258,6 +260,8 @@ def _denominator(freedom: float) -> float:
 
 def _noticeable(covariance: FloatArray, freedom: float) -> tuple[float, float, FloatArray]:
     """Smallest errors noticed with the probability `POWER`: of the mass, of the centre, and its weakest direction."""
+    from scipy.special import fdtri, ncfdtrinc
+
     free = _denominator(freedom)
     critical = fdtri(_SIZE, free, 1.0 - FALSE_ALARM)
     size = float(np.sqrt(ncfdtrinc(_SIZE, free, 1.0 - POWER, critical)))

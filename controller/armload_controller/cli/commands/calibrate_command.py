@@ -10,7 +10,7 @@ import typer
 from armload_controller.cli.options import RobotArgument
 from armload_controller.cli.output.findings_output import ReportOption
 from armload_controller.cli.output.json_output import JsonOption, print_document
-from armload_controller.cli.output.output_files import require_folder
+from armload_controller.cli.output.output_files import require_drawable, require_folder
 
 
 def calibrate(
@@ -41,9 +41,9 @@ def calibrate(
 
     arm = load_robot(robot)
     screen = Screen(as_json=as_json)
-    for file in (output, report):
-        if file is not None:
-            require_folder(file)
+    require_folder(output)
+    if report is not None:
+        require_drawable(report)
     with screen.track("reading and calibrating", total=200) as done:
         result = calibrate_from_files(arm, runs, lambda count, _total: done(count))
     screen.table(gains_table(result, arm.joint_names))

@@ -93,7 +93,10 @@ def commission(
     from armload_controller.session.folder_claim import claimed
     from armload_controller.session.live_view import live_at
     from armload_controller.session.run_session import Load
+    from armload_identification.extras import Extra, require_extra
 
+    for extra in Extra:
+        require_extra(extra, "commissioning")
     allowed = tolerance_of(tolerance)
     shown = live_at(live, live_address)
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)

@@ -11,6 +11,7 @@ import typer
 
 from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.output_files import require_drawable
 
 if TYPE_CHECKING:
     from armload_controller.analysis.robot_excitation import DesignedExcitation
@@ -101,6 +102,7 @@ def design(
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
 
+    require_drawable(output.with_suffix(".png"))
     arm = load_robot(robot)
     screen = Screen(as_json=as_json)
     if not arm.has_workspace:
@@ -143,8 +145,8 @@ def design(
 
 def _finish(screen: Screen, designed: DesignedExcitation | DesignedWiggle, output: Path, *, as_json: bool) -> None:
     """Write the excitation and its picture, and show its figures."""
-    designed.save(output)
     picture = output.with_suffix(".png")
+    designed.save(output)
     designed.picture(picture)
     if as_json:
         print_document(designed.to_dict() | {"files": {"excitation": str(output), "picture": str(picture)}})

@@ -19,7 +19,7 @@ from armload_controller.cli.options import (
 )
 from armload_controller.cli.output.findings_output import ReportOption, ValidationOption, finish, require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
-from armload_controller.cli.output.output_files import require_folder, require_replaceable
+from armload_controller.cli.output.output_files import require_drawable, require_folder, require_replaceable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 from armload_controller.cli.output.windows_output import show_windows
 from armload_controller.cli.recording_options import (
@@ -98,10 +98,14 @@ def identify(
     from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of
+    from armload_identification.extras import Extra, require_extra
 
-    for file in (output, report, picture):
+    require_extra(Extra.IDENTIFY, "armload identify")
+    if output is not None:
+        require_folder(output)
+    for file in (report, picture):
         if file is not None:
-            require_folder(file)
+            require_drawable(file)
     known = _known(mass_kg, center_of_mass_m, cad, cad_share, symmetric=symmetric)
     if every is not None and (
         symmetric

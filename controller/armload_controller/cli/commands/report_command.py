@@ -10,7 +10,7 @@ import typer
 from armload_controller.cli.options import CalibrationOption, RobotArgument
 from armload_controller.cli.output.findings_output import ValidationOption, finish, require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
-from armload_controller.cli.output.output_files import require_folder
+from armload_controller.cli.output.output_files import require_drawable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 
 
@@ -31,7 +31,7 @@ def report(
     from armload_controller.analysis.robot_payload import findings_from_files
     from armload_controller.cli.screen import Screen
 
-    require_folder(output)
+    require_drawable(output)
     findings = findings_from_files(
         robot,
         payload,

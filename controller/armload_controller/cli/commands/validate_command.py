@@ -17,7 +17,7 @@ from armload_controller.cli.options import (
 )
 from armload_controller.cli.output.findings_output import ReportOption, finish
 from armload_controller.cli.output.json_output import JsonOption
-from armload_controller.cli.output.output_files import require_folder
+from armload_controller.cli.output.output_files import require_drawable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, exit_status, tolerance_of
 from armload_controller.cli.recording_options import (
     BetweenOption,
@@ -57,13 +57,15 @@ def validate(
     from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of
+    from armload_identification.extras import Extra, require_extra
 
+    require_extra(Extra.IDENTIFY, "armload validate")
     *robots, payload = arguments
     if len(robots) > 1:
         raise typer.BadParameter(f"expected ROBOT and PAYLOAD, found {' '.join(arguments)}")
     arm = given_arm(robots[0] if robots else None, urdf, base, flange)
     if report is not None:
-        require_folder(report)
+        require_drawable(report)
     allowed = tolerance_of(tolerance)
     choices = recording_choices(columns, effort, between, joints, episode, count=2)
     runs = [read_of(arm, file, choice) for file, choice in zip((loaded, unloaded), choices, strict=True)]

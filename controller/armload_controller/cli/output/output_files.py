@@ -22,6 +22,19 @@ def require_folder(file: Path) -> None:
     make_folder(file.parent)
 
 
+def require_drawable(file: Path) -> None:
+    """Make the folder that a report or a picture goes to, and refuse one that nothing could draw.
+
+    Raises:
+        CommissioningError: the folder cannot be made, or the file is a folder itself.
+        ExtraMissing: what draws is not installed.
+    """
+    from armload_identification.extras import Extra, require_extra
+
+    require_extra(Extra.REPORT, str(file))
+    require_folder(file)
+
+
 def require_replaceable(file: Path, payload: PayloadResult) -> None:
     """Refuse to write a payload over one that was identified from other recordings.
 

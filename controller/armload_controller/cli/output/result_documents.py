@@ -8,18 +8,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from armload_controller.feedforward.offset_check import OffsetVerdict
-from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
-from armload_drivers.bring_up.drive_check import ArmCheck
-from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
-from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.reading_options import Effort
 from armload_identification.results.findings_document import agreement_fields, numbers
-from armload_identification.verdict.agreement import Agreement
-from armload_identification.verdict.cad_comparison import Comparison
+
+if TYPE_CHECKING:
+    # a command loads what it does, not what others print
+    from armload_controller.feedforward.offset_check import OffsetVerdict
+    from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
+    from armload_drivers.bring_up.drive_check import ArmCheck
+    from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
+    from armload_identification.calibration.arm_calibration import ArmCalibration
+    from armload_identification.verdict.agreement import Agreement
+    from armload_identification.verdict.cad_comparison import Comparison
 
 
 def _document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
