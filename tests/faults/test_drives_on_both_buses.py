@@ -1,0 +1,241 @@
+"""Faults of a drive and what real drives have besides, in lockstep and on vcan0: words, end state, the way back."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from armload_drivers.cia402.arm_settings import Identity, VendorEffort
+from armload_drivers.cia402.device_description import DeviceDescription
+from armload_drivers.cia402.object_dictionary import DataType
+from armload_drivers.cia402.state_machine import State
+from armload_drivers.driver_errors import (
+    DriverError,
+    ServoError,
+    ServoFault,
+    ServoTimeout,
+    WrongDevice,
+)
+from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
+from armload_drivers.simulation.plant_interface import IdealPlant
+
+ZERO = np.zeros(3)
+
+
+# A drive -----------------------------------------------------------------------------------------------------
+
+
+def test_a_drive_fault_in_motion_and_the_way_back(fault_arm):
+    arm = fault_arm()
+    arm.enable()
+    arm.move()
+    arm.drives.fail(3, 0x2310)
+    error = arm.failure(ServoFault)
+    assert (error.node_id, error.joint) == (3, "joint_3")
+    assert "0x2310 continuous overcurrent" in str(error)
+    assert "reset the fault by name" in str(error)
+    with pytest.raises(ServoFault):
+        arm.move(1)
+    arm.comes_to_rest()
+    with pytest.raises(ServoFault, match="0x2310"):
+        arm.servos.enable()
+    arm.servos.reset_faults()
+    arm.has_no_torque()
+    arm.target_rad = arm.servos.enable().position_rad
+    arm.move(5)
+
+
+def test_a_short_emergency_frame_is_kept(fault_arm):
+    """Some vendors send two bytes; the code is what matters."""
+    arm = fault_arm()
+    arm.enable()
+    arm.send(0x083, bytes.fromhex("1023"))
+    assert "0x2310" in str(arm.failure(ServoFault))
+    arm.comes_to_rest()
+
+
+def test_following_error(fault_arm):
+    arm = fault_arm()
+    arm.enable()
+    arm.plant.lag_rad = np.array([0.0, 0.0, 0.8])
+    error = arm.failure(ServoFault)
+    assert error.node_id == 5
+    assert "following error" in str(error)
+    arm.plant.lag_rad = ZERO
+    arm.comes_to_rest()
+
+
+def test_heartbeat_loss_of_one_drive(fault_arm):
+    arm = fault_arm()
+    arm.enable()
+    arm.send(0x603, bytes.fromhex("2b17100000000000"))
+    error = arm.failure(ServoTimeout)
+    assert error.node_id == 3
+    assert "heartbeat" in str(error)
+    assert any("Another SDO client wrote to joint_3 (node 3), object 1017:0" in note for note in error.__notes__)
+    arm.comes_to_rest()
+
+
+def test_a_drive_that_loses_its_supply(fault_arm):
+    arm = fault_arm()
+    arm.enable()
+    arm.move()
+    arm.drives.switch_off(5)
+    error = arm.failure(ServoTimeout)
+    assert (error.node_id, error.joint) == (5, "joint_5")
+    assert "supplied" in str(error)
+    arm.comes_to_rest()
+
+
+def test_a_drive_that_reboots(fault_arm):
+    arm = fault_arm()
+    arm.enable()
+    arm.drives.switch_off(2)
+    arm.drives.switch_on(2)
+    error = arm.failure(ServoError)
+    assert error.node_id == 2
+    assert "rebooted" in str(error)
+    arm.comes_to_rest()
+    with pytest.raises(DriverError):
+        arm.servos.enable()
+    arm.has_no_torque()
+
+
+@pytest.mark.parametrize("cycles", [1, 3])
+def test_feedback_missing_for_a_while(fault_arm, cycles):
+    arm = fault_arm()
+    arm.enable()
+    arm.move(3)
+    arm.drives.drop_feedback(3, cycles)
+    missing = 0
+    for _ in range(20):
+        missing += arm.move(1).missing.sum()
+    assert missing == cycles
+    arm.comes_to_rest()
+
+
+def test_feedback_missing_for_good(fault_arm):
+    arm = fault_arm()
+    arm.enable()
+    arm.drives.drop_feedback(3, 10_000)
+    error = arm.failure(ServoTimeout)
+    assert error.node_id == 3
+    assert "no feedback for 4 cycles" in str(error)
+    # It obeys all the same; its silence is all that is wrong. What it does on SDO requests proves it.
+    arm.servos.stop()
+    arm.servos.disable()
+    arm.has_no_torque()
+
+
+@pytest.mark.parametrize("state", [State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.SWITCHED_ON])
+def test_a_drive_that_ignores_a_state_request(fault_arm, state):
+    arm = fault_arm(traits={3: DriveTraits(stuck_in=state)})
+    arm.servos.connect()
+    with pytest.raises(ServoTimeout) as raised:
+        arm.servos.enable()
+    assert raised.value.node_id == 3
+    assert f"OPERATION ENABLED and standstill not reached within 3.0 s, the drive has been in {state.title}" in str(
+        raised.value
+    )
+    arm.has_no_torque()
+
+
+def test_a_drive_that_ignores_its_mode(fault_arm):
+    arm = fault_arm(traits={3: DriveTraits(takes_mode=False)})
+    with pytest.raises(ServoTimeout, match="6061 reports mode 0"):
+        arm.servos.connect()
+    arm.has_no_torque()
+
+
+def test_quick_stop_by_the_operator(fault_arm):
+    arm = fault_arm()
+    arm.enable()
+    arm.move()
+    arm.servos.stop()
+    assert all(arm.plant.powered)
+    with pytest.raises(DriverError, match="stopped"):
+        arm.move(1)
+    arm.comes_to_rest()
+
+
+# What else real drives have ----------------------------------------------------------------------------------
+
+
+def test_a_vendors_32_bit_current_travels_in_a_pdo_of_its_own(fault_arm, arm_settings):
+    vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
+    arm = fault_arm(arm_settings(cycle_s=0.02, vendor_effort=vendor))
+    arm.plant._torque_nm[:] = [20.0, -40.0, 60.0]
+    arm.enable()
+    feedback = arm.move(5)
+    assert feedback.current_a == pytest.approx([1.0, -2.0, 3.0], abs=1e-3)
+    arm.comes_to_rest()
+
+
+def test_a_vendors_pdo_that_goes_missing_is_missing_feedback(fault_arm, arm_settings):
+    vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
+    arm = fault_arm(arm_settings(cycle_s=0.02, vendor_effort=vendor))
+    arm.enable()
+    # Another client switches TPDO2 off.
+    arm.send(0x603, bytes.fromhex("2301180183020080"))
+    assert arm.failure(ServoTimeout).node_id == 3
+
+
+def test_the_sync_counter_counts(fault_arm, arm_settings):
+    arm = fault_arm(replace(arm_settings(cycle_s=0.02), sync_counter=10))
+    arm.enable()
+    arm.heard()
+    arm.move(25)
+    counts = [m.data[0] for m in arm.heard() if m.arbitration_id == 0x080]
+    assert len(counts) >= 25
+    assert all(after == before % 10 + 1 for before, after in pairwise(counts))
+    arm.comes_to_rest()
+
+
+def test_a_drive_without_a_sync_counter_is_refused_where_one_is_asked_for(fault_arm, arm_settings):
+    arm = fault_arm(replace(arm_settings(), sync_counter=10), traits={3: DriveTraits(absent=frozenset({0x1019}))})
+    with pytest.raises(ServoError, match="sync_counter = 0"):
+        arm.servos.connect()
+
+
+def test_scales_that_are_not_configured_come_from_the_drives(fault_arm, arm_settings):
+    settings = arm_settings(cycle_s=0.02)
+    unknown = {"counts_per_rad": None, "rated_current_a": None, "rated_torque_nm": None}
+    bare = replace(settings, drives=tuple(replace(drive, **unknown) for drive in settings.drives))
+    arm = fault_arm(bare, drives_arm=settings)
+    start = arm.enable()
+    assert start == pytest.approx(settings.coupling @ [0.1, 0.2, 0.3], abs=1e-4)
+    arm.move(5)
+    arm.comes_to_rest()
+
+
+class _Witness(IdealPlant):
+    """Remembers how fast an axis was when its torque went."""
+
+    def __init__(self, position_rad):
+        super().__init__(position_rad)
+        self.speeds = []
+
+    def set_powered(self, axis, on):
+        if self.powered[axis] and not on:
+            self.speeds.append(abs(float(self.velocity_rad_s[axis])))
+        super().set_powered(axis, on)
+
+
+def test_torque_goes_at_standstill_only_even_where_another_master_stopped_the_nodes(fault_arm):
+    arm = fault_arm(plant=_Witness([0.1, 0.2, 0.3]))
+    arm.enable()
+    arm.move()
+    arm.send(0x000, b"\x02\x00")
+    arm.failure(DriverError)
+    arm.servos.close()
+    arm.has_no_torque()
+    assert arm.plant.speeds == pytest.approx([0.0] * 3, abs=1e-3)
+
+
+def test_without_a_configured_identity_the_device_description_is_asked(fault_arm, arm_settings):
+    described = DeviceDescription("servo.eds", "", "", 0x1AB, None, None, None, {}, ())
+    settings = arm_settings(cycle_s=0.02, identity=Identity(None, None), description=described)
+    arm = fault_arm(settings)
+    with pytest.raises(WrongDevice, match=r"vendor id \(1018\) is 0x41524D4C instead of 0x000001AB"):
+        arm.servos.connect()
