@@ -24,7 +24,7 @@ from armload_controller.export.straight_line.precision import Precision
 from armload_controller.export.subject import ExportSubject
 from armload_core.arrays import FloatArray
 
-STATES: Final = 20_000
+STATES: Final = 10_000
 _SEED: Final = 21
 _MARGIN: Final = 2.0
 """Between the greatest error that was measured and the bound that is stated: other states, other math libraries."""

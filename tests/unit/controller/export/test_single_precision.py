@@ -27,7 +27,7 @@ VECTOR = np.ctypeslib.ndpointer(np.float32, 1, flags="C_CONTIGUOUS")
 def test_torque_is_within_the_stated_error_of_the_cores(library, make_subject, robot):
     subject = make_subject(robot)
     found, name = library(subject, precision=Precision.SINGLE)
-    states = states_within(subject, 2000, seed=40).astype(np.float32)
+    states = states_within(subject, 500, seed=40).astype(np.float32)
     expected = payload_torque(subject.chain, subject.payload.model.theta, *np.swapaxes(states.astype(float), 0, 1))
     state = (ctypes.c_char * 256)()
     getattr(found, f"{name}_init")(state)
