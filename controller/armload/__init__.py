@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
     from armload_controller.session.installed_plugins import PluginTable
     from armload_identification.estimation.prior_knowledge import KnownPayload
+    from armload_identification.files.calibration_file import read_calibration
     from armload_identification.files.payload_file import read_payload
+    from armload_identification.pipeline.payload_estimator import PayloadEstimator
     from armload_identification.recording.recording import Recording
     from armload_identification.results.findings import Findings
     from armload_identification.storage.strict_toml import BadValue
@@ -37,6 +39,7 @@ __all__ = [
     "CycleStep",
     "Findings",
     "KnownPayload",
+    "PayloadEstimator",
     "PayloadFeedforward",
     "PluginTable",
     "Recording",
@@ -45,6 +48,7 @@ __all__ = [
     "design",
     "identify",
     "load_robot",
+    "read_calibration",
     "read_payload",
     "read_recording",
     "read_urdf_arm",
@@ -56,6 +60,7 @@ _HOMES: Final = {
     "CycleStep": ("armload_controller.cycle.plugins", "CycleStep"),
     "Findings": ("armload_identification.results.findings", "Findings"),
     "KnownPayload": ("armload_identification.estimation.prior_knowledge", "KnownPayload"),
+    "PayloadEstimator": ("armload_identification.pipeline.payload_estimator", "PayloadEstimator"),
     "PayloadFeedforward": ("armload_controller.feedforward.payload_feedforward", "PayloadFeedforward"),
     "PluginTable": ("armload_controller.session.installed_plugins", "PluginTable"),
     "Recording": ("armload_identification.recording.recording", "Recording"),
@@ -64,6 +69,7 @@ _HOMES: Final = {
     "design": ("armload_controller.analysis.robot_excitation", "design"),
     "identify": ("armload_controller.analysis.robot_payload", "identify"),
     "load_robot": ("armload_controller.config.robot", "load_robot"),
+    "read_calibration": ("armload_identification.files.calibration_file", "read_calibration"),
     "read_payload": ("armload_identification.files.payload_file", "read_payload"),
     "read_recording": ("armload_controller.analysis.robot_payload", "read_run"),
     "read_urdf_arm": ("armload_controller.config.urdf_arm", "read_urdf_arm"),

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from armload_core.arrays import FloatArray
+from armload_controller.feedforward.adaptation_rules import friction_change_nm
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.verdict.friction_validity import FAR
@@ -120,7 +120,7 @@ class PayloadEvents:
         if found.moving_s.max() < MOVED_S:
             self._since.clear()
             return []
-        far = friction_drift(found, self._speed) / self._usual_nm
+        far = friction_change_nm(found, self._speed) / self._usual_nm
         now: set[tuple[str, str | None]] = set()
         for kind, limit in (("friction drifting", DRIFTING), ("calibration out of date", OUTDATED)):
             now |= {(kind, self._joint_names[joint]) for joint in np.flatnonzero(far > limit)}
@@ -148,13 +148,3 @@ def kind_of_change(before: LivePayload, after: LivePayload) -> str | None:
     apart = np.abs(after.values[1:] - before.values[1:]) - after.half_width_95[1:] - before.half_width_95[1:]
     same = abs(change) + doubt < SAME_WITHIN * before.mass_kg
     return "changed tool" if same and np.any(apart[both] > MOVED_WITHIN_M) else None
-
-
-def friction_drift(found: LivePayload, speed_rad_s: FloatArray) -> FloatArray:
-    """(n,) by how much the friction of each joint differs from the calibration's at some speed, in N m.
-
-    Args:
-        found: An estimate.
-        speed_rad_s: (n,) the speed, such as the calibration's `middle_speed_rad_s`.
-    """
-    return np.asarray(np.abs(found.friction[0] + found.friction[1] * speed_rad_s))

@@ -14,6 +14,7 @@ What keeps the arm safe is not here: the gate (`torque_gate`) clamps, limits the
 from __future__ import annotations
 
 from collections import deque
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +83,7 @@ class FeedforwardPlugin:
     Args:
         chain: The arm.
         robot: Its name, for messages.
-        payload: The payload at its flange.
+        payload: The payload at its flange; None begins with an empty flange.
         cycle_s: Duration of a cycle.
         beside: What the arm itself adds; None adds the payload's torque alone.
         commanded: (n, n) what drives whose gains are off are to be given for a torque, from the right; the torque
@@ -98,7 +99,7 @@ class FeedforwardPlugin:
         self,
         chain: Chain,
         robot: str,
-        payload: PayloadResult,
+        payload: PayloadResult | None,
         cycle_s: float,
         beside: ArmTerm | None = None,
         commanded: FloatArray | None = None,
@@ -106,8 +107,9 @@ class FeedforwardPlugin:
         self._commanded = np.eye(chain.n) if commanded is None else commanded
         self._chain, self._robot, self._cycle_s, self._beside = chain, robot, cycle_s, beside
         self._beside_share = 0.0
-        self._require(payload)
-        self._payload = payload.model
+        if payload is not None:
+            self._require(payload)
+        self._payload = NOTHING if payload is None else payload.model
         self._feedforward = PayloadFeedforward(chain, NOTHING)
         self._joints = np.zeros(chain.n)
         self._lag = FollowingLag(chain.n, cycle_s)
@@ -183,17 +185,31 @@ class FeedforwardPlugin:
             raise PayloadRefused(f"payload: {problem}")
 
 
+class Feeding(Protocol):
+    """A plug-in that adds torque once it is allowed to: `FeedforwardPlugin`, or one around it."""
+
+    @property
+    def fade_in_cycles(self) -> int:
+        """Cycles from `allow` until the whole torque is added."""
+
+    def allow(self, joints: NDArray[np.bool_]) -> None:
+        """Begin to add torque on some joints, faded in."""
+
+    def on_cycle(self, step: CycleStep) -> FloatArray:
+        """(n,) torque to add."""
+
+
 class CheckedFeedforward:
     """The feed-forward and the check that must precede it, as one plug-in.
 
     Args:
-        feedforward: Adds nothing until `use` allows it.
+        feedforward: Adds nothing until `begin` allows it.
         check: Tries the torque offset while `check` has it try.
     """
 
     name = "feed-forward"
 
-    def __init__(self, feedforward: FeedforwardPlugin, check: OffsetCheck) -> None:
+    def __init__(self, feedforward: Feeding, check: OffsetCheck) -> None:
         self.feedforward = feedforward
         self._check = check
         self._checking = False

@@ -181,6 +181,7 @@ class RunSession:
         recorder: Recorder | None = None,
         plugins: Sequence[CyclePlugin] = (),
         before: Callable[[PoweredArm], None] | None = None,
+        warning: str = "",
     ) -> CycleSummary:
         """Run a path at full speed, after its slow round where the session has not made that yet.
 
@@ -190,6 +191,7 @@ class RunSession:
             recorder: Records the slow round too, and every row, the one that a monitor stops the arm for included.
             plugins: Further plug-ins, called after the monitors.
             before: Called with the arm standing where the measured leg begins; for torque that is added to the run.
+            warning: What the operator has to know of it; consent that was given beforehand does not cover it.
 
         Returns:
             What was counted in the slow round and the run.
@@ -223,8 +225,8 @@ class RunSession:
         added = "" if before is None else " with torque added to the drives' own"
         consent.require(
             self.servos,
-            f"{name}: the slow round is over, the drives are off. Run it at full speed{added}?",
-            always=False,
+            f"{name}: the slow round is over, the drives are off. {warning}Run it at full speed{added}?",
+            always=bool(warning),
         )
         with display.track(f"{name} run", BAR) as progress:
             run_leg(cycle, path, path.measured, progress, before)

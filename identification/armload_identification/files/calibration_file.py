@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
 from typing import Final
 
@@ -270,7 +271,7 @@ def write_calibration(path: Path, result: ArmCalibration) -> None:
     write_text(path, format_calibration(result), CalibrationFileError)
 
 
-def read_calibration(path: Path) -> ArmCalibration:
+def read_calibration(path: str | PathLike[str]) -> ArmCalibration:
     """Read a calibration file.
 
     Args:
@@ -278,8 +279,13 @@ def read_calibration(path: Path) -> ArmCalibration:
 
     Raises:
         CalibrationFileError: not readable, incomplete or contradictory, naming file, key and value.
+
+    Examples:
+        >>> import armload
+        >>> armload.read_calibration("runs/today/arm.calibration.toml").robot
+        'er50'
     """
-    return parse_calibration(read_text(path, CalibrationFileError), str(path))
+    return parse_calibration(read_text(Path(path), CalibrationFileError), str(path))
 
 
 def parse_calibration(content: str, source: str = "calibration") -> ArmCalibration:

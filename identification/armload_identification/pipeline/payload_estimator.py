@@ -86,10 +86,15 @@ class PayloadEstimator:
         ModelError: the calibration belongs to another arm.
 
     Examples:
-        >>> estimator = PayloadEstimator(calibration, robot.chain, robot.transmission)  # doctest: +SKIP
-        >>> estimator.update(time_s, position_rad, current_a)  # doctest: +SKIP
-        >>> estimator.estimate().mass_kg  # doctest: +SKIP
-        2.81
+        >>> import armload
+        >>> robot, run = armload.load_robot("er50"), armload.read_recording("runs/today/loaded_validation.mcap")
+        >>> arm = armload.read_calibration("runs/today/arm.calibration.toml")
+        >>> estimator = armload.PayloadEstimator(arm, robot.chain, robot.transmission)
+        >>> for sample in zip(run.time_s, run.position_rad, run.current_a):
+        ...     estimator.update(*sample)
+        >>> found = estimator.estimate()
+        >>> bool(abs(found.mass_kg - 9.814) < found.half_width_95[0])
+        True
     """
 
     def __init__(

@@ -7,11 +7,13 @@ import pinocchio as pin
 import pytest
 
 import armload
+from armload_controller.analysis.robot_calibration import calibrate_from_files
 from armload_controller.config.robot import load_robot
 from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.motion.phase import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.excitation.excitation_file import format_excitation
+from armload_identification.files.calibration_file import write_calibration
 from armload_identification.model.payload import InertialParameters
 
 PERIODS, RATE_HZ = 2, 50.0
@@ -48,6 +50,8 @@ def recorded_er50(tmp_path_factory, in_pinocchio):
                     recorder.write(*values)
     runs = (today / f"{load}_identification.mcap" for load in ("loaded", "unloaded"))
     armload.identify(robot, *runs).save(today / "payload.toml")
+    calibrated = calibrate_from_files(robot, sorted(today.glob("*_identification.mcap")))
+    write_calibration(today / "arm.calibration.toml", calibrated)
     return folder
 
 

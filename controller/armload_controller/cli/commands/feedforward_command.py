@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,7 +30,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from armload_controller.analysis.arm_in_use import ArmInUse
+    from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
+    from armload_controller.feedforward.adaptation import Decision
+    from armload_controller.feedforward.adaptation_rules import DeclaredMass
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.motion.checked_path import CheckedPath
     from armload_controller.session.feedforward_comparison import Comparison, ComparisonRuns
@@ -43,10 +47,22 @@ PERIODS = 1
 
 def feedforward(
     robot: RobotArgument,
-    payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML) to feed forward.")],
+    payload: Annotated[
+        Path | None, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML) to feed forward; none with --adapt.")
+    ] = None,
     compare: Annotated[
         bool, typer.Option("--compare", help="Run one trajectory without and with; else only try the torque offset.")
     ] = False,
+    adapt: Annotated[
+        bool,
+        typer.Option("--adapt", help="Run with torque that follows what the calibrated arm finds out that it carries."),
+    ] = False,
+    expect: Annotated[
+        str | None, typer.Option(metavar="KG..KG", help="With --adapt: what it may carry, such as 0..3.")
+    ] = None,
+    decisions: Annotated[
+        Path, typer.Option(help="With --adapt: every decision, a line of JSON each; lines are added to what is there.")
+    ] = Path("adaptation.jsonl"),
     excitation: Annotated[
         Path | None, typer.Option(help="Trajectory to run; the robot's validation excitation if not given.")
     ] = None,
@@ -70,6 +86,9 @@ def feedforward(
     With a calibration of the arm, torque is scaled to what its drives make of it, and the comparison has two runs more:
     with the friction that the payload causes in the gears, and with all of the arm's own torque.
 
+    With --adapt no payload is given: what the arm carries is estimated while it moves, and fed forward as long as
+    nothing speaks against it. On a real arm this takes consent of its own, whatever --yes says.
+
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque, as for `commission`.
     """
     from armload_controller.analysis.arm_in_use import arm_in_use
@@ -77,18 +96,15 @@ def feedforward(
     from armload_controller.cli.output.result_documents import feedforward_document
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
-    from armload_controller.feedforward.body_torque import held_torque
-    from armload_controller.feedforward.injection import PayloadRefused
-    from armload_controller.feedforward.payload_use import why_not_usable
+    from armload_controller.feedforward.adaptation_rules import DeclaredMass
     from armload_controller.session.arm_access import open_arm, require_rules
-    from armload_controller.session.comparison_figure import draw, require_picture
-    from armload_controller.session.feedforward_comparison import ComparisonRuns
+    from armload_controller.session.comparison_figure import require_picture
     from armload_controller.session.live_view import live_at, shown_live
-    from armload_controller.session.run_session import Consent, Load, Operator, run_session
+    from armload_controller.session.run_session import Consent, Load, Operator
     from armload_controller.session.stop_signals import StopSignals
     from armload_drivers.servos import JointServos
-    from armload_identification.files.payload_file import read_payload
 
+    require_one_kind(payload, expect, adapt=adapt, compare=compare)
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
     require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     if mounted is not None:
@@ -96,20 +112,9 @@ def feedforward(
     require_picture(picture)
     control = MotionControl()
     screen = Screen(Keyboard.of_this_process(control), as_json=as_json)
-    result = read_payload(payload)
-    problem = why_not_usable(result, arm.chain, arm.name, "fed forward")
-    if problem is not None:
-        raise PayloadRefused(f"{payload}: {problem}")
-    path = _checked_path(arm, excitation)
+    given = declared_mass(arm, expect) if payload is None else _usable(arm, payload)
+    path = _checked_path(arm, excitation, whole=adapt)
     used = arm_in_use(arm, calibration)
-    known = used.calibration
-    model = None if known is None else known.body
-    runs = ComparisonRuns(
-        arm,
-        path,
-        None if model is None else held_torque(model),
-        None if known is None else known.commanded(arm.drives.coupling),
-    )
 
     def open_servos(load: Load) -> AbstractContextManager[JointServos]:
         return open_arm(arm, load, screen.step, simulated_drives=simulated_drives)
@@ -118,24 +123,161 @@ def feedforward(
         signals = stack.enter_context(StopSignals(control))
         consent = Consent(lambda question: signals.ask(question, screen.confirm), given=yes)
         operator = stack.enter_context(shown_live(Operator(screen, control, consent), arm, live_at(live, live_address)))
-        if not compare:
-            with run_session(arm, Load.LOADED, open_servos, operator) as session:
-                verdict = runs.try_offset(session, result)
-            screen.result(_account(verdict))
-            if as_json:
-                print_document(feedforward_document(arm.name, verdict, [], None))
-            return
-        comparisons, verdict = _compare(arm, runs, result, used, open_servos, operator)
-    for comparison in comparisons:
-        screen.table(comparison_table(comparison))
-    draw(comparisons, arm.name, picture)
-    screen.step(f"picture: {picture}")
+        if isinstance(given, DeclaredMass):
+            outcome = _adapt(arm, path, used, given, open_servos, operator, decisions)
+        elif compare:
+            outcome = _compare(arm, path, given, used, open_servos, operator)
+        else:
+            outcome = _try_offset(arm, path, given, used, open_servos, operator)
+    if not compare:
+        screen.result(_account(outcome.verdict))
+    drawn = _shown(screen, outcome, arm.name, picture) if compare else None
     if as_json:
-        print_document(feedforward_document(arm.name, verdict, comparisons, picture))
+        print_document(feedforward_document(arm.name, outcome.verdict, outcome.comparisons, drawn, outcome.decisions))
 
 
-def _checked_path(arm: Robot, excitation: Path | None) -> CheckedPath:
-    """The trajectory to run, one period of it, checked."""
+@dataclass(frozen=True)
+class _Outcome:
+    """What came of a command.
+
+    Attributes:
+        verdict: What the drives made of the torque offset.
+        comparisons: Following errors without and with it.
+        decisions: Of a run that adapts.
+    """
+
+    verdict: OffsetVerdict
+    comparisons: Sequence[Comparison] = ()
+    decisions: Sequence[Decision] = ()
+
+
+def _shown(screen: Screen, outcome: _Outcome, robot: str, picture: Path) -> Path:
+    """Comparisons as tables and as a picture."""
+    from armload_controller.session.comparison_figure import draw
+
+    for comparison in outcome.comparisons:
+        screen.table(comparison_table(comparison))
+    draw(outcome.comparisons, robot, picture)
+    screen.step(f"picture: {picture}")
+    return picture
+
+
+def _usable(arm: Robot, payload: Path) -> PayloadResult:
+    """A payload that may be fed forward.
+
+    Raises:
+        PayloadRefused: it may not.
+    """
+    from armload_controller.feedforward.injection import PayloadRefused
+    from armload_controller.feedforward.payload_use import why_not_usable
+    from armload_identification.files.payload_file import read_payload
+
+    result = read_payload(payload)
+    problem = why_not_usable(result, arm.chain, arm.name, "fed forward")
+    if problem is not None:
+        raise PayloadRefused(f"{payload}: {problem}")
+    return result
+
+
+def _runs(arm: Robot, path: CheckedPath, used: ArmInUse) -> ComparisonRuns:
+    """Runs of the arm as it was calibrated."""
+    from armload_controller.feedforward.body_torque import held_torque
+    from armload_controller.session.feedforward_comparison import ComparisonRuns
+
+    known = used.calibration
+    if known is None:
+        return ComparisonRuns(arm, path)
+    return ComparisonRuns(arm, path, held_torque(known.body), known.commanded(arm.drives.coupling))
+
+
+def _try_offset(
+    arm: Robot,
+    path: CheckedPath,
+    payload: PayloadResult,
+    used: ArmInUse,
+    open_servos: ServosFactory,
+    operator: Operator,
+) -> _Outcome:
+    """The torque offset, where the arm stands."""
+    from armload_controller.session.run_session import Load, run_session
+
+    with run_session(arm, Load.LOADED, open_servos, operator) as session:
+        return _Outcome(_runs(arm, path, used).try_offset(session, payload))
+
+
+def require_one_kind(payload: Path | None, expect: str | None, *, adapt: bool, compare: bool) -> None:
+    """Refuse options of which one contradicts another.
+
+    Raises:
+        BadParameter: naming it.
+    """
+    if adapt and payload is not None:
+        raise typer.BadParameter("takes no PAYLOAD: what the arm carries is estimated", param_hint="--adapt")
+    if adapt and compare:
+        raise typer.BadParameter("goes with a PAYLOAD, not with --adapt", param_hint="--compare")
+    if adapt and expect is None:
+        raise typer.BadParameter("needed with --adapt: what the arm may carry, such as 0..3", param_hint="--expect")
+    if not adapt and expect is not None:
+        raise typer.BadParameter("goes with --adapt", param_hint="--expect")
+    if not adapt and payload is None:
+        raise typer.BadParameter("give a payload file, or --adapt", param_hint="PAYLOAD")
+
+
+def declared_mass(arm: Robot, expect: str | None) -> DeclaredMass:
+    """What the operator says that the arm may carry.
+
+    Raises:
+        BadParameter: no range.
+        AdaptationRefused: more than may be adapted to.
+    """
+    from armload_controller.feedforward.adaptation_rules import DeclaredMass
+
+    try:
+        least_kg, most_kg = (float(part.strip().removesuffix("kg")) for part in (expect or "").split(".."))
+    except ValueError:
+        raise typer.BadParameter(f"{expect!r}: expected a range such as 0..3", param_hint="--expect") from None
+    return DeclaredMass(least_kg, most_kg, arm.payloads.rated_kg)
+
+
+def _adapt(
+    arm: Robot,
+    path: CheckedPath,
+    used: ArmInUse,
+    declared: DeclaredMass,
+    open_servos: ServosFactory,
+    operator: Operator,
+    decisions: Path,
+) -> _Outcome:
+    """The run with torque that follows the estimate; every decision is shown, and written as it is taken."""
+    import json
+    from concurrent.futures import ThreadPoolExecutor
+
+    from armload_controller.control_errors import CommissioningError
+    from armload_controller.feedforward.adaptation import at_once
+    from armload_controller.session.adapted_run import adapted_run
+    from armload_controller.session.arm_access import VIRTUAL
+    from armload_controller.session.run_session import Load, run_session
+
+    try:
+        log = decisions.open("a", encoding="utf-8")
+    except OSError as error:
+        raise CommissioningError(f"{decisions}: {error.strerror}: choose a --decisions that can be written") from error
+
+    def report(decision: Decision) -> None:
+        log.write(json.dumps({"robot": arm.name, **decision.to_dict()}) + "\n")
+        log.flush()
+        operator.display.step(str(decision))
+
+    with log, ThreadPoolExecutor(1, thread_name_prefix="estimate") as executor:
+        beside = at_once if arm.bus.interface == VIRTUAL else executor.submit
+        with run_session(arm, Load.LOADED, open_servos, operator) as session:
+            adapted = adapted_run(arm, path, used, declared, session, beside, report)
+    operator.display.step(f"written: {decisions}, {len(adapted.decisions)} decisions")
+    return _Outcome(adapted.verdict, decisions=adapted.decisions)
+
+
+def _checked_path(arm: Robot, excitation: Path | None, *, whole: bool) -> CheckedPath:
+    """The trajectory to run, one period of it or all of them, checked."""
     from armload_controller.motion.checked_path import check_path
     from armload_controller.session.commissioning import require_excitation
     from armload_identification.excitation.excitation_file import read_excitation
@@ -145,24 +287,25 @@ def _checked_path(arm: Robot, excitation: Path | None) -> CheckedPath:
         chosen, file, key = require_excitation(arm, "validation"), arm.file, "excitation.validation"
     else:
         chosen, file, key = read_excitation(excitation), "command line", f"--excitation {excitation}"
-    one = Excitation(chosen.trajectory, PERIODS)
-    return check_path(one, arm.motion_constraints, 1 / arm.bus.cycle_hz, file=file, key=key)
+    run = chosen if whole else Excitation(chosen.trajectory, PERIODS)
+    return check_path(run, arm.motion_constraints, 1 / arm.bus.cycle_hz, file=file, key=key)
 
 
 def _compare(
     arm: Robot,
-    runs: ComparisonRuns,
+    path: CheckedPath,
     payload: PayloadResult,
     used: ArmInUse,
     open_servos: ServosFactory,
     operator: Operator,
-) -> tuple[list[Comparison], OffsetVerdict]:
+) -> _Outcome:
     """All runs; in simulation the empty arm's and the true payload's too. The mildest addition comes first."""
     from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
     from armload_controller.session.arm_access import VIRTUAL
     from armload_controller.session.feedforward_comparison import FollowingRun
     from armload_controller.session.run_session import Load, run_session
 
+    runs = _runs(arm, path, used)
     in_this_process = arm.bus.interface == VIRTUAL
     body = None if used.calibration is None else used.calibration.body
     empty: FollowingRun | None = None
@@ -189,7 +332,7 @@ def _compare(
     comparisons = [] if empty is None else [runs.compare(without, chosen(ARM), empty, payload)]
     if empty is None or body is not None:
         comparisons.append(runs.compare(without, chosen(IDEAL), None, payload))
-    return comparisons, verdict
+    return _Outcome(verdict, comparisons)
 
 
 def _as_result(payload: PayloadResult, truth: InertialParameters) -> PayloadResult:

@@ -16,6 +16,7 @@ from armload_identification.results.findings_document import agreement_fields, n
 
 if TYPE_CHECKING:
     # a command loads what it does, not what others print
+    from armload_controller.feedforward.adaptation import Decision
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
     from armload_drivers.bring_up.drive_check import ArmCheck
@@ -172,9 +173,13 @@ def status_document(robot: str, status: ArmStatus) -> dict[str, Any]:
 
 
 def feedforward_document(
-    robot: str, verdict: OffsetVerdict, comparisons: Sequence[FollowingComparison], picture: Path | None
+    robot: str,
+    verdict: OffsetVerdict,
+    comparisons: Sequence[FollowingComparison],
+    picture: Path | None,
+    decisions: Sequence[Decision] = (),
 ) -> dict[str, Any]:
-    """What the drives answered to a torque offset, and the following errors without and with it."""
+    """What the drives answered to a torque offset, the following errors without and with it, and what was decided."""
     offset = [
         {"name": name, "gain": float(gain) if usable else None, "usable": bool(usable)}
         for name, gain, usable in zip(verdict.joint_names, verdict.gain, verdict.usable, strict=True)
@@ -196,7 +201,8 @@ def feedforward_document(
         for comparison in comparisons
     ]
     files = {"picture": None if picture is None else str(picture)}
-    return _document("feedforward", {"robot": robot, "offset": offset, "comparisons": compared, "files": files})
+    content = {"robot": robot, "offset": offset, "comparisons": compared, "files": files}
+    return _document("feedforward", content | {"decisions": [decision.to_dict() for decision in decisions]})
 
 
 def export_document(robot: str, export_format: str, written: dict[Path, bool], notes: Sequence[str]) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """`armload feedforward` as its user meets it."""
 
+import json
 import re
 from dataclasses import replace
 from importlib import resources
@@ -149,3 +150,49 @@ def test_a_picture_that_is_no_picture_is_refused_before_anything_moves(armload, 
 def test_any_other_bus_is_refused(armload, folder):
     result = armload("feedforward", "prbt", folder / "payload.toml", "--interface", "socketcan", "--channel", "can0")
     assert "--simulated-drives" in str(result.exception)
+
+
+@pytest.fixture(scope="module")
+def adapted(armload, folder, calibrated):
+    """A run in which the arm finds out itself what it carries."""
+    words = ["feedforward", "prbt", "--adapt", "--expect", "0..4", "--mounted", "gripper", "--json"]
+    words += ["--calibration", folder / "arm.toml", "--excitation", folder / "sweep.toml"]
+    result = armload(*words, "--decisions", folder / "decisions.jsonl")
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def test_torque_follows_what_the_arm_finds_out_and_every_decision_is_kept(adapted, folder):
+    fed = [decision for decision in adapted["decisions"] if decision["kind"] == "fed"]
+    truth = load_robot("prbt").simulation.payload("gripper")
+    assert fed, adapted["decisions"]
+    assert fed[-1]["mass_kg"] == pytest.approx(truth.mass_kg, rel=0.2)
+    assert any(joint["usable"] for joint in adapted["offset"])
+    kept = [json.loads(line) for line in (folder / "decisions.jsonl").read_text().splitlines()]
+    assert kept == [{"robot": "prbt", **decision} for decision in adapted["decisions"]]
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["payload.toml", "--adapt", "--expect", "0..3"], "takes no PAYLOAD"),
+        (["--adapt"], "needed with --adapt"),
+        (["--adapt", "--expect", "0..3", "--compare"], "goes with a PAYLOAD"),
+        (["--adapt", "--expect", "three"], "expected a range such as 0..3"),
+        (["payload.toml", "--expect", "0..3"], "goes with --adapt"),
+        ([], "give a payload file, or --adapt"),
+    ],
+)
+def test_options_that_contradict_each_other(armload, words, text):
+    result = armload("feedforward", "prbt", *words)
+    assert result.exit_code == 2
+    assert text in result.output
+
+
+def test_what_may_not_be_adapted_to(armload, folder):
+    heavy = armload("feedforward", "prbt", "--adapt", "--expect", "0..6")
+    assert "up to 80% of the rated 6 kg only" in str(heavy.exception)
+    unknown = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", "--decisions", folder / "none.jsonl")
+    assert "give that file as --calibration" in str(unknown.exception)
+    nowhere = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", "--decisions", folder / "no" / "a.jsonl")
+    assert "choose a --decisions" in str(nowhere.exception)

@@ -24,6 +24,7 @@ from armload_controller.cli.output.result_documents import (
     nodes_document,
 )
 from armload_controller.config.robot import load_robot
+from armload_controller.feedforward.adaptation import Decision, DecisionKind
 from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.session.feedforward_comparison import Comparison, Measure
@@ -160,6 +161,7 @@ def made():
     worn = arm_drift(SimpleNamespace(n=2, friction_nm=ones, usual_change_nm=noise), runs)
     weeks = ArmHistory("arm", "", joints, None, "arm.toml", worn, (("other.mcap", "too short"),), "0")
     wiggle = DesignedWiggle(load_robot("prbt"), np.zeros(6), *designed_wiggle(), "armload design")
+    decision = Decision(1.0, DecisionKind.FED, "", 1.0, 0.1, (0.0, 0.0, 0.1))
     four = np.ones(4)
     sure_of = np.array([True, True, False, False])
     live = LivePayload(1.0, ones, four, 0.1 * four, sure_of, ones, ones, 1, 0.5, 1.0, contact=False, refused=0)
@@ -170,7 +172,7 @@ def made():
         wiggle.to_dict() | {"files": {"excitation": "wiggle.toml", "picture": "wiggle.png"}},
         weeks.to_dict() | {"files": {"report": None, "picture": None}},
         calibration_document("arm", joints, arm, Path("arm.toml"), Path("arm.html")),
-        feedforward_document("arm", offset, [compared], Path("picture.svg")),
+        feedforward_document("arm", offset, [compared], Path("picture.svg"), [decision]),
         nodes_document("socketcan", "can0", [node]),
         half_document(Path("runs/today")),
         fleet_report_document(fleet_review(), Path("report.html")),

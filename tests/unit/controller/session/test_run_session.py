@@ -207,3 +207,16 @@ def test_added_torque_is_named_in_the_question(opened):
         session.run(path, "added", before=lambda arm: None)
     assert "with torque added" not in person.asked[1]
     assert "with torque added to the drives' own?" in person.asked[2]
+
+
+@pytest.mark.parametrize(("answer", "runs"), [(True, 2), (False, 1)])
+def test_a_run_with_a_warning_is_asked_for_whatever_was_consented_to_beforehand(opened, answer, runs):
+    person = Person(True, answer)
+    operator = Operator(NoDisplay(), MotionControl(), Consent(person, given=True))
+    with opened(Load.LOADED, operator, simulated=False) as (session, servos):
+        try:
+            session.run(checked(), "adapting", warning="Torque will follow an estimate. ")
+        except CommissioningError:
+            assert not answer
+    assert "Torque will follow an estimate. Run it at full speed?" in person.asked[1]
+    assert servos.log.count("enable") == runs

@@ -1,0 +1,339 @@
+"""Feed-forward that follows the estimate, on simulated pick and place: against the true payload's, and against none.
+
+An arm goes empty to where it picks, gets the payload there, carries it from place to place, and puts it down. Four
+runs of the same motion: empty, loaded without feed-forward, with adaptation, with the true payload fed while it hangs
+on the flange. What the payload adds to the following error is the loaded run's less the empty one's. The share of it
+that is taken away is taken from when the estimate was fed in until the payload is put down, and over the whole carry.
+
+The arm's calibration is of runs of other motions, empty and with another payload that was weighed.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.cycle.plugins import CycleStep
+from armload_controller.cycle.torque_gate import TorqueGate
+from armload_controller.feedforward.adaptation import FEED_S, DecisionKind, EstimatorPlugin, PayloadAdaptation
+from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
+from armload_controller.feedforward.injection import FeedforwardPlugin
+from armload_controller.motion.leg_interpolator import Reference
+from armload_controller.motion.phase import PhaseState, Segment
+from armload_controller.session.feedforward_comparison import LOADED_SHARE
+from armload_core.arrays import FloatArray
+from armload_drivers.servos import JointCommand
+from armload_drivers.simulation.fake_servos import FakeServos
+from armload_drivers.simulation.mujoco_plant import ArmPlant
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload
+from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
+from armload_identification.model.regressor import payload_torque
+from armload_identification.pipeline.payload_estimator import PayloadEstimator
+from armload_identification.recording.recording import Recording, RecordingSource
+from benchmarks.bodies import ER50_PAYLOADS, PRBT_PAYLOADS, Cuboid
+from benchmarks.calibrated import calibrated
+from benchmarks.verdict import Tally
+
+CASES = {"er50": (0.5, 2.0, 10.0), "prbt": (0.5, 3.0)}
+WEIGHED_KG = {"er50": 13.0, "prbt": 5.0}
+REACHED = 0.9
+SHOWN = 0.2
+"""Where the true payload's torque takes away less, what the payload adds is below the noise."""
+RUN_S, EMPTY_MOVES, MOVES, SPEED, PAUSE_S = 90.0, 10, 12, (0.3, 0.6), 0.3
+RANGE_RAD = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One cycle of a planned motion."""
+
+    position_rad: FloatArray
+    velocity_rad_s: FloatArray
+    acceleration_rad_s2: FloatArray
+    carrying: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """One run: (N,) times, (N, n) following errors, whether something was carried, and the feedback."""
+
+    time_s: FloatArray
+    error_rad: FloatArray
+    carrying: NDArray[np.bool_]
+    position_rad: FloatArray
+    effort: FloatArray
+
+
+def run(tally: Tally) -> None:
+    """All arms and payloads."""
+    tally.heading("Adaptation on simulated pick and place, following error that the payload adds")
+    for name, masses in CASES.items():
+        robot = load_robot(name)
+        calibration = calibrate(robot)
+        for mass_kg in masses:
+            judge(tally, robot, calibration, payload_of(name, mass_kg))
+
+
+def payload_of(name: str, mass_kg: float) -> Cuboid:
+    """A payload of an arm by its mass; one of even density where none has it."""
+    shelf = ER50_PAYLOADS if name == "er50" else PRBT_PAYLOADS
+    found = [cuboid for cuboid in shelf if cuboid.mass_kg == mass_kg]
+    return found[0] if found else Cuboid("part", mass_kg, (0.01, 0.02, 0.08), (0.1, 0.08, 0.12), 0.3)
+
+
+def calibrate(robot: Robot) -> ArmCalibration:
+    """The arm from an empty and a loaded run of random motion."""
+    runs, mass_kg = [], WEIGHED_KG[robot.name]
+    for seed, mounting in enumerate(("", "weighed") * 2, 1):
+        cuboid = payload_of(robot.name, mass_kg) if mounting else None
+        rows = list(work(robot, seed, lambda time_s: time_s < RUN_S, carry=bool(mounting)))
+        followed = follow(robot, rows, cuboid, None, seed, mounted=bool(mounting))
+        runs.append(MountedRun(recording(robot, followed, f"run {seed}"), mounting))
+    return calibrated(runs, {"weighed": WeighedPayload(mass_kg)}, robot.chain, robot.drives.transmission)
+
+
+def recording(robot: Robot, followed: Followed, name: str) -> Recording:
+    """A run as it would be read from a file."""
+    with_current = followed.effort if reports_current(robot) else None
+    return Recording(
+        time_s=followed.time_s,
+        position_rad=followed.position_rad,
+        velocity_rad_s=None,
+        current_a=with_current,
+        torque_nm=None if with_current is not None else followed.effort,
+        phase_s=None,
+        excitation=None,
+        source=RecordingSource(Path(name), name, "mcap", len(followed.time_s), 0, {}),
+    )
+
+
+def reports_current(robot: Robot) -> bool:
+    """Whether the drives report currents."""
+    return robot.drives.settings.drives[0].feedback.name == "CURRENT"
+
+
+def work(robot: Robot, seed: int, goes_on: Callable[[float], bool], *, carry: bool = False) -> Iterator[Row]:
+    """From place to place, by quintics, all joints together.
+
+    Args:
+        robot: The arm.
+        seed: Of the places and speeds.
+        goes_on: Asked before every move with the time so far.
+        carry: Whether the rows carry.
+    """
+    rng = np.random.default_rng(seed)
+    here, time_s = robot.simulation.start_rad.copy(), 0.0
+    while goes_on(time_s):
+        there = place(robot, rng)
+        for row in move(robot, here, there, float(rng.uniform(*SPEED)), carrying=carry):
+            time_s += 1.0 / robot.bus.cycle_hz
+            yield row
+        here = there
+
+
+def place(robot: Robot, rng: np.random.Generator) -> FloatArray:
+    """Somewhere in the middle of the joints' ranges."""
+    limits = robot.limits.motion
+    low, high = np.maximum(limits.position_min_rad, -RANGE_RAD), np.minimum(limits.position_max_rad, RANGE_RAD)
+    return rng.uniform(low, high)
+
+
+def move(robot: Robot, here: FloatArray, there: FloatArray, speed: float, *, carrying: bool) -> Iterator[Row]:
+    """A quintic from rest to rest, and a pause."""
+    cycle_s, way = 1.0 / robot.bus.cycle_hz, there - here
+    took_s = max(1.875 * float(np.max(np.abs(way) / (speed * robot.limits.motion.velocity_max_rad_s))), cycle_s)
+    steps = round(took_s / cycle_s)
+    for step in range(1, steps + round(PAUSE_S / cycle_s) + 1):
+        u = min(step / steps, 1.0)
+        yield Row(
+            here + way * u**3 * (10.0 - 15.0 * u + 6.0 * u * u),
+            way * 30.0 * u * u * (1.0 - u) ** 2 / took_s,
+            way * 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / took_s**2,
+            carrying,
+        )
+
+
+def pick_and_place(robot: Robot, seed: int) -> list[Row]:
+    """To where the payload is, from place to place with it, and one move without it."""
+    rng = np.random.default_rng(seed)
+    here = robot.simulation.start_rad.copy()
+    rows: list[Row] = []
+    for number in range(EMPTY_MOVES + MOVES + 1):
+        there = place(robot, rng)
+        rows += move(
+            robot, here, there, float(rng.uniform(*SPEED)), carrying=EMPTY_MOVES <= number < EMPTY_MOVES + MOVES
+        )
+        here = there
+    return rows
+
+
+def follow(
+    robot: Robot,
+    rows: list[Row],
+    payload: Cuboid | None,
+    plugin: PayloadAdaptation | FeedforwardPlugin | None,
+    seed: int,
+    *,
+    mounted: bool = False,
+    on_change: Callable[[bool], None] = lambda carrying: None,
+) -> Followed:
+    """Run a motion on the simulated arm, with the gate as a cycle has it.
+
+    Args:
+        robot: The arm.
+        rows: The motion.
+        payload: What is picked up; None leaves the flange empty.
+        plugin: Adds torque.
+        seed: Of the noise.
+        mounted: The payload hangs there from the beginning.
+        on_change: Called when the payload is picked up or put down.
+    """
+    plant = ArmPlant(robot.simulation.plant_spec(None, seed))
+    servos = FakeServos(robot.drives.settings, plant)
+    gate = TorqueGate(robot.limits.added_torque_max_nm, servos.cycle_s)
+    servos.connect()
+    feedback = servos.enable()
+    carrying = False
+    sent: tuple[JointCommand, Reference] | None = None
+    kept: dict[str, list[FloatArray]] = {"error": [], "position": [], "effort": []}
+    times = []
+    if mounted and payload is not None:
+        plant.mount(payload.rigid_body())
+    for row in rows:
+        if not mounted and row.carrying != carrying:
+            carrying = row.carrying
+            if payload is not None:
+                plant.mount(payload.rigid_body() if carrying else None)
+                on_change(carrying)
+        reference = Reference(
+            row.position_rad, row.velocity_rad_s, row.acceleration_rad_s2, Segment.SLOW, PhaseState(0.0, 1.0, 0.0)
+        )
+        command = JointCommand(row.position_rad, row.velocity_rad_s, gate.torque_nm)
+        step = CycleStep(feedback, sent and sent[0], sent and sent[1], command, reference, lambda reason: None)
+        torque = np.zeros(robot.n) if plugin is None else plugin.on_cycle(step)
+        command = JointCommand(row.position_rad, row.velocity_rad_s, gate.passed(torque))
+        feedback = servos.exchange(command)
+        sent = command, reference
+        times.append(feedback.time_s)
+        kept["error"].append(row.position_rad - feedback.position_rad)
+        kept["position"].append(feedback.position_rad)
+        effort = feedback.current_a if feedback.torque_nm is None else feedback.torque_nm
+        kept["effort"].append(np.zeros(robot.n) if effort is None else effort)
+    servos.close()
+    carried = np.array([row.carrying for row in rows])
+    return Followed(
+        np.array(times), *(np.array(kept["error"]), carried, *(np.array(kept[k]) for k in ("position", "effort")))
+    )
+
+
+def judge(tally: Tally, robot: Robot, calibration: ArmCalibration, payload: Cuboid) -> None:
+    """One payload: four runs, and what is left of what it adds."""
+    rows = pick_and_place(robot, seed=11)
+    truth = payload.inertial()
+    adapted, adaptation = with_adaptation(robot, rows, payload, calibration)
+    empty = follow(robot, rows, None, None, seed=21)
+    none = follow(robot, rows, payload, None, seed=22)
+    true = with_truth(robot, rows, payload, truth, calibration)
+    fed = [d for d in adaptation.decisions if d.kind is DecisionKind.FED]
+    loaded = loaded_joints(robot, rows, truth)
+    print(f"\n  {robot.name}, {payload.what}, {payload.mass_kg:g} kg")
+    for decision in adaptation.decisions:
+        print(f"    {decision}")
+    what = f"{robot.name}, {payload.mass_kg:g} kg: {REACHED:.0%} of what the true payload's torque takes away"
+    if not fed:
+        tally.judge(what, "never fed forward", False)
+        return
+    after = adapted.carrying & (adapted.time_s >= fed[0].time_s + FEED_S)
+    runs = (none, adapted, true)
+    for label, chosen in (("since it was fed", after), ("the whole carry", adapted.carrying)):
+        before, by_estimate, by_truth = (rms(each.error_rad - empty.error_rad, chosen)[loaded] for each in runs)
+        taken, ideal = 1.0 - by_estimate / before, 1.0 - by_truth / before
+        text = ", ".join(
+            f"{robot.joint_names[joint]} {1e6 * error:.1f} urad, {share:.0%} of {best:.0%}"
+            for joint, error, share, best in zip(loaded, before, taken, ideal, strict=True)
+        )
+        if label == "the whole carry":
+            print(f"    {label}: {text}")
+        elif ideal.min() < SHOWN:
+            print(f"  - {what}: {text}: the payload hardly shows in the following error, nothing to judge")
+        else:
+            reached = float((taken / ideal).min())
+            tally.judge(what, f"{text}: {reached:.0%}", reached >= REACHED)
+
+
+def with_adaptation(
+    robot: Robot, rows: list[Row], payload: Cuboid, calibration: ArmCalibration
+) -> tuple[Followed, PayloadAdaptation]:
+    """The run that adapts."""
+    rated_kg = robot.payloads.rated_kg
+    declared = DeclaredMass(0.0, 0.8 * rated_kg, rated_kg)
+    estimator = PayloadEstimator(calibration, robot.chain, robot.drives.transmission)
+    added = FeedforwardPlugin(
+        robot.chain, robot.name, None, 1.0 / robot.bus.cycle_hz, None, calibration.commanded(robot.drives.coupling)
+    )
+    added.allow(np.ones(robot.n, dtype=np.bool_))
+    adaptation = PayloadAdaptation(
+        EstimatorPlugin(estimator, calibration.effort),
+        AdaptationRules(declared, calibration, robot.joint_names),
+        added,
+        robot=robot.name,
+        n=robot.n,
+    )
+    return follow(robot, rows, payload, adaptation, seed=23), adaptation
+
+
+def with_truth(
+    robot: Robot, rows: list[Row], payload: Cuboid, truth: InertialParameters, calibration: ArmCalibration
+) -> Followed:
+    """The run that knows what it carries."""
+    added = FeedforwardPlugin(
+        robot.chain, robot.name, None, 1.0 / robot.bus.cycle_hz, None, calibration.commanded(robot.drives.coupling)
+    )
+    added.allow(np.ones(robot.n, dtype=np.bool_))
+    known = PayloadResult(
+        "flange",
+        truth,
+        np.ones(10, dtype=np.bool_),
+        np.stack([truth.values, truth.values], axis=1),
+        np.zeros(robot.n),
+        np.zeros(robot.n),
+        Provenance("", "", {}),
+    )
+    return follow(
+        robot,
+        rows,
+        payload,
+        added,
+        seed=24,
+        on_change=lambda carrying: added.set_payload(known, FEED_S) if carrying else added.drop_payload(FEED_S),
+    )
+
+
+def loaded_joints(robot: Robot, rows: list[Row], truth: InertialParameters) -> NDArray[np.intp]:
+    """Joints that carry the payload's weight."""
+    q = np.array([row.position_rad for row in rows if row.carrying])
+    weight = np.abs(payload_torque(robot.chain, truth.theta, q, np.zeros_like(q), np.zeros_like(q))).max(axis=0)
+    return np.flatnonzero(weight >= LOADED_SHARE * weight.max())
+
+
+def rms(error_rad: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
+    """(n,) root mean square over some rows."""
+    return np.asarray(np.sqrt(np.mean(error_rad[chosen] ** 2, axis=0)))
+
+
+def main() -> int:
+    """Run this part alone."""
+    tally = Tally()
+    run(tally)
+    return tally.finish()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,247 @@
+"""Feed-forward that follows what the arm is found to carry: a plug-in of the cycle around estimator and injection.
+
+Every cycle the estimator takes the feedback, which costs microseconds. Its estimate takes milliseconds and is made
+beside the cycle, every `LOOK_S`. Two estimates in a row that agree, and that no rule speaks against, are fed forward;
+the first doubt takes all torque away. A payload that changes is noticed in the cycle itself.
+
+How the torque gets there is the injection's (`FeedforwardPlugin`): its transition, the joints that were found usable,
+and the gate behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armload_controller.cycle.plugins import CycleStep
+from armload_controller.feedforward.adaptation_rules import AdaptationRules, carried_body
+from armload_controller.feedforward.injection import FeedforwardPlugin
+from armload_core.arrays import FloatArray
+from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
+from armload_identification.pipeline.payload_estimator import LivePayload, PayloadEstimator
+from armload_identification.pipeline.payload_identification import FLANGE
+from armload_identification.recording.reading_options import Effort
+
+LOOK_S: Final = 1.0
+"""Time between two estimates."""
+FEED_S: Final = 0.5
+"""Time in which a payload, or a better estimate of it, is faded in."""
+DROP_S: Final = 0.2
+"""Time in which it is taken away."""
+BETTER: Final = 0.05
+BETTER_M: Final = 0.01
+"""An estimate replaces the one that is fed when it differs by this share of the mass, or by this length."""
+_MASS_AND_CENTER: Final = np.arange(10) < 4
+
+Beside = Callable[[Callable[[], LivePayload]], "Future[LivePayload]"]
+"""Has an estimate made beside the cycle."""
+
+
+class DecisionKind(StrEnum):
+    """What was decided."""
+
+    FED = "fed"
+    """A payload's torque is faded in."""
+    REFINED = "refined"
+    """A better estimate takes its place."""
+    DROPPED = "dropped"
+    """All torque is taken away."""
+    REFUSED = "refused"
+    """Nothing is fed, and an estimate is not to be."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One decision.
+
+    Attributes:
+        time_s: Time stamp of the feedback that it followed.
+        kind: What was decided.
+        reason: Why, in words; empty where a payload is fed.
+        mass_kg: The estimate then.
+        half_width_95_kg: Half width of its interval.
+        center_of_mass_m: The estimate, in the flange frame.
+    """
+
+    time_s: float
+    kind: DecisionKind
+    reason: str
+    mass_kg: float
+    half_width_95_kg: float
+    center_of_mass_m: tuple[float, ...]
+
+    def __str__(self) -> str:
+        """In a line."""
+        what = f"{self.time_s:8.2f} s  {self.kind}: {self.mass_kg:.2f} +- {self.half_width_95_kg:.2f} kg"
+        return what + (f", {self.reason}" if self.reason else "")
+
+    def to_dict(self) -> dict[str, Any]:
+        """As a document has it."""
+        return asdict(self) | {"center_of_mass_m": list(self.center_of_mass_m)}
+
+
+def at_once(estimate: Callable[[], LivePayload]) -> Future[LivePayload]:
+    """Make an estimate in the cycle: for simulations in virtual time, which are alike in every run."""
+    made: Future[LivePayload] = Future()
+    made.set_result(estimate())
+    return made
+
+
+class EstimatorPlugin:
+    """The estimator as a plug-in of the cycle: it takes the feedback, and adds no torque.
+
+    Args:
+        estimator: Of a calibrated arm.
+        effort: What it was calibrated with.
+    """
+
+    name = "payload estimator"
+
+    def __init__(self, estimator: PayloadEstimator, effort: Effort) -> None:
+        self.estimator = estimator
+        self._with_torque = effort is Effort.TORQUE
+
+    def on_cycle(self, step: CycleStep) -> None:
+        """Take one cycle's feedback; a cycle in which a joint's is missing is left out."""
+        feedback = step.feedback
+        effort = feedback.torque_nm if self._with_torque else feedback.current_a
+        if effort is not None and not feedback.missing.any():
+            self.estimator.update(feedback.time_s, feedback.position_rad, effort)
+
+
+class PayloadAdaptation:
+    """Estimator, rules and injection as one plug-in.
+
+    Args:
+        estimated: Takes the feedback.
+        rules: Judge the estimates.
+        feedforward: Adds the torque, once it is allowed to; it begins with no payload.
+        robot: Name of the robot.
+        n: Number of joints.
+        beside: Has estimates made beside the cycle.
+        report: Called with every decision.
+
+    Attributes:
+        decisions: All so far.
+    """
+
+    name = "adaptation"
+
+    def __init__(
+        self,
+        estimated: EstimatorPlugin,
+        rules: AdaptationRules,
+        feedforward: FeedforwardPlugin,
+        *,
+        robot: str,
+        n: int,
+        beside: Beside = at_once,
+        report: Callable[[Decision], None] = lambda decision: None,
+    ) -> None:
+        self.decisions: list[Decision] = []
+        self._estimated, self._rules, self._feedforward = estimated, rules, feedforward
+        self._robot, self._n, self._beside, self._report = robot, n, beside, report
+        self._pending: Future[LivePayload] | None = None
+        self._looked_s = -np.inf
+        self._changes = 0
+        self._fed: LivePayload | None = None
+        self._agreed: LivePayload | None = None
+        self._refused = ""
+
+    @property
+    def fade_in_cycles(self) -> int:
+        """Cycles from `allow` until the whole torque is added."""
+        return self._feedforward.fade_in_cycles
+
+    def allow(self, joints: NDArray[np.bool_]) -> None:
+        """Begin to add torque: what has been decided by then, and what is decided later.
+
+        Args:
+            joints: (n,) True where torque may be added, as `OffsetCheck` found.
+        """
+        self._feedforward.allow(joints)
+
+    def on_cycle(self, step: CycleStep) -> FloatArray:
+        """Take the feedback, decide where there is something to decide, and add the torque."""
+        self._estimated.on_cycle(step)
+        time_s = step.feedback.time_s
+        if self._pending is not None and self._pending.done():
+            found, self._pending = self._pending.result(), None
+            # An estimate from before a change is of another payload.
+            if found.changes == self._changes:
+                self._decide(time_s, found)
+        changes = self._estimated.estimator.changes
+        if changes != self._changes:
+            self._changes = changes
+            self._agreed = None
+            if self._fed is not None:
+                self._drop(time_s, self._fed, "the payload has changed")
+        if self._pending is None and time_s - self._looked_s >= LOOK_S:
+            self._looked_s = time_s
+            self._pending = self._beside(self._estimated.estimator.estimate)
+        return self._feedforward.on_cycle(step)
+
+    def _decide(self, time_s: float, found: LivePayload) -> None:
+        """What becomes of an estimate."""
+        why = self._rules.why_not(found)
+        if why is not None:
+            self._agreed = None
+            if self._fed is not None:
+                self._drop(time_s, found, why)
+            elif why != self._refused:
+                self._refused = why
+                self._note(time_s, DecisionKind.REFUSED, found, why)
+            return
+        before, self._agreed = self._agreed, found
+        if before is None or not _agree(before, found):
+            return
+        if self._fed is None:
+            self._feed(time_s, DecisionKind.FED, found)
+        elif _better(self._fed, found):
+            self._feed(time_s, DecisionKind.REFINED, found)
+
+    def _feed(self, time_s: float, kind: DecisionKind, found: LivePayload) -> None:
+        """Hand an estimate to the injection, which judges it as any payload."""
+        self._feedforward.set_payload(_result(carried_body(found), self._robot, self._n), FEED_S)
+        self._fed, self._refused = found, ""
+        self._note(time_s, kind, found, "")
+
+    def _drop(self, time_s: float, found: LivePayload, why: str) -> None:
+        """Take all torque away."""
+        self._feedforward.drop_payload(DROP_S)
+        self._fed, self._refused = None, why
+        self._note(time_s, DecisionKind.DROPPED, found, why)
+
+    def _note(self, time_s: float, kind: DecisionKind, found: LivePayload, why: str) -> None:
+        """Record a decision."""
+        decision = Decision(
+            time_s, kind, why, found.mass_kg, float(found.half_width_95[0]), tuple(found.values[1:].tolist())
+        )
+        self.decisions.append(decision)
+        self._report(decision)
+
+
+def _agree(before: LivePayload, after: LivePayload) -> bool:
+    """Whether two estimates can be of one payload."""
+    apart = np.abs(after.values - before.values)
+    return bool(np.all(apart <= np.maximum(after.half_width_95, before.half_width_95)))
+
+
+def _better(fed: LivePayload, found: LivePayload) -> bool:
+    """Whether an estimate is worth a change of what is fed."""
+    apart = np.abs(found.values - fed.values)
+    return bool(apart[0] > BETTER * fed.mass_kg or apart[1:].max() > BETTER_M)
+
+
+def _result(body: InertialParameters, robot: str, n: int) -> PayloadResult:
+    """A body as the injection takes it: mass and centre of mass are determined, nothing else is."""
+    values = np.stack([body.values, body.values], axis=1)
+    nothing = np.zeros(n)
+    provenance = Provenance("", "", {}, robot=robot)
+    return PayloadResult(FLANGE, body, _MASS_AND_CENTER, values, nothing, nothing, provenance)

@@ -1,0 +1,142 @@
+"""When the payload that an arm was found to carry may be fed forward: every condition, and what is said if one fails.
+
+An estimate is fed forward while none of these speaks against it, and dropped as soon as one does:
+
+    nothing pushes against the arm at rest          a push is not weight
+    mass known within half of it                    so that added torque at least halves what is wrong
+    centre of mass known within `CENTER_WITHIN_M`,  likewise, on the wrist
+      or the moment within `MOMENT_SHARE` of the rated payload's at 0.1 m
+    its interval within what was declared           a payload that nobody expects is not carried along
+      which is at most `RATED_SHARE` of the rated payload
+    centre of mass at most `REACH_M` away           no tool reaches further
+    friction not far from the calibration's         else the arm is not the one that was calibrated
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from armload_controller.control_errors import ControlError
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M
+from armload_identification.model.payload import InertialParameters
+from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.verdict.friction_validity import FAR
+
+MASS_WITHIN: Final = 0.5
+"""Half width of the mass' interval, as a share of the mass."""
+CENTER_WITHIN_M: Final = 0.03
+MOMENT_SHARE: Final = 0.05
+RATED_SHARE: Final = 0.8
+"""Of the robot's rated payload; what is left is for the error of the estimate."""
+REACH_M: Final = 0.5
+SPHERE_M: Final = 0.05
+"""Radius of the sphere that stands for the inertia, which a working motion hardly shows."""
+
+
+class AdaptationRefused(ControlError):
+    """What was declared cannot be adapted to."""
+
+
+@dataclass(frozen=True)
+class DeclaredMass:
+    """What the operator expects the arm to carry.
+
+    Attributes:
+        least_kg: At least; 0 where the flange may be empty.
+        most_kg: At most.
+        rated_kg: Rated payload of the robot.
+
+    Raises:
+        AdaptationRefused: no range, or beyond the rated payload.
+    """
+
+    least_kg: float
+    most_kg: float
+    rated_kg: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.least_kg < self.most_kg:
+            raise AdaptationRefused(
+                f"expected mass {self.least_kg:g}..{self.most_kg:g} kg: give a range such as 0..3, the lesser one first"
+            )
+        if self.most_kg > self.greatest_kg:
+            raise AdaptationRefused(
+                f"expected mass up to {self.most_kg:g} kg: torque follows an estimate up to {RATED_SHARE:.0%} of the "
+                f"rated {self.rated_kg:g} kg only, {self.greatest_kg:g} kg. Identify such a payload, and feed its file "
+                "forward"
+            )
+
+    @property
+    def greatest_kg(self) -> float:
+        """What is fed forward at most."""
+        return RATED_SHARE * self.rated_kg
+
+
+class AdaptationRules:
+    """Judges estimates of one arm.
+
+    Args:
+        declared: What it may carry.
+        calibration: What the estimates come from.
+        joint_names: Names of the joints.
+    """
+
+    def __init__(self, declared: DeclaredMass, calibration: ArmCalibration, joint_names: Sequence[str]) -> None:
+        self._declared, self._joint_names = declared, tuple(joint_names)
+        self._speed = calibration.middle_speed_rad_s
+        self._usual_nm = calibration.usual_change_nm
+
+    def why_not(self, found: LivePayload) -> str | None:
+        """Why an estimate must not be fed forward, in words; None where it may.
+
+        Args:
+            found: The estimate.
+        """
+        if found.contact:
+            return "something pushes against the arm"
+        mass, width = found.mass_kg, float(found.half_width_95[0])
+        if not width <= MASS_WITHIN * mass:
+            return "the mass is not known well enough"
+        declared, apart_m = self._declared, float(found.half_width_95[1:].max())
+        light = mass * apart_m <= MOMENT_SHARE * declared.rated_kg * REFERENCE_LENGTH_M
+        if not (apart_m <= CENTER_WITHIN_M or light):
+            return "the centre of mass is not known well enough"
+        if mass - width < declared.least_kg or mass + width > declared.most_kg:
+            return f"the mass may lie outside the declared {declared.least_kg:g}..{declared.most_kg:g} kg"
+        if float(np.linalg.norm(found.values[1:])) > REACH_M:
+            return f"the centre of mass is further than {REACH_M:g} m from the flange"
+        far = np.flatnonzero(friction_change_nm(found, self._speed) > FAR * self._usual_nm)
+        if far.size:
+            return f"the friction of {self._joint_names[int(far[0])]} is far from the calibration's"
+        return None
+
+
+def friction_change_nm(found: LivePayload, speed_rad_s: FloatArray) -> FloatArray:
+    """(n,) by how much the friction of each joint differs from the calibration's at some speed.
+
+    Args:
+        found: An estimate.
+        speed_rad_s: (n,) the speed, such as the calibration's `middle_speed_rad_s`.
+    """
+    return np.asarray(np.abs(found.friction[0] + found.friction[1] * speed_rad_s))
+
+
+def carried_body(found: LivePayload) -> InertialParameters:
+    """The body that is fed forward: mass and centre of mass as estimated, and the inertia of a small sphere there.
+
+    A coordinate of the centre that may as well be zero is zero.
+
+    Args:
+        found: An estimate that no rule speaks against.
+    """
+    center, width = found.values[1:], found.half_width_95[1:]
+    inertia = 0.4 * found.mass_kg * SPHERE_M**2
+    return InertialParameters.from_center_of_mass(
+        found.mass_kg, np.where(np.abs(center) > width, center, 0.0), inertia * np.eye(3)
+    )

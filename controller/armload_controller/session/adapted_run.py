@@ -1,0 +1,110 @@
+"""One run with feed-forward that follows what the arm is found to carry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from armload_controller.analysis.arm_in_use import ArmInUse
+from armload_controller.config.robot import Robot
+from armload_controller.control_errors import CommissioningError
+from armload_controller.cycle.control_cycle import PoweredArm
+from armload_controller.feedforward.adaptation import Beside, Decision, EstimatorPlugin, PayloadAdaptation
+from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
+from armload_controller.feedforward.injection import CheckedFeedforward, FeedforwardPlugin
+from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdict, tried_torque
+from armload_controller.motion.checked_path import CheckedPath
+from armload_controller.session.run_session import RunSession
+from armload_core.arrays import FloatArray
+from armload_identification.model.payload import InertialParameters
+from armload_identification.pipeline.payload_estimator import PayloadEstimator
+
+_PATH_SAMPLES = 512
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptedRun:
+    """What came of it.
+
+    Attributes:
+        verdict: What the drives made of the torque offset at standstill.
+        decisions: When which payload was fed forward, and when it was dropped and why.
+    """
+
+    verdict: OffsetVerdict
+    decisions: tuple[Decision, ...]
+
+
+def adapted_run(
+    robot: Robot,
+    path: CheckedPath,
+    used: ArmInUse,
+    declared: DeclaredMass,
+    session: RunSession,
+    beside: Beside,
+    report: Callable[[Decision], None],
+) -> AdaptedRun:
+    """Run a path; the torque offset is tried at its beginning, as before any feed-forward.
+
+    Args:
+        robot: The arm.
+        path: Its way.
+        used: The arm as it was calibrated.
+        declared: What it may carry.
+        session: With the arm.
+        beside: Has estimates made beside the cycle.
+        report: Called with every decision.
+
+    Raises:
+        CommissioningError: the arm is not calibrated, or the operator does not agree.
+        MotionError: the motion was stopped, for a torque offset that is wrong too.
+    """
+    calibration, cycle_s = used.calibration, session.servos.cycle_s
+    if calibration is None:
+        raise CommissioningError(
+            "--adapt follows the estimate of a calibrated arm: calibrate it once with `armload calibrate` and give "
+            "that file as --calibration"
+        )
+    added = FeedforwardPlugin(
+        robot.chain, robot.name, None, cycle_s, commanded=calibration.commanded(robot.drives.coupling)
+    )
+    adaptation = PayloadAdaptation(
+        EstimatorPlugin(PayloadEstimator(calibration, robot.chain, robot.drives.transmission), calibration.effort),
+        AdaptationRules(declared, calibration, robot.joint_names),
+        added,
+        robot=robot.name,
+        n=robot.n,
+        beside=beside,
+        report=report,
+    )
+    tried = tried_torque(robot.chain, greatest_body(robot, declared), positions_along(path))
+    check = OffsetCheck(robot.joint_names, robot.drives.transmission, tried, cycle_s)
+    checked = CheckedFeedforward(adaptation, check)
+    verdicts = []
+
+    def before(arm: PoweredArm) -> None:
+        verdicts.append(checked.begin(arm))
+
+    session.run(
+        path,
+        "torque that follows the payload",
+        plugins=[checked],
+        before=before,
+        warning=f"Torque for up to {declared.most_kg:g} kg will be added while the arm moves, as it finds out what it "
+        "carries, and taken away again. ",
+    )
+    return AdaptedRun(verdicts[0], tuple(adaptation.decisions))
+
+
+def greatest_body(robot: Robot, declared: DeclaredMass) -> InertialParameters:
+    """The heaviest body that may be fed forward: the robot's heaviest payload, as heavy as was declared."""
+    heaviest = robot.payloads.heaviest
+    return InertialParameters(heaviest.theta * (declared.most_kg / heaviest.mass_kg))
+
+
+def positions_along(path: CheckedPath) -> FloatArray:
+    """(N, n) positions along one period of a path."""
+    trajectory = path.excitation.trajectory
+    return trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _PATH_SAMPLES)).position_rad

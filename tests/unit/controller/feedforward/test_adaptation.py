@@ -1,0 +1,286 @@
+"""Feed-forward that follows the estimate: what is fed, when, and every reason to drop it."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.cycle.plugins import CycleStep
+from armload_controller.feedforward.adaptation import (
+    BETTER,
+    DROP_S,
+    FEED_S,
+    LOOK_S,
+    DecisionKind,
+    EstimatorPlugin,
+    PayloadAdaptation,
+)
+from armload_controller.feedforward.adaptation_rules import (
+    CENTER_WITHIN_M,
+    AdaptationRefused,
+    AdaptationRules,
+    DeclaredMass,
+    carried_body,
+)
+from armload_controller.feedforward.injection import FeedforwardPlugin
+from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
+from armload_controller.motion.leg_interpolator import Reference
+from armload_controller.motion.phase import PhaseState, Segment
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.pipeline.payload_estimator import LivePayload
+from armload_identification.recording.reading_options import Effort
+
+ROBOT = load_robot("prbt")
+N, CYCLE_S, RATED_KG = ROBOT.n, 0.01, 6.0
+STILL = np.zeros(N)
+POSE = np.array([0.2, 0.7, 0.9, 0.1, 0.6, 0.0])
+CALIBRATION = SimpleNamespace(middle_speed_rad_s=np.ones(N), usual_change_nm=np.full(N, 0.5))
+DECLARED = DeclaredMass(0.0, 3.0, RATED_KG)
+
+
+def found(mass_kg=2.0, width_kg=0.1, center_m=(0.02, -0.03, 0.08), **changes):
+    plain = LivePayload(
+        time_s=0.0,
+        theta=np.zeros(10),
+        values=np.array([mass_kg, *center_m]),
+        half_width_95=np.array([width_kg, 0.005, 0.005, 0.005]),
+        determined=np.ones(4, dtype=bool),
+        moving_s=np.full(N, 20.0),
+        friction=np.zeros((3, N)),
+        changes=0,
+        changed_s=0.0,
+        change_kg=0.0,
+        contact=False,
+        refused=0,
+    )
+    return replace(plain, **changes)
+
+
+def wide(width_m):
+    return np.array([0.1, 0.005, width_m, 0.005])
+
+
+def far_friction(joint, change_nm):
+    friction = np.zeros((3, N))
+    friction[0, joint] = change_nm
+    return friction
+
+
+DOUBTS = {
+    "a push": (found(contact=True), "pushes against the arm"),
+    "mass unsure": (found(width_kg=1.1), "the mass is not known"),
+    "less than nothing": (found(mass_kg=-0.3), "the mass is not known"),
+    "no number": (found(mass_kg=np.nan), "the mass is not known"),
+    "centre unsure": (found(half_width_95=wide(1.1 * CENTER_WITHIN_M)), "the centre of mass is not known"),
+    "no centre": (found(half_width_95=wide(np.inf)), "the centre of mass is not known"),
+    "too heavy": (found(mass_kg=2.95), "outside the declared 0..3 kg"),
+    "far away": (found(center_m=(0.0, 0.0, 0.55)), "further than 0.5 m"),
+    "another friction": (found(friction=far_friction(3, 2.6)), "friction of prbt_joint_4 is far"),
+}
+
+
+@pytest.mark.parametrize(("estimate", "reason"), DOUBTS.values(), ids=DOUBTS)
+def test_every_doubt_has_its_reason(estimate, reason):
+    rules = AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names)
+    assert rules.why_not(found()) is None
+    assert reason in rules.why_not(estimate)
+
+
+def test_a_light_payload_may_be_anywhere_near():
+    rules = AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names)
+    assert rules.why_not(found(mass_kg=0.4, half_width_95=wide(1.1 * CENTER_WITHIN_M))) is None
+
+
+def test_lighter_than_declared():
+    rules = AdaptationRules(DeclaredMass(1.0, 3.0, RATED_KG), CALIBRATION, ROBOT.joint_names)
+    assert rules.why_not(found(mass_kg=1.2)) is None
+    assert "outside the declared 1..3 kg" in rules.why_not(found(mass_kg=1.05))
+
+
+@pytest.mark.parametrize(
+    ("least_kg", "most_kg", "text"),
+    [(-1.0, 2.0, "give a range"), (2.0, 1.0, "give a range"), (0.0, 0.0, "give a range"), (0.0, 4.9, "4.8 kg")],
+)
+def test_what_may_not_be_declared(least_kg, most_kg, text):
+    with pytest.raises(AdaptationRefused, match=text):
+        DeclaredMass(least_kg, most_kg, RATED_KG)
+
+
+def test_the_body_that_is_fed_is_possible_and_no_coordinate_is_a_guess():
+    body = carried_body(found(center_m=(0.003, -0.03, 0.08)))
+    assert body.is_physical
+    assert body.mass_kg == 2.0
+    np.testing.assert_allclose(body.center_of_mass_m, [0.0, -0.03, 0.08])
+
+
+class Estimated:
+    """An estimator that says what the test wants; `changes` is what the cycle sees at once."""
+
+    def __init__(self):
+        self.says, self.changes, self.updates = found(), 0, []
+
+    def update(self, time_s, position_rad, effort):
+        self.updates.append((time_s, position_rad.copy(), effort.copy()))
+
+    def estimate(self):
+        return replace(self.says, changes=self.changes)
+
+
+class Arm:
+    """Cycles of an arm that stands in one pose, with the adaptation in them."""
+
+    def __init__(self, beside=None, allow=True):
+        self.estimator, self.cycles, self.said = Estimated(), 0, []
+        self.plugin = FeedforwardPlugin(ROBOT.chain, ROBOT.name, None, CYCLE_S)
+        more = {} if beside is None else {"beside": beside}
+        self.adaptation = PayloadAdaptation(
+            EstimatorPlugin(self.estimator, Effort.TORQUE),
+            AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names),
+            self.plugin,
+            robot=ROBOT.name,
+            n=N,
+            report=self.said.append,
+            **more,
+        )
+        if allow:
+            self.adaptation.allow(np.ones(N, dtype=bool))
+
+    def run(self, seconds, missing=False):
+        """Torque of the last cycle."""
+        for _ in range(round(seconds / CYCLE_S)):
+            self.cycles += 1
+            feedback = JointFeedback(
+                cycle=self.cycles,
+                time_s=self.cycles * CYCLE_S,
+                position_rad=POSE,
+                velocity_rad_s=None,
+                current_a=None,
+                torque_nm=np.full(N, 3.0),
+                statusword=np.zeros(N, np.uint16),
+                missing=np.full(N, missing),
+            )
+            reference = Reference(POSE, STILL, STILL, Segment.SLOW, PhaseState(0.0, 1.0, 0.0))
+            command = JointCommand(POSE, STILL, STILL)
+            torque = self.adaptation.on_cycle(CycleStep(feedback, None, None, command, reference, lambda reason: None))
+        return torque.copy()
+
+    @property
+    def kinds(self):
+        return [decision.kind for decision in self.adaptation.decisions]
+
+
+def torque_of(estimate):
+    return PayloadFeedforward(ROBOT.chain, carried_body(estimate)).torque_nm(POSE, STILL, STILL)
+
+
+CONFIRMED_S = 3.0 * LOOK_S + FEED_S
+
+
+def test_two_estimates_that_agree_are_fed_and_no_single_one():
+    arm = Arm()
+    assert not arm.run(LOOK_S).any()
+    np.testing.assert_allclose(arm.run(CONFIRMED_S), torque_of(found()), atol=1e-9)
+    assert arm.kinds == [DecisionKind.FED]
+    assert arm.said == arm.adaptation.decisions
+    jumping = Arm()
+    for number in range(6):
+        jumping.estimator.says = found(mass_kg=1.0 + number % 2)
+        assert not jumping.run(LOOK_S).any()
+
+
+def test_nothing_is_added_before_it_is_allowed():
+    arm = Arm(allow=False)
+    assert not arm.run(CONFIRMED_S).any()
+    assert arm.kinds == [DecisionKind.FED]
+    arm.adaptation.allow(np.ones(N, dtype=bool))
+    np.testing.assert_allclose(arm.run(CONFIRMED_S), torque_of(found()), atol=1e-9)
+
+
+def test_a_better_estimate_takes_its_place_and_a_like_one_does_not():
+    arm = Arm()
+    arm.run(CONFIRMED_S)
+    arm.estimator.says = found(mass_kg=2.0 * (1.0 + 0.9 * BETTER))
+    arm.run(CONFIRMED_S)
+    assert arm.kinds == [DecisionKind.FED]
+    arm.estimator.says = better = found(mass_kg=2.0 * (1.0 + 1.1 * BETTER), width_kg=0.15)
+    np.testing.assert_allclose(arm.run(CONFIRMED_S), torque_of(better), atol=1e-9)
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.REFINED]
+
+
+@pytest.mark.parametrize(("estimate", "reason"), DOUBTS.values(), ids=DOUBTS)
+def test_any_doubt_takes_the_torque_away(estimate, reason):
+    arm = Arm()
+    assert arm.run(CONFIRMED_S).any()
+    arm.estimator.says = estimate
+    assert not arm.run(2.0 * LOOK_S + DROP_S).any()
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
+    assert reason in arm.adaptation.decisions[-1].reason
+    arm.run(CONFIRMED_S)
+    assert len(arm.kinds) == 2, "a doubt is said once"
+
+
+def test_a_change_is_noticed_in_the_cycle_and_not_at_the_next_look():
+    arm = Arm()
+    arm.run(CONFIRMED_S)
+    arm.run(LOOK_S / 5.0)
+    arm.estimator.changes = 1
+    arm.run(CYCLE_S)
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
+    assert arm.adaptation.decisions[-1].reason == "the payload has changed"
+    assert not arm.run(DROP_S).any()
+
+
+def test_an_estimate_from_before_a_change_is_not_fed():
+    made = []
+
+    def later(estimate):
+        made.append((Future(), estimate()))
+        return made[-1][0]
+
+    arm = Arm(beside=later)
+    arm.run(LOOK_S)
+    for number in range(4):
+        future, result = made[-1]
+        if number == 3:
+            arm.estimator.changes = 1
+            arm.run(CYCLE_S)
+        future.set_result(result)
+        arm.run(LOOK_S)
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
+    (open_, _) = made[-1]
+    open_.set_result(replace(found(), changes=1))
+    arm.run(2.0 * LOOK_S)
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED], "one estimate of the new payload is not enough"
+
+
+def test_an_estimate_that_fails_is_an_error_of_the_plugin():
+    arm = Arm()
+
+    def broken():
+        raise FloatingPointError("no estimate")
+
+    arm.estimator.estimate = broken
+    with pytest.raises(FloatingPointError):
+        arm.run(LOOK_S)
+
+
+def test_feedback_that_is_missing_is_not_estimated_with():
+    arm = Arm()
+    arm.run(0.1, missing=True)
+    assert not arm.estimator.updates
+    arm.run(0.1)
+    assert len(arm.estimator.updates) == 10
+    np.testing.assert_array_equal(arm.estimator.updates[0][2], np.full(N, 3.0))
+
+
+def test_a_decision_is_a_line_and_a_document():
+    arm = Arm()
+    arm.run(CONFIRMED_S)
+    (decision,) = arm.adaptation.decisions
+    assert "fed: 2.00 +- 0.10 kg" in str(decision)
+    assert decision.to_dict()["center_of_mass_m"] == [0.02, -0.03, 0.08]
