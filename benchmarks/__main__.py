@@ -8,6 +8,7 @@ from benchmarks import (
     cycle,
     excitation,
     false_alarms,
+    fleet,
     following,
     reading,
     regressor,
@@ -17,5 +18,5 @@ from benchmarks import (
 from benchmarks.peers import generated_code
 
 every = (startup, regressor, cycle, generated_code, stops, commissionings, false_alarms, excitation, following, reading)
-for benchmark in every:
+for benchmark in (*every, fleet):
     benchmark.run()

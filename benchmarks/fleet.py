@@ -57,16 +57,17 @@ def run(pairs: int = PAIRS, folder: Path | None = None) -> None:
 
     Args:
         pairs: How many.
-        folder: Where recordings are or go; a temporary folder if not given.
+        folder: Where recordings go, or are: then it is as many as these; a temporary folder if not given.
     """
-    load = os.getloadavg()[0]
-    print(f"Fleet: {pairs} distinct pairs of {' and '.join(ROBOTS)}, 30 s a run; load of the machine {load:.1f}")
     with tempfile.TemporaryDirectory() as temporary:
         recordings = folder or Path(temporary)
         table = recordings / "jobs.csv"
         if not table.is_file():
             with workers() as pool:
                 _write_all(pool, recordings, pairs)
+        pairs = len(table.read_text().splitlines()) - 1
+        load = os.getloadavg()[0]
+        print(f"Fleet: {pairs} distinct pairs of {' and '.join(ROBOTS)}, 30 s a run; load of the machine {load:.1f}")
         _compare(table, Path(temporary), pairs)
         _with_faults(table, Path(temporary), pairs)
 
@@ -143,7 +144,7 @@ def _in_this_process(table: Path, pairs: int) -> _Figures:
     """`armload.identify` on some pairs, everything loaded before."""
     rows = [line.split(",") for line in table.read_text().splitlines()[1:]]
     robots = {name: load_robot(name) for name in ROBOTS}
-    chosen = rows[:: max(len(rows) // pairs, 1)][:pairs]
+    chosen = rows[:pairs]  # robots take turns
 
     def identified(row: list[str]) -> None:
         armload.identify(robots[row[1]], table.parent / row[2], table.parent / row[3])

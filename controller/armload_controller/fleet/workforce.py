@@ -106,7 +106,7 @@ class Workforce:
             job = given.pop(future.key.removeprefix("armload-"))
             if future.cancelled():
                 raise FleetError(f"the scheduler at {self._scheduler} was lost; run again to do what is left")
-            yield _row_of(future, job)
+            yield row_of(future, job)
             future.release()
             hand_out(1)
 
@@ -115,19 +115,27 @@ class Workforce:
         own = _ready()
         try:
             there: dict[str, str] = self._client.run(_ready)
-        except Exception as problem:
+        except Exception as trouble:
             raise FleetError(
-                f"the workers cannot run armload ({problem}); install armload {own} where they run"
-            ) from problem
-        others = {version for version in there.values() if version != own}
-        if others:
-            raise FleetError(
-                f"workers have armload {', '.join(sorted(others))}, this is {own}; install the same everywhere"
-            )
-        if not there and self._scheduler is not None:
-            raise FleetError(
-                f"the scheduler at {self._scheduler} has no workers; start some: dask worker {self._scheduler}"
-            )
+                f"the workers cannot run armload ({trouble}); install armload {own} where they run"
+            ) from trouble
+        if problem := version_problem(own, set(there.values()), self._scheduler):
+            raise FleetError(problem)
+
+
+def version_problem(own: str, there: set[str], scheduler: str | None) -> str:
+    """What is wrong with the workers' versions; nothing where they can be used.
+
+    Args:
+        own: Version of armload here.
+        there: Those of the workers.
+        scheduler: Its address; None for a cluster of this machine.
+    """
+    if not there:
+        return f"the scheduler at {scheduler} has no workers; start some: dask worker {scheduler}"
+    if others := there - {own}:
+        return f"workers have armload {', '.join(sorted(others))}, this is {own}; install the same everywhere"
+    return ""
 
 
 def _ready() -> str:
@@ -154,8 +162,13 @@ def _cluster(library: Any, workers: int) -> Any:
     )
 
 
-def _row_of(future: Any, job: Job) -> Row:
-    """The row of a job; a worker that died of it gives none."""
+def row_of(future: Any, job: Job) -> Row:
+    """The row of a job; a worker that died of it gives none.
+
+    Args:
+        future: Of Dask; it has ended.
+        job: What was to be done.
+    """
     from importlib.metadata import version
 
     problem = future.exception()

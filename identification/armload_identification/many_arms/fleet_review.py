@@ -260,7 +260,7 @@ def _changes(figure: FigureReview) -> list[Suspicion]:
         run = int(alone[-1])
         others = np.delete(chart.values, run)
         usual = float(np.median(others[max(run - 2, 0) : run + 2]))
-        size = abs(chart.values[run] - usual) / chart.deviation[run]
+        size = float(abs(chart.values[run] - usual) / chart.deviation[run])
         off, level = (scale * (figure.center + value) for value in (float(chart.values[run]), usual))
         text = (
             f"{figure.quantity} was {_number(off, level)} {unit} on {figure.recorded[run]:%Y-%m-%d}, "

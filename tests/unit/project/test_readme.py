@@ -20,6 +20,7 @@ from armload_identification.model.payload import PayloadResult, Provenance
 
 ROOT = Path(__file__).resolve().parents[3]
 README, GUIDE, HELP = ROOT / "README.md", ROOT / "controller" / "GUIDE.md", ROOT / "controller" / "HELP.md"
+FLEET = ROOT / "controller" / "FLEET.md"
 ROOMS = ROOT / "controller" / "README.md"
 MOST_WORDS = 700
 MOST_PICTURE_BYTES = 100_000
@@ -36,7 +37,7 @@ def commands(page):
     return [shlex.split(line)[1:] for line in lines if line.startswith(("armload ", "$ armload "))]
 
 
-@pytest.mark.parametrize("words", commands(README) + commands(GUIDE), ids=" ".join)
+@pytest.mark.parametrize("words", commands(README) + commands(GUIDE) + commands(FLEET), ids=" ".join)
 def test_every_command_takes_the_options_it_is_shown_with(words):
     command, words = typer.main.get_command(app), list(words)
     while isinstance(command, click.Group):
@@ -84,7 +85,7 @@ def anchors(page):
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", [README, GUIDE, HELP, ROOMS], ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize("page", [README, GUIDE, HELP, FLEET, ROOMS], ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)]+)\)", page.read_text("utf-8")):
         name, _, anchor = target.partition("#")

@@ -1,7 +1,10 @@
 """What is done when: looks at a table that changes, the report of what was found, what is said without the extra."""
 
 import json
+import re
 from datetime import UTC, datetime, timedelta
+from fnmatch import fnmatch
+from pathlib import Path
 
 import pytest
 
@@ -10,12 +13,13 @@ from armload_controller.fleet.fleet_extra import library
 from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, looks
 from armload_controller.fleet.job import Job
-from armload_controller.fleet.recording_row import RowOutcome, empty_row, value_columns
+from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row, value_columns
 from armload_controller.fleet.row_store import RowStore
 from armload_identification.many_arms.arm_runs import Kind, Quantity
 
 FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
 NIGHTS = 10
+PAGE = Path(__file__).resolve().parents[4] / "controller" / "FLEET.md"
 
 
 class Over(Exception):
@@ -140,3 +144,12 @@ def test_a_second_run_of_nothing_new_starts_no_workers(armload, nights, tmp_path
 def test_without_the_extra_its_command_is_named():
     with pytest.raises(FleetError, match=r"runs on it, and no_such_library is not installed.*'armload\[fleet\]'"):
         library("no_such_library", "runs on it")
+
+
+def test_the_page_describes_every_column_and_no_other():
+    table = PAGE.read_text("utf-8").partition("| column | what |")[2].partition("| column | what |")[2]
+    rows = re.findall(r"^\| (`.*?`) \|", table, flags=re.MULTILINE)
+    patterns = [name for row in rows for name in re.findall("`(.*?)`", row)]
+    columns = column_kinds()
+    assert [name for name in columns if not any(fnmatch(name, pattern) for pattern in patterns)] == []
+    assert [pattern for pattern in patterns if not any(fnmatch(name, pattern) for name in columns)] == []

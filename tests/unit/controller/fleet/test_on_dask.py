@@ -9,14 +9,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from armload_controller.control_errors import CommissioningError, FleetError
 from armload_controller.fleet.fleet_run import do_jobs, new_jobs
+from armload_controller.fleet.job import Job
 from armload_controller.fleet.row_store import RowStore, read_rows
 from armload_controller.fleet.work import run_job
-from armload_controller.fleet.workforce import Workforce
+from armload_controller.fleet.workforce import Workforce, row_of, version_problem
 from armload_controller.session.folder_claim import claimed
 
 IDENTIFY = (sys.executable, "-c", "from armload_controller.cli.entry import main; main()", "fleet", "identify")
@@ -169,3 +171,31 @@ def test_a_certificate_that_the_scheduler_does_not_know_is_refused(behind_tls):
     assert f"no scheduler at {address}: " in refusals[0]
     assert "check --scheduler and its certificates" in refusals[0]
     assert "no scheduler at carrier-pigeon://roof: " in refusals[1]
+
+
+def test_a_job_that_takes_its_worker_with_it_is_a_row_that_is_tried_again():
+    from distributed import KilledWorker
+
+    job = Job("k", "one", "er50", {"loaded": "huge.csv"}, "", "", None, None)
+    for problem, said in (
+        (
+            KilledWorker("armload-k", None, 2),
+            "the worker died of it, as often as it was tried: more than 1024 MiB",
+        ),
+        (ConnectionError("gone"), "ConnectionError: gone"),
+    ):
+        row = row_of(SimpleNamespace(exception=lambda problem=problem: problem), job)
+        assert (row["key"], row["outcome"]) == ("k", "failed")
+        assert said in row["error"]
+
+
+@pytest.mark.parametrize(
+    ("there", "problem"),
+    [
+        ({"1.2"}, ""),
+        ({"1.1", "1.2"}, "workers have armload 1.1, this is 1.2; install the same everywhere"),
+        (set(), "the scheduler at tls://host:8786 has no workers; start some: dask worker tls://host:8786"),
+    ],
+)
+def test_workers_of_another_version_are_refused(there, problem):
+    assert version_problem("1.2", there, "tls://host:8786") == problem
