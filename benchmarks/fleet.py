@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -30,7 +31,11 @@ import numpy as np
 import armload
 from armload_controller.config.robot import load_robot
 from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.fleet.job import Job
+from armload_controller.fleet.job_listing import list_jobs
+from armload_controller.fleet.job_table import read_job_table
 from armload_controller.fleet.row_store import read_rows
+from armload_controller.fleet.work import run_job
 from armload_controller.motion.phase import Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.excitation.excitation_file import format_excitation
@@ -40,7 +45,7 @@ from benchmarks.recordings import record
 from benchmarks.setups import Twin, setup_of, shipped_motion
 from benchmarks.trials import Setup, workers
 
-PAIRS: Final = 40
+PAIRS: Final = 24
 """Of `make bench`; the criteria are stated for 1,000."""
 ROBOTS: Final = ("er50", "prbt")
 ARMS: Final = 10
@@ -49,6 +54,7 @@ FIRST_DAY: Final = datetime(2026, 3, 1, 22, tzinfo=UTC)
 DAMAGED_SHARE: Final = 0.01
 EFFICIENCY_LEAST: Final = 0.9
 CPU_MOST: Final = 1.3
+_ALTERNATING: Final = 12
 _COMMAND: Final = (sys.executable, "-c", "from armload_controller.cli.entry import main; main()", "fleet", "identify")
 
 
@@ -74,37 +80,68 @@ def run(pairs: int = PAIRS, folder: Path | None = None) -> None:
 
 @dataclass(frozen=True)
 class _Figures:
-    """One way to do it."""
+    """A run of the command: CPU time of all its processes with their start, and time from first job to last row."""
 
     cpu_s: float
     wall_s: float
 
 
 def _compare(table: Path, scratch: Path, pairs: int) -> None:
-    """Time and CPU time of `identify` in one process, and of the fleet with one worker and two."""
+    """CPU time of a job beside that of `identify`, and the fleet with one worker and two."""
     size = sum(file.stat().st_size for file in table.parent.glob("*/*.mcap"))
     print(f"  {size / pairs / 1e6:.2f} MB a pair")
-    alone = _in_this_process(table, min(pairs, 10))
-    print(f"  armload.identify, one after the other, loaded  {alone.cpu_s:6.3f} s of CPU a pair")
+    identify_s, job_s = _alternating(table)
+    print(f"  armload.identify {identify_s:.3f} s of CPU a pair, a job {job_s:.3f} s: {job_s / identify_s:.2f} x")
+    few = scratch / "few.csv"
+    lines = [line.split(",") for line in table.read_text().splitlines()[: len(ROBOTS) + 1]]
+    few.write_text("".join(",".join([*row[:2], *_absolute(table, row[2:])]) + "\n" for row in lines))
     walls = []
     for count in (1, 2):
-        output = scratch / f"rows-{count}"
-        found = _fleet(table, output, count)
+        output, start = scratch / f"rows-{count}", scratch / f"start-{count}"
+        begun, found = _fleet(few, start, count), _fleet(table, output, count)
         rows = read_rows(output, ("outcome", "cpu_s"))
-        inside = float(np.mean([row["cpu_s"] for row in rows]))
+        inside = sum(row["cpu_s"] for row in rows)
+        around = found.cpu_s - inside - (begun.cpu_s - sum(row["cpu_s"] for row in read_rows(start, ("cpu_s",))))
         walls.append(found.wall_s)
         print(
-            f"  armload fleet identify --workers {count}             {found.cpu_s / pairs:6.3f} s of CPU a pair with "
-            f"start and end, {inside:.3f} s in the worker ({inside / alone.cpu_s:.2f} x identify, at most {CPU_MOST}); "
+            f"  {count} worker{'s' if count > 1 else ''}: {inside / pairs:.3f} s of CPU a pair in the jobs and "
+            f"{around / (pairs - len(ROBOTS)):.3f} s around them, {begun.cpu_s:.1f} s to start and end; "
             f"{pairs / found.wall_s:.2f} pairs/s; {dict(Counter(row['outcome'] for row in rows))}"
         )
+        total = job_s / identify_s + around / (pairs - len(ROBOTS)) / identify_s
+        print(f"    {total:.2f} x identify in all, at most {CPU_MOST}")
     print(
         f"  parallel efficiency of two workers, first job to last row: {walls[0] / walls[1] / 2:.0%} "
         f"(at least {EFFICIENCY_LEAST:.0%} on two idle cores)"
     )
-    begun_s = time.monotonic()
-    _fleet(table, scratch / "rows-2", 2)
-    print(f"  a second run, all of it done: {time.monotonic() - begun_s:.1f} s")
+
+
+def _alternating(table: Path) -> tuple[float, float]:
+    """Median CPU time of `armload.identify` and of a job on the same pairs, one after the other, both loaded before."""
+    jobs = list_jobs(read_job_table(table), table).jobs[:_ALTERNATING]
+    robots = {name: load_robot(name) for name in ROBOTS}
+    ways: tuple[Callable[[Job], object], ...] = (
+        lambda job: armload.identify(robots[job.robot], job.loaded, job.recordings["unloaded"]),
+        run_job,
+    )
+    for way in ways:
+        way(jobs[0])
+    taken: list[list[float]] = [[], []]
+    for job in jobs:
+        for way, times in zip(ways, taken, strict=True):
+            begun_s = time.process_time()
+            way(job)
+            times.append(time.process_time() - begun_s)
+    # Robots take turns and differ: the mean of their medians.
+    identify_s, job_s = (
+        float(np.mean([np.median(times[first :: len(ROBOTS)]) for first in range(len(ROBOTS))])) for times in taken
+    )
+    return identify_s, job_s
+
+
+def _absolute(table: Path, names: list[str]) -> list[str]:
+    """Paths of a line of the table; its header as it is."""
+    return [str(table.parent / name) if "/" in name else name for name in names]
 
 
 def _with_faults(table: Path, scratch: Path, pairs: int) -> None:
@@ -117,8 +154,8 @@ def _with_faults(table: Path, scratch: Path, pairs: int) -> None:
         content = (table.parent / row[2]).read_bytes()
         bad.write_bytes(content[:100] + b"\0" * (len(content) - 100))
         row[2] = str(bad)
-    for row in rows[1:]:
-        row[2], row[3] = (str(table.parent / name) for name in row[2:4])
+    for row in rows:
+        row[2:] = _absolute(table, row[2:])
     faulty, output = scratch / "faulty.csv", scratch / "rows-with-faults"
     faulty.write_text("".join(",".join(row) + "\n" for row in rows))
     coordinator = subprocess.Popen(
@@ -138,22 +175,6 @@ def _with_faults(table: Path, scratch: Path, pairs: int) -> None:
         f"{len(found) - kept}; {len({row['key'] for row in found})} of {pairs} recordings have a row, "
         f"{dict(Counter(row['outcome'] for row in found))}"
     )
-
-
-def _in_this_process(table: Path, pairs: int) -> _Figures:
-    """`armload.identify` on some pairs, everything loaded before."""
-    rows = [line.split(",") for line in table.read_text().splitlines()[1:]]
-    robots = {name: load_robot(name) for name in ROBOTS}
-    chosen = rows[:pairs]  # robots take turns
-
-    def identified(row: list[str]) -> None:
-        armload.identify(robots[row[1]], table.parent / row[2], table.parent / row[3])
-
-    identified(chosen[0])
-    cpu_s, wall_s = time.process_time(), time.monotonic()
-    for row in chosen:
-        identified(row)
-    return _Figures((time.process_time() - cpu_s) / len(chosen), (time.monotonic() - wall_s) / len(chosen))
 
 
 def _fleet(table: Path, output: Path, count: int) -> _Figures:
