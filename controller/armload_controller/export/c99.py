@@ -58,9 +58,8 @@ _PIVOTS = {
     Precision.SINGLE: {"negative": 1e-4, "vanishing": 1e-5, "beside": 1e-2},
 }
 """Below which share of the greatest parameter a pivot is negative, zero, and what stands beside a zero one is zero."""
-
-
 _EFFORT = {Effort.CURRENT: "A of motor current", Effort.TORQUE: "N m of reported torque"}
+"""What the drives of a calibrated arm report, with its unit."""
 
 
 def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) -> dict[str, str]:
@@ -97,7 +96,7 @@ def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) ->
         complete_inertia(subject.payload, TENSOR).statement,
     ]
     about += [
-        f"Calibration of the arm: {name}, sha256 {sha256}." for name, sha256 in subject.calibration_sha256.items()
+        f"Calibration of the arm: {file}, sha256 {sha256}." for file, sha256 in subject.calibration_sha256.items()
     ]
     about += [] if error is None else [error.statement]
     texts = {}

@@ -110,6 +110,6 @@ def test_the_estimator_is_the_cores_sample_by_sample(library, calibrated):
 
 def test_its_header_says_what_to_give_it_and_what_it_costs(calibrated):
     header = export_c(calibrated)["armload_er50_estimator.h"]
-    assert "every sample, in rad and A of motor current" in header
+    assert "Effort is in A of motor current." in header
     assert re.search(r"the regressor \(\d{3} multiplications and additions\) and the arm.s links \(\d{3}\)", header)
     assert "sha256 77ab" in header
