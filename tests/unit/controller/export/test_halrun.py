@@ -145,6 +145,7 @@ def test_in_a_thread_of_1_ms_its_torque_is_pythons(subject, halrun):
         "gain": {"set": at_state(still) | {gain: 0.25}, "until": torque(feedforward, still, 0.25), "watch": [share]},
         "too much": {"set": {gain: 7.0}, "until": {share: 1.0}},
         "limit": {"set": {f"{UNIT}.limit-1": 1.5}, "until": {tau: np.copysign(1.5, torque(feedforward, still)[tau])}},
+        "no torque": {"set": {f"{UNIT}.limit-1": float("nan")}, "until": {tau: 0.0}},
         "no limit": {"set": {f"{UNIT}.limit-1": 1e4}, "until": torque(feedforward, still)},
         "impossible": taken_over(payload_pins(IMPOSSIBLE)),
         "refused": {"until": {ok: 0} | torque(feedforward, still)},
@@ -152,7 +153,8 @@ def test_in_a_thread_of_1_ms_its_torque_is_pythons(subject, halrun):
         "possible": taken_over({}) | {"watch": [tau]},
         "taken": {"until": {ok: 1} | torque(other, still), "watch": [tau]},
         "no number": {"set": {f"{UNIT}.q-2": float("nan")}, "until": {fault: 1, share: 0.0}, "watch": [tau, share]},
-        "a number": {"set": at_state(still), "until": {fault: 1, share: 0.0}},
+        "a number": taken_over(at_state(still)),
+        "for good": {"until": {fault: 1, share: 0.0}},
         "off": {"set": {enable: 0}, "until": {fault: 0}},
         "on": {"set": {enable: 1}, "until": torque(other, still)},
         "out": {"set": {enable: 0}, "until": {share: 0.0, tau: 0.0}, "watch": [share]},
@@ -172,7 +174,8 @@ def test_in_a_thread_of_1_ms_its_torque_is_pythons(subject, halrun):
         assert (np.diff(seen) * (ends[1] - ends[0]) >= 0.0).all(), f"{name}: not one way"
     changed = np.array([*results["possible"]["seen"][tau], *results["taken"]["seen"][tau]])
     assert len(np.unique(changed)) > 10, "a step"
-    assert np.isfinite(results["no number"]["seen"][tau]).all()
+    fading_nm = np.abs([other.torque_nm(*still)[1], *results["no number"]["seen"][tau]])
+    assert (np.diff(fading_nm) <= TOLERANCE_NM).all(), "torque of no number"
     taken = np.array(results["in"]["seen"][clocks])
     mhz = float(re.search(r"cpu MHz\s*: (\S+)", Path("/proc/cpuinfo").read_text())[1])
     sys.stdout.write(
