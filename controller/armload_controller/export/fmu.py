@@ -1,7 +1,7 @@
 """FMI 3.0 co-simulation: the payload's torque as an FMU, sources and a Linux library inside.
 
     inputs q[i], dq[i], ddq[i] -> outputs tau[i]        i = 1 .. n; the joints from the base to the flange
-    tunable parameters mass, com_x .. com_z, ixx .. iyz, transition
+    tunable parameters mass, com_x .. com_z, ixx .. iyz, transition; friction, of a calibrated arm
 
 The torque at the end of a step is that of the inputs at its beginning, one call of the exported C's `compute`. The
 parameters are mass in kg, centre of mass in m in the flange frame, and inertia in kg m2 about the centre of mass as
@@ -26,7 +26,7 @@ from html import escape
 from itertools import count
 from xml.etree import ElementTree
 
-from armload_controller.export.body_parameters import PARAMETERS, TRANSITION_S, body_values
+from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S, body_values
 from armload_controller.export.c99 import export_c
 from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.compiled_library import compiled_library
@@ -43,6 +43,7 @@ UNITS = {
     "kg": {"kg": 1},
     "m": {"m": 1},
     "kg.m2": {"kg": 1, "m": 2},
+    "1": {},
 }
 """Exponents of the base units."""
 _EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -86,6 +87,7 @@ def fmu_texts(subject: ExportSubject) -> dict[str, str]:
     name = _name(subject)
     code = {file: text for file, text in export_c(subject).items() if file in {f"{name}.c", f"{name}.h"}}
     body = body_values(subject)
+    friction = () if subject.calibration is None else (1.0,)
     token = hashlib.sha256("".join((*code.values(), *map(exact, body))).encode()).hexdigest()
     about = comment([provenance(subject), "FMI 3.0 co-simulation; see modelDescription.xml."], " *")
     wrapper = filled(
@@ -95,7 +97,7 @@ def fmu_texts(subject: ExportSubject) -> dict[str, str]:
             "GUARD": name.upper(),
             "about": "\n".join(about).replace("*/", "* /"),
             "token": token,
-            "start": ",\n".join(f"    {exact(value)}" for value in (*body, TRANSITION_S)),
+            "start": ",\n".join(f"    {exact(value)}" for value in (*body, TRANSITION_S, *friction)),
             "theta_of": filled("theta_of.c", {}),
         },
     )
@@ -160,6 +162,8 @@ def _model_description(subject: ExportSubject, token: str, body: tuple[float, ..
         add(parameter, "parameter", "tunable", unit, f"payload: {text}", exact(value))
     text = "time that a change of the payload takes; longer where torque would change too fast"
     add("transition", "parameter", "tunable", "s", text, exact(TRANSITION_S))
+    if subject.calibration is not None:
+        add("friction", "parameter", "tunable", "1", f"share of {FRICTION}", "1.0")
     outputs = [
         add(f"tau[{i}]", "output", "continuous", "N.m", f"torque that {joint} must give for the payload", None)
         for i, joint in enumerate(subject.joint_names, 1)

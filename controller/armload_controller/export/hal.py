@@ -25,7 +25,7 @@ import math
 import re
 
 from armload_controller.cycle.torque_gate import OPENING_S, TORQUE_SHARE
-from armload_controller.export.body_parameters import PARAMETERS, TRANSITION_S, body_values
+from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S, body_values
 from armload_controller.export.c99 import export_c
 from armload_controller.export.c_code.c_template import filled
 from armload_controller.export.inertia import TENSOR, complete_inertia
@@ -66,6 +66,7 @@ def _component(subject: ExportSubject, component: str) -> str:
         f'pin in float {parameter.replace("_", "-")} = {exact(value)} "payload: {meaning}, in {unit}";'
         for (parameter, unit, meaning), value in zip(PARAMETERS, body_values(subject), strict=True)
     )
+    friction = "" if subject.calibration is None else f'param rw float friction = 1.0 "share of {FRICTION}";'
     return filled(
         "hal_component.comp",
         {
@@ -76,6 +77,7 @@ def _component(subject: ExportSubject, component: str) -> str:
             "n": str(n),
             "description": "\n\n".join(_quotable(paragraph) for paragraph in _description(subject)),
             "payload_pins": "\n".join(payload),
+            "friction": friction,
             "limits": "\n".join(limits),
             "limit_list": ",\n".join(f"        __comp_inst->limit_{i}" for i in range(n)),
             "transition": exact(TRANSITION_S),

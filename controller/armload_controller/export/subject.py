@@ -97,7 +97,7 @@ class ExportSubject:
             payload_file=payload_file,
             payload_sha256=payload_sha256,
             armload_version=version("armload"),
-            permille_per_nm=_permille_per_nm(robot),
+            permille_per_nm=_permille_per_nm(robot, calibration),
             calibration=calibration,
             estimator=constants,
             calibration_sha256=calibration_sha256 or {},
@@ -120,13 +120,19 @@ class ExportSubject:
         return name if name[:1].isalpha() else f"robot_{name}".rstrip("_")
 
 
-def _permille_per_nm(robot: Robot) -> FloatArray | None:
-    """What 60B2 of the axes is for torques of the joints; None where no rated torque is stated."""
+def _permille_per_nm(robot: Robot, calibration: ArmCalibration | None) -> FloatArray | None:
+    """What 60B2 of the axes is for torques of the joints; None where no rated torque is stated.
+
+    A drive believes in its nominal gain; where a calibration knows better, it is given what makes the torque right.
+    """
     if not robot.has_bus:
         return None
     rated_nm = [drive.rated_torque_nm for drive in robot.drives.settings.drives]
     stated_nm = [value for value in rated_nm if value is not None]
     if len(stated_nm) < len(rated_nm):
         return None
-    permille: FloatArray = robot.drives.coupling.T * (1e3 / np.array(stated_nm))[:, None]
+    given_nm = np.array(stated_nm)
+    if calibration is not None:
+        given_nm = given_nm * (calibration.gain_nm_a / calibration.nominal)
+    permille: FloatArray = robot.drives.coupling.T * (1e3 / given_nm)[:, None]
     return permille

@@ -31,7 +31,8 @@ def export(
 ) -> None:
     """Write a payload as C source, an FMU, URDF, ROS 2 files or the load data of a robot controller.
 
-    With a calibration of the arm the C source has the payload's friction in the gears and the recursive estimator too.
+    With a calibration of the arm the C source, the FMU and LinuxCNC's component have the payload's friction in the
+    gears too, and the C source the recursive estimator.
     """
     if single and export_format is not ExportFormat.C:
         raise typer.BadParameter(f"is for --format c alone, not for {export_format}", param_hint="--float")

@@ -86,7 +86,7 @@ def any_calibration():
     return any_calibration
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def calibrated(make_subject, any_calibration):
     """The er50, calibrated and not level."""
     subject = make_subject("er50")

@@ -21,6 +21,7 @@ from fmpy.validation import validate_fmu
 from armload_controller.control_errors import ExportError
 from armload_controller.export.body_parameters import PARAMETERS
 from armload_controller.export.fmu import export_fmu, fmu_texts
+from armload_controller.feedforward.body_torque import LoadFriction
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import PARAMETER_NAMES, InertialParameters
@@ -274,6 +275,25 @@ def small(make_subject):
     """An arm of two joints, which is compiled in no time."""
     xyz, axis = np.array([[0.0, 0.0, 0.2], [0.5, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
     return make_subject(chain=Chain.from_origins(xyz, np.zeros((2, 3)), axis, np.eye(4), np.array([0.0, 0.0, -9.81])))
+
+
+def test_of_a_calibrated_arm_the_payloads_friction_is_added(calibrated, tmp_path):
+    ((name, content),) = export_fmu(calibrated).items()
+    (tmp_path / name).write_bytes(content)
+    assert validate_fmu(str(tmp_path / name)) == []
+    zipfile.ZipFile(tmp_path / name).extractall(tmp_path)
+    running = Unit(tmp_path)
+    running.begin()
+    feedforward = PayloadFeedforward(calibrated.chain, calibrated.payload.model)
+    friction = LoadFriction(calibrated.chain, calibrated.calibration.body)
+    for share, state in zip((1.0, 1.0, 0.5, 0.0), states(4), strict=True):
+        running.set(friction=share)
+        running.set_joints(*state)
+        payload_nm = feedforward.torque_nm(*state).copy()
+        friction_nm = friction.torque_nm(*state, payload_nm)
+        assert np.abs(friction_nm).max() > 0.1
+        np.testing.assert_allclose(running.step(), payload_nm + share * friction_nm, rtol=0, atol=1e-11)
+    running.slave.freeInstance()
 
 
 def test_the_same_payload_gives_the_same_bytes(small):

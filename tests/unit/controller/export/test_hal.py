@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_controller.config.robot import load_robot
 from armload_controller.export.hal import LONGEST_NAME, export_hal
+from armload_controller.export.subject import ExportSubject
 
 LONGEST_IN_HAL = 47
 """Characters of a pin's or parameter's name."""
@@ -47,3 +49,17 @@ def test_names_are_no_longer_than_hal_takes(make_subject):
 def test_an_inertia_that_is_not_determined_is_marked(make_subject):
     component = export_hal(make_subject("er50", undetermined=("ixx", "iyz")))["armload_er50.comp"]
     assert "NOT DETERMINED by the measurement: ixx, iyz" in component.partition(";;")[0]
+
+
+def test_a_drive_whose_gain_is_known_better_is_given_what_makes_the_torque_right(make_subject, any_calibration):
+    """Coupling and nominal rated torque of the file, and the gain that was found."""
+    robot, plain = load_robot("er50"), make_subject("er50")
+    calibration = any_calibration(plain.chain)
+    calibration = replace(calibration, body=replace(calibration.body, coupling=robot.drives.coupling))
+    known = ExportSubject.of(robot, plain.payload, "payload.toml", "0", calibration)
+    torque_nm = np.arange(1.0, 7.0)
+    expected = plain.permille_per_nm @ (torque_nm @ calibration.commanded(robot.drives.coupling))
+    np.testing.assert_allclose(known.permille_per_nm @ torque_nm, expected, rtol=1e-12)
+    rated_nm = [drive.rated_torque_nm for drive in robot.drives.settings.drives]
+    given_nm = np.array(rated_nm) * (plain.permille_per_nm @ torque_nm) / 1e3
+    np.testing.assert_allclose(given_nm, robot.drives.coupling.T @ torque_nm, rtol=1e-12)

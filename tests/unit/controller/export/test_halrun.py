@@ -20,6 +20,7 @@ import pytest
 
 from armload_controller.export.body_parameters import PARAMETERS
 from armload_controller.export.hal import export_hal
+from armload_controller.feedforward.body_torque import LoadFriction
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_identification.model.payload import InertialParameters
 
@@ -38,17 +39,12 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def subject(make_subject):
-    return make_subject("er50")
-
-
-@pytest.fixture(scope="module")
-def installed(subject, tmp_path_factory):
+def installed(calibrated, tmp_path_factory):
     """The folder with the export; the component is installed until the tests are over."""
     # one HAL, and one folder of modules, are all that a machine has: other workers wait
     with LOCK.open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        yield from install(subject, tmp_path_factory.mktemp("hal"))
+        yield from install(calibrated, tmp_path_factory.mktemp("hal"))
 
 
 def install(subject, folder):
@@ -127,13 +123,17 @@ def taken_over(pins):
     return {"set": pins | {f"{UNIT}.set-payload": 1}, "until": {f"{UNIT}.set-payload": 0}}
 
 
-def test_in_a_thread_of_1_ms_its_torque_is_pythons(subject, halrun):
-    feedforward, other = (PayloadFeedforward(subject.chain, body) for body in (subject.payload.model, OTHER))
+def test_in_a_thread_of_1_ms_its_torque_is_pythons(calibrated, halrun):
+    """The payload's torque and its friction in the gears, which is nothing at rest."""
+    bodies = calibrated.payload.model, OTHER
+    feedforward, other = (PayloadFeedforward(calibrated.chain, body) for body in bodies)
+    friction = LoadFriction(calibrated.chain, calibrated.calibration.body)
     states = np.random.default_rng(2).uniform(-2.0, 2.0, (30, 3, 6))
     still = states[0] * np.array([[1.0], [0.0], [0.0]])
 
     def torque(one, state, share=1.0):
-        return pins_of("tau", share * one.torque_nm(*state))
+        payload_nm = one.torque_nm(*state).copy()
+        return pins_of("tau", share * (payload_nm + friction.torque_nm(*state, payload_nm)))
 
     share, fault, ok = f"{UNIT}.share", f"{UNIT}.fault", f"{UNIT}.payload-ok"
     clocks = f"{UNIT}.compute.time"
@@ -184,11 +184,11 @@ def test_in_a_thread_of_1_ms_its_torque_is_pythons(subject, halrun):
     )
 
 
-def test_the_wiring_reaches_the_drives_before_the_fieldbus_writes(subject, installed, halrun):
+def test_the_wiring_reaches_the_drives_before_the_fieldbus_writes(calibrated, installed, halrun):
     """LinuxCNC's own motion controller in front, a component with the pins of lcec behind."""
     file = (installed / "armload_er50.hal").read_text()
     pins = re.findall(r"lcec\.\S+", "\n".join(line for line in file.splitlines() if line.startswith("net")))
-    assert pins == [f"lcec.0.{joint}.torque-offset" for joint in subject.joint_names]
+    assert pins == [f"lcec.0.{joint}.torque-offset" for joint in calibrated.joint_names]
     motion = ["tpmod", "homemod", "trivkins coordinates=XYZABC", "motmod servo_period_nsec=1000000 num_joints=6"]
     before = [f"loadrt {module}" for module in motion] + ["loadrt conv_float_s32 names=the-last"]
     before += ["addf motion-controller servo-thread", "addf the-last servo-thread", "start"]
@@ -199,8 +199,8 @@ def test_the_wiring_reaches_the_drives_before_the_fieldbus_writes(subject, insta
         "show thread",
         "show pin lcec",
     ]
-    torque_nm = PayloadFeedforward(subject.chain, subject.payload.model).torque_nm(*np.zeros((3, 6)))
-    offsets = np.rint(subject.permille_per_nm @ torque_nm)
+    torque_nm = PayloadFeedforward(calibrated.chain, calibrated.payload.model).torque_nm(*np.zeros((3, 6)))
+    offsets = np.rint(calibrated.permille_per_nm @ torque_nm)
     assert np.abs(offsets).max() >= 5
     until = {pin: float(offset) for pin, offset in zip(pins, offsets, strict=True)}
     (found,), printed = halrun((before, after), [{"until": until | {f"{UNIT}.share": 1.0}}], pins)

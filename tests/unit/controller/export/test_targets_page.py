@@ -27,26 +27,29 @@ def block(language, containing=""):
 
 
 def test_every_target_has_its_lines():
-    assert [name for name, _ in BLOCKS] == ["python", "c", "cmake", "cpp", "python", "console", "ini", "toml"]
+    assert [name for name, _ in BLOCKS] == ["python", "c", "cmake", "cpp", "c", "python", "console", "ini", "toml"]
+
+
+C = "double q_rad[6], dq_rad_s[6], ddq_rad_s2[6], torque_nm[6], theta[10];"
+ESTIMATOR = "double time_s, q_rad[6], current_a[6], theta[10], covariance[100], friction[18], moving_s[6], status[9];"
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None or shutil.which("g++") is None, reason="no gcc and g++ on this machine")
 @pytest.mark.parametrize(
-    ("language", "compiler", "real", "begun"),
+    ("language", "containing", "compiler", "declared"),
     [
-        ("c", ["gcc", "-std=c99", "-xc"], "double", "double theta[10];"),
-        ("cpp", ["g++", "-std=c++17", "-xc++"], "armload_er50::Joints", ""),
+        ("c", "er50_set_payload", ["gcc", "-std=c99", "-xc"], C),
+        ("c", "estimator_update", ["gcc", "-std=c99", "-xc"], ESTIMATOR),
+        ("cpp", "", ["g++", "-std=c++17", "-xc++"], "armload_er50::Joints q_rad, dq_rad_s, ddq_rad_s2;"),
     ],
 )
-def test_the_lines_of_c_compile(make_subject, tmp_path, language, compiler, real, begun):
-    for name, text in export_c(make_subject("er50")).items():
+def test_the_lines_of_c_compile(calibrated, tmp_path, language, containing, compiler, declared):
+    for name, text in export_c(calibrated).items():
         (tmp_path / name).write_text(text)
-    include, _, lines = block(language).partition("\n")
-    arrays = ("q_rad", "dq_rad_s", "ddq_rad_s2", *(("torque_nm",) if language == "c" else ()))
-    declared = "".join(f"{real} {name}{'[6]' if language == 'c' else ''};\n" for name in arrays)
-    (tmp_path / "main").write_text(f"{include}\n{declared}{begun}\nvoid cycle(void)\n{{\n{lines}\n}}\n")
+    include, _, lines = block(language, containing).partition("\n")
+    (tmp_path / "main").write_text(f"{include}\n{declared}\nvoid cycle(void)\n{{\n{lines}\n}}\n")
     done = subprocess.run(
-        [*compiler, "-fsyntax-only", "-I.", "main"],
+        [*compiler, "-fsyntax-only", "-pedantic-errors", "-I.", "main"],
         cwd=tmp_path,
         capture_output=True,
         text=True,
