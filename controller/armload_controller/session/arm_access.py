@@ -22,6 +22,7 @@ import can
 
 from armload_controller.config.robot import Robot
 from armload_controller.config.robot_simulation import NO_PAYLOAD
+from armload_controller.config.tables.drive_tables import VIRTUAL
 from armload_controller.control_errors import UnsafeBus
 from armload_controller.cycle.realtime import tuned_for_cycles
 from armload_controller.session.run_session import Load
@@ -39,9 +40,6 @@ from armload_drivers.simulation.lockstep_sync import LockstepSync
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PayloadChange
 from armload_drivers.simulation.virtual_clock import VirtualClock
-
-VIRTUAL = "virtual"
-"""The interface that lives in one process, and with it its simulated drives."""
 
 SOCKETCAN = "socketcan"
 

@@ -14,10 +14,11 @@ import numpy as np
 
 from armload_controller.analysis.payload_watch import HeardBus, PayloadWatch, WatchedMoment
 from armload_controller.config.robot import Robot
+from armload_controller.config.tables.drive_tables import VIRTUAL
 from armload_controller.control_errors import CommissioningError, UnsafeBus
 from armload_controller.cycle.arm_frames import ArmFrames
 from armload_controller.cycle.run_recorder import Recorder
-from armload_controller.session.arm_access import VIRTUAL, open_bus
+from armload_controller.session.arm_access import open_bus
 from armload_controller.session.run_session import Load
 from armload_drivers.cia402.arm_settings import EffortFeedback
 from armload_drivers.listening.bus_ear import overheard

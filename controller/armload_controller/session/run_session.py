@@ -9,6 +9,7 @@ beforehand. Between two motions the drives are off. A simulated arm requires no 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -266,9 +267,12 @@ class RunSession:
 
     def _cycle(self, plugins: Sequence[CyclePlugin]) -> Cycle:
         """A cycle of this arm, with some plug-ins and those of its file."""
-        gate = TorqueGate(self._robot.limits.added_torque_max_nm, self.servos.cycle_s)
+        robot = self._robot
+        gate = TorqueGate(robot.limits.added_torque_max_nm, self.servos.cycle_s)
         every = [*plugins, *self._plugins, *self._operator.watching]
-        return Cycle(self.servos, self._robot.limits.motion, gate, self._operator.control, every)
+        # In virtual time a plug-in keeps nobody waiting: what a busy computer does meanwhile is not its own.
+        stopwatch = time.thread_time if robot.bus.in_virtual_time else time.perf_counter
+        return Cycle(self.servos, robot.limits.motion, gate, self._operator.control, every, stopwatch)
 
     def _monitor(self) -> FollowingMonitor:
         """The monitor of following error, feedback and cycles."""

@@ -88,7 +88,8 @@ def commission(
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
-    from armload_controller.session.arm_access import VIRTUAL, require_rules
+    from armload_controller.config.tables.drive_tables import VIRTUAL
+    from armload_controller.session.arm_access import require_rules
     from armload_controller.session.commissioning import missing_roles, require_recordings
     from armload_controller.session.folder_claim import claimed
     from armload_controller.session.live_view import live_at
@@ -162,7 +163,8 @@ class _Plan:
 
 def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequence[Load], todo: Sequence[Load]) -> None:
     """Record the halves that are not there yet."""
-    from armload_controller.session.arm_access import VIRTUAL, open_arm
+    from armload_controller.config.tables.drive_tables import VIRTUAL
+    from armload_controller.session.arm_access import open_arm
     from armload_controller.session.commissioning import record_half
     from armload_controller.session.live_view import shown_live
     from armload_controller.session.run_session import Consent, Load, Operator

@@ -42,7 +42,8 @@ def scan_command(
     from armload_controller.cli.output.drive_result_tables import found_table
     from armload_controller.cli.output.result_documents import nodes_document
     from armload_controller.cli.screen import Screen
-    from armload_controller.session.arm_access import VIRTUAL, open_bus
+    from armload_controller.config.tables.drive_tables import VIRTUAL
+    from armload_controller.session.arm_access import open_bus
     from armload_drivers.bring_up.inspection import find_nodes
 
     if interface == VIRTUAL:
@@ -152,7 +153,8 @@ def reset_command(
 @contextmanager
 def _bus_of(robot: Robot) -> Iterator[can.BusABC]:
     """The robot's bus; a virtual one with simulated drives on it."""
-    from armload_controller.session.arm_access import VIRTUAL, open_bus
+    from armload_controller.config.tables.drive_tables import VIRTUAL
+    from armload_controller.session.arm_access import open_bus
     from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
     from armload_drivers.simulation.plant_interface import IdealPlant
 

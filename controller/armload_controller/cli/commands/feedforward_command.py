@@ -300,8 +300,8 @@ def _compare(
     operator: Operator,
 ) -> _Outcome:
     """All runs; in simulation the empty arm's and the true payload's too. The mildest addition comes first."""
+    from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
-    from armload_controller.session.arm_access import VIRTUAL
     from armload_controller.session.feedforward_comparison import FollowingRun
     from armload_controller.session.run_session import Load, run_session
 

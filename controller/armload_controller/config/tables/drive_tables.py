@@ -34,6 +34,10 @@ _NUMBER_TYPES = {
 }  # fmt: skip
 
 
+VIRTUAL = "virtual"
+"""The interface that lives in one process, and with it its simulated drives."""
+
+
 class BusTable(Table):
     """The CANopen bus."""
 
@@ -45,6 +49,11 @@ class BusTable(Table):
     max_missing_cycles: Annotated[int, Field(ge=0)]
     sync_counter: Annotated[int, Field(ge=0, le=240)] = 0
     other_nodes: list[Annotated[int, Field(ge=1, le=127)]] = Field(default=[])
+
+    @property
+    def in_virtual_time(self) -> bool:
+        """Whether a cycle takes as long as it takes to compute: master and drives wait for each other."""
+        return self.interface == VIRTUAL
 
     @model_validator(mode="after")
     def _countable(self) -> BusTable:

@@ -11,7 +11,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
-from armload_controller.motion.checked_path import CheckedLeg, CheckedPath, check_path
+from armload_controller.motion.checked_path import SAG_RAD, CheckedLeg, CheckedPath, check_path
 from armload_controller.motion.joint_limits import LimitViolation
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.path_checks import require_joint_limits, require_reduced_speed, torque_objection
@@ -271,6 +271,38 @@ def test_an_arm_that_stands_beyond_its_limits_is_not_moved():
     beyond[JOINT] = LIMITS.position_min_rad[JOINT] - 0.01
     with pytest.raises(LimitViolation, match=f"{LIMITS.joint_names[JOINT]}: position"):
         checked().approach_from(beyond)
+
+
+def test_that_it_stands_beyond_its_limits_is_said_before_any_way_is_looked_for():
+    beyond = STANDING.copy()
+    beyond[JOINT] = LIMITS.position_min_rad[JOINT] - 0.01
+    blocked = Obstacles(FREE.workspace, CloseMeshes(on_line_m=0.01))
+    with pytest.raises(LimitViolation, match=f"{LIMITS.joint_names[JOINT]}: position"):
+        checked(replace(CONSTRAINTS, obstacles=blocked)).approach_from(beyond)
+
+
+def with_a_lagging_servo():
+    """A path that hardly moves, on an arm whose last servo's lag fills its window at 0.1 rad/s."""
+    following = np.full(N, np.inf)
+    following[5] = 0.1
+    small = replace(SWING, sin_rad=0.01 * SWING.sin_rad, cos_rad=0.01 * SWING.cos_rad)
+    return checked(replace(CONSTRAINTS, following_speed_rad_s=following), small)
+
+
+def test_a_way_on_which_a_servo_would_lag_too_far_is_not_gone():
+    path = with_a_lagging_servo()
+    far = path.start_rad.copy()
+    far[5] += 2.0
+    with pytest.raises(LimitViolation, match=f"{LIMITS.joint_names[5]}: following error"):
+        path.approach_from(far)
+
+
+def test_a_way_back_on_which_a_servo_would_lag_too_far_is_not_gone():
+    path = with_a_lagging_servo()
+    sagged = path.start_rad.copy()
+    sagged[5] += 0.9 * SAG_RAD
+    with pytest.raises(LimitViolation, match=f"{LIMITS.joint_names[5]}: following error"):
+        path.back_to(path.start_rad, sagged)
 
 
 def test_a_way_that_a_joint_is_too_weak_for_is_not_gone():

@@ -1,5 +1,6 @@
 """A session: every way of running a path has the slow round, the consent, the monitors and the checks."""
 
+import time
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ from armload_identification.excitation.fourier import Excitation, FourierTraject
 ROBOT = load_robot("prbt")
 SWING = FourierTrajectory(1.0, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((6, 1), 0.05), np.full((6, 1), 0.02))
 CONSTRAINTS = ROBOT.motion_constraints
+CYCLE_S = 0.01
 
 
 def checked():
@@ -142,6 +144,31 @@ def test_added_torque_is_what_joint_and_drive_allow(opened):
         session.hold([Adding()], lambda arm: arm.hold(lambda: len(servos.sent) > 200))
     greatest = np.max([command.torque_offset_nm for command in servos.sent], axis=0)
     np.testing.assert_allclose(greatest, 0.8 * ROBOT.limits.added_torque_max_nm)
+
+
+class Taking:
+    """Plug-in that takes some time of every cycle."""
+
+    name = "taking"
+
+    def __init__(self, take):
+        self.take = take
+
+    def on_cycle(self, step):
+        self.take(0.6 * CYCLE_S)
+
+
+def computing(seconds):
+    begun_s = time.thread_time()
+    while time.thread_time() - begun_s < seconds:
+        pass
+
+
+def test_in_virtual_time_a_plugin_answers_for_what_it_computes_and_not_for_a_busy_computer(opened):
+    with opened() as (session, servos):
+        session.hold([Taking(time.sleep)], lambda arm: arm.hold(lambda: len(servos.sent) > 8))
+        with pytest.raises(MotionError, match="plug-in 'taking' took"):
+            session.hold([Taking(computing)], lambda arm: arm.hold(lambda: len(servos.sent) > 100))
 
 
 def test_an_arm_in_the_way_of_something_is_not_moved(opened):
