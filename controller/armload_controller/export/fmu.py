@@ -142,6 +142,8 @@ def _model_description(subject: ExportSubject, token: str, body: tuple[float, ..
             "BaseUnit",
             {base: str(exponent) for base, exponent in exponents.items()},
         )
+    categories = ElementTree.SubElement(root, "LogCategories")
+    ElementTree.SubElement(categories, "Category", name="logStatusError", description="why a call was refused")
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
     variables = ElementTree.SubElement(root, "ModelVariables")
     references = count()

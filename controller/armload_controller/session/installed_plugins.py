@@ -149,13 +149,13 @@ def _installed(robot: Robot, name: str) -> EntryPoint:
         packages = " and ".join(sorted(_package(entry) for entry in found))
         raise robot.source.refused(_key(name), {}, f"{packages} both bring a plug-in of this name: uninstall one")
     close = difflib.get_close_matches(name, {entry.name for entry in entries}, n=1)
-    meant = f": did you mean {close[0]}?" if close else ","
+    meant = f" Did you mean {close[0]}?" if close else ""
     names = ", ".join(sorted(f"{entry.name} ({_package(entry)})" for entry in entries)) or "none"
     raise robot.source.refused(
         _key(name),
         {},
-        f"no plug-in of this name is installed{meant} installed are: {names}. Install its package where armload is, or "
-        "take the table out",
+        f"no plug-in of this name is installed.{meant} Installed are: {names}. Install its package where armload "
+        "is, or take the table out",
     )
 
 

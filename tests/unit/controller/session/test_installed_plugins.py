@@ -136,8 +136,8 @@ def test_the_example_is_called_in_every_cycle_and_stops_the_arm(robot, held):
         (ceiling(cycles=None), "plugins.torque_ceiling.cycles is missing: it is required"),
         (
             ceiling().replace("torque_ceiling", "torque_cieling"),
-            "plugins.torque_cieling is refused: no plug-in of this name is installed: did you mean torque_ceiling? "
-            "installed are: torque_ceiling (torque-ceiling 1.0). Install its package where armload is, or take the "
+            "plugins.torque_cieling is refused: no plug-in of this name is installed. Did you mean torque_ceiling? "
+            "Installed are: torque_ceiling (torque-ceiling 1.0). Install its package where armload is, or take the "
             "table out",
         ),
     ],
@@ -153,7 +153,7 @@ def test_what_is_wrong_in_the_file_is_refused_before_the_arm_is_opened(robot, he
 def test_a_package_that_is_not_installed_stops_motions_and_nothing_else(robot, held):
     mine = robot("[plugins.elsewhere]\nanything = 1\n")
     assert mine.plugins == {"elsewhere": {"anything": 1}}
-    with pytest.raises(ConfigurationError, match=r"plugins\.elsewhere is refused: no plug-in .* installed are: none\."):
+    with pytest.raises(ConfigurationError, match=r"plugins\.elsewhere is refused: no plug-in .* Installed are: none\."):
         held(mine)
 
 
