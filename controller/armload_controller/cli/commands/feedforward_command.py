@@ -252,10 +252,10 @@ def _adapt(
     import json
     from concurrent.futures import ThreadPoolExecutor
 
+    from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.control_errors import CommissioningError
     from armload_controller.feedforward.adaptation import at_once
     from armload_controller.session.adapted_run import adapted_run
-    from armload_controller.session.arm_access import VIRTUAL
     from armload_controller.session.run_session import Load, run_session
 
     try:
