@@ -6,18 +6,17 @@ the columns of recordings `*` stands for any part of the name of a file or folde
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from armload_controller.control_errors import ConfigurationError
-from armload_identification.storage.read_file import read_whole
+from armload_identification.storage.strict_csv import CsvLine, parse_csv, read_csv
 
 REQUIRED: Final = ("arm", "robot", "loaded")
 RECORDINGS: Final = ("loaded", "unloaded", "validation_loaded", "validation_unloaded")
 """Columns of recordings; the first of them says how many jobs a line is."""
-_KNOWN: Final = ("arm", "robot", *RECORDINGS, "calibration", "payload", "mass_kg")
+_OPTIONAL: Final = (*RECORDINGS[1:], "calibration", "payload", "mass_kg")
 LARGEST_BYTES: Final = 2**28
 """Of a table: some million lines."""
 
@@ -54,13 +53,7 @@ def read_job_table(path: Path) -> tuple[TableEntry, ...]:
     Raises:
         ConfigurationError: not readable, or a line that makes no sense, naming file, line, column and value.
     """
-    try:
-        text = read_whole(path, LARGEST_BYTES).decode("utf-8-sig")
-    except OSError as problem:
-        raise ConfigurationError(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
-    except UnicodeDecodeError as problem:
-        raise ConfigurationError(str(path), "", None, f"cannot be read: no UTF-8, {problem.reason}") from problem
-    return parse_job_table(text, str(path))
+    return parse_job_table(read_csv(path, ConfigurationError, LARGEST_BYTES), str(path))
 
 
 def parse_job_table(text: str, source: str) -> tuple[TableEntry, ...]:
@@ -73,56 +66,28 @@ def parse_job_table(text: str, source: str) -> tuple[TableEntry, ...]:
     Raises:
         ConfigurationError: as `read_job_table`.
     """
-    lines = csv.reader(text.splitlines(), skipinitialspace=True)
-    header = [name.strip() for name in next(lines, [])]
-    for name in header:
-        if name not in _KNOWN or header.count(name) > 1:
-            raise ConfigurationError(source, "line 1", name, f"expected each of the columns {', '.join(_KNOWN)} once")
-    for name in REQUIRED:
-        if name not in header:
-            raise ConfigurationError(source, f"line 1, {name}", None, f"the header must name {', '.join(REQUIRED)}")
-    entries = []
-    for cells in lines:
-        values = [cell.strip() for cell in cells]
-        if not any(values) or values[0].startswith("#"):
-            continue
-        if len(values) > len(header):
-            raise ConfigurationError(
-                source, f"line {lines.line_num}", ",".join(values), f"expected {len(header)} columns"
-            )
-        entries.append(_entry(dict(zip(header, values, strict=False)), source, lines.line_num))
-    if not entries:
-        raise ConfigurationError(source, "", None, "the table has no lines; expected one or more arms")
-    return tuple(entries)
+    lines = parse_csv(text, source, REQUIRED, _OPTIONAL, "one or more arms", ConfigurationError)
+    return tuple(_entry(line, source) for line in lines)
 
 
-def _entry(values: dict[str, str], source: str, line: int) -> TableEntry:
+def _entry(line: CsvLine, source: str) -> TableEntry:
     """One line."""
     for name in REQUIRED:
-        if not values.get(name):
-            raise ConfigurationError(source, f"line {line}, {name}", None, "expected a text")
-    if bool(values.get("validation_loaded")) != bool(values.get("validation_unloaded")):
+        if not line.text(name):
+            raise ConfigurationError(source, f"line {line.number}, {name}", None, "expected a text")
+    if bool(line.text("validation_loaded")) != bool(line.text("validation_unloaded")):
         raise ConfigurationError(
-            source, f"line {line}, validation_loaded", None, "a validation is a loaded and an unloaded run; give both"
+            source,
+            f"line {line.number}, validation_loaded",
+            None,
+            "a validation is a loaded and an unloaded run; give both",
         )
-    mass = values.get("mass_kg", "")
     return TableEntry(
-        line=line,
-        arm=values["arm"],
-        robot=values["robot"],
-        recordings={name: values[name] for name in RECORDINGS if values.get(name)},
-        calibration=values.get("calibration", ""),
-        payload=values.get("payload", ""),
-        mass_kg=_mass(mass, source, line) if mass else None,
+        line=line.number,
+        arm=line.text("arm"),
+        robot=line.text("robot"),
+        recordings={name: line.text(name) for name in RECORDINGS if line.text(name)},
+        calibration=line.text("calibration"),
+        payload=line.text("payload"),
+        mass_kg=line.positive("mass_kg", source, ConfigurationError),
     )
-
-
-def _mass(text: str, source: str, line: int) -> float:
-    """A mass in kg."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not 0.0 < value < float("inf"):
-        raise ConfigurationError(source, f"line {line}, mass_kg", text, "expected a number above 0, or nothing")
-    return value

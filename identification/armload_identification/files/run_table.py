@@ -7,14 +7,13 @@ says when a run began where its recording does not. One name is one payload on t
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Final
 
 from armload_identification.identification_errors import RunTableError
-from armload_identification.storage.read_file import read_whole
+from armload_identification.storage.strict_csv import CsvLine, parse_csv, read_csv
 
 _REQUIRED: Final = ("recording", "mounting", "mass_kg")
 _OPTIONAL: Final = ("payload", "recorded")
@@ -51,13 +50,7 @@ def read_run_table(path: Path) -> tuple[TableRow, ...]:
     Raises:
         RunTableError: not readable, or a row that makes no sense, naming file, line, column and value.
     """
-    try:
-        text = read_whole(path).decode("utf-8-sig")
-    except OSError as problem:
-        raise RunTableError(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
-    except UnicodeDecodeError as problem:
-        raise RunTableError(str(path), "", None, f"cannot be read: no UTF-8, {problem.reason}") from problem
-    return parse_run_table(text, str(path), path.parent)
+    return parse_run_table(read_csv(path, RunTableError), str(path), path.parent)
 
 
 def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...]:
@@ -71,45 +64,23 @@ def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...
     Raises:
         RunTableError: as `read_run_table`.
     """
-    lines = csv.reader(text.splitlines(), skipinitialspace=True)
-    header = [name.strip() for name in next(lines, [])]
-    known = (*_REQUIRED, *_OPTIONAL)
-    for name in header:
-        if name not in known or header.count(name) > 1:
-            raise RunTableError(source, "line 1", name, f"expected each of the columns {', '.join(known)} once")
-    for name in _REQUIRED:
-        if name not in header:
-            raise RunTableError(source, f"line 1, {name}", None, f"the header must name {', '.join(_REQUIRED)}")
-    rows = []
-    for number, cells in enumerate(lines, 2):
-        values = [cell.strip() for cell in cells]
-        if not any(values) or values[0].startswith("#"):
-            continue
-        if len(values) > len(header):
-            raise RunTableError(source, f"line {number}", ",".join(values), f"expected {len(header)} columns")
-        rows.append(_row(dict(zip(header, values, strict=False)), source, number, folder))
-    if not rows:
-        raise RunTableError(source, "", None, "the table has no rows; expected one recording per line")
+    lines = parse_csv(text, source, _REQUIRED, _OPTIONAL, "one recording per line", RunTableError)
+    rows = [_row(line, source, folder) for line in lines]
     _require_agreement(rows, source)
     return tuple(rows)
 
 
-def _row(values: dict[str, str], source: str, number: int, folder: Path) -> TableRow:
+def _row(line: CsvLine, source: str, folder: Path) -> TableRow:
     """One line."""
-    place = f"line {number}"
-    recording, mounting = values.get("recording", ""), values.get("mounting", "")
-    mass, payload = values.get("mass_kg", ""), values.get("payload", "")
+    place = f"line {line.number}"
+    recording, mounting = line.text("recording"), line.text("mounting")
+    mass_kg, payload = line.positive("mass_kg", source, RunTableError), line.text("payload")
     if not recording:
         raise RunTableError(source, f"{place}, recording", None, "expected the path of a recording")
-    if (mass or payload) and not mounting:
+    if (mass_kg is not None or payload) and not mounting:
         raise RunTableError(source, f"{place}, mounting", None, "a run with a mass or a payload must name its mounting")
-    return TableRow(
-        folder / recording,
-        mounting,
-        _mass(mass, source, place) if mass else None,
-        folder / payload if payload else None,
-        _moment(values.get("recorded", ""), source, place),
-    )
+    recorded = _moment(line.text("recorded"), source, place)
+    return TableRow(folder / recording, mounting, mass_kg, folder / payload if payload else None, recorded)
 
 
 def _moment(text: str, source: str, place: str) -> str:
@@ -124,17 +95,6 @@ def _moment(text: str, source: str, place: str) -> str:
             "expected a date, or date and time, such as 2026-03-01T08:30, or nothing",
         ) from None
     return text
-
-
-def _mass(text: str, source: str, place: str) -> float:
-    """A mass in kg."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not 0.0 < value < float("inf"):
-        raise RunTableError(source, f"{place}, mass_kg", text, "expected a number above 0, or nothing")
-    return value
 
 
 def _require_agreement(rows: list[TableRow], source: str) -> None:

@@ -1,0 +1,105 @@
+"""Strict tables: CSV with a header line of known columns, and one sentence for whatever is wrong with a line."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from armload_identification.storage.read_file import LARGEST_BYTES, read_whole
+
+if TYPE_CHECKING:
+    from armload_identification.storage.strict_toml import FileErrorClass
+
+
+@dataclass(frozen=True)
+class CsvLine:
+    """A line of a table.
+
+    Attributes:
+        number: Of the line in the file.
+        values: Text by column; columns that a short line leaves out are missing.
+    """
+
+    number: int
+    values: dict[str, str]
+
+    def text(self, column: str) -> str:
+        """What stands in a column; nothing where nothing does.
+
+        Args:
+            column: Its name.
+        """
+        return self.values.get(column, "")
+
+    def positive(self, column: str, source: str, error: FileErrorClass) -> float | None:
+        """A number above 0; None where the column is empty.
+
+        Args:
+            column: Its name.
+            source: What messages call the file.
+            error: Raised where it is no such number.
+        """
+        text = self.text(column)
+        if not text:
+            return None
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not 0.0 < value < float("inf"):
+            raise error(source, f"line {self.number}, {column}", text, "expected a number above 0, or nothing")
+        return value
+
+
+def read_csv(path: Path, error: FileErrorClass, largest_bytes: int = LARGEST_BYTES) -> str:
+    """The text of a table.
+
+    Args:
+        path: The file.
+        error: Raised where it cannot be read, is no text, or is larger.
+        largest_bytes: Of the file.
+    """
+    try:
+        return read_whole(path, largest_bytes).decode("utf-8-sig")
+    except OSError as problem:
+        raise error(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
+    except UnicodeDecodeError as problem:
+        raise error(str(path), "", None, f"cannot be read: no UTF-8, {problem.reason}") from problem
+
+
+def parse_csv(
+    text: str, source: str, required: Sequence[str], optional: Sequence[str], rows: str, error: FileErrorClass
+) -> tuple[CsvLine, ...]:
+    """The lines of a table; empty lines and those that begin with # are left out.
+
+    Args:
+        text: CSV.
+        source: What messages call it.
+        required: Columns that the header must name.
+        optional: Columns that it may name.
+        rows: What is expected of it, for a table without any.
+        error: Raised where the table makes no sense, naming line, column and value.
+    """
+    lines = csv.reader(text.splitlines(), skipinitialspace=True)
+    header = [name.strip() for name in next(lines, [])]
+    known = (*required, *optional)
+    for name in header:
+        if name not in known or header.count(name) > 1:
+            raise error(source, "line 1", name, f"expected each of the columns {', '.join(known)} once")
+    for name in required:
+        if name not in header:
+            raise error(source, f"line 1, {name}", None, f"the header must name {', '.join(required)}")
+    found = []
+    for cells in lines:
+        values = [cell.strip() for cell in cells]
+        if not any(values) or values[0].startswith("#"):
+            continue
+        if len(values) > len(header):
+            raise error(source, f"line {lines.line_num}", ",".join(values), f"expected {len(header)} columns")
+        found.append(CsvLine(lines.line_num, dict(zip(header, values, strict=False))))
+    if not found:
+        raise error(source, "", None, f"the table has no rows; expected {rows}")
+    return tuple(found)
