@@ -206,7 +206,7 @@ def design(
     require_extra(Extra.IDENTIFY, "designing an excitation")
     arm = robot if isinstance(robot, Robot) else load_robot(robot)
     frequency = _frequency(arm, period_s, harmonics)
-    envelope = arm.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
+    envelope = design_envelope(arm)
     objective = named_criterion(
         criterion, arm.chain, arm.limits.torque_noise_nm, arm.payloads.expected, arm.payloads.design_set
     )
@@ -229,6 +229,16 @@ def design(
         f"--criterion {criterion}"
     )
     return DesignedExcitation(arm, result, envelope, driven, options)
+
+
+def design_envelope(robot: Robot) -> Envelope:
+    """What an excitation of a robot is designed within: its limits, less what ramps, servos and surprises need.
+
+    Raises:
+        ConfigurationError: the file lacks what a design needs.
+        ExcitationError: nothing is left of a range.
+    """
+    return robot.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
 
 
 @contextmanager

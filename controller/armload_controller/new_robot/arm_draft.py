@@ -35,6 +35,7 @@ class ArmDraft:
         viscous_nm_s_rad: (n,) friction per speed.
         coulomb_nm: (n,) friction at any speed.
         links: What turns with each joint, in its frame; None where it is not known.
+        other_joints: Of the URDF, not the arm's; they are taken as fixed.
         source: What the numbers come from.
     """
 
@@ -52,6 +53,7 @@ class ArmDraft:
     viscous_nm_s_rad: FloatArray
     coulomb_nm: FloatArray
     links: tuple[InertialParameters | None, ...]
+    other_joints: tuple[str, ...]
     source: str
 
     @property
@@ -88,6 +90,7 @@ def draft_of_urdf(arm: UrdfArm) -> ArmDraft:
         viscous_nm_s_rad=arm.viscous_nm_s_rad,
         coulomb_nm=arm.coulomb_nm,
         links=arm.links,
+        other_joints=tuple(arm.other_joints),
         source=f"the URDF {Path(arm.file).name}",
     )
 

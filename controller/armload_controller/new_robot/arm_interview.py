@@ -118,6 +118,7 @@ def interviewed(ask: Ask, say: Callable[[str], None]) -> ArmDraft:
         viscous_nm_s_rad=unknown,
         coulomb_nm=unknown,
         links=(None,) * joints,
+        other_joints=(),
         source="answers to its questions",
     )
 

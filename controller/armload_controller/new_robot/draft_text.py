@@ -16,6 +16,7 @@ from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_controller.new_robot.drive_drafts import BusDraft, DriveDraft
 from armload_controller.new_robot.twin_draft import body_lines, twin_bus, twin_drive, twin_simulation
 from armload_controller.new_robot.workspace_draft import BARE_RADIUS_M, KEEP_M, WorkspaceDraft, up_of
+from armload_core.arrays import FloatArray
 from armload_identification.excitation.workspace import Sphere
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.toml_text import array, inline, number, text
@@ -102,7 +103,7 @@ def draft_file(
     bus: BusDraft | None,
     excitations: tuple[str, str] | None = None,
     *,
-    twin: bool = False,
+    twin_start_rad: FloatArray | None = None,
 ) -> DraftedFile:
     """The file of an arm.
 
@@ -113,8 +114,10 @@ def draft_file(
         urdf: The URDF as the file names it, where its meshes are checked.
         bus: Its drives; None leaves a template.
         excitations: The files of identification and validation.
-        twin: Simulated drives and a simulated arm, in place of `bus`; for links and a payload that are known.
+        twin_start_rad: (n,) where a simulated arm stands at first; with it, drives and arm are simulated, in place of
+            `bus`; for links and a payload that are known.
     """
+    twin = twin_start_rad is not None
     file = DraftedFile()
     file.add(
         f"# Drafted by `armload init` from {arm.source}.",
@@ -140,10 +143,10 @@ def draft_file(
             file.add(*twin_drive(arm, joint), "")
         else:
             _drive(file, joint, None if bus is None else bus.drives[joint], bus)
-    if twin and whole is not None and payload_kg is not None:
-        start, friction = workspace.clear_rad.mean(axis=0), [_coulomb(arm, joint)[0] for joint in range(arm.n)]
+    if twin_start_rad is not None and whole is not None and payload_kg is not None:
+        friction = [_coulomb(arm, joint)[0] for joint in range(arm.n)]
         acceleration = arm.velocity_max_rad_s / FULL_SPEED_AFTER_S
-        file.add(*twin_simulation(arm, whole, cube(payload_kg), start, friction, acceleration))
+        file.add(*twin_simulation(arm, whole, cube(payload_kg), twin_start_rad, friction, acceleration))
     return file
 
 
@@ -247,6 +250,9 @@ def _workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf
     if workspace.overlapping and not workspace.meshes:
         pairs = ", ".join(f"{link(a)} and {link(b)}" for a, b in workspace.overlapping)
         file.unchecked.append(f"links that nothing keeps apart, their spheres overlap in most poses: {pairs}")
+    if workspace.meshes and workspace.touching:
+        pairs = ", ".join(f"{a} and {b}" for a, b in workspace.touching)
+        file.unchecked.append(f"meshes that may touch, as their convex hulls do in most poses: {pairs}")
     if workspace.why_no_meshes:
         file.unchecked.append(f"meshes are not checked: {workspace.why_no_meshes}")
 

@@ -84,6 +84,11 @@ class Meshes:
         """The links that each distance lies between."""
         return self._pairs
 
+    @property
+    def joints_between(self) -> tuple[int, ...]:
+        """How many joints lie between the links of each distance."""
+        return tuple(int(np.count_nonzero(reach)) for reach in self._reach)
+
     def distances(self, q: FloatArray) -> FloatArray:
         """Distance of every pair.
 

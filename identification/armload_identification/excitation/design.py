@@ -155,6 +155,9 @@ def _best(
         if said is None:
             return attempt, attempt.trajectory
         refused = refused or f"; the best one within the limits {said}"
+    nearest = min(ended, key=lambda attempt: attempt.excess if attempt.problem else np.inf)
+    if not refused and nearest.problem:
+        refused = f"; the nearest one {nearest.problem}"
     raise ExcitationError(
         f"none of {len(ended)} starts ended with a motion that determines the payload within all limits{refused}; "
         "widen the limits or the workspace, or give more restarts"

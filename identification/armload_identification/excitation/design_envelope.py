@@ -192,6 +192,26 @@ class Envelope:
         fast = () if self.speed is None else (self.speed.points.greatest_on(trajectory) / self.speed.speed_m_s - 1.0,)
         return np.concatenate([joints, torque, clearance, *fast])
 
+    def most_exceeded(self, worst: FloatArray) -> str:
+        """The limit that is exceeded most, and by how much, in words.
+
+        Args:
+            worst: (K,) as `worst` has it.
+        """
+        row = int(worst.argmax())
+        torque, clearance, speed = self._splits
+        excess = float(worst[row])
+        if row < torque:
+            kind = ("range", "speed", "acceleration", "jerk")[row // self.n]
+            return f"exceeds the {kind} of joint {row % self.n + 1} by {excess:.1%}"
+        if row < clearance:
+            return f"takes {excess:.1%} more torque than joint {(row - torque) % self.n + 1} may use"
+        if row < speed:
+            part, other = self.workspace.between[row - clearance]
+            return f"brings {part} {excess * CLEARANCE_SCALE_M:.3f} m too close to {other}"
+        name = "" if self.speed is None else self.speed.points.names[row - speed]
+        return f"is {excess:.1%} too fast at {name}"
+
     def margins(self, trajectory: FourierTrajectory) -> LimitMargins:
         """Room that a trajectory leaves at any time, between samples too.
 

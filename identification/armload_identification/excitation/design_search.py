@@ -81,12 +81,16 @@ class Attempt:
         score: What starts are compared by: the criterion for the same measuring time, whatever the period.
         trajectory: The motion, or None.
         history: (I,) criterion after each iteration; the early ones may be outside the limits.
+        excess: Greatest relative excess over a limit, where no motion within them was found.
+        problem: The limit that is exceeded, in words.
     """
 
     cost: float
     score: float
     trajectory: FourierTrajectory | None
     history: FloatArray
+    excess: float = 0.0
+    problem: str = ""
 
 
 class Search:
@@ -146,9 +150,10 @@ class Search:
                 reserve = np.maximum(0.0, worst - excess.max(axis=0))
             multipliers = np.maximum(0.0, multipliers + penalty * (excess + reserve))
             penalty *= _PENALTY_GROWTH
-        trajectory = self._inside(self._in_steps(self._trajectory(x)))
-        if trajectory is None:
-            return Attempt(np.inf, np.inf, None, np.array(history))
+        trajectory, worst = self._inside(self._in_steps(self._trajectory(x)))
+        if worst.max() > -_INSIDE:
+            problem = self._envelope.most_exceeded(worst)
+            return Attempt(np.inf, np.inf, None, np.array(history), float(worst.max()), problem)
         cost, score = (
             self.cost_of(self._criterion, trajectory),
             self._cost(self._criterion, trajectory, self._reference_s),
@@ -242,18 +247,18 @@ class Search:
             1.0 / (steps * self._step_s), trajectory.offset_rad, trajectory.sin_rad, trajectory.cos_rad
         )
 
-    def _inside(self, trajectory: FourierTrajectory) -> FourierTrajectory | None:
-        """The motion made smaller about its offset, as little as all limits require; None where that does not help."""
+    def _inside(self, trajectory: FourierTrajectory) -> tuple[FourierTrajectory, FloatArray]:
+        """The motion made smaller about its offset, as little as all limits require, and the excess that is left."""
         less = 0.0
-        while less <= 1.0 - _SMALLEST_SHARE:
+        while True:
             smaller = FourierTrajectory(
                 trajectory.base_frequency_hz,
                 trajectory.offset_rad,
                 (1.0 - less) * trajectory.sin_rad,
                 (1.0 - less) * trajectory.cos_rad,
             )
-            worst = float(self._envelope.worst(smaller).max())
-            if worst <= -_INSIDE:
-                return smaller
-            less += max(1e-4, 0.5 * less, min(worst, 0.02))
-        return None
+            worst = self._envelope.worst(smaller)
+            greatest = float(worst.max())
+            less += max(1e-4, 0.5 * less, min(greatest, 0.02))
+            if greatest <= -_INSIDE or less > 1.0 - _SMALLEST_SHARE:
+                return smaller, worst

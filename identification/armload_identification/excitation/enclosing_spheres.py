@@ -34,15 +34,17 @@ def enclosing_spheres(loaded: UrdfGeometry) -> tuple[Sphere, ...]:
     Returns:
         Spheres in the base frame and the joint frames; links without a geometry have none.
     """
-    surfaces: dict[int, list[FloatArray]] = {}
+    surfaces: dict[tuple[int, int], list[FloatArray]] = {}
     for body in loaded.geometry.geometryObjects:
         points = _surface(loaded.coal, body.geometry) * np.array(body.meshScale)
         placed = points @ body.placement.rotation.T + body.placement.translation
-        surfaces.setdefault(int(body.parentJoint), []).append(placed)
+        link = int(body.parentJoint)
+        # what stands still can be a whole torso with a head and another arm: spheres around all of it would leave no room
+        surfaces.setdefault((link, int(body.parentFrame) if link == 0 else 0), []).append(placed)
     return tuple(
         Sphere(link, centre, radius)
-        for link in sorted(surfaces)
-        for centre, radius in _slices(np.concatenate(surfaces[link]))
+        for link, part in sorted(surfaces)
+        for centre, radius in _slices(np.concatenate(surfaces[link, part]))
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +11,7 @@ import typer
 
 from armload_controller.cli.attendance import attended
 from armload_controller.cli.options import BaseOption, FlangeOption
+from armload_controller.cli.output.json_output import JsonOption, print_document
 from armload_controller.cli.output.output_files import require_folder
 
 if TYPE_CHECKING:
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     from armload_controller.new_robot.draft_text import DraftedFile
     from armload_controller.new_robot.drive_drafts import BusDraft
     from armload_controller.new_robot.workspace_draft import WorkspaceDraft
+    from armload_core.arrays import FloatArray
 
 _ROLES = ("identification", "validation")
 
@@ -42,14 +46,16 @@ def init(
         bool, typer.Option("--simulated", help="With a simulated twin of the arm, to try a commissioning of it.")
     ] = False,
     restarts: Annotated[int, typer.Option(min=1, help="Random starts of each excitation's design.")] = 8,
+    as_json: JsonOption = False,
 ) -> None:
     """Write a first robot file, complete but for what nothing can know, and design its two excitations."""
+    from armload_controller.cli.output.result_documents import init_document
     from armload_controller.cli.screen import Screen
     from armload_controller.control_errors import ConfigurationError
-    from armload_controller.new_robot.arm_draft import named, within
+    from armload_controller.new_robot.arm_draft import named
     from armload_controller.new_robot.draft_text import draft_file
 
-    screen = Screen()
+    screen = Screen(as_json=as_json)
     require_folder(output)
     if output.exists():
         raise ConfigurationError(str(output), "--output", None, "a file that does not exist: nothing is replaced")
@@ -62,21 +68,51 @@ def init(
     if simulated:
         _require_twin(arm, payload_kg, scan is not None or description is not None)
     bus = _bus(arm.n, scan, bitrate, description, output)
-    drafted = draft_file(arm, payload_kg, workspace, meshes, None)
-    excitations = None
-    if drafted.holes or payload_kg is None:
-        screen.step("no excitation is designed: values are missing, see below")
+
+    def draft(ranges: ArmDraft) -> DraftedFile:
+        return draft_file(ranges, payload_kg, workspace, meshes, None)
+
+    if draft(arm).holes or payload_kg is None:
+        designed = _Designed(None, "values are missing", None)
     else:
-        narrow = draft_file(within(arm, workspace.clear_rad), payload_kg, workspace, meshes, None)
-        excitations = _designed(screen, output, narrow.text, restarts)
-    drafted = draft_file(arm, payload_kg, workspace, meshes, bus, excitations, twin=simulated)
+        designed = _designed(screen, output, arm, draft, restarts)
+    drafted = draft_file(
+        arm,
+        payload_kg,
+        workspace,
+        meshes,
+        bus,
+        designed.names,
+        twin_start_rad=designed.middle_rad if simulated else None,
+    )
     _write(output, drafted.text)
+    if designed.names is None:
+        screen.step(f"no excitation is designed: {designed.problem}")
     screen.step(f"written: {output}")
     _show_open_points(screen, drafted)
-    if simulated and excitations is not None:
-        screen.step(f"next: `armload commission {output} --output runs/{output.stem}`")
-        return
-    screen.step(_next_step(output, drafted, has_bus=bus is not None, designed=excitations is not None))
+    if simulated and designed.names is not None:
+        following = f"`armload commission {output} --output runs/{output.stem}`"
+    else:
+        following = _next_step(output, drafted, has_bus=bus is not None, designed=designed.names is not None)
+    screen.step(f"next: {following}")
+    if as_json:
+        files = [output, *(output.with_name(name) for name in designed.names or ())]
+        print_document(init_document(arm, drafted, files, designed.problem, following))
+
+
+@dataclass(frozen=True)
+class _Designed:
+    """Both excitations of an arm, or why there are none.
+
+    Attributes:
+        names: Of their files.
+        problem: Why there are none.
+        middle_rad: (n,) of the range that they were looked for in first.
+    """
+
+    names: tuple[str, str] | None
+    problem: str | None
+    middle_rad: FloatArray | None
 
 
 def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> None:
@@ -170,25 +206,37 @@ def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, outpu
     return BusDraft(drives, "socketcan", "can0", bitrate, beside, f"from {described.source}, {nodes}, on can0")
 
 
-def _designed(screen: Screen, output: Path, text: str, restarts: int) -> tuple[str, str] | None:
-    """Names of the two excitations, designed for the file's text; None where none fits within the limits."""
+def _designed(
+    screen: Screen, output: Path, arm: ArmDraft, draft: Callable[[ArmDraft], DraftedFile], restarts: int
+) -> _Designed:
+    """The two excitations, within the range that is clear of meshes; where there are none, within the whole of it."""
     from armload_controller.analysis.robot_excitation import design
+    from armload_controller.config.robot import load_robot
+    from armload_controller.new_robot.arm_draft import within
+    from armload_controller.new_robot.design_range import design_range
     from armload_identification.identification_errors import ExcitationError
 
-    _write(output, text)
-    names = []
-    for seed, role in enumerate(_ROLES, 1):
-        path = output.with_name(f"{output.stem}_{role}.toml")
-        with screen.track(f"designing the excitation for {role}", restarts) as done:
-            try:
-                excitation = design(str(output), seed=seed, restarts=restarts, progress=done)
-            except ExcitationError as error:
-                screen.step(f"no excitation: {error}")
-                return None
-        excitation.save(path)
-        screen.step(f"written: {path}")
-        names.append(path.name)
-    return names[0], names[1]
+    _write(output, draft(arm).text)
+    range_rad = design_range(load_robot(str(output)))
+    middle_rad, problem = range_rad.mean(axis=0), ""
+    for ranges in (within(arm, range_rad), arm):
+        _write(output, draft(ranges).text)
+        try:
+            excitations = []
+            for seed, role in enumerate(_ROLES, 1):
+                with screen.track(f"designing the excitation for {role}", restarts) as done:
+                    excitations.append(design(str(output), seed=seed, restarts=restarts, progress=done))
+        except ExcitationError as error:
+            if not problem:
+                screen.step("none found in the part of the joints' ranges that is clear of meshes: trying all of them")
+            problem = str(error)
+            continue
+        paths = [output.with_name(f"{output.stem}_{role}.toml") for role in _ROLES]
+        for path, excitation in zip(paths, excitations, strict=True):
+            excitation.save(path)
+            screen.step(f"written: {path}")
+        return _Designed((paths[0].name, paths[1].name), None, middle_rad)
+    return _Designed(None, problem, middle_rad)
 
 
 def _write(output: Path, text: str) -> None:
@@ -213,9 +261,9 @@ def _show_open_points(screen: Screen, drafted: DraftedFile) -> None:
 def _next_step(output: Path, drafted: DraftedFile, *, has_bus: bool, designed: bool) -> str:
     """What to do now."""
     if drafted.holes:
-        return f"next: fill these in, then `armload drives check {output}`" if has_bus else "next: fill these in"
+        return f"fill these in, then `armload drives check {output}`" if has_bus else "fill these in"
     if not designed:
-        return f"next: `armload design {output} --seed 1 --output {output.stem}_identification.toml`"
+        return f"`armload design {output} --seed 1 --output {output.stem}_identification.toml`"
     if not has_bus:
-        return f"next: recordings of your own with `armload identify {output} ...`, or the drives in {output}"
-    return f"next: `armload drives check {output}`"
+        return f"recordings of your own with `armload identify {output} ...`, or the drives in {output}"
+    return f"`armload drives check {output}`"

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     # a command loads what it does, not what others print
     from armload_controller.feedforward.adaptation import Decision
     from armload_controller.feedforward.offset_check import OffsetVerdict
+    from armload_controller.new_robot.arm_draft import ArmDraft
+    from armload_controller.new_robot.draft_text import DraftedFile
     from armload_controller.session.feedforward_comparison import Comparison as FollowingComparison
     from armload_drivers.bring_up.drive_check import ArmCheck
     from armload_drivers.bring_up.inspection import ArmStatus, FoundNode
@@ -203,6 +205,27 @@ def feedforward_document(
     files = {"picture": None if picture is None else str(picture)}
     content = {"robot": robot, "offset": offset, "comparisons": compared, "files": files}
     return _document("feedforward", content | {"decisions": [decision.to_dict() for decision in decisions]})
+
+
+def init_document(
+    arm: ArmDraft, drafted: DraftedFile, files: Sequence[Path], problem: str | None, following: str
+) -> dict[str, Any]:
+    """A first robot file, and what could not be known."""
+    roles = ("robot", "identification", "validation")
+    written = dict.fromkeys(roles) | {role: str(path) for role, path in zip(roles, files, strict=False)}
+    return _document(
+        "init",
+        {
+            "robot": arm.name,
+            "joint_names": list(arm.joint_names),
+            "other_joints": list(arm.other_joints),
+            "holes": list(drafted.holes),
+            "assumed": list(drafted.unchecked),
+            "no_excitation": problem,
+            "next": following,
+            "files": written,
+        },
+    )
 
 
 def export_document(robot: str, export_format: str, written: dict[Path, bool], notes: Sequence[str]) -> dict[str, Any]:

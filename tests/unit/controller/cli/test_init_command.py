@@ -1,5 +1,7 @@
 """`armload init`: from a URDF to a robot file and its excitations, and what it refuses."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -34,26 +36,36 @@ def urdf(tmp_path):
 
 def test_a_urdf_becomes_a_robot_with_two_excitations(armload, urdf, tmp_path):
     out = tmp_path / "new" / "four.toml"
-    result = armload("init", urdf(), "--payload-kg", "1.5", "--simulated", "--restarts", "1", "--output", out)
+    words = ("--payload-kg", "1.5", "--simulated", "--restarts", "1", "--output", out, "--json")
+    result = armload("init", urdf(), *words)
     assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    assert (found["schema"], found["holes"], found["no_excitation"]) == ("armload/init/1", [], None)
+    assert found["joint_names"] == ["j1", "j2", "j3", "j4"]
+    assert found["files"] == {"robot": str(out)} | {
+        role: str(out.with_name(f"four_{role}.toml")) for role in ("identification", "validation")
+    }
+    assert found["next"].startswith("`armload commission")
     robot = load_robot(str(out))
     assert robot.simulation.payload("cube").mass_kg == 1.5
     assert set(robot.excitations) == {"identification", "validation"}
     trajectories = [excitation.trajectory for excitation in robot.excitations.values()]
     assert not np.allclose(trajectories[0].sin_rad, trajectories[1].sin_rad)
-    assert "assumed, to be checked:" in result.output
-    assert "gravity" in result.output
-    assert "armload commission" in result.output
+    assert "assumed, to be checked:" in result.stderr
+    assert any("gravity" in sentence for sentence in found["assumed"])
     checked = armload("drives", "check", out)
     assert checked.exit_code == 0, checked.output
 
 
 def test_holes_are_listed_and_no_excitation_is_designed(armload, urdf, tmp_path):
     out = tmp_path / "four.toml"
-    result = armload("init", urdf('<limit lower="-1" upper="1"/>'), "--payload-kg", "1", "--output", out)
+    result = armload("init", urdf('<limit lower="-1" upper="1"/>'), "--payload-kg", "1", "--output", out, "--json")
     assert result.exit_code == 0, result.output
-    assert "joints[4].torque_max_nm" in result.output
-    assert "no excitation is designed" in result.output
+    found = json.loads(result.stdout)
+    assert "joints[4].torque_max_nm" in found["holes"]
+    assert found["no_excitation"] == "values are missing"
+    assert found["files"] == {"robot": str(out), "identification": None, "validation": None}
+    assert "no excitation is designed" in result.stderr
     assert sorted(file.name for file in tmp_path.iterdir()) == ["arm.urdf", "four.toml"]
     checked = armload("drives", "check", out)
     assert isinstance(checked.exception, ConfigurationError)

@@ -21,6 +21,7 @@ from armload_controller.cli.output.result_documents import (
     calibration_document,
     feedforward_document,
     half_document,
+    init_document,
     nodes_document,
 )
 from armload_controller.config.robot import load_robot
@@ -177,6 +178,13 @@ def made():
         half_document(Path("runs/today")),
         fleet_report_document(fleet_review(), Path("report.html")),
         fleet_document(FleetTally(1, 1, remarks=("line 2: no file",)), Path("fleet")),
+        init_document(
+            SimpleNamespace(name="arm", joint_names=joints, other_joints=("finger",)),
+            SimpleNamespace(holes=["joints[1].torque_max_nm"], unchecked=["gravity"]),
+            [Path("arm.toml")],
+            "values are missing",
+            "fill these in",
+        ),
     ]
 
 
@@ -232,7 +240,7 @@ def test_every_command_with_a_result_has_the_option():
         for name, command in commands(typer.main.get_command(app))
         if not any("--json" in option.opts for option in command.params)
     }
-    assert without == {"drives reset", "init", "simulate"}
+    assert without == {"drives reset", "simulate"}
 
 
 def test_one_schema_serves_identify_validate_and_report(document):

@@ -109,6 +109,23 @@ def test_a_distance_to_keep_is_part_of_the_limit_and_of_the_clearance_told(envel
     assert wider.margins(path).clearance_m == pytest.approx(envelope.margins(path).clearance_m)
 
 
+@pytest.mark.parametrize(
+    ("row", "text"),
+    [
+        (1, "exceeds the range of joint 2 by 25.0%"),
+        (N + 2, "exceeds the speed of joint 3 by 25.0%"),
+        (4 * N - 1, "exceeds the jerk of joint 3 by 25.0%"),
+        (4 * N + N + 1, "takes 25.0% more torque than joint 2 may use"),
+        (4 * N + 4 * N, "brings link 1 0.050 m too close to 'floor'"),
+        (-1, "is 25.0% too fast at tool centre point"),
+    ],
+)
+def test_the_limit_that_is_exceeded_most_is_named(envelope, row, text):
+    worst = np.full(envelope.rows, -0.1)
+    worst[row] = 0.25
+    assert envelope.most_exceeded(worst) == text
+
+
 def test_reduced_limits_leave_the_room_asked_for():
     reduced = JOINTS.reduced(0.1, 0.7)
     np.testing.assert_allclose(reduced.position_min_rad, [-2.8, -0.9, -1.1])
