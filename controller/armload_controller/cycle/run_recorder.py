@@ -101,6 +101,22 @@ class Recorder:
                 self._partial.unlink()
             raise
 
+    def attach(self, name: str, text: str) -> None:
+        """Add a text that became known after the recorder was opened.
+
+        Args:
+            name: Of the attachment.
+            text: What it holds.
+
+        Raises:
+            RecordingFailed: it could not be written.
+        """
+        try:
+            self._writer.add_attachment(0, 0, name, _media_type(name), text.encode())
+            self._file.flush()
+        except OSError as error:
+            raise self._failed(error) from error
+
     def __enter__(self) -> Self:
         return self
 

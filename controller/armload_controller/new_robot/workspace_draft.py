@@ -34,8 +34,8 @@ _MOSTLY: Final = 0.5
 _TOUCHES: Final = 0.9
 """Share of the poses from which two meshes are neighbours that touch."""
 _HULLS_TOUCH: Final = 0.7
-"""The same for links at most `_NEAR_JOINTS` joints apart: the convex hulls that stand for the meshes fill the room between
-them (Baxter: torso and elbow, in 81 % of the poses)."""
+"""The same for links at most `_NEAR_JOINTS` joints apart: the convex hulls that stand for the meshes fill the room
+between them (Baxter: torso and elbow, in 81 % of the poses)."""
 _NEAR_JOINTS: Final = 3
 
 

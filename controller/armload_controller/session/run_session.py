@@ -9,6 +9,7 @@ beforehand. Between two motions the drives are off. A simulated arm requires no 
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -32,8 +33,10 @@ from armload_controller.motion.joint_limits import LimitViolation
 from armload_controller.motion.motion_control import MotionControl
 from armload_controller.motion.paths import BlockedWay
 from armload_controller.session.installed_plugins import plugins_of
+from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import OperationMode
 from armload_drivers.servos import JointServos
+from armload_identification.recording.run_format import WAY_ROUND_ATTACHMENT
 
 BAR = 1000
 """Length of a progress bar."""
@@ -207,6 +210,13 @@ class RunSession:
         monitors: list[CyclePlugin] = [monitor, self._feedback_truth(), self._window(), signs]
         cycle = self._cycle([*([] if recorder is None else [recorder]), *monitors, *plugins])
         display, consent = self._operator.display, self._operator.consent
+
+        def go_round(via_points_rad: FloatArray) -> None:
+            points = "1 via point" if len(via_points_rad) == 1 else f"{len(via_points_rad)} via points"
+            display.step(f"{name}: the straight way to its start is not free: the arm goes round, by {points}")
+            if recorder is not None:
+                recorder.attach(WAY_ROUND_ATTACHMENT, json.dumps({"via_points_rad": via_points_rad.tolist()}))
+
         if path not in self._rounded:
             if not self._moved:
                 consent.require(
@@ -217,7 +227,7 @@ class RunSession:
                 )
                 self._moved = True
             with display.track(f"{name}, slow round", BAR) as progress:
-                run_leg(cycle, path, path.slow, progress)
+                run_leg(cycle, path, path.slow, progress, go_round=go_round)
             try:
                 signs.judge()
             except FeedbackError as error:
@@ -230,7 +240,7 @@ class RunSession:
             always=bool(warning),
         )
         with display.track(f"{name} run", BAR) as progress:
-            run_leg(cycle, path, path.measured, progress, before)
+            run_leg(cycle, path, path.measured, progress, before, go_round)
         return monitor.summary()
 
     def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[PoweredArm], T]) -> T:
@@ -298,6 +308,7 @@ def run_leg(
     leg: CheckedLeg,
     progress: Callable[[int], None],
     before: Callable[[PoweredArm], None] | None = None,
+    go_round: Callable[[FloatArray], None] = lambda via_points_rad: None,
 ) -> None:
     """Go to where a path begins and run one of its legs; the way there is checked before the arm gets torque.
 
@@ -307,6 +318,7 @@ def run_leg(
         leg: Its slow or its measured leg.
         progress: Takes how much of `BAR` is done; nothing during the approach.
         before: Called with the arm standing where the leg begins.
+        go_round: Called with the (V, n) via points before the arm gets torque, where the straight way is not free.
 
     Raises:
         MotionError: the motion was stopped; nothing was switched on where no way to the path is free.
@@ -316,6 +328,9 @@ def run_leg(
         approach = path.approach_from(stood_rad)
     except (BlockedWay, LimitViolation) as error:
         raise not_switched_on(error) from error
+    if len(approach) > 1:
+        ends = (stretch.leg.path.evaluate(stretch.leg.end_s) for stretch in approach[:-1])
+        go_round(np.array([end.position_rad for end in ends]))
     with cycle.powered() as arm:
         back = path.back_to(stood_rad, arm.position_rad)
         for way in (*([] if back is None else [back]), *approach):

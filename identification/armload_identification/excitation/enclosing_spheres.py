@@ -39,7 +39,7 @@ def enclosing_spheres(loaded: UrdfGeometry) -> tuple[Sphere, ...]:
         points = _surface(loaded.coal, body.geometry) * np.array(body.meshScale)
         placed = points @ body.placement.rotation.T + body.placement.translation
         link = int(body.parentJoint)
-        # what stands still can be a whole torso with a head and another arm: spheres around all of it would leave no room
+        # what stands still can be a torso with a head and another arm: spheres around all of it would leave no room
         surfaces.setdefault((link, int(body.parentFrame) if link == 0 else 0), []).append(placed)
     return tuple(
         Sphere(link, centre, radius)

@@ -21,6 +21,8 @@ CONFIGURATION_ATTACHMENT: Final = "configuration.toml"
 EXCITATION_ATTACHMENT: Final = "excitation.toml"
 RUN_ATTACHMENT: Final = "run.json"
 """JSON object: armload_version, robot, joints (their names), load ("unloaded" or "loaded"), cycle_hz, created."""
+WAY_ROUND_ATTACHMENT: Final = "way_round.json"
+"""JSON object, where the straight way to the motion was not free: via_points_rad, the (V, n) positions gone through."""
 
 _NUMBERS: Final[dict[str, Any]] = {"type": "array", "items": {"type": "number"}}
 MESSAGE_SCHEMA: Final[dict[str, Any]] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -9,7 +10,7 @@ from typing import Final
 from armload_identification.excitation.excitation_file import parse_excitation
 from armload_identification.model.payload import Provenance
 from armload_identification.recording.recording import RecordingSource
-from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
+from armload_identification.recording.run_format import EXCITATION_ATTACHMENT, WAY_ROUND_ATTACHMENT
 from armload_identification.report.numerals import NO_BREAK, numeral
 from armload_identification.signals.load_signal import LoadSignal
 
@@ -77,7 +78,11 @@ def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
         f"{excitation.periods} periods of {trajectory.period_s:g}{NO_BREAK}s"
     )
     command = excitation.design.get("command")
-    return (f"{planned}, designed by “{command}”." if command else f"{planned}.") + _slow_round(source)
+    return (
+        (f"{planned}, designed by “{command}”." if command else f"{planned}.")
+        + _slow_round(source)
+        + _way_round(source)
+    )
 
 
 def _slow_round(source: RecordingSource | None) -> str:
@@ -90,6 +95,16 @@ def _slow_round(source: RecordingSource | None) -> str:
         f" The slow round before it took {numeral(lasted_s, 0)}{NO_BREAK}s; no point of the arm was planned faster "
         f"than {numeral(speed_m_s, 3)}{NO_BREAK}m/s."
     )
+
+
+def _way_round(source: RecordingSource | None) -> str:
+    """What the recording says of a way round an obstacle to where the motion begins."""
+    text = None if source is None else source.attachments.get(WAY_ROUND_ATTACHMENT)
+    if text is None:
+        return ""
+    count = len(json.loads(text)["via_points_rad"])
+    points = "via point" if count == 1 else "via points"
+    return f" The straight way to its start was not free: the arm went round, by {count}{NO_BREAK}{points}."
 
 
 def comparison_sentence(signal: LoadSignal) -> str:

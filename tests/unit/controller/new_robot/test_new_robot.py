@@ -13,12 +13,11 @@ from armload_controller.new_robot.arm_draft import draft_of_urdf, rpy_rad
 from armload_controller.new_robot.arm_interview import interviewed
 from armload_controller.new_robot.draft_text import draft_file, tool_sphere
 from armload_controller.new_robot.drive_drafts import BusDraft, bus_address, drives_found, nodes_described
-from armload_controller.new_robot.workspace_draft import KEEP_M, workspace_of_urdf
+from armload_controller.new_robot.workspace_draft import workspace_of_urdf
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.cia402.device_description import parse_description
 from armload_drivers.simulation.drives.drive_eds import drive_eds
-from armload_identification.excitation.workspace import Workspace
 from armload_identification.model.chain import pose_from_xyz_rpy
 from armload_identification.model.dynamics import ArmDynamics
 from tests.urdf_simulation import PinocchioArm

@@ -1,20 +1,30 @@
 """A session: every way of running a path has the slow round, the consent, the monitors and the checks."""
 
+import json
+import re
 import time
 from contextlib import contextmanager
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, MotionError
+from armload_controller.cycle.run_recorder import Recorder
 from armload_controller.cycle.safety import Cause, cause_of
 from armload_controller.motion.checked_path import check_path
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
+from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, no_operator, run_session
+from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
+from armload_identification.recording.file_reading import read_recording
+from armload_identification.recording.run_format import WAY_ROUND_ATTACHMENT
+from armload_identification.report.provenance import motion_sentence
 
 ROBOT = load_robot("prbt")
 SWING = FourierTrajectory(1.0, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((6, 1), 0.05), np.full((6, 1), 0.02))
@@ -113,6 +123,46 @@ def test_a_slow_round_that_was_stopped_is_made_again(opened):
         servos.events.clear()
         session.run(path, "again", plugins=[seen])
     assert Segment.SLOW in seen.seen
+
+
+class Told(NoDisplay):
+    """Keeps what the operator reads."""
+
+    def __init__(self):
+        self.texts = []
+
+    def step(self, text):
+        self.texts.append(text)
+
+
+def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recording_and_report(opened, tmp_path):
+    """A wall between where the arm stands and where the path begins."""
+    reaching = Excitation(replace(SWING, offset_rad=np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])), 1)
+    path = check_path(reaching, CONSTRAINTS, 0.01, file=ROBOT.file, key="swing")
+    turned = np.array([np.pi - 0.6, 0.0, 0.0, 0.0, 0.0, 0.0])
+    tool = [ROBOT.chain.forward(path.start_rad + share * turned)[-1][:3, 3] for share in (0.0, 0.5, 1.0)]
+    away = tool[1] - 0.5 * (tool[0] + tool[2])
+    normal = -away / np.linalg.norm(away)
+    wall = HalfSpace("wall", normal, normal @ tool[1] + 0.05, (7,))
+    obstacles = Obstacles(Workspace(ROBOT.chain, (Sphere(7, np.zeros(3), 0.02),), (wall,)))
+    constraints = replace(CONSTRAINTS, obstacles=obstacles)
+    walled = check_path(reaching, constraints, 0.01, file=ROBOT.file, key="swing")
+    display = Told()
+    operator = Operator(display, MotionControl(), Consent(lambda question: False, given=False))
+    file = tmp_path / "run.mcap"
+    standing = {"operator": operator, "position_rad": path.start_rad + turned}
+    with opened(events={200: RuntimeError("enough")}, **standing) as (session, servos):
+        recorder = Recorder(file, {"excitation.toml": format_excitation(path.excitation)})
+        with pytest.raises(MotionError, match="enough"), recorder:
+            session.run(walled, "swing", recorder=recorder)
+        assert servos.log[:2] == ["connect", "enable"]
+    (said,) = [text for text in display.texts if "not free" in text]
+    count = int(re.fullmatch(r"swing: the straight way to its start is not free: .* by (\d) via points?", said)[1])
+    run = read_recording(tmp_path / "run.partial.mcap", with_effort=False)
+    via_points = np.array(json.loads(run.source.attachments[WAY_ROUND_ATTACHMENT])["via_points_rad"])
+    assert via_points.shape == (count, 6)
+    signal = SimpleNamespace(time_s=run.time_s, interval_s=0.01)
+    assert f"not free: the arm went round, by {count}\N{NO-BREAK SPACE}via point" in motion_sentence(run.source, signal)
 
 
 @pytest.mark.parametrize(
