@@ -10,10 +10,9 @@ from typing import Final
 
 import numpy as np
 
-from armload_controller.analysis.robot_excitation import design_envelope
 from armload_controller.config.robot import Robot
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M
+from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope
 
 _POSES: Final = 200
 _SEED: Final = 1
@@ -23,11 +22,12 @@ _CLEAR: Final = 0.95
 """Share of the poses within the limits of a design that must be clear of meshes."""
 
 
-def design_range(robot: Robot) -> FloatArray:
+def design_range(robot: Robot, envelope: Envelope) -> FloatArray:
     """The widest box of joint positions, about the pose with most room, in which hardly any mesh surprises a design.
 
     Args:
         robot: The arm.
+        envelope: What its excitations are designed within.
 
     Returns:
         (2, n) least and greatest positions.
@@ -42,7 +42,7 @@ def design_range(robot: Robot) -> FloatArray:
         half = 0.5 * share * (whole[1] - whole[0])
         box = np.clip(np.array([middle - half, middle + half]), whole[0], whole[1])
         poses = np.random.default_rng(_SEED).uniform(box[0], box[1], (_POSES, robot.n))
-        known, meshes = _room(robot, poses), _mesh_room(robot, poses)
+        known, meshes = _room(envelope, poses), _mesh_room(robot, poses)
         if (known >= 0.0).any() and np.mean(meshes[known >= 0.0] >= 0.0) >= _CLEAR:
             break
         if share == _BOXES[0]:
@@ -50,9 +50,8 @@ def design_range(robot: Robot) -> FloatArray:
     return np.asarray(box)
 
 
-def _room(robot: Robot, poses: FloatArray) -> FloatArray:
+def _room(envelope: Envelope, poses: FloatArray) -> FloatArray:
     """(N,) what a design has left at rest: of clearances in `CLEARANCE_SCALE_M`, of torque as a share of it."""
-    envelope = design_envelope(robot)
     still = np.zeros_like(poses)
     demand = envelope.torque.demand(poses, still, still)
     torque = 1.0 - (demand / np.tile(envelope.torque.available_nm, envelope.torque.cases)).max(axis=1)

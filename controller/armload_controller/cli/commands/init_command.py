@@ -210,14 +210,15 @@ def _designed(
     screen: Screen, output: Path, arm: ArmDraft, draft: Callable[[ArmDraft], DraftedFile], restarts: int
 ) -> _Designed:
     """The two excitations, within the range that is clear of meshes; where there are none, within the whole of it."""
-    from armload_controller.analysis.robot_excitation import design
+    from armload_controller.analysis.robot_excitation import design, design_envelope
     from armload_controller.config.robot import load_robot
     from armload_controller.new_robot.arm_draft import within
     from armload_controller.new_robot.design_range import design_range
     from armload_identification.identification_errors import ExcitationError
 
     _write(output, draft(arm).text)
-    range_rad = design_range(load_robot(str(output)))
+    robot = load_robot(str(output))
+    range_rad = design_range(robot, design_envelope(robot))
     middle_rad, problem = range_rad.mean(axis=0), ""
     for ranges in (within(arm, range_rad), arm):
         _write(output, draft(ranges).text)

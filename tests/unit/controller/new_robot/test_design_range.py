@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_controller.analysis.robot_excitation import design_envelope
 from armload_controller.config.robot import load_robot
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.new_robot.design_range import design_range
@@ -31,15 +32,19 @@ def robot(meshes):
     return made
 
 
+def range_of(arm):
+    return design_range(arm, design_envelope(arm))
+
+
 def test_where_no_mesh_objects_the_whole_ranges_are_left():
     whole = np.array([LIMITS.position_min_rad, LIMITS.position_max_rad])
-    np.testing.assert_array_equal(design_range(robot(None)), whole)
-    np.testing.assert_array_equal(design_range(robot(Wall(-2.0))), whole)
+    np.testing.assert_array_equal(range_of(robot(None)), whole)
+    np.testing.assert_array_equal(range_of(robot(Wall(-2.0))), whole)
 
 
 @pytest.mark.parametrize("height_m", [-0.5, 0.0, 0.5])
 def test_what_is_left_is_clear_of_meshes_in_nearly_every_pose(height_m):
-    low, high = design_range(robot(Wall(height_m)))
+    low, high = range_of(robot(Wall(height_m)))
     assert (low >= LIMITS.position_min_rad).all()
     assert (high <= LIMITS.position_max_rad).all()
     assert (low < high).all()
@@ -51,5 +56,5 @@ def test_what_is_left_is_clear_of_meshes_in_nearly_every_pose(height_m):
 
 
 def test_where_meshes_object_everywhere_the_narrowest_is_left_to_the_design():
-    low, high = design_range(robot(Wall(2.0)))
+    low, high = range_of(robot(Wall(2.0)))
     assert (high - low <= 0.26 * (LIMITS.position_max_rad - LIMITS.position_min_rad)).all()
