@@ -11,7 +11,7 @@ DIST    := dist
 # $(call timed,WHAT,COMMANDS) says what is being done, and how long it took.
 timed = @echo "== $(1)"; start=$$(date +%s); { $(2); } && echo "== done in $$(( $$(date +%s) - start )) s"
 
-.PHONY: commission test env lint bench paper accuracy pictures wheels lock
+.PHONY: commission test env lint bench paper accuracy pictures peers wheels lock
 
 commission: env
 	$(call timed,commissioning the simulated arm $(ROBOT) over CANopen: four runs and an identification in a minute,$(BIN)/armload commission $(ROBOT))
@@ -52,6 +52,14 @@ accuracy: env
 # The README's picture, from a commissioning.
 pictures: env
 	$(BIN)/python -m benchmarks.pictures
+
+# Beside other programs, which have an environment of their own: FIGAROH, casadi, Pinocchio.
+peers: env benchmarks/peers/.venv/.requirements
+	$(BIN)/python -m benchmarks.peers
+
+benchmarks/peers/.venv/.requirements: benchmarks/peers/requirements.lock
+	$(call timed,downloading the peers into benchmarks/peers/.venv (1.3 GB),$(PYTHON) -m venv $(@D) && $(@D)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r $<)
+	@touch $@
 
 # What is published, into dist: the sources, and a wheel each for x86-64 and aarch64. Has an environment of its own.
 wheels: .venv-wheels/.requirements

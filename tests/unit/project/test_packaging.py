@@ -10,10 +10,11 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCE = ROOT / "identification" / "armload_core" / "source"
+PEERS = ROOT / "benchmarks" / "peers"
 
 
 def test_the_pins_carry_hashes_and_no_addresses():
-    locks = [ROOT / "requirements.lock", SOURCE / "compiler.lock", SOURCE / "wheels.lock"]
+    locks = [ROOT / "requirements.lock", SOURCE / "compiler.lock", SOURCE / "wheels.lock", PEERS / "requirements.lock"]
     if not locks[0].is_file():
         pytest.skip("not a checkout: the pins are not installed")
     text = "\n".join(lock.read_text() for lock in locks)
