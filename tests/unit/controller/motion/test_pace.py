@@ -70,8 +70,9 @@ def test_the_paths_phase_keeps_to_its_bounds_whatever_the_new_phase_does():
     assert (second.max(), third.max()) <= PACED.pace.rates[1:]
 
 
-def test_where_the_joints_allow_no_varying_pace_it_is_a_constant_one():
-    tight = PhaseLimits(0.01 * BOUNDS.acceleration_1_s, 1e-4 * BOUNDS.jerk_1_s2)
+@pytest.mark.parametrize(("acceleration", "jerk"), [(0.01, 1e-4), (1e-3, 100.0), (1.0, 1e-6)])
+def test_where_the_joints_allow_no_varying_pace_it_is_a_constant_one(acceleration, jerk):
+    tight = PhaseLimits(acceleration * BOUNDS.acceleration_1_s, jerk * BOUNDS.jerk_1_s2)
     paced, phase = reduced_pace(PATH, tight, POINTS)
     _, g, second, third = paced.pace.evaluate(np.linspace(0.0, paced.pace.lasts_s, 101))
     assert np.ptp(g) < 1e-12

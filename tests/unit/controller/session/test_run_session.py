@@ -171,6 +171,7 @@ def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recor
         (lambda f: replace(f, position_rad=f.position_rad + 1.0), Cause.FOLLOWING_ERROR),
         (lambda f: replace(f, torque_nm=np.full(6, 1e5)), Cause.TORQUE),
         (lambda f: replace(f, skipped_cycles=1000), Cause.LATE),
+        (lambda f: replace(f, statusword=f.statusword & ~np.uint16(0x0010)), Cause.VOLTAGE),
     ],
 )
 @pytest.mark.parametrize(

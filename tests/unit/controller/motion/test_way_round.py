@@ -1,0 +1,74 @@
+"""The search for a way round, without an arm: what it asks, what it finds, and when it gives up."""
+
+import zlib
+
+import numpy as np
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_controller.motion.paths import BlockedWay
+from armload_controller.motion.way_round import MOST_STRETCHES, VIA_POINTS, find_way
+
+LIMITS = load_robot("prbt").limits.motion
+START, GOAL = 0.9 * LIMITS.position_min_rad, 0.9 * LIMITS.position_max_rad
+
+
+class Asked:
+    """Speaks against stretches, and keeps them.
+
+    Args:
+        blocked: Whether there is something in the way between two configurations.
+    """
+
+    def __init__(self, blocked):
+        self.blocked, self.stretches = blocked, []
+
+    def __call__(self, begin_rad, end_rad):
+        self.stretches.append((begin_rad, end_rad))
+        return "touches something" if self.blocked(begin_rad, end_rad) else None
+
+
+def straight(begin_rad, end_rad):
+    return np.array_equal(begin_rad, START) and np.array_equal(end_rad, GOAL)
+
+
+def test_the_way_round_ends_at_the_goal():
+    way = find_way(START, GOAL, LIMITS, Asked(straight))
+    assert len(way) > 1
+    np.testing.assert_array_equal(way[-1], GOAL)
+
+
+def test_via_points_are_within_the_joints_ranges_and_away_from_their_ends():
+    """With nothing free but where it stands, every one of them is asked for."""
+    asked = Asked(lambda begin_rad, end_rad: not np.array_equal(begin_rad, end_rad))
+    with pytest.raises(BlockedWay, match="lead no way round"):
+        find_way(START, GOAL, LIMITS, asked)
+    via = np.array([end for _, end in asked.stretches if not np.array_equal(end, START)])
+    via = via[(via != GOAL).any(axis=1)]
+    assert len(np.unique(via, axis=0)) == VIA_POINTS
+    ranges = LIMITS.position_max_rad - LIMITS.position_min_rad
+    assert np.all(via >= LIMITS.position_min_rad + 0.01 * ranges)
+    assert np.all(via <= LIMITS.position_max_rad - 0.01 * ranges)
+
+
+def test_a_search_without_an_end_gives_up():
+    """One stretch of ten is free and none to the goal: thousands are left to try."""
+
+    def labyrinth(begin_rad, end_rad):
+        if np.array_equal(begin_rad, end_rad):
+            return False
+        pair = sorted((begin_rad.tobytes(), end_rad.tobytes()))
+        return np.array_equal(end_rad, GOAL) or zlib.crc32(b"".join(pair)) % 10 > 0
+
+    asked = Asked(labyrinth)
+    with pytest.raises(BlockedWay, match=f"{MOST_STRETCHES} stretches over"):
+        find_way(START, GOAL, LIMITS, asked)
+    assert len(asked.stretches) == MOST_STRETCHES + 2, "and the two ends by themselves"
+
+
+@pytest.mark.parametrize(("end", "words"), [(START, "the arm, where it stands"), (GOAL, "the path, where it begins")])
+def test_an_end_that_is_not_free_is_named_and_no_way_is_looked_for(end, words):
+    asked = Asked(lambda begin_rad, end_rad: straight(begin_rad, end_rad) or np.array_equal(end_rad, end))
+    with pytest.raises(BlockedWay, match=f"{words}, touches something"):
+        find_way(START, GOAL, LIMITS, asked)
+    assert len(asked.stretches) <= 3
