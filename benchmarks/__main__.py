@@ -6,6 +6,7 @@ These figures are this machine's, now: compare within a run, not between runs.
 from benchmarks import (
     commissionings,
     cycle,
+    estimator_time,
     excitation,
     false_alarms,
     fleet,
@@ -18,5 +19,5 @@ from benchmarks import (
 from benchmarks.peers import generated_code
 
 every = (startup, regressor, cycle, generated_code, stops, commissionings, false_alarms, excitation, following, reading)
-for benchmark in (*every, fleet):
+for benchmark in (*every, fleet, estimator_time):
     benchmark.run()

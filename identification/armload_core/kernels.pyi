@@ -352,6 +352,7 @@ ESTIMATOR_LOAD: int
 ESTIMATOR_REVERSAL: int  # speed about which the direction turns over
 ESTIMATOR_GATE: int  # speed at which a row weighs 0.7
 ESTIMATOR_NOISE: int  # of a row, as if rows were independent
+ESTIMATOR_COLOUR: int  # for how many rows noise stays like itself
 ESTIMATOR_COULOMB_DRIFT: int
 ESTIMATOR_VISCOUS_DRIFT: int
 ESTIMATOR_OFFSET_DRIFT: int

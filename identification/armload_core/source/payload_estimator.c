@@ -15,9 +15,10 @@ static const double JUMP_RAD = 0.02;
 static const double LEAST_WEIGHT = 0.05;
 static const double CLIP = 3.0;          /* an innovation counts for at most so many standard deviations */
 static const double MISFIT_MEMORY_S = 10.0;
+static const double USUAL_MISFIT = 2.0;  /* of a calibrated arm; the test for changes allows for more, not for this */
 static const double CHANGE_MEMORY_S = 1.0;
 static const double CHANGE_TEST = 20.0;
-static const double HELD_S = 0.3;
+static const double HELD_S = 0.3;        /* at the bound; what is twice as significant needs half as long */
 static const double AT_REST = 0.05;      /* of the speed of the gate */
 static const double CONTACT_RATIO = 3.0; /* friction holds 1.4 times itself at most on a free arm, 6 and more in a push */
 
@@ -25,10 +26,9 @@ enum { LEAST_MEANS = 8, POWERS = 4 };
 
 static void clear_payload(payload_estimator *e)
 {
-    memset(e->payload, 0, sizeof e->payload);
-    memset(e->right, 0, sizeof e->right);
-    for (int k = 0; k < BODY_PARAMETERS; k++) {
-        e->payload[k][k] = 1.0;
+    for (int j = 0; j < e->n; j++) {
+        memset(e->joint[j].payload, 0, sizeof e->joint[j].payload);
+        memset(e->joint[j].payload_right, 0, sizeof e->joint[j].payload_right);
     }
 }
 
@@ -36,8 +36,7 @@ static void clear_change(payload_estimator *e)
 {
     memset(e->change, 0, sizeof e->change);
     memset(e->change_right, 0, sizeof e->change_right);
-    e->change_test = 0.0;
-    e->suspected_since = -HUGE_VAL;
+    e->change_test = e->evidence = e->suspected = 0.0;
 }
 
 static void clear_front(payload_estimator *e)
@@ -103,33 +102,47 @@ static void inverted(const double (*a)[FRICTION_STATES], double (*inverse)[FRICT
     inverse[2][2] = scale * (a[0][0] * a[1][1] - a[0][1] * a[0][1]);
 }
 
-/* What the payload has to do with a joint's friction, B D^-1 (10, 3). */
-static void through_friction(const friction_information *f, double (*through)[FRICTION_STATES])
+/* What the payload has to do with a joint's friction, B D^-1 (10, 3), both by the joint's misfit. */
+static void through_friction(const joint_information *f, double (*through)[FRICTION_STATES])
 {
+    const double counts = 1.0 / f->misfit;
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         for (int a = 0; a < FRICTION_STATES; a++) {
-            through[k][a] = f->with_payload[k][0] * f->inverse[0][a] + f->with_payload[k][1] * f->inverse[1][a]
-                            + f->with_payload[k][2] * f->inverse[2][a];
+            through[k][a] = counts
+                            * (f->with_payload[k][0] * f->inverse[0][a] + f->with_payload[k][1] * f->inverse[1][a]
+                               + f->with_payload[k][2] * f->inverse[2][a]);
         }
     }
 }
 
-/* Estimates from the information. */
+/* Estimates from the information. A joint's rows count by its misfit, those of long ago too. */
 static void solve(payload_estimator *e)
 {
-    double right[BODY_PARAMETERS], through[BODY_PARAMETERS][FRICTION_STATES];
-    memcpy(e->factor, e->payload, sizeof e->factor);
-    memcpy(right, e->right, sizeof right);
+    double right[BODY_PARAMETERS] = {0.0}, through[BODY_PARAMETERS][FRICTION_STATES];
+    memset(e->factor, 0, sizeof e->factor);
+    for (int k = 0; k < BODY_PARAMETERS; k++) {
+        e->factor[k][k] = 1.0;
+    }
     for (int j = 0; j < e->n; j++) {
-        friction_information *f = e->friction + j;
-        inverted((const double(*)[FRICTION_STATES])f->own, f->inverse);
+        joint_information *f = e->joint + j;
+        const double counts = 1.0 / f->misfit;
+        double own[FRICTION_STATES][FRICTION_STATES];
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            for (int b = 0; b < FRICTION_STATES; b++) {
+                own[a][b] = (a == b ? 1.0 : 0.0) + counts * f->own[a][b];
+            }
+        }
+        inverted((const double(*)[FRICTION_STATES])own, f->inverse);
         through_friction(f, through);
         for (int k = 0; k < BODY_PARAMETERS; k++) {
             for (int i = 0; i <= k; i++) {
-                e->factor[k][i] -= through[k][0] * f->with_payload[i][0] + through[k][1] * f->with_payload[i][1]
-                                   + through[k][2] * f->with_payload[i][2];
+                e->factor[k][i] += counts
+                                   * (f->payload[k][i] - through[k][0] * f->with_payload[i][0]
+                                      - through[k][1] * f->with_payload[i][1] - through[k][2] * f->with_payload[i][2]);
             }
-            right[k] -= through[k][0] * f->right[0] + through[k][1] * f->right[1] + through[k][2] * f->right[2];
+            right[k] += counts
+                        * (f->payload_right[k] - through[k][0] * f->right[0] - through[k][1] * f->right[1]
+                           - through[k][2] * f->right[2]);
         }
     }
     if (!factorised(e->factor)) {
@@ -140,13 +153,15 @@ static void solve(payload_estimator *e)
     solve_upper((const double(*)[BODY_PARAMETERS])e->factor, right);
     memcpy(e->theta, right, sizeof e->theta);
     for (int j = 0; j < e->n; j++) {
-        friction_information *f = e->friction + j;
+        joint_information *f = e->joint + j;
+        const double counts = 1.0 / f->misfit;
         double left[FRICTION_STATES];
         for (int a = 0; a < FRICTION_STATES; a++) {
             left[a] = f->right[a];
             for (int k = 0; k < BODY_PARAMETERS; k++) {
                 left[a] -= f->with_payload[k][a] * e->theta[k];
             }
+            left[a] *= counts;
         }
         for (int a = 0; a < FRICTION_STATES; a++) {
             f->change[a] = f->inverse[a][0] * left[0] + f->inverse[a][1] * left[1] + f->inverse[a][2] * left[2];
@@ -158,19 +173,16 @@ void estimator_begin(payload_estimator *e)
 {
     e->started = 0;
     e->row_time = -HUGE_VAL;
-    e->misfit = 1.0;
     e->remembered = e->next_row = 0;
+    e->noticing = 0;
     e->changed = e->change_mass = e->changes = e->contact_ratio = e->rows = e->refused = e->last_time = 0.0;
     e->touched_since = -HUGE_VAL;
     memset(e->moving_s, 0, sizeof e->moving_s);
-    memset(e->friction, 0, sizeof e->friction);
+    memset(e->joint, 0, sizeof e->joint);
     clear_front(e);
-    clear_payload(e);
     clear_change(e);
     for (int j = 0; j < e->n; j++) {
-        for (int a = 0; a < FRICTION_STATES; a++) {
-            e->friction[j].own[a][a] = 1.0;
-        }
+        e->joint[j].misfit = 1.0;
     }
     solve(e);
 }
@@ -179,7 +191,7 @@ void estimator_begin(payload_estimator *e)
 static void forget_payload(payload_estimator *e)
 {
     for (int j = 0; j < e->n; j++) {
-        friction_information *f = e->friction + j;
+        joint_information *f = e->joint + j;
         double through[BODY_PARAMETERS][FRICTION_STATES], covariance[FRICTION_STATES][FRICTION_STATES];
         through_friction(f, through);
         memcpy(covariance, f->inverse, sizeof covariance);
@@ -204,8 +216,14 @@ static void forget_payload(payload_estimator *e)
         inverted((const double(*)[FRICTION_STATES])covariance, f->own);
         memset(f->with_payload, 0, sizeof f->with_payload);
         for (int a = 0; a < FRICTION_STATES; a++) {
-            f->right[a] =
-                f->own[a][0] * f->change[0] + f->own[a][1] * f->change[1] + f->own[a][2] * f->change[2];
+            f->right[a] = f->misfit
+                          * (f->own[a][0] * f->change[0] + f->own[a][1] * f->change[1] + f->own[a][2] * f->change[2]);
+        }
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            for (int b = 0; b < FRICTION_STATES; b++) {
+                /* what was known beforehand is not stored, and rounding must not make the rest negative */
+                f->own[a][b] = f->misfit * (a == b ? fmax(f->own[a][b] - 1.0, 0.0) : f->own[a][b]);
+            }
         }
     }
     clear_payload(e);
@@ -298,23 +316,25 @@ static void fade(payload_estimator *e, double elapsed)
     const double kept = exp(-elapsed / e->memory_s), change = exp(-elapsed / CHANGE_MEMORY_S);
     for (int i = 0; i < BODY_PARAMETERS; i++) {
         for (int k = 0; k < BODY_PARAMETERS; k++) {
-            e->payload[i][k] *= kept;
             e->change[i][k] *= change;
         }
-        e->payload[i][i] += 1.0 - kept;
-        e->right[i] *= kept;
         e->change_right[i] *= change;
     }
     for (int j = 0; j < e->n; j++) {
-        friction_information *f = e->friction + j;
+        joint_information *f = e->joint + j;
+        for (int k = 0; k < BODY_PARAMETERS; k++) {
+            for (int i = 0; i <= k; i++) {
+                f->payload[k][i] *= kept;
+            }
+            for (int a = 0; a < FRICTION_STATES; a++) {
+                f->with_payload[k][a] *= kept;
+            }
+            f->payload_right[k] *= kept;
+        }
         for (int a = 0; a < FRICTION_STATES; a++) {
             for (int b = 0; b < FRICTION_STATES; b++) {
                 f->own[a][b] *= kept;
             }
-            for (int k = 0; k < BODY_PARAMETERS; k++) {
-                f->with_payload[k][a] *= kept;
-            }
-            f->own[a][a] += 1.0 - kept;
             f->right[a] *= kept;
         }
         e->moving_s[j] *= kept;
@@ -325,7 +345,7 @@ static void fade(payload_estimator *e, double elapsed)
 static void add_row(payload_estimator *e, int joint, const double *h, const double *f, double target, double weight,
                     double elapsed)
 {
-    friction_information *own = e->friction + joint;
+    joint_information *own = e->joint + joint;
     double expected = 0.0, seen[BODY_PARAMETERS], by[FRICTION_STATES], variance = 0.0;
     for (int a = 0; a < FRICTION_STATES; a++) {
         by[a] = own->inverse[a][0] * f[0] + own->inverse[a][1] * f[1] + own->inverse[a][2] * f[2];
@@ -334,28 +354,35 @@ static void add_row(payload_estimator *e, int joint, const double *h, const doub
     }
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         expected += h[k] * e->theta[k];
-        seen[k] = h[k] - own->with_payload[k][0] * by[0] - own->with_payload[k][1] * by[1]
-                  - own->with_payload[k][2] * by[2];
+        seen[k] = h[k]
+                  - (own->with_payload[k][0] * by[0] + own->with_payload[k][1] * by[1]
+                     + own->with_payload[k][2] * by[2]) / own->misfit;
     }
     solve_lower((const double(*)[BODY_PARAMETERS])e->factor, seen);
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         variance += seen[k] * seen[k];
     }
-    const double spread = e->misfit / weight + variance, bound = CLIP * sqrt(spread);
+    const double spread = fmax(own->misfit / USUAL_MISFIT, 1.0) / weight + variance, bound = CLIP * sqrt(spread);
     const double off = target - expected, innovation = fmax(fmin(off, bound), -bound);
-    const double size = innovation * innovation / spread, memory = elapsed / (MISFIT_MEMORY_S * e->n);
-    e->misfit = fmax(e->misfit * (1.0 + memory * (size - 1.0)), 1.0);
+    if (e->suspected == 0.0) {
+        /* The weight makes rows that stay alike count as one; their size is that of one row's noise. */
+        const double colour = e->parameter[ESTIMATOR_COLOUR][joint];
+        const double size = innovation * innovation / (own->misfit / (weight * colour) + variance);
+        own->misfit = fmax(own->misfit * (1.0 + elapsed / MISFIT_MEMORY_S * (size - 1.0)), 1.0);
+    }
     const double counts = weight * (expected + innovation);
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         const double wh = weight * h[k], ch = h[k] / spread;
         for (int i = 0; i < BODY_PARAMETERS; i++) {
-            e->payload[k][i] += wh * h[i];
             e->change[k][i] += ch * h[i];
+        }
+        for (int i = 0; i <= k; i++) {
+            own->payload[k][i] += wh * h[i];
         }
         for (int a = 0; a < FRICTION_STATES; a++) {
             own->with_payload[k][a] += wh * f[a];
         }
-        e->right[k] += counts * h[k];
+        own->payload_right[k] += counts * h[k];
         e->change_right[k] += ch * innovation;
     }
     for (int a = 0; a < FRICTION_STATES; a++) {
@@ -367,7 +394,7 @@ static void add_row(payload_estimator *e, int joint, const double *h, const doub
 }
 
 /* Whether the payload is another one: its change by the innovations of the last second, and how significant that is. */
-static void watch_change(payload_estimator *e, double now)
+static void watch_change(payload_estimator *e, double now, double elapsed)
 {
     double factor[BODY_PARAMETERS][BODY_PARAMETERS], change[BODY_PARAMETERS];
     memcpy(factor, e->change, sizeof factor);
@@ -384,16 +411,20 @@ static void watch_change(payload_estimator *e, double now)
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         e->change_test += change[k] * change[k];
     }
+    /* The first row beyond the bound begins the evidence; a hole in the rows adds no more than a row does. */
     if (e->change_test <= CHANGE_TEST) {
-        e->suspected_since = -HUGE_VAL;
-    } else if (e->suspected_since == -HUGE_VAL) {
-        e->suspected_since = now;
-    } else if (now - e->suspected_since >= HELD_S) {
+        e->evidence = e->suspected = 0.0;
+        return;
+    }
+    e->evidence += e->suspected * e->change_test * fmin(elapsed, 2.0 * ROW_S);
+    e->suspected = 1.0;
+    if (e->evidence >= CHANGE_TEST * HELD_S) {
         solve_upper((const double(*)[BODY_PARAMETERS])factor, change);
-        e->changed = now;
-        e->change_mass = change[0] * e->scale[0];
-        e->changes += 1.0;
-        forget_payload(e);
+        /* Forgotten by the next sample: with a row it would be the longest update by far. */
+        e->noticed = now;
+        e->noticed_mass = change[0] * e->scale[0];
+        clear_change(e);
+        e->noticing = 1;
     }
 }
 
@@ -469,7 +500,7 @@ static void take_row(payload_estimator *e)
         add_row(e, j, h, f, row->torque[j] - arm, 1.0 / (noise * noise), counted);
     }
     solve(e);
-    watch_change(e, row->time);
+    watch_change(e, row->time, elapsed);
 }
 
 /* The gathered samples as one mean into the window. */
@@ -492,6 +523,14 @@ void estimator_update(payload_estimator *e, double time_s, const double *positio
     double sum = time_s;
     for (int j = 0; j < e->n; j++) {
         sum += fabs(position[j]) + fabs(effort[j]);
+    }
+    const int forgetting = e->noticing;
+    if (forgetting) {
+        e->noticing = 0;
+        e->changed = e->noticed;
+        e->change_mass = e->noticed_mass;
+        e->changes += 1.0;
+        forget_payload(e);
     }
     const double since = time_s - e->last_time;
     if (!(fabs(sum) < 1e12) || (e->started && since <= 0.0 && since > -CLOCK_BACK_S)) {
@@ -519,7 +558,7 @@ void estimator_update(payload_estimator *e, double time_s, const double *positio
     if (e->gathered && time_s - e->gathering_since >= BIN_S) {
         close_mean(e);
         const double newest = e->smoothed[(e->next + SMOOTHED - 1) % SMOOTHED].time;
-        if (newest - 0.5 * WINDOW_S - e->row_time >= ROW_S - 0.5 * BIN_S) {
+        if (!forgetting && newest - 0.5 * WINDOW_S - e->row_time >= ROW_S - 0.5 * BIN_S) {
             take_row(e);
         }
     }
@@ -560,14 +599,17 @@ void estimator_read(const payload_estimator *e, double *theta, double *covarianc
     }
     for (int j = 0; j < e->n; j++) {
         for (int a = 0; a < FRICTION_STATES; a++) {
-            friction[a * e->n + j] = e->friction[j].change[a] * e->parameter[ESTIMATOR_COULOMB_DRIFT + a][j];
+            friction[a * e->n + j] = e->joint[j].change[a] * e->parameter[ESTIMATOR_COULOMB_DRIFT + a][j];
         }
         moving_s[j] = e->moving_s[j];
     }
     status[ESTIMATOR_TIME] = e->last_time;
     status[ESTIMATOR_ROWS] = e->rows;
     status[ESTIMATOR_REFUSED] = e->refused;
-    status[ESTIMATOR_MISFIT] = e->misfit;
+    status[ESTIMATOR_MISFIT] = 1.0;
+    for (int j = 0; j < e->n; j++) {
+        status[ESTIMATOR_MISFIT] = fmax(status[ESTIMATOR_MISFIT], e->joint[j].misfit);
+    }
     status[ESTIMATOR_CHANGE_TEST] = e->change_test;
     status[ESTIMATOR_CHANGES] = e->changes;
     status[ESTIMATOR_CHANGED] = e->changed;

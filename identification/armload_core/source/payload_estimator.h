@@ -7,10 +7,12 @@
    Unknown are the payload's ten parameters theta and three changes of friction per joint, in units of their standard
    deviations beforehand, so that the information about them begins as the identity. It fades towards that:
 
-       Lambda <- f Lambda + (1 - f) 1 + sum_j W_j h_j h_j^T,      f = exp(-dt / memory)
+       Lambda = 1 + sum_j L_j / c_j,      L_j <- f L_j + W_j h_j h_j^T,      f = exp(-dt / memory)
 
    so that Lambda - 1 is never negative, whatever comes in: no rounding and no number of updates makes it indefinite.
-   A joint's friction meets the payload alone: Lambda is an arrow, and theta follows from one factorisation of 10 x 10. */
+   A joint's friction meets the payload alone: Lambda is an arrow, and theta follows from one factorisation of 10 x 10.
+   The misfit c_j >= 1 is the mean square of the joint's innovations over what it should be: a joint that no payload
+   explains counts less, in what it has shown before as well, and the intervals widen. */
 
 #ifndef ARMLOAD_PAYLOAD_ESTIMATOR_H
 #define ARMLOAD_PAYLOAD_ESTIMATOR_H
@@ -26,6 +28,7 @@
     ROW(REVERSAL)                                                                                                      \
     ROW(GATE)                                                                                                          \
     ROW(NOISE)                                                                                                         \
+    ROW(COLOUR)                                                                                                        \
     ROW(COULOMB_DRIFT)                                                                                                 \
     ROW(VISCOUS_DRIFT)                                                                                                 \
     ROW(OFFSET_DRIFT)
@@ -66,10 +69,14 @@ typedef struct {
     double time, position[MOST_JOINTS], velocity[MOST_JOINTS], acceleration[MOST_JOINTS], torque[MOST_JOINTS];
 } estimator_row;
 
+/* What a joint's rows say of the payload, of its friction and of both, without what was known beforehand; what follows
+   for its friction; and by how much more than expected it is off. */
 typedef struct {
+    double payload[BODY_PARAMETERS][BODY_PARAMETERS], payload_right[BODY_PARAMETERS]; /* lower half */
     double own[FRICTION_STATES][FRICTION_STATES], with_payload[BODY_PARAMETERS][FRICTION_STATES];
     double right[FRICTION_STATES], change[FRICTION_STATES], inverse[FRICTION_STATES][FRICTION_STATES];
-} friction_information;
+    double misfit;
+} joint_information;
 
 typedef struct {
     int n; /* 0 before it is made */
@@ -83,14 +90,15 @@ typedef struct {
     joint_sample gathering, smoothed[SMOOTHED];
 
     /* payload and friction */
-    double payload[BODY_PARAMETERS][BODY_PARAMETERS], right[BODY_PARAMETERS], theta[BODY_PARAMETERS];
-    double factor[BODY_PARAMETERS][BODY_PARAMETERS];
-    friction_information friction[MOST_JOINTS];
-    double misfit, moving_s[MOST_JOINTS];
+    double theta[BODY_PARAMETERS], factor[BODY_PARAMETERS][BODY_PARAMETERS];
+    joint_information joint[MOST_JOINTS];
+    double moving_s[MOST_JOINTS];
 
     /* change of payload, and contact */
     double change[BODY_PARAMETERS][BODY_PARAMETERS], change_right[BODY_PARAMETERS];
-    double change_test, suspected_since, changed, change_mass, changes;
+    int noticing; /* a change is noticed, and the old payload not forgotten yet */
+    double noticed, noticed_mass;
+    double change_test, suspected, evidence, changed, change_mass, changes;
     double contact_ratio, touched_since;
 
     double rows, refused;
@@ -104,7 +112,7 @@ void estimator_begin(payload_estimator *e);
 /* Take a sample: joint positions in rad, and efforts as the drives report them. */
 void estimator_update(payload_estimator *e, double time_s, const double *position, const double *effort);
 
-/* Parameters (10), their covariance (10, 10) for a misfit of one, changes of friction (3, n), status. */
+/* Parameters (10), their covariance (10, 10), changes of friction (3, n), status. */
 void estimator_read(const payload_estimator *e, double *theta, double *covariance, double *friction, double *moving_s,
                     double *status);
 

@@ -98,6 +98,24 @@ def make_physical(fit: Estimate) -> PhysicalEstimate:
     )
 
 
+def nearest_possible(plain: InertialParameters, root: FloatArray) -> InertialParameters:
+    """The possible body nearest to an estimate that is determined whole, if only beforehand.
+
+    Args:
+        plain: The estimate, of a mass above 0.
+        root: (10, 10) R with ||R (theta - estimate)||^2 what another theta costs.
+
+    Returns:
+        The estimate itself where it is possible.
+
+    Raises:
+        EstimationError: the search did not settle.
+    """
+    if plain.margin >= WRITTEN_MARGIN:
+        return plain
+    return InertialParameters(project(root, root @ plain.theta, _interior(plain)))
+
+
 def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArray:
     """Minimise ||rows theta - target||^2 over the bodies of margin `WRITTEN_MARGIN`.
 

@@ -27,7 +27,8 @@ class EstimatorConstants(NamedTuple):
         links: (n, 10) in the turned joint frames.
         from_effort: (n, n) joint torque of one unit of effort of each drive, by rows.
         rotors: (n, n) the rotors' part of the mass matrix, kg m2.
-        parameter: (ESTIMATOR_PARAMETERS, n) friction, gate, noise and drift.
+        parameter: (ESTIMATOR_PARAMETERS, n) friction, gate, noise of a row as if rows were independent, and
+            for how many rows it stays like itself; drift.
         scale: (10,) standard deviations of the payload's parameters beforehand.
         memory_s: Time after which what was seen counts 37 %.
         delay_s: By how much torque is reported later than position.
@@ -61,7 +62,7 @@ def estimator_constants(
     used = calibration.transmission(transmission)
     unit = np.eye(n)
     from_effort = used.reported_torque(unit) if calibration.effort is Effort.TORQUE else used.joint_torque(unit)
-    colour = np.sqrt(np.maximum(arm.correlation_s / ROW_S, 1.0))
+    colour = np.maximum(arm.correlation_s / ROW_S, 1.0)
     parameter = np.zeros((kernels.ESTIMATOR_PARAMETERS, n))
     rows = {
         kernels.ESTIMATOR_COULOMB: body.coulomb_nm,
@@ -70,7 +71,8 @@ def estimator_constants(
         kernels.ESTIMATOR_LOAD: body.load_friction,
         kernels.ESTIMATOR_REVERSAL: body.reversal_speed_rad_s,
         kernels.ESTIMATOR_GATE: MOVING * body.reversal_speed_rad_s,
-        kernels.ESTIMATOR_NOISE: arm.noise_nm * colour,
+        kernels.ESTIMATOR_NOISE: arm.noise_nm * np.sqrt(colour),
+        kernels.ESTIMATOR_COLOUR: colour,
         kernels.ESTIMATOR_COULOMB_DRIFT: calibration.drift[0],
         kernels.ESTIMATOR_VISCOUS_DRIFT: calibration.drift[1],
         kernels.ESTIMATOR_OFFSET_DRIFT: calibration.drift[2],

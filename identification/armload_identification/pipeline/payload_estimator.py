@@ -16,6 +16,7 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.estimation.known_arm_rows import KnownArmRows
+from armload_identification.estimation.physical_consistency import nearest_possible
 from armload_identification.estimation.uncertainty import (
     DETERMINED_SHARE,
     NORMAL_HALF_WIDTH,
@@ -52,6 +53,7 @@ class LivePayload:
         change_kg: By about how much, from the second before it was noticed.
         contact: At rest something pushes harder than friction could hold.
         refused: Samples left out: not finite, or not later than the last.
+        covariance: (10, 10) of theta by the rows alone.
     """
 
     time_s: float
@@ -66,11 +68,26 @@ class LivePayload:
     change_kg: float
     contact: bool
     refused: int
+    covariance: FloatArray
 
     @property
     def mass_kg(self) -> float:
         """The mass."""
         return float(self.values[0])
+
+    def possible_body(self) -> InertialParameters | None:
+        """The possible body nearest to the estimate; for outside the loop, it takes some milliseconds.
+
+        Returns:
+            None where the mass is not determined.
+
+        Raises:
+            EstimationError: none was found.
+        """
+        if not self.determined[0] or self.mass_kg <= _WEIGHTLESS_KG:
+            return None
+        root = np.asarray(np.linalg.cholesky(np.linalg.inv(self.covariance)).T)
+        return nearest_possible(InertialParameters(self.theta), root)
 
 
 class PayloadEstimator:
@@ -81,6 +98,9 @@ class PayloadEstimator:
         chain: As configured.
         transmission: Nominal gains, and coupling.
         memory_s: Time after which what was seen counts 37 %.
+
+    Attributes:
+        calibration: The arm.
 
     Raises:
         ModelError: the calibration belongs to another arm.
@@ -100,6 +120,7 @@ class PayloadEstimator:
     def __init__(
         self, calibration: ArmCalibration, chain: Chain, transmission: Transmission, *, memory_s: float = 60.0
     ) -> None:
+        self.calibration = calibration
         constants = estimator_constants(calibration, chain, transmission, memory_s)
         self._chain = calibration.level(chain)
         self._arm = calibration.known_arm(chain)
@@ -122,7 +143,7 @@ class PayloadEstimator:
         return read
 
     def estimate(self) -> LivePayload:
-        """Payload and 95 % intervals: P = 2 chi2 C + S C_arm S^T + floor^2.
+        """Payload and 95 % intervals: P = 2 C + S C_arm S^T + floor^2.
 
         Returns:
             What the motion has shown since the payload changed last.
@@ -132,7 +153,7 @@ class PayloadEstimator:
         values, slope = np.zeros(4), np.eye(4, 10)
         if mass > _WEIGHTLESS_KG:
             values, slope = (part[:4] for part in derived(InertialParameters(theta)))
-        spread = COLOUR * status[kernels.ESTIMATOR_MISFIT] * covariance
+        spread = COLOUR * covariance
         shifts = self._shifts(theta)
         variance = np.einsum("ij,jk,ik->i", slope, spread, slope) + np.sum((slope @ shifts.T) ** 2, axis=1)
         variance[0] += FLOOR_KG**2 + (FLOOR_SHARE * mass) ** 2
@@ -155,6 +176,7 @@ class PayloadEstimator:
             change_kg=float(status[kernels.ESTIMATOR_CHANGE_MASS]),
             contact=bool(status[kernels.ESTIMATOR_CONTACT]),
             refused=int(status[kernels.ESTIMATOR_REFUSED]),
+            covariance=spread,
         )
 
     def _shifts(self, theta: FloatArray) -> FloatArray:

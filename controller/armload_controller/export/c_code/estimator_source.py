@@ -20,7 +20,7 @@ from armload_identification.model.chain import Chain
 from armload_identification.pipeline.estimator_constants import EstimatorConstants
 
 _CONSTANTS: Final = r"\b(ESTIMATOR_\w*|FRICTION_STATES|SMOOTHED|REMEMBERED_ROWS)"
-_NAMES: Final = r"\b(joint_sample|friction_information|estimator_(?:row|begin|update|read|arm))\b"
+_NAMES: Final = r"\b(joint_sample|joint_information|estimator_(?:row|begin|update|read|arm))\b"
 
 
 def estimator_texts(

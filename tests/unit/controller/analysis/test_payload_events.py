@@ -30,6 +30,7 @@ def found(time_s, mass_kg=0.0, width_kg=0.05, center_m=(0.0, 0.0, 0.05), **chang
         change_kg=0.0,
         contact=False,
         refused=0,
+        covariance=np.eye(10),
     )
     return replace(plain, **changes)
 

@@ -165,7 +165,8 @@ def made():
     decision = Decision(1.0, DecisionKind.FED, "", 1.0, 0.1, (0.0, 0.0, 0.1))
     four = np.ones(4)
     sure_of = np.array([True, True, False, False])
-    live = LivePayload(1.0, ones, four, 0.1 * four, sure_of, ones, ones, 1, 0.5, 1.0, contact=False, refused=0)
+    states = {"contact": False, "refused": 0, "covariance": np.eye(10)}
+    live = LivePayload(1.0, ones, four, 0.1 * four, sure_of, ones, ones, 1, 0.5, 1.0, **states)
     moment = WatchedMoment(1.0, live, (PayloadEvent(0.5, "grasped", 1.0),), HeardBus(100, (0, 0, 1), True, 0.0))
     return [
         moment.to_dict("arm", "0"),

@@ -57,6 +57,7 @@ def found(mass_kg=2.0, width_kg=0.1, center_m=(0.02, -0.03, 0.08), **changes):
         change_kg=0.0,
         contact=False,
         refused=0,
+        covariance=np.eye(10),
     )
     return replace(plain, **changes)
 

@@ -61,6 +61,9 @@ def test_the_payload_is_found_sample_by_sample(estimator, streams, pinocchio_arm
     assert found.changes == 0
     assert found.refused == 0
     assert (found.moving_s > 5.0).all()
+    body = found.possible_body()
+    assert body.is_physical
+    np.testing.assert_allclose(body.theta[:4], found.theta[:4], atol=0.02)
 
 
 def test_an_empty_arm_carries_nothing(estimator, streams):
@@ -68,6 +71,7 @@ def test_an_empty_arm_carries_nothing(estimator, streams):
     found = estimator.estimate()
     assert abs(found.mass_kg) < found.half_width_95[0]
     assert not found.determined.any()
+    assert found.possible_body() is None
     assert found.changes == 0
 
 
@@ -144,6 +148,45 @@ def test_the_information_stays_positive_definite(calibration, pinocchio_arm, str
     _, covariance, *_ = estimator._read()
     scaled = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     assert np.linalg.eigvalsh(scaled).min() > 0.0
+
+
+def test_a_million_updates_leave_it_as_good_as_a_thousand(calibration, pinocchio_arm, streams):
+    """17 minutes at 1 kHz, nothing forgotten, in the C loop."""
+    estimator = PayloadEstimator(calibration, pinocchio_arm.chain, pinocchio_arm.transmission, memory_s=1e12)
+    slow_s, *signals = streams[1]
+    time_s = slow_s[0] + np.arange(10_000) * 1e-3
+    fine = [np.column_stack([np.interp(time_s, slow_s, column) for column in part.T]) for part in signals]
+    estimator.update_all(time_s, *fine)
+    once = estimator.estimate()
+    for number in range(1, 100):
+        estimator.update_all(time_s + 10.0 * number, *fine)
+    found = estimator.estimate()
+    scaled = found.covariance / np.sqrt(np.outer(np.diag(found.covariance), np.diag(found.covariance)))
+    assert np.linalg.eigvalsh(scaled).min() > 0.0
+    assert found.covariance[0, 0] < 0.1 * once.covariance[0, 0]
+    assert found.mass_kg == pytest.approx(once.mass_kg, abs=once.half_width_95[0])
+    assert found.changes == 0
+
+
+@pytest.mark.parametrize(("joints", "wider"), [([2], 1.1), ([0, 1, 2, 3, 4, 5], 3.0)])
+def test_joints_that_no_payload_explains_count_less_and_widen_the_intervals(
+    calibration, pinocchio_arm, streams, joints, wider
+):
+    """Torques that come and go every three seconds, ten times a joint's noise."""
+    time_s, position, current = streams[1]
+    wrong = current.copy()
+    size = 10.0 * calibration.noise_nm / calibration.gain_nm_a
+    wrong[:, joints] += (size * np.sin(2.1 * time_s[:, None] + np.arange(6)))[:, joints]
+    found = []
+    for measured in (current, wrong):
+        estimator = PayloadEstimator(calibration, pinocchio_arm.chain, pinocchio_arm.transmission)
+        estimator.update_all(time_s, position, measured)
+        found.append(estimator.estimate())
+        assert within(found[-1], pinocchio_arm.payload)
+    usual, off = found
+    assert off.covariance[0, 0] > wider * usual.covariance[0, 0]
+    if len(joints) == 1:
+        assert off.mass_kg == pytest.approx(usual.mass_kg, rel=0.01)
 
 
 def test_a_push_at_rest_is_contact(calibration, pinocchio_arm, estimator, streams):
