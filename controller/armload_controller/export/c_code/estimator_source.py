@@ -7,6 +7,7 @@ written once, it runs per sample on a computer and in a controller, and the test
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from importlib import resources
 from typing import Final
 
@@ -20,7 +21,8 @@ from armload_identification.model.chain import Chain
 from armload_identification.pipeline.estimator_constants import EstimatorConstants
 
 _CONSTANTS: Final = r"\b(ESTIMATOR_\w*|FRICTION_STATES|SMOOTHED|REMEMBERED_ROWS)"
-_NAMES: Final = r"\b(joint_sample|joint_information|estimator_(?:row|begin|update|read|arm))\b"
+_TYPES_AND_FUNCTIONS: Final = r"^\} (\w+);|\b(estimator_\w+)\("
+"""Names that the core's header gives to others."""
 
 
 def estimator_texts(
@@ -40,6 +42,8 @@ def estimator_texts(
         Texts by file name.
     """
     regressor, links = regressor_of(chain), link_torque_of(chain, body.links)
+    header = _of_the_core("payload_estimator.h", '#include "chain.h"\n')
+    names = {a or b for a, b in re.findall(_TYPES_AND_FUNCTIONS, header, re.MULTILINE)} - {"payload_estimator"}
     fields = {
         "name": name,
         "GUARD": name.upper(),
@@ -55,10 +59,8 @@ def estimator_texts(
         "scale": _rows(constants.scale.reshape(2, 5)),
         "memory_s": exact(constants.memory_s),
         "delay_s": exact(constants.delay_s),
-        "declarations": _of_the_core("payload_estimator.h", name, '#include "chain.h"\n')
-        .removesuffix("#endif")
-        .strip(),
-        "update": _of_the_core("payload_estimator.c", name, "#include <string.h>\n"),
+        "declarations": _renamed(header.removesuffix("#endif").strip(), names, name),
+        "update": _renamed(_of_the_core("payload_estimator.c", "#include <string.h>\n"), names, name),
     }
     return {
         f"{name}_estimator.h": filled("estimator.h", fields),
@@ -66,16 +68,20 @@ def estimator_texts(
     }
 
 
-def _of_the_core(file: str, name: str, after: str) -> str:
-    """What follows the last `#include` of one of the core's files, in names of this arm."""
-    text = (resources.files("armload_core") / "source" / file).read_text(encoding="ascii").partition(after)[2]
+def _of_the_core(file: str, after: str) -> str:
+    """What follows the last `#include` of one of the core's files."""
+    text = (resources.files("armload_core") / "source" / file).read_text(encoding="ascii")
+    return text.partition(after)[2].strip()
+
+
+def _renamed(text: str, names: Collection[str], name: str) -> str:
+    """A text of the core in names of this arm."""
     text = re.sub(_CONSTANTS, rf"{name.upper()}_\1", text)
-    text = re.sub(_NAMES, rf"{name}_\1", text)
+    text = re.sub(rf"\b({'|'.join(sorted(names))})\b", rf"{name}_\1", text)
     text = re.sub(r"\bpayload_estimator\b", f"{name}_estimator", text)
-    text = text.replace("MOST_JOINTS", f"{name.upper()}_JOINTS").replace(
+    return text.replace("MOST_JOINTS", f"{name.upper()}_JOINTS").replace(
         "BODY_PARAMETERS", f"{name.upper()}_PARAMETERS"
     )
-    return text.strip()
 
 
 def _listed(values: FloatArray) -> str:

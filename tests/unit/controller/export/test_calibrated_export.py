@@ -113,3 +113,9 @@ def test_its_header_says_what_to_give_it_and_what_it_costs(calibrated):
     assert "Effort is in A of motor current." in header
     assert re.search(r"the regressor \(\d{3} multiplications and additions\) and the arm.s links \(\d{3}\)", header)
     assert "sha256 77ab" in header
+    # no name of it is another arm's in the same program
+    given = re.findall(r"^(?:\} |void )(\w+)", header, re.MULTILINE)
+    assert len(given) == 9
+    assert all(name.startswith("armload_er50_") for name in given)
+    constants = re.findall(r"^ *(?:#define |#ifndef |#undef )?([A-Z][A-Z_0-9]+)\b", header, re.MULTILINE)
+    assert {name for name in constants if not name.startswith("ARMLOAD_ER50_")} == {"ROW"}
