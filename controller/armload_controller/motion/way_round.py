@@ -2,7 +2,7 @@
 
 The straight way is tried first. Where it is not free, the shortest of the ways over a fixed set of configurations is
 looked for, and a stretch is checked only when it is part of the shortest way left. What is found depends on nothing
-but the question, and no more than `MOST_STRETCHES` stretches are ever checked.
+but the question, and after `MOST_STRETCHES` stretches no further way is looked for.
 
 References:
     Bohlin, Kavraki, Path planning using lazy PRM, ICRA 2000.
@@ -24,7 +24,7 @@ from armload_core.arrays import FloatArray
 VIA_POINTS = 120
 """Configurations that a way may lead over; half of them near the straight way, half anywhere."""
 MOST_STRETCHES = 400
-"""So many straight stretches are checked at most."""
+"""After so many straight stretches no further way is looked for."""
 _NEAR_RAD = 0.8
 """Configurations near the straight way are at most this far outside the box that it spans."""
 _MARGIN_SHARE = 0.02
