@@ -16,6 +16,7 @@ class ExportFormat(StrEnum):
 
     C = "c"
     FMU = "fmu"
+    FMU2 = "fmu2"
     HAL = "hal"
     URDF = "urdf"
     ROS2 = "ros2"
@@ -32,6 +33,7 @@ Exporter = Callable[["ExportSubject"], Mapping[str, str | bytes]]
 _HOMES: Final = {
     ExportFormat.C: ("c99", "export_c"),
     ExportFormat.FMU: ("fmu", "export_fmu"),
+    ExportFormat.FMU2: ("fmu2", "export_fmu2"),
     ExportFormat.HAL: ("hal", "export_hal"),
     ExportFormat.URDF: ("urdf", "export_urdf"),
     ExportFormat.ROS2: ("ros2", "export_ros2"),

@@ -1,4 +1,4 @@
-"""The exported FMU: valid, and simulated by fmpy against Python."""
+"""The exported FMUs, of FMI 3.0 and 2.0: valid, and simulated by fmpy against Python."""
 
 import ctypes
 import io
@@ -7,13 +7,15 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.model_description import read_build_description, read_model_description
 from fmpy.validation import validate_fmu
@@ -21,6 +23,7 @@ from fmpy.validation import validate_fmu
 from armload_controller.control_errors import ExportError
 from armload_controller.export.body_parameters import PARAMETERS
 from armload_controller.export.fmu import export_fmu, fmu_texts
+from armload_controller.export.fmu2 import export_fmu2, fmu2_texts
 from armload_controller.feedforward.body_torque import LoadFriction
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_identification.model.chain import Chain
@@ -38,11 +41,47 @@ def quickly_compiled():
         yield
 
 
+@dataclass(frozen=True)
+class Version:
+    """What differs between the versions of the standard."""
+
+    number: int
+    export: Callable
+    texts: Callable
+    token: str
+    begin: Callable
+    calls: str
+    functions: int
+
+
+def begin_3(slave):
+    slave.enterInitializationMode(startTime=0.0)
+
+
+def begin_2(slave):
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+
+
+CALLS = ("set", "get", "save", "restore", "pack", "unpack", "release", "integer")
+CALLS_3 = "setFloat64 getFloat64 getFMUState setFMUState serializeFMUState deserializeFMUState freeFMUState getInt32"
+CALLS_2 = "setReal getReal getFMUstate setFMUstate serializeFMUstate deSerializeFMUstate freeFMUstate getInteger"
+VERSIONS = [
+    Version(3, export_fmu, fmu_texts, "instantiation token", begin_3, CALLS_3, 70),
+    Version(2, export_fmu2, fmu2_texts, "GUID", begin_2, CALLS_2, 30),
+]
+
+
+@pytest.fixture(scope="module", params=VERSIONS, ids=lambda version: f"FMI {version.number}")
+def version(request):
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def made(make_subject, tmp_path_factory):
+def made(version, make_subject, tmp_path_factory):
     """A subject, its FMU, and that unpacked."""
     subject = make_subject("er50")
-    ((name, content),) = export_fmu(subject).items()
+    ((name, content),) = version.export(subject).items()
     folder = tmp_path_factory.mktemp("fmu")
     (folder / name).write_bytes(content)
     zipfile.ZipFile(io.BytesIO(content)).extractall(folder / "unpacked")
@@ -52,34 +91,37 @@ def made(make_subject, tmp_path_factory):
 class Unit:
     """An instance, by the names of its variables."""
 
-    def __init__(self, folder, token=None):
+    def __init__(self, version, folder, token=None):
         description = read_model_description(str(folder))
         self.reference = {variable.name: variable.valueReference for variable in description.modelVariables}
-        self.said = []
-        self.slave = FMU3Slave(
+        self.version = version
+        self.slave = (FMU3Slave if version.number == 3 else FMU2Slave)(
             instanceName="unit",
-            guid=token or description.instantiationToken,
+            guid=token or description.guid or description.instantiationToken,
             unzipDirectory=str(folder),
             modelIdentifier=description.modelName,
         )
         self.slave.instantiate()
 
+    def call(self, what, *arguments):
+        return getattr(self.slave, self.version.calls.split()[CALLS.index(what)])(*arguments)
+
     def begin(self, **values):
         self.set(**values)
-        self.slave.enterInitializationMode(startTime=0.0)
+        self.version.begin(self.slave)
         self.slave.exitInitializationMode()
         self.now_s = 0.0
 
     def set(self, **values):
         for name, value in values.items():
-            self.slave.setFloat64([self.reference[name]], [value])
+            self.call("set", [self.reference[name]], [value])
 
     def set_joints(self, q, dq, ddq):
         for symbol, values in (("q", q), ("dq", dq), ("ddq", ddq)):
-            self.slave.setFloat64([self.reference[f"{symbol}[{i + 1}]"] for i in range(len(values))], list(values))
+            self.call("set", [self.reference[f"{symbol}[{i + 1}]"] for i in range(len(values))], list(values))
 
     def torque(self):
-        return np.array(self.slave.getFloat64([self.reference[f"tau[{i}]"] for i in range(1, 7)]))
+        return np.array(self.call("get", [self.reference[f"tau[{i}]"] for i in range(1, 7)]))
 
     def step(self, step_s=STEP_S):
         self.slave.doStep(self.now_s, step_s)
@@ -88,11 +130,11 @@ class Unit:
 
 
 @pytest.fixture
-def unit(made):
+def unit(version, made):
     units = []
 
     def unit(**values):
-        units.append(Unit(made[2]))
+        units.append(Unit(version, made[2]))
         units[-1].begin(**values)
         return units[-1]
 
@@ -105,16 +147,21 @@ def states(count, seed=1):
     return np.random.default_rng(seed).uniform(-3, 3, (count, 3, 6))
 
 
-def test_the_fmu_is_valid(made):
+def test_the_fmu_is_valid(version, made):
     assert validate_fmu(str(made[1])) == []
-    (build,) = read_build_description(str(made[1]))
-    assert [list(files.sourceFiles) for files in build.sourceFileSets] == [["fmi3.c", "armload_er50.c"]]
+    listed = [f"fmi{version.number}.c", "armload_er50.c"]
+    if version.number == 3:
+        (build,) = read_build_description(str(made[1]))
+        assert [list(files.sourceFiles) for files in build.sourceFileSets] == [listed]
+    else:
+        description = (made[2] / "modelDescription.xml").read_text()
+        assert re.findall(r'<File name="(.*?)"', description) == listed
 
 
 def test_every_variable_has_a_unit_and_a_description_and_the_payload_is_tunable(made):
     subject, path, _ = made
     variables = {variable.name: variable for variable in read_model_description(str(path)).modelVariables}
-    assert all(variable.unit and variable.description for variable in variables.values())
+    assert all((variable.unit and variable.description) for variable in variables.values())
     tunable = [name for name, variable in variables.items() if variable.variability == "tunable"]
     assert tunable == [*(name for name, _, _ in PARAMETERS), "transition"]
     body = subject.payload.model
@@ -180,9 +227,9 @@ def test_a_payload_that_is_set_before_holds_from_the_beginning(made, unit):
     np.testing.assert_allclose(running.step(), torque_of(subject, BODY, state), rtol=0, atol=1e-12)
 
 
-def test_outputs_of_the_initialization_follow_its_inputs(made):
-    running, (state,) = Unit(made[2]), states(1)
-    running.slave.enterInitializationMode(startTime=0.0)
+def test_outputs_of_the_initialization_follow_its_inputs(version, made):
+    running, (state,) = Unit(version, made[2]), states(1)
+    version.begin(running.slave)
     running.set(**BODY)
     running.set_joints(*state)
     np.testing.assert_allclose(running.torque(), torque_of(made[0], BODY, state), rtol=0, atol=1e-12)
@@ -206,24 +253,24 @@ def test_a_payload_that_is_changed_comes_without_a_step(made, unit):
     assert (np.abs(torques[25] - before) < np.abs(torques[-1] - before)).any()
 
 
-def test_a_saved_state_goes_on_as_it_would_have(made, unit):
+def test_a_saved_state_goes_on_as_it_would_have(unit):
     running = unit(transition=0.2)
     running.set_joints(*states(1)[0])
     running.set(**BODY)
     for _ in range(10):
         running.step()
-    kept = running.slave.getFMUState()
-    stored = running.slave.serializeFMUState(kept)
+    kept = running.call("save")
+    stored = running.call("pack", kept)
     first = [running.step() for _ in range(20)]
     running.set(mass=0.0, **{name: 0.0 for name in BODY if name != "mass"})
     running.step()
-    running.slave.setFMUState(kept)
+    running.call("restore", kept)
     np.testing.assert_array_equal([running.step() for _ in range(20)], first)
-    again = running.slave.deserializeFMUState(stored)
-    running.slave.setFMUState(again)
+    again = running.call("unpack", stored)
+    running.call("restore", again)
     np.testing.assert_array_equal([running.step() for _ in range(20)], first)
     for state in (kept, again):
-        running.slave.freeFMUState(state)
+        running.call("release", state)
 
 
 def test_reset_begins_anew(made, unit):
@@ -247,13 +294,12 @@ def test_reset_begins_anew(made, unit):
         (lambda unit: unit.set(transition=-1.0), "transition is -1 s, expected 0 or more"),
         (lambda unit: unit.set(**{"tau[1]": 1.0}), "no input or parameter has the value reference 30"),
         (lambda unit: unit.set(time=1.0), "no input or parameter has the value reference 0"),
-        (lambda unit: unit.slave.getFloat64([36]), "no variable has the value reference 36"),
+        (lambda unit: unit.call("get", [36]), "no variable has the value reference 36"),
         (lambda unit: unit.step(0.0), "a step of 0 s: expected more than 0"),
-        (lambda unit: unit.slave.getInt32([1]), "fmi3GetInt32: this FMU has nothing of that kind"),
-        (lambda unit: unit.slave.enterEventMode(), "fmi3EnterEventMode: this FMU has nothing of that kind"),
+        (lambda unit: unit.call("integer", [1]), "this FMU has nothing of that kind"),
         (
             lambda unit: (unit.slave.terminate(), unit.step()),
-            "fmi3DoStep: the instance is terminated, expected one that is in step mode",
+            "DoStep: the instance is terminated, expected one that is in step mode",
         ),
     ],
 )
@@ -264,10 +310,10 @@ def test_what_is_wrong_is_an_error_that_says_so(unit, capsys, wrong, said):
     assert said in capsys.readouterr().out
 
 
-def test_another_fmus_description_is_refused(made, capsys):
+def test_another_fmus_description_is_refused(version, made, capsys):
     with pytest.raises(Exception, match="Failed to instantiate"):
-        Unit(made[2], token="{0}")
-    assert "the instantiation token is not this binary's" in capsys.readouterr().out
+        Unit(version, made[2], token="{0}")
+    assert f"the {version.token} is not this binary's" in capsys.readouterr().out
 
 
 @pytest.fixture(scope="module")
@@ -282,7 +328,7 @@ def test_of_a_calibrated_arm_the_payloads_friction_is_added(calibrated, tmp_path
     (tmp_path / name).write_bytes(content)
     assert validate_fmu(str(tmp_path / name)) == []
     zipfile.ZipFile(tmp_path / name).extractall(tmp_path)
-    running = Unit(tmp_path)
+    running = Unit(VERSIONS[0], tmp_path)
     running.begin()
     feedforward = PayloadFeedforward(calibrated.chain, calibrated.payload.model)
     friction = LoadFriction(calibrated.chain, calibrated.calibration.body)
@@ -300,18 +346,17 @@ def test_the_same_payload_gives_the_same_bytes(small):
     assert export_fmu(small) == export_fmu(small)
 
 
-def test_names_from_files_break_neither_xml_nor_c(small, tmp_path):
+def test_names_from_files_break_neither_xml_nor_c(version, small, tmp_path):
     subject = small
     limits = replace(subject.limits, joint_names=('*/<&>"\n', "\u00e4-->\\"))
     subject = replace(subject, robot='7 Axis*/ "\u00c4"\\', payload_file='a*/b"\\\n#error.toml', limits=limits)
-    ((name, content),) = export_fmu(subject).items()
+    ((name, content),) = version.export(subject).items()
     (tmp_path / name).write_bytes(content)
     assert name == "armload_robot_7_axis.fmu"
-    texts = fmu_texts(subject)
-    build = texts.pop("sources/buildDescription.xml")
-    assert build.isascii()
-    for text in texts.values():
+    for file, text in version.texts(subject).items():
         assert text.isascii()
+        if file.endswith("buildDescription.xml"):
+            continue
         assert "written by armload 1.2.3" in text
         assert "sha256 0123abcd" in re.sub(r"\s+\*? ?", " ", text)
     assert validate_fmu(str(tmp_path / name)) == []
@@ -325,20 +370,26 @@ def test_an_inertia_that_is_not_determined_is_marked(small):
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc on this machine")
-def test_the_interface_is_the_standards(made):
+def test_the_interface_is_the_standards(version, made):
     """The sources compile strictly against the standard's own headers: every type and argument is as they have it."""
     sources = made[2] / "sources"
     command = ["gcc", "-std=gnu99", "-fsyntax-only", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
-    for more in ([], ["-DARMLOAD_FMI3_HEADERS", f"-isystem{HEADERS}"]):
-        done = subprocess.run([*command, *more, "fmi3.c"], cwd=sources, capture_output=True, text=True, check=False)
+    for more in ([], ["-DARMLOAD_FMI_HEADERS", f"-isystem{HEADERS}"]):
+        done = subprocess.run(
+            [*command, *more, f"fmi{version.number}.c"], cwd=sources, capture_output=True, text=True, check=False
+        )
         assert done.returncode == 0, done.stderr
 
 
-def test_all_functions_of_the_standard_are_there_and_nothing_else(made):
+def test_all_functions_of_the_standard_are_there_and_nothing_else(version, made):
+    """Those of model exchange too in FMI 3.0, where importers look them all up at once."""
     library = next(made[2].glob("binaries/*/*.so"))
     found = ctypes.CDLL(str(library))
-    named = re.findall(r"^FMI3_Export \w+ +(\w+);", (HEADERS / "fmi3Functions.h").read_text(), re.MULTILINE)
-    assert len(named) > 70
+    header = (HEADERS / f"fmi{version.number}Functions.h").read_text()
+    before, _, after = header.rpartition("Functions for FMI2 for Model Exchange")
+    header = before + after.partition("Functions for FMI2 for Co-Simulation")[2] if before else header
+    named = re.findall(rf"^\s*FMI{version.number}_Export \w+ +(\w+);", header, re.MULTILINE)
+    assert len(named) > version.functions
     assert [name for name in named if not hasattr(found, name)] == []
     assert not hasattr(found, "armload_er50_compute")
 

@@ -1,0 +1,103 @@
+"""FMI 2.0 co-simulation, for tools that import no FMI 3.0: the same FMU; see `fmu_parts`.
+
+References:
+    Modelica Association, Functional Mock-up Interface for Model Exchange and Co-Simulation 2.0.4, sections 2 and 4: the
+        C interface is written from it.
+"""
+
+from __future__ import annotations
+
+import platform
+from xml.etree import ElementTree
+
+from armload_controller.export.fmu_parts import (
+    about_model,
+    documentation,
+    log_and_experiment,
+    model_name,
+    packed,
+    sources,
+    units,
+    variables,
+    xml_text,
+)
+from armload_controller.export.subject import ExportSubject
+from armload_controller.export.wording import printable
+
+
+def export_fmu2(subject: ExportSubject) -> dict[str, bytes]:
+    """The FMU `armload_<robot>.fmu`.
+
+    Args:
+        subject: The payload and the arm.
+
+    Returns:
+        The file by its name.
+
+    Raises:
+        ExportError: there is no C compiler.
+    """
+    machine = platform.machine()
+    return packed(subject, fmu2_texts(subject), "linux64" if machine == "x86_64" else f"{machine}-linux")
+
+
+def fmu2_texts(subject: ExportSubject) -> dict[str, str]:
+    """What is inside, but for the library.
+
+    Args:
+        subject: The payload and the arm.
+
+    Returns:
+        Texts by path inside the FMU.
+    """
+    code, token = sources(subject, "fmi2.c")
+    return {
+        "modelDescription.xml": _model_description(subject, token),
+        "documentation/index.html": documentation(subject),
+        **{f"sources/{file}": text for file, text in code.items()},
+    }
+
+
+def _model_description(subject: ExportSubject, token: str) -> str:
+    """Variables, units, and what depends on what."""
+    name = model_name(subject)
+    root = ElementTree.Element(
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=name,
+        guid=token,
+        description=about_model(subject),
+        generationTool=printable(f"armload {subject.armload_version}"),
+        variableNamingConvention="structured",
+    )
+    slave = ElementTree.SubElement(
+        root,
+        "CoSimulation",
+        modelIdentifier=name,
+        canGetAndSetFMUstate="true",
+        canSerializeFMUstate="true",
+        canHandleVariableCommunicationStepSize="true",
+    )
+    files = ElementTree.SubElement(slave, "SourceFiles")
+    for file in ("fmi2.c", f"{name}.c"):
+        ElementTree.SubElement(files, "File", name=file)
+    units(root)
+    log_and_experiment(root)
+    listed = ElementTree.SubElement(root, "ModelVariables")
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    unknown = [ElementTree.SubElement(structure, kind) for kind in ("Outputs", "InitialUnknowns")]
+    for reference, variable in enumerate(variables(subject)):
+        scalar = ElementTree.SubElement(
+            listed,
+            "ScalarVariable",
+            name=variable.name,
+            valueReference=str(reference),
+            description=variable.description,
+            causality=variable.causality,
+            variability=variable.variability,
+        )
+        ElementTree.SubElement(scalar, "Real", variable.start_attribute, unit=variable.unit)
+        if variable.causality == "output":
+            for parent in unknown:
+                ElementTree.SubElement(parent, "Unknown", index=str(reference + 1))
+    return xml_text(root)

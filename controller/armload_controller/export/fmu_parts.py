@@ -1,0 +1,198 @@
+"""What the FMUs of every version of FMI hold: variables, units, sources, a page of documentation, and a library.
+
+    inputs q[i], dq[i], ddq[i] -> outputs tau[i]        i = 1 .. n; the joints from the base to the flange
+    tunable parameters mass, com_x .. com_z, ixx .. iyz, transition; friction, of a calibrated arm
+
+The torque at the end of a step is that of the inputs at its beginning, one call of the exported C's `compute`. The
+parameters are mass in kg, centre of mass in m in the flange frame, and inertia in kg m2 about the centre of mass as
+tensor elements (ixy = -int xy dm) in the flange's axes. Set before the simulation begins they hold at once; changed
+while it runs they are reached after `transition`, or later where the change of torque would be too fast, without a
+step. Numbers that no body can have end the simulation with an error.
+
+What is not determined: as in `c99`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from html import escape
+from xml.etree import ElementTree
+
+from armload_controller.export.body_parameters import FRICTION, PARAMETERS, TRANSITION_S, body_values
+from armload_controller.export.c99 import export_c
+from armload_controller.export.c_code.c_template import filled
+from armload_controller.export.compiled_library import compiled_library
+from armload_controller.export.inertia import TENSOR, complete_inertia
+from armload_controller.export.subject import ExportSubject
+from armload_controller.export.wording import comment, exact, printable, provenance
+
+UNITS = {
+    "s": {"s": 1},
+    "rad": {"rad": 1},
+    "rad/s": {"rad": 1, "s": -1},
+    "rad/s2": {"rad": 1, "s": -2},
+    "N.m": {"kg": 1, "m": 2, "s": -2},
+    "kg": {"kg": 1},
+    "m": {"m": 1},
+    "kg.m2": {"kg": 1, "m": 2},
+    "1": {},
+}
+"""Exponents of the base units."""
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+"""Date of every file inside: the same payload gives the same bytes."""
+
+
+@dataclass(frozen=True)
+class FmuVariable:
+    """A variable; its value reference is its place among all.
+
+    Attributes:
+        name: Structured name.
+        causality: As the standard says it: independent, input, parameter or output.
+        variability: continuous or tunable.
+        unit: Name of its unit.
+        description: What it is.
+        start: Start value; None where it has none.
+    """
+
+    name: str
+    causality: str
+    variability: str
+    unit: str
+    description: str
+    start: float | None = None
+
+    @property
+    def start_attribute(self) -> dict[str, str]:
+        """Its start value as an attribute; none where it has none."""
+        return {} if self.start is None else {"start": exact(self.start)}
+
+
+def model_name(subject: ExportSubject) -> str:
+    """The model's name and identifier."""
+    return f"armload_{subject.identifier}"
+
+
+def about_model(subject: ExportSubject) -> str:
+    """A line for the model's description."""
+    return printable(f"Torque that the payload requires of the joints. {provenance(subject)}")
+
+
+def variables(subject: ExportSubject) -> list[FmuVariable]:
+    """All variables in the order of `value` in the C code."""
+    found = [FmuVariable("time", "independent", "continuous", "s", "simulated time")]
+    motion = (("q", "rad", "position"), ("dq", "rad/s", "velocity"), ("ddq", "rad/s2", "acceleration"))
+    for symbol, unit, what in motion:
+        for i, joint in enumerate(subject.joint_names, 1):
+            found.append(FmuVariable(f"{symbol}[{i}]", "input", "continuous", unit, f"{what} of {joint}", 0.0))
+    parameters = [
+        (name, unit, f"payload: {text}", value)
+        for (name, unit, text), value in zip(PARAMETERS, body_values(subject), strict=True)
+    ]
+    text = "time that a change of the payload takes; longer where torque would change too fast"
+    parameters.append(("transition", "s", text, TRANSITION_S))
+    if subject.calibration is not None:
+        parameters.append(("friction", "1", f"share of {FRICTION}", 1.0))
+    found += [FmuVariable(name, "parameter", "tunable", unit, text, value) for name, unit, text, value in parameters]
+    for i, joint in enumerate(subject.joint_names, 1):
+        text = f"torque that {joint} must give for the payload"
+        found.append(FmuVariable(f"tau[{i}]", "output", "continuous", "N.m", text))
+    return [replace(variable, description=printable(variable.description)) for variable in found]
+
+
+def sources(subject: ExportSubject, wrapper: str) -> tuple[dict[str, str], str]:
+    """The C code, and the token that ties it to its description.
+
+    Args:
+        subject: The payload and the arm.
+        wrapper: Name of the file with the functions of the standard.
+
+    Returns:
+        Texts by file name, and the token.
+    """
+    name = model_name(subject)
+    code = {file: text for file, text in export_c(subject).items() if file in {f"{name}.c", f"{name}.h"}}
+    start = [variable.start for variable in variables(subject) if variable.causality == "parameter"]
+    values = ",\n".join(f"    {exact(value)}" for value in start if value is not None)
+    token = hashlib.sha256("".join((*code.values(), values)).encode()).hexdigest()
+    about = comment([provenance(subject), "An FMU for co-simulation; see modelDescription.xml."], " *")
+    fields = {
+        "name": name,
+        "GUARD": name.upper(),
+        "about": "\n".join(about).replace("*/", "* /"),
+        "token": token,
+        "start": values,
+        "theta_of": filled("theta_of.c", {}),
+    }
+    return {wrapper: filled(wrapper, {**fields, "core": filled("fmu_core.c", fields)}), **code}, token
+
+
+def units(parent: ElementTree.Element) -> None:
+    """The definitions of all units."""
+    definitions = ElementTree.SubElement(parent, "UnitDefinitions")
+    for unit, exponents in UNITS.items():
+        ElementTree.SubElement(
+            ElementTree.SubElement(definitions, "Unit", name=unit),
+            "BaseUnit",
+            {base: str(exponent) for base, exponent in exponents.items()},
+        )
+
+
+def log_and_experiment(parent: ElementTree.Element) -> None:
+    """The category of messages, and how the FMU is simulated where nobody says otherwise."""
+    categories = ElementTree.SubElement(parent, "LogCategories")
+    ElementTree.SubElement(categories, "Category", name="logStatusError", description="why a call was refused")
+    ElementTree.SubElement(parent, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
+
+
+def documentation(subject: ExportSubject) -> str:
+    """A page with what is not in the variables' descriptions."""
+    paragraphs = (
+        provenance(subject),
+        f"The robot's file: sha256 {subject.robot_sha256}.",
+        complete_inertia(subject.payload, TENSOR).statement,
+        "Torque that the payload requires of the joints, gravity included: what the joints must give for it on top of "
+        "what the empty arm needs. Positions, velocities, accelerations and torques are the joints', with the zeros "
+        "and directions of the robot's configuration; gear ratios and coupled motors are not in it.",
+        f"Gravity in the base frame: {', '.join(exact(g) for g in subject.chain.gravity_m_s2)} m/s2.",
+        "tau at the end of a step is that of the inputs at its beginning. The payload's parameters hold at once where "
+        "they are set before the simulation begins, and are reached without a step after the time transition where "
+        "they are changed while it runs. Steps may vary; a change takes all of its steps to be as long as the first.",
+    )
+    head = f'<head><meta charset="utf-8"><title>{model_name(subject)}</title></head>'
+    lines = [f"<p>{escape(printable(paragraph))}</p>" for paragraph in paragraphs]
+    page = ("<!DOCTYPE html>", '<html lang="en">', head, "<body>", *lines, "</body>", "</html>")
+    return "\n".join(page) + "\n"
+
+
+def xml_text(root: ElementTree.Element) -> str:
+    """A document."""
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="us-ascii").decode("ascii")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'
+
+
+def packed(subject: ExportSubject, texts: Mapping[str, str], platform: str) -> dict[str, bytes]:
+    """The FMU with its library, by its file name.
+
+    Args:
+        subject: The payload and the arm.
+        texts: By path inside the FMU.
+        platform: The library's folder under `binaries`.
+
+    Raises:
+        ExportError: there is no C compiler.
+    """
+    name = model_name(subject)
+    code = {file.removeprefix("sources/"): text for file, text in texts.items() if file.endswith((".c", ".h"))}
+    contents = {file: text.encode("ascii") for file, text in texts.items()}
+    contents[f"binaries/{platform}/{name}.so"] = compiled_library(code, f"{name}.fmu")
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path, content in contents.items():
+            archive.writestr(zipfile.ZipInfo(path, _EPOCH), content, zipfile.ZIP_DEFLATED)
+    return {f"{name}.fmu": file.getvalue()}
