@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from benchmarks import (
+    adapting,
     any_motion,
     arm_calibration,
     coverage,
@@ -28,6 +29,7 @@ def main() -> int:
     arm_calibration.run_measured(tally)
     pair_coverage.run(tally)
     any_motion.run_measured(tally)
+    adapting.run(tally)
     with workers() as pool:
         speed.run(tally, pool)
         arm_calibration.run_simulated(tally, pool)

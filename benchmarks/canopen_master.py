@@ -30,6 +30,7 @@ _CSP, _IP = 8, 7
 _ENABLE = (0x06, 0x07, 0x0F)
 _INTERPOLATING = 0x10
 _PATIENCE_CYCLES = 2000
+_SWITCH_OFF_S = 0.5
 
 
 class CanopenMaster:
@@ -92,6 +93,11 @@ class CanopenMaster:
                 if all(self._reached(node, word) for node in self._nodes):
                     break
         return here
+
+    def switch_off(self, joints_rad: FloatArray) -> None:
+        """Take the torque off where the arm stands."""
+        for _ in range(round(_SWITCH_OFF_S / self._cycle_s)):
+            self.cycle(joints_rad, _ENABLE[0])
 
     @staticmethod
     def _reached(node: canopen.RemoteNode, word: int) -> bool:

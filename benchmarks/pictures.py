@@ -1,4 +1,4 @@
-"""The README's picture, made of a commissioning of prbt: `make pictures`.
+"""The README's picture, made of a commissioning of prbt, and that of WATCH.md: `make pictures`.
 
 prbt's drives report torque; with er50's nominal gains a commissioning cannot tell 2 % of the mass.
 
@@ -21,6 +21,7 @@ from armload_identification.report.figures import torque_figure
 from armload_identification.report.numerals import NO_BREAK
 from armload_identification.report.parameters import mass_card
 from armload_identification.results.findings import Findings
+from benchmarks import watch_picture
 
 PICTURE = Path(__file__).parents[1] / "controller" / "pictures" / "result.svg"
 ROBOT = "prbt"
@@ -112,3 +113,5 @@ def _placed(svg: str, x: int, y: int, width: int, height: int) -> str:
 
 if __name__ == "__main__":
     run()
+    with tempfile.TemporaryDirectory() as folder:
+        watch_picture.draw(Path(folder))

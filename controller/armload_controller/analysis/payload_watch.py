@@ -21,6 +21,8 @@ from armload_identification.recording.reader_registry import reader_of
 from armload_identification.recording.reading_options import Effort, ReadingOptions
 from armload_identification.recording.row_block import RowBlock
 
+SHOWN_S: Final = 3.0
+"""Time in motion from which on an estimate is shown."""
 NEVER_LOOKED: Final = -2
 IDLE_LOOKS: Final = 10
 """Looks without anything new after which a recording counts as finished."""
@@ -107,7 +109,8 @@ class PayloadWatch:
         every_s: Time between the moments that are shown of a recording.
 
     Attributes:
-        effort: What the arm was calibrated with.
+        calibration: The arm.
+        effort: What it was calibrated with.
 
     Raises:
         EstimationError: the arm is not calibrated.
@@ -123,7 +126,7 @@ class PayloadWatch:
                 "`armload calibrate` and give that file as --calibration."
             )
         self._robot, self._every_s = robot, every_s
-        self.effort = used.calibration.effort
+        self.calibration, self.effort = used.calibration, used.calibration.effort
         self._estimator = PayloadEstimator(used.calibration, robot.chain, robot.transmission)
         self._next_s: float | None = None
         self._last_s = -np.inf

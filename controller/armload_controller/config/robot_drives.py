@@ -186,8 +186,8 @@ class RobotDrives:
                 raise self.source.refused(
                     f"joints[{number}].drive.{missing}",
                     None,
-                    "needed to listen: nothing is asked of drives that another master drives. `armload drives show` "
-                    "reads it when nobody does",
+                    "needed to listen: nothing is asked of drives that another master drives. It is in the drive's "
+                    "608F and 6091, 6076, 6075; its maker's tool shows them",
                 )
 
     def require_bus_load(self) -> None:

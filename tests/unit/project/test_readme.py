@@ -20,7 +20,7 @@ from armload_identification.model.payload import PayloadResult, Provenance
 
 ROOT = Path(__file__).resolve().parents[3]
 README, GUIDE, HELP = ROOT / "README.md", ROOT / "controller" / "GUIDE.md", ROOT / "controller" / "HELP.md"
-FLEET = ROOT / "controller" / "FLEET.md"
+FLEET, WATCH = ROOT / "controller" / "FLEET.md", ROOT / "controller" / "WATCH.md"
 ROOMS = ROOT / "controller" / "README.md"
 MOST_WORDS = 700
 MOST_PICTURE_BYTES = 100_000
@@ -37,7 +37,7 @@ def commands(page):
     return [shlex.split(line)[1:] for line in lines if line.startswith(("armload ", "$ armload "))]
 
 
-@pytest.mark.parametrize("words", commands(README) + commands(GUIDE) + commands(FLEET), ids=" ".join)
+@pytest.mark.parametrize("words", commands(README) + commands(GUIDE) + commands(FLEET) + commands(WATCH), ids=" ".join)
 def test_every_command_takes_the_options_it_is_shown_with(words):
     command, words = typer.main.get_command(app), list(words)
     while isinstance(command, click.Group):
@@ -85,7 +85,9 @@ def anchors(page):
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", [README, GUIDE, HELP, FLEET, ROOMS], ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "page", [README, GUIDE, HELP, FLEET, ROOMS, WATCH], ids=lambda page: str(page.relative_to(ROOT))
+)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)]+)\)", page.read_text("utf-8")):
         name, _, anchor = target.partition("#")
@@ -94,11 +96,13 @@ def test_links_lead_somewhere(page):
         assert not anchor or anchor in anchors(file), target
 
 
-def test_the_picture_is_small_and_draws_nothing_from_elsewhere():
-    (picture,) = (ROOT / "controller" / "pictures").iterdir()
-    text = picture.read_text("utf-8")
-    assert picture.stat().st_size < MOST_PICTURE_BYTES
-    assert picture.name in README.read_text("utf-8")
+@pytest.mark.parametrize(("name", "page"), [("result.svg", README), ("watch.svg", WATCH)])
+def test_pictures_are_small_and_draw_nothing_from_elsewhere(name, page):
+    pictures = {picture.name: picture for picture in (ROOT / "controller" / "pictures").iterdir()}
+    assert set(pictures) == {"result.svg", "watch.svg"}
+    text = pictures[name].read_text("utf-8")
+    assert pictures[name].stat().st_size < MOST_PICTURE_BYTES
+    assert name in page.read_text("utf-8")
     assert "href=" not in text.replace('href="#', "")
 
 

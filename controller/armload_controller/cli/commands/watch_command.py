@@ -14,12 +14,14 @@ from armload_controller.cli.options import (
     InterfaceOption,
     RobotArgument,
 )
+from armload_controller.cli.output.findings_output import ReportOption
 from armload_controller.cli.output.json_output import JsonOption
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from armload_controller.analysis.payload_watch import WatchedMoment
+    from armload_controller.analysis.payload_watch import PayloadWatch, WatchedMoment
+    from armload_controller.analysis.watch_history import WatchDiary
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import Robot
     from armload_controller.session.run_session import Load
@@ -50,16 +52,19 @@ def watch(
         bool, typer.Option("--follow", help="Wait for more of a recording, until it is finished or Ctrl-C.")
     ] = False,
     every_s: Annotated[float, typer.Option(min=0.1, help="Time between two lines in s.")] = 1.0,
+    report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Show what a calibrated arm carries while another program moves it: mass, interval, grasped, dropped, contact.
 
-    On the arm's bus armload only listens and never sends. --record keeps what is heard.
+    On the arm's bus armload only listens and never sends. --record keeps what is heard, --report draws it.
     """
     from importlib.metadata import version
 
+    from armload_controller.analysis.payload_watch import PayloadWatch
     from armload_controller.cli.output.json_output import print_document
-    from armload_controller.cli.output.watch_output import moment_text
+    from armload_controller.cli.output.output_files import require_drawable
+    from armload_controller.cli.output.watch_output import shown_moments
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
 
@@ -71,40 +76,62 @@ def watch(
         raise typer.BadParameter("goes with --record", param_hint="--load")
     if follow and recording is None:
         raise typer.BadParameter("goes with a RECORDING; a bus is followed anyway", param_hint="--follow")
+    if report is not None:
+        require_drawable(report)
     screen = Screen(as_json=as_json)
     arm = load_robot(robot)
-    if recording is not None:
-        moments = _of_recording(arm, recording, calibration, every_s, follow=follow)
+    calibrated = calibration is not None or arm.calibration_file is not None
+    payload = PayloadWatch(arm, calibration, every_s) if calibrated or record is None else None
+    if recording is not None and payload is not None:
+        watched, moments = str(recording), _of_recording(payload, recording, every_s, follow=follow)
     else:
-        on_bus = arm.with_bus(interface, channel, bitrate, None)
-        moments = _on_bus(screen, on_bus, calibration, every_s, record, _load(load), _seconds(for_s))
+        arm = arm.with_bus(interface, channel, bitrate, None)
+        watched = f"{arm.bus.interface}:{arm.bus.channel}"
+        moments = _on_bus(screen, arm, payload, every_s, record, _load(load), _seconds(for_s))
+    diary = None if report is None else _diary(arm, payload, watched)
     try:
-        for moment in moments:
-            for event in moment.events:
-                screen.step(f"{event.time_s:10.1f} s  {event}")
-            screen.result(moment_text(moment))
-            if as_json:
-                print_document(moment.to_dict(arm.name, version("armload")))
+        with shown_moments(screen, arm.name, arm.joint_names, as_json=as_json) as show:
+            for moment in moments:
+                show(moment)
+                if diary is not None:
+                    diary.add(moment)
+                if as_json:
+                    print_document(moment.to_dict(arm.name, version("armload")))
     except KeyboardInterrupt:
         screen.step("no longer watched")
+    if report is not None and diary is not None:
+        diary.write(report)
+        screen.step(f"written: {report}")
 
 
-def _of_recording(
-    arm: Robot, recording: Path, calibration: Path | None, every_s: float, *, follow: bool
-) -> Iterator[WatchedMoment]:
+def _diary(arm: Robot, payload: PayloadWatch | None, watched: str) -> WatchDiary:
+    """What keeps the moments for a report.
+
+    Raises:
+        BadParameter: the arm is not calibrated.
+    """
+    from importlib.metadata import version
+
+    from armload_controller.analysis.watch_history import WatchDiary
+
+    if payload is None:
+        raise typer.BadParameter("needs a calibrated arm; another is only recorded", param_hint="--report")
+    return WatchDiary(arm, payload, watched, version("armload"))
+
+
+def _of_recording(watching: PayloadWatch, recording: Path, every_s: float, *, follow: bool) -> Iterator[WatchedMoment]:
     """A recording, from its beginning."""
     from time import sleep
 
-    from armload_controller.analysis import payload_watch
+    from armload_controller.analysis.payload_watch import follow as followed
 
-    watching = payload_watch.PayloadWatch(arm, calibration, every_s)
-    yield from payload_watch.follow(watching, recording, sleep, every_s) if follow else watching.file(recording)
+    return followed(watching, recording, sleep, every_s) if follow else watching.file(recording)
 
 
 def _on_bus(
     screen: Screen,
     arm: Robot,
-    calibration: Path | None,
+    payload: PayloadWatch | None,
     every_s: float,
     record: Path | None,
     load: Load | None,
@@ -114,13 +141,10 @@ def _on_bus(
     import time
     from contextlib import ExitStack
 
-    from armload_controller.analysis.payload_watch import PayloadWatch
     from armload_controller.motion.motion_control import MotionControl
     from armload_controller.session.bus_watch import BusWatch, heard_cycles, recorder_of
     from armload_controller.session.stop_signals import StopSignals
 
-    calibrated = calibration is not None or arm.calibration_file is not None
-    payload = PayloadWatch(arm, calibration) if calibrated or record is None else None
     control = MotionControl()
     end_s = time.monotonic() + for_s
     with ExitStack() as stack:

@@ -1,26 +1,97 @@
-"""A moment of a watched arm as a line."""
+"""A watched arm on the console: lines in a file or a pipe, one table that is drawn anew on a terminal."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from armload_controller.analysis.payload_watch import WatchedMoment
+from armload_controller.analysis.payload_watch import SHOWN_S, WatchedMoment
 
-_SLOW_S = 3.0
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from armload_controller.cli.screen import Screen
+
+_SILENT_S = 3.0
+_LONG_S = 20.0
+"""A bar of motion is full from here on."""
+_BAR = 20
+
+
+@contextmanager
+def shown_moments(
+    screen: Screen, robot: str, joint_names: Sequence[str], *, as_json: bool
+) -> Iterator[Callable[[WatchedMoment], None]]:
+    """Shows moments as they come.
+
+    Args:
+        screen: Where to.
+        robot: Name of the arm.
+        joint_names: Of its joints.
+        as_json: Events alone are shown: the moments are documents.
+
+    Yields:
+        Takes a moment.
+    """
+
+    def events(moment: WatchedMoment) -> None:
+        for event in moment.events:
+            screen.step(f"{event.time_s:10.1f} s  {event}")
+
+    if as_json or not screen.console.is_terminal:
+
+        def line(moment: WatchedMoment) -> None:
+            events(moment)
+            screen.result(moment_text(moment))
+
+        yield line
+        return
+    from rich.live import Live
+
+    with Live(console=screen.console, auto_refresh=False) as live:
+
+        def draw(moment: WatchedMoment) -> None:
+            events(moment)
+            live.update(moment_table(moment, robot, joint_names), refresh=True)
+
+        yield draw
+
+
+def moment_table(moment: WatchedMoment, robot: str, joint_names: Sequence[str]) -> Table:
+    """A moment as a table: the line of `moment_text`, and how much each joint has moved."""
+    from rich.table import Table
+
+    table = Table(title=f"{robot}: {moment_text(moment).strip()}", title_justify="left")
+    table.add_column("joint")
+    table.add_column("moved s", justify="right")
+    table.add_column("")
+    table.add_column("answers missing", justify="right")
+    found, bus = moment.payload, moment.bus
+    moving_s = np.zeros(len(joint_names)) if found is None else found.moving_s
+    missing = (0,) * len(joint_names) if bus is None else bus.missing
+    for name, moved_s, lost in zip(joint_names, moving_s.tolist(), missing, strict=True):
+        bar = "#" * round(_BAR * min(moved_s / _LONG_S, 1.0))
+        table.add_row(name, f"{moved_s:.1f}", bar.ljust(_BAR, "."), str(lost))
+    return table
 
 
 def moment_text(moment: WatchedMoment) -> str:
     """Time, mass with its interval, and centre of mass; or why there is nothing to be seen."""
     found, bus = moment.payload, moment.bus
     at = f"{moment.time_s:10.1f} s  "
-    if bus is not None and bus.silent_s > _SLOW_S:
+    if bus is not None and bus.silent_s > _SILENT_S:
         return f"{at}the bus has been silent for {bus.silent_s:.0f} s"
     lost = "" if bus is None or not any(bus.missing) else f"  {sum(bus.missing)} answers missing"
     if bus is not None and not bus.enabled:
         return f"{at}the drives are not enabled{lost}"
     if found is None:
         return f"{at}{0 if bus is None else bus.cycles} cycles{lost}"
-    if found.moving_s.max() < _SLOW_S:
+    if found.moving_s.max() < SHOWN_S:
         return f"{at}nothing to be seen yet: the joints have moved for {found.moving_s.max():.1f} s at most{lost}"
     mass = f"{found.mass_kg:7.3f} +- {found.half_width_95[0]:.3f} kg"
     if not found.determined[1:].any():

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from armload_controller.analysis.payload_watch import IDLE_LOOKS, PayloadWatch, follow
+from armload_controller.cli.output.watch_output import moment_text, shown_moments
+from armload_controller.cli.screen import Screen
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.identification_errors import EstimationError, RecordingError
@@ -122,3 +126,25 @@ def test_what_does_not_fit_is_refused(robot, calibration_file, table, tmp_path):
         list(PayloadWatch(robot, calibration_file).file(path))
     with pytest.raises(RecordingError, match="cannot be read"):
         list(follow(PayloadWatch(robot, calibration_file), tmp_path / "lost.csv", lambda _: None, 0.5))
+
+
+def test_on_a_terminal_there_is_one_table_and_events_above_it(robot, calibration_file, table, tmp_path):
+    path = tmp_path / "shift.csv"
+    path.write_text("\n".join(table[0]) + "\n", "utf-8")
+    moments = list(PayloadWatch(robot, calibration_file, 5.0).file(path))
+    shown = Console(width=120, force_terminal=True, file=StringIO(), color_system=None)
+    screen = Screen()
+    screen.console = shown
+    with shown_moments(screen, "six", robot.joint_names, as_json=False) as show:
+        for moment in moments:
+            show(moment)
+    text = shown.file.getvalue()
+    assert "grasped (+" in text
+    assert moment_text(moments[-1]).strip() in text
+    assert text.count("answers missing") >= len(moments), "the table is drawn anew"
+    lines = Console(width=200, file=StringIO())
+    screen.console = lines
+    with shown_moments(screen, "six", robot.joint_names, as_json=False) as show:
+        for moment in moments:
+            show(moment)
+    assert [line for line in lines.file.getvalue().splitlines() if line == moment_text(moments[-1])]

@@ -1,0 +1,76 @@
+"""What was watched, for a report: moments and events of one watch."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from armload_controller.analysis.payload_watch import SHOWN_S, PayloadWatch, WatchedMoment
+from armload_controller.config.measured_arm import MeasuredArm
+from armload_identification.report.watch_report import WatchedEvent, WatchedJoint, WatchHistory, write_watch_report
+
+_MARKED: Final = frozenset({"grasped", "dropped", "changed tool"})
+
+
+class WatchDiary:
+    """Keeps the moments of one watch.
+
+    Args:
+        robot: The arm.
+        watching: What watches it.
+        watched: The recording or the bus, in words.
+        armload_version: Of the program.
+    """
+
+    def __init__(self, robot: MeasuredArm, watching: PayloadWatch, watched: str, armload_version: str) -> None:
+        self._robot, self._watching = robot, watching
+        self._watched, self._version = watched, armload_version
+        self._rows: list[tuple[float, float, float, bool]] = []
+        self._events: list[WatchedEvent] = []
+        self._last: WatchedMoment | None = None
+
+    def add(self, moment: WatchedMoment) -> None:
+        """Keep a moment."""
+        found = moment.payload
+        self._events += [WatchedEvent(each.time_s, str(each), each.kind in _MARKED) for each in moment.events]
+        if found is None:
+            return
+        known = bool(found.moving_s.max() >= SHOWN_S)
+        self._rows.append((moment.time_s, found.mass_kg, float(found.half_width_95[0]), known))
+        self._last = moment
+
+    def history(self) -> WatchHistory:
+        """All that was kept."""
+        time_s, mass_kg, width_kg, known = np.array(self._rows, dtype=np.float64).reshape(-1, 4).T
+        return WatchHistory(
+            robot=self._robot.name,
+            description=self._robot.description,
+            watched=self._watched,
+            armload_version=self._version,
+            time_s=time_s,
+            mass_kg=mass_kg,
+            half_width_95_kg=width_kg,
+            known=known > 0.0,
+            events=tuple(self._events),
+            joints=self._joints(),
+        )
+
+    def write(self, path: Path) -> None:
+        """Write the report; an existing file is replaced.
+
+        Raises:
+            ReportError: the file cannot be written.
+        """
+        write_watch_report(path, self.history())
+
+    def _joints(self) -> tuple[WatchedJoint, ...]:
+        """How the joints stand."""
+        if self._last is None or self._last.payload is None:
+            return ()
+        found, bus, arm = self._last.payload, self._last.bus, self._watching.calibration
+        change = found.friction[0] + found.friction[1] * arm.middle_speed_rad_s
+        missing = (0,) * arm.n if bus is None else bus.missing
+        rows = zip(self._robot.joint_names, found.moving_s, change, arm.usual_change_nm, missing, strict=True)
+        return tuple(WatchedJoint(name, float(s), float(f), float(u), lost) for name, s, f, u, lost in rows)

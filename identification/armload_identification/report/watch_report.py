@@ -1,0 +1,144 @@
+"""The report of a watch: what an arm carried over time, what happened, how its friction stands, in one HTML file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import matplotlib.style
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from armload_core.arrays import FloatArray
+from armload_identification.report.figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED
+from armload_identification.report.page import rendered, write_page
+from armload_identification.report.svg import inline_svg
+
+_TEMPLATE: Final = "watch.html.j2"
+_WIDE_IN, _HIGH_IN = 7.0, 3.0
+_MOST_MOMENTS: Final = 2000
+"""Of a longer watch every so many are drawn."""
+_WIDEST: Final = 0.25
+"""An interval wider than this share of the picture's range says nothing and is left out."""
+
+
+@dataclass(frozen=True)
+class WatchedEvent:
+    """Something that happened.
+
+    Attributes:
+        time_s: When.
+        text: What, in words.
+        marked: Drawn in the picture: grasped, dropped, changed.
+    """
+
+    time_s: float
+    text: str
+    marked: bool
+
+
+@dataclass(frozen=True)
+class WatchedJoint:
+    """One joint at the end of the watch.
+
+    Attributes:
+        name: Its name.
+        moving_s: Time for which it moved fast enough to show its load.
+        friction_nm: By how much its friction differs from the calibration's, at half its greatest speed.
+        usual_nm: Standard deviation of that from run to run.
+        missing: Cycles without its answer; 0 of a recording.
+    """
+
+    name: str
+    moving_s: float
+    friction_nm: float
+    usual_nm: float
+    missing: int
+
+
+@dataclass(frozen=True, eq=False)
+class WatchHistory:
+    """What was watched.
+
+    Attributes:
+        robot: Name of the arm.
+        description: What it is, in a line.
+        watched: The recording, or the bus.
+        armload_version: Of the program.
+        time_s: (N,) moments.
+        mass_kg: (N,) estimates.
+        half_width_95_kg: (N,) half widths of their intervals.
+        known: (N,) the joints have moved enough to say anything.
+        events: In the order of time.
+        joints: At the end.
+    """
+
+    robot: str
+    description: str
+    watched: str
+    armload_version: str
+    time_s: FloatArray
+    mass_kg: FloatArray
+    half_width_95_kg: FloatArray
+    known: NDArray[np.bool_]
+    events: tuple[WatchedEvent, ...]
+    joints: tuple[WatchedJoint, ...]
+
+
+def write_watch_report(path: Path, history: WatchHistory) -> None:
+    """Write the report; an existing file is replaced.
+
+    Args:
+        path: Where to.
+        history: What was watched.
+
+    Raises:
+        ReportError: the file cannot be written.
+    """
+    title = "Mass that the arm carried over time, with its 95 % interval, and what happened."
+    drawing = Markup(watch_svg(history, "mass", title))
+    far = [joint for joint in history.joints if abs(joint.friction_nm) > 3.0 * joint.usual_nm]
+    write_page(path, rendered(_TEMPLATE, history=history, drawing=drawing, far=far))
+
+
+def watch_svg(history: WatchHistory, name: str, title: str) -> str:
+    """Mass with its interval over time, and a line where it was grasped, dropped or changed.
+
+    Args:
+        history: What was watched.
+        name: Unique on the page.
+        title: What it shows, in words.
+
+    Returns:
+        An `svg` element.
+    """
+    step = max(1, len(history.time_s) // _MOST_MOMENTS)
+    time_s, mass, width = (x[::step] for x in (history.time_s, history.mass_kg, history.half_width_95_kg))
+    known = history.known[::step] & (width < _WIDEST * max(_range(mass[history.known[::step]]), 1.0))
+    shown = np.where(known, mass, np.nan)
+    with matplotlib.style.context(["default", FIGURE_STYLE]):
+        figure = Figure(figsize=(_WIDE_IN, _HIGH_IN), layout="constrained")
+        axes = figure.add_subplot()
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.fill_between(time_s, shown - width, shown + width, color=SMOOTHED, alpha=0.25, linewidth=0)
+        axes.plot(time_s, shown, color=SMOOTHED, linewidth=1.4)
+        for event in history.events:
+            if event.marked:
+                axes.axvline(event.time_s, color=PREDICTED, linewidth=0.9)
+                axes.annotate(
+                    event.text, (event.time_s, 1.0), (3.0, -2.0), xycoords=("data", "axes fraction"),
+                    textcoords="offset points", rotation=90, va="top", fontsize=7, color=PREDICTED,
+                )  # fmt: skip
+        axes.set_xlabel("time, s")
+        axes.set_ylabel("mass, kg")
+        if time_s.size:
+            axes.set_xlim(float(time_s[0]), max(float(time_s[-1]), float(time_s[0]) + 1.0))
+        return inline_svg(figure, name, title)
+
+
+def _range(values: FloatArray) -> float:
+    """From the least to the greatest; 0 of none."""
+    return float(np.ptp(values)) if values.size else 0.0
