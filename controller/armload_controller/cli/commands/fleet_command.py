@@ -64,8 +64,15 @@ def identify_command(
         if not jobs:
             tally = FleetTally.before(listing, jobs)
         else:
-            with Workforce(scheduler, workers) as force, screen.track("identifying", len(jobs), rate=True) as progress:
-                tally = do_jobs(listing, jobs, store, force.rows, progress)
+            try:
+                with (
+                    Workforce(scheduler, workers) as force,
+                    screen.track("identifying", len(jobs), rate=True) as progress,
+                ):
+                    tally = do_jobs(listing, jobs, store, force.rows, progress)
+            except KeyboardInterrupt:
+                screen.step("stopped: rows that were done are kept, and the same command does the others")
+                raise
     _show(screen, tally, output, as_json=as_json)
 
 
