@@ -99,7 +99,7 @@ def _compare(table: Path, scratch: Path, pairs: int) -> None:
     for count in (1, 2):
         output, start = scratch / f"rows-{count}", scratch / f"start-{count}"
         begun, found = _fleet(few, start, count), _fleet(table, output, count)
-        rows = read_rows(output, ("outcome", "cpu_s"))
+        rows = read_rows(output, ("outcome", "cpu_s", "wall_s"))
         inside = sum(row["cpu_s"] for row in rows)
         around = found.cpu_s - inside - (begun.cpu_s - sum(row["cpu_s"] for row in read_rows(start, ("cpu_s",))))
         walls.append(found.wall_s)
@@ -108,6 +108,8 @@ def _compare(table: Path, scratch: Path, pairs: int) -> None:
             f"{around / (pairs - len(ROBOTS)):.3f} s around them, {begun.cpu_s:.1f} s to start and end; "
             f"{pairs / found.wall_s:.2f} pairs/s; {dict(Counter(row['outcome'] for row in rows))}"
         )
+        busy = sum(row["wall_s"] for row in rows) / found.wall_s / count
+        print(f"    busy with a job for {busy:.0%} of the time from the first job to the last row")
         total = job_s / identify_s + around / (pairs - len(ROBOTS)) / identify_s
         print(f"    {total:.2f} x identify in all, at most {CPU_MOST}")
     print(
