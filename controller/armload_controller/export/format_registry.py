@@ -32,16 +32,16 @@ Exporter = Callable[["ExportSubject"], Mapping[str, str | bytes]]
 
 _HOMES: Final = {
     ExportFormat.C: ("c99", "export_c"),
-    ExportFormat.FMU: ("fmu", "export_fmu"),
-    ExportFormat.FMU2: ("fmu2", "export_fmu2"),
+    ExportFormat.FMU: ("fmi.fmu", "export_fmu"),
+    ExportFormat.FMU2: ("fmi.fmu2", "export_fmu2"),
     ExportFormat.HAL: ("hal", "export_hal"),
     ExportFormat.URDF: ("urdf", "export_urdf"),
     ExportFormat.ROS2: ("ros2", "export_ros2"),
-    ExportFormat.KUKA: ("kuka", "export_kuka"),
-    ExportFormat.ABB: ("abb", "export_abb"),
-    ExportFormat.UR: ("ur", "export_ur"),
-    ExportFormat.FANUC: ("fanuc", "export_fanuc"),
-    ExportFormat.YASKAWA: ("yaskawa", "export_yaskawa"),
+    ExportFormat.KUKA: ("load_data.kuka", "export_kuka"),
+    ExportFormat.ABB: ("load_data.abb", "export_abb"),
+    ExportFormat.UR: ("load_data.ur", "export_ur"),
+    ExportFormat.FANUC: ("load_data.fanuc", "export_fanuc"),
+    ExportFormat.YASKAWA: ("load_data.yaskawa", "export_yaskawa"),
 }
 """Module of this room and function there of each format."""
 

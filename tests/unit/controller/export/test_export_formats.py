@@ -14,16 +14,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from armload_controller.control_errors import ExportError
-from armload_controller.export.abb import export_abb
-from armload_controller.export.fanuc import export_fanuc
 from armload_controller.export.format_registry import ExportFormat, exporter
 from armload_controller.export.inertia import principal_inertia
-from armload_controller.export.kuka import export_kuka
+from armload_controller.export.load_data.abb import export_abb
+from armload_controller.export.load_data.fanuc import export_fanuc
+from armload_controller.export.load_data.kuka import export_kuka
+from armload_controller.export.load_data.ur import export_ur
+from armload_controller.export.load_data.yaskawa import export_yaskawa
 from armload_controller.export.ros2 import export_ros2
-from armload_controller.export.ur import export_ur
 from armload_controller.export.urdf import export_urdf
 from armload_controller.export.wording import comment, exact, positional
-from armload_controller.export.yaskawa import export_yaskawa
 from armload_identification.model.payload import InertialParameters
 
 pytestmark = pytest.mark.pure

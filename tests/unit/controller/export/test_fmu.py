@@ -22,8 +22,8 @@ from fmpy.validation import validate_fmu
 
 from armload_controller.control_errors import ExportError
 from armload_controller.export.body_parameters import PARAMETERS
-from armload_controller.export.fmu import export_fmu, fmu_texts
-from armload_controller.export.fmu2 import export_fmu2, fmu2_texts
+from armload_controller.export.fmi.fmu import export_fmu, fmu_texts
+from armload_controller.export.fmi.fmu2 import export_fmu2, fmu2_texts
 from armload_controller.feedforward.body_torque import LoadFriction
 from armload_controller.feedforward.payload_feedforward import PayloadFeedforward
 from armload_identification.model.chain import Chain

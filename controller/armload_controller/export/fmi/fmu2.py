@@ -10,7 +10,7 @@ from __future__ import annotations
 import platform
 from xml.etree import ElementTree
 
-from armload_controller.export.fmu_parts import (
+from armload_controller.export.fmi.fmu_parts import (
     about_model,
     documentation,
     log_and_experiment,

@@ -1,0 +1,1 @@
+"""Load data of robot controllers: one maker's format per file."""
