@@ -6,16 +6,16 @@ import sys
 
 import pytest
 
-QUERY = "import duckdb, json, sys; print(json.dumps(duckdb.sql(sys.argv[1]).fetchall(), default=str))"
+QUERIES = "import duckdb, json, sys; print(json.dumps([duckdb.sql(q).fetchall() for q in sys.argv[1:]], default=str))"
 
 
 @pytest.fixture(scope="session")
 def queried():
-    """DuckDB's answer to a query, from a process of its own: it complains of itself when its process ends."""
+    """DuckDB's answers to queries, from a process of its own: it complains of itself when its process ends."""
 
-    def queried(sql):
-        done = subprocess.run([sys.executable, "-c", QUERY, sql], capture_output=True, text=True, check=False)
+    def queried(*queries):
+        done = subprocess.run([sys.executable, "-c", QUERIES, *queries], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
-        return [tuple(row) for row in json.loads(done.stdout)]
+        return [[tuple(row) for row in rows] for rows in json.loads(done.stdout)]
 
     return queried

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from armload_controller.cli.output.fleet_output import suspicion_lines
 from armload_controller.control_errors import ConfigurationError, FleetError
 from armload_controller.fleet.fleet_extra import library
 from armload_controller.fleet.fleet_rows import runs_of
@@ -16,6 +17,7 @@ from armload_controller.fleet.job import Job
 from armload_controller.fleet.recording_row import RowOutcome, column_kinds, empty_row, value_columns
 from armload_controller.fleet.row_store import RowStore
 from armload_identification.many_arms.arm_runs import Kind, Quantity
+from armload_identification.many_arms.fleet_review import review_fleet
 
 FIRST = datetime(2026, 3, 1, 22, tzinfo=UTC)
 NIGHTS = 10
@@ -94,7 +96,7 @@ def test_the_report_names_what_changed(armload, nights):
     assert "since 2026-03-07" in first["suspicions"][0]["text"]
     assert second["suspicions"] == []
     assert "mass of tool" in (nights / "report.html").read_text()
-    assert "1. one: mass of tool is 2.30 kg since 2026-03-07" in armload("fleet", "report", nights).stdout
+    assert "  1. one: mass of tool is 2.30 kg since 2026-03-07" in suspicion_lines(review_fleet(runs_of(nights)))[1]
 
 
 def test_figures_of_a_row_are_those_that_are_determined(nights):
@@ -114,17 +116,16 @@ def test_figures_of_a_row_are_those_that_are_determined(nights):
 def test_duckdb_answers_what_an_operator_asks(nights, queried):
     """The queries of FLEET.md."""
     parts = f"'{nights}/day=*/*.parquet'"
-    latest = queried(
+    latest, friction, refused = queried(
         f"select arm, recorded_utc, mass_kg, mass_low_kg, mass_high_kg from {parts} where outcome = 'identified' "
-        "qualify row_number() over (partition by arm order by recorded_utc desc) = 1 order by arm"
+        "qualify row_number() over (partition by arm order by recorded_utc desc) = 1 order by arm",
+        f"select arm, unnest(joint_names) as joint, unnest(friction_nm) as friction_nm from {parts} "
+        "where arm = 'two' and day = '2026-03-01'",
+        f"select arm, error from {parts} where outcome <> 'identified'",
     )
     assert [(arm, round(mass, 3)) for arm, _, mass, *_ in latest] == [("one", 2.301), ("two", 1.999)]
-    friction = queried(
-        f"select arm, unnest(joint_names) as joint, unnest(friction_nm) as friction_nm from {parts} "
-        "where arm = 'two' and day = '2026-03-01'"
-    )
     assert friction == [("two", "a", 3.0), ("two", "b", 4.0)]
-    assert queried(f"select arm, error from {parts} where outcome <> 'identified'") == [("one", "cut short")]
+    assert refused == [("one", "cut short")]
 
 
 def test_a_folder_without_rows_says_what_makes_them(tmp_path):
@@ -147,7 +148,7 @@ def test_without_the_extra_its_command_is_named():
 
 
 def test_the_page_describes_every_column_and_no_other():
-    table = PAGE.read_text("utf-8").partition("| column | what |")[2].partition("| column | what |")[2]
+    table = PAGE.read_text("utf-8").partition("\n## The rows\n")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| (`.*?`) \|", table, flags=re.MULTILINE)
     patterns = [name for row in rows for name in re.findall("`(.*?)`", row)]
     columns = column_kinds()
