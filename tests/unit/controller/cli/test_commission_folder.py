@@ -1,12 +1,15 @@
 """The folder of a commissioning: what was recorded is no dead end, and two do not work in it at once."""
 
 import os
+import shutil
 import subprocess
 import sys
 
 import pytest
 
+from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError
+from armload_controller.session.commissioning import read_pair
 from armload_controller.session.folder_claim import claimed
 
 HOLDER = """
@@ -29,7 +32,9 @@ def recorded(recorded_er50, tmp_path):
     return folder
 
 
-def test_four_recordings_without_a_result_are_taken_to_one(armload, recorded):
+def test_four_recordings_without_a_report_are_taken_to_one(armload, recorded, recorded_er50):
+    """Whatever else an earlier start left."""
+    shutil.copy(recorded_er50 / "runs" / "today" / "payload.toml", recorded)
     before = {path.name: path.stat().st_mtime_ns for path in recorded.iterdir()}
     result = armload("commission", "er50", "--output", recorded)
     assert result.exit_code in (0, 3), result.output
@@ -38,9 +43,22 @@ def test_four_recordings_without_a_result_are_taken_to_one(armload, recorded):
     assert "connecting" not in result.output
     assert (recorded / "payload.toml").is_file()
     assert (recorded / "report.html").is_file()
-    assert {name: (recorded / name).stat().st_mtime_ns for name in before} == before
+    recordings = {name: when for name, when in before.items() if name.endswith(".mcap")}
+    assert {name: (recorded / name).stat().st_mtime_ns for name in recordings} == recordings
+    assert (recorded / "payload.toml").stat().st_mtime_ns > before["payload.toml"]
     again = armload("commission", "er50", "--output", recorded)
     assert "holds these recordings already" in str(again.exception)
+
+
+def test_recordings_that_do_not_belong_together_are_not_taken_up(recorded):
+    robot = load_robot("er50")
+    assert read_pair(robot, recorded, "identification").loaded.n == robot.n
+    with pytest.raises(CommissioningError, match="was recorded on er50, not on prbt"):
+        read_pair(load_robot("prbt"), recorded, "identification")
+    (recorded / "loaded_identification.mcap").unlink()
+    os.link(recorded / "loaded_validation.mcap", recorded / "loaded_identification.mcap")
+    with pytest.raises(CommissioningError, match=r"the identification runs .* followed different excitations"):
+        read_pair(robot, recorded, "identification")
 
 
 def test_a_folder_in_which_another_commissioning_is_at_work_is_left_alone(armload, recorded):
