@@ -148,6 +148,9 @@ def identify(
             f"Gains, links, load-dependent friction and delay of the arm are from {name}: {used.calibration.origin}."
         )
         identification = replace(identification, notes=(taken, *identification.notes))
+    unnamed = _taken_in_order(arm, run)
+    if unnamed is not None:
+        identification = replace(identification, notes=(unnamed, *identification.notes))
     content = ReportContent.of_identification(identification)
     findings = Findings(arm, payload, content, version("armload"))
     return findings if validation is None else _validated(findings, arm, used, validation, tolerance)
@@ -274,6 +277,18 @@ def _validated(
     )
     sources = (loaded.source, unloaded.source)
     return replace(findings, content=replace(findings.content, validation=judged, validation_sources=sources))
+
+
+def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
+    """What to check where a recording names its joints otherwise than the arm's file; None where nothing is."""
+    recorded = run.source.joint_names
+    if not recorded or set(recorded) & set(arm.joint_names):
+        return None
+    return (
+        f"None of the recorded joints ({', '.join(recorded)}) is called as {arm.name} calls its own "
+        f"({', '.join(arm.joint_names)}), so they were taken in the order in which they were recorded. Check that, or "
+        "give the order with --joints."
+    )
 
 
 def _robot(robot: MeasuredArm | str) -> MeasuredArm:

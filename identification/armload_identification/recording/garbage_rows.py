@@ -258,7 +258,8 @@ def refuse_degrees(path: Path, position: FloatArray) -> None:
     if finite.size and np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max() > _LARGEST_ANGLE_RAD:
         raise RecordingError(
             f"{path}: joint positions reach {np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max():.0f}, "
-            f"expected radians within +-{_LARGEST_ANGLE_RAD:.0f}. They look like degrees: convert them."
+            f"expected radians within +-{_LARGEST_ANGLE_RAD:.0f}. They look like degrees: convert them, or name the "
+            "columns of a table so (q1_deg)."
         )
 
 

@@ -87,7 +87,7 @@ def _refuse_positions(run: Recording, position: FloatArray, arm: ArmMagnitudes) 
         degrees = wide & (reach / _DEGREE < bound + _OUTSIDE_RAD)
     for joint in np.flatnonzero(degrees | (beyond > np.maximum(_OUTSIDE_RAD, 0.1 * np.nan_to_num(width, posinf=0.0)))):
         question = (
-            "The positions look like degrees: convert them."
+            "The positions look like degrees: convert them, or name the columns of a table so (q1_deg)."
             if degrees[joint]
             else "Is this a recording of another arm, or are its joints in another order or their zeros elsewhere? "
             "Give the file of the arm that it was recorded on, or correct the range."

@@ -5,6 +5,7 @@ import doctest
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -139,3 +140,14 @@ def test_validating_the_file_says_what_the_identification_said(found, recorded_e
 def test_a_run_of_another_arm_is_refused(recorded_er50):
     with pytest.raises(Exception, match="recorded on er50, not on prbt"):
         armload.read_recording(recorded_er50 / "runs/today/loaded_validation.mcap", "prbt")
+
+
+def test_joints_that_are_called_otherwise_are_taken_in_their_order_and_that_is_said(recorded_er50):
+    today = recorded_er50 / "runs" / "today"
+    names = ("base", "shoulder", "elbow", "roll", "pitch", "yaw")
+    runs = [armload.read_recording(today / f"{load}_identification.mcap") for load in ("loaded", "unloaded")]
+    other = [replace(run, source=replace(run.source, joint_names=names)) for run in runs]
+    (said,) = (note for note in armload.identify("er50", *other).notes if "None of the recorded joints" in note)
+    assert "(base, shoulder, elbow, roll, pitch, yaw) is called as er50 calls its own" in said
+    assert "--joints" in said
+    assert not any("None of the recorded" in note for note in armload.identify("er50", *runs).notes)
