@@ -83,7 +83,7 @@ def init(
         meshes,
         bus,
         designed.names,
-        twin_start_rad=designed.middle_rad if simulated else None,
+        twin_start_rad=designed.roomiest_rad if simulated else None,
     )
     _write(output, drafted.text)
     if designed.names is None:
@@ -107,12 +107,12 @@ class _Designed:
     Attributes:
         names: Of their files.
         problem: Why there are none.
-        middle_rad: (n,) of the range that they were looked for in first.
+        roomiest_rad: (n,) pose with the most room among many.
     """
 
     names: tuple[str, str] | None
     problem: str | None
-    middle_rad: FloatArray | None
+    roomiest_rad: FloatArray | None
 
 
 def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> None:
@@ -209,7 +209,7 @@ def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, outpu
 def _designed(
     screen: Screen, output: Path, arm: ArmDraft, draft: Callable[[ArmDraft], DraftedFile], restarts: int
 ) -> _Designed:
-    """The two excitations, within the range that is clear of meshes; where there are none, within the whole of it."""
+    """The two excitations, within the first part of the joints' ranges where there are any."""
     from armload_controller.analysis.robot_excitation import design, design_envelope
     from armload_controller.config.robot import load_robot
     from armload_controller.new_robot.arm_draft import within
@@ -218,26 +218,26 @@ def _designed(
 
     _write(output, draft(arm).text)
     robot = load_robot(str(output))
-    range_rad = design_range(robot, design_envelope(robot))
-    middle_rad, problem = range_rad.mean(axis=0), ""
-    for ranges in (within(arm, range_rad), arm):
-        _write(output, draft(ranges).text)
+    found = design_range(robot, design_envelope(robot))
+    problem = ""
+    for box in found.boxes:
+        _write(output, draft(within(arm, box)).text)
         try:
             excitations = []
             for seed, role in enumerate(_ROLES, 1):
                 with screen.track(f"designing the excitation for {role}", restarts) as done:
                     excitations.append(design(str(output), seed=seed, restarts=restarts, progress=done))
         except ExcitationError as error:
-            if not problem:
-                screen.step("none found in the part of the joints' ranges that is clear of meshes: trying all of them")
+            if box is not found.boxes[-1]:
+                screen.step("none found in this part of the joints' ranges: trying a narrower one, clear of everything")
             problem = str(error)
             continue
         paths = [output.with_name(f"{output.stem}_{role}.toml") for role in _ROLES]
         for path, excitation in zip(paths, excitations, strict=True):
             excitation.save(path)
             screen.step(f"written: {path}")
-        return _Designed((paths[0].name, paths[1].name), None, middle_rad)
-    return _Designed(None, problem, middle_rad)
+        return _Designed((paths[0].name, paths[1].name), None, found.roomiest_rad)
+    return _Designed(None, problem, found.roomiest_rad)
 
 
 def _write(output: Path, text: str) -> None:
