@@ -53,7 +53,7 @@ def design_range(robot: Robot, envelope: Envelope) -> DesignRange:
     poses = _poses(whole)
     known, meshes = _room(envelope, poses), _mesh_room(robot, poses)
     roomiest = poses[np.minimum(known, meshes).argmax()]
-    boxes = []
+    boxes: list[FloatArray] = []
     for everything in (False, True):
         for share in _BOXES:
             half = 0.5 * share * (whole[1] - whole[0])
