@@ -24,6 +24,16 @@ _CHANGES: Final = ("size", "mtime", "ETag", "etag", "LastModified", "Last-Modifi
 """What file systems know of a file that changes when its content does; each has some of them."""
 _DATES: Final = ("mtime", "LastModified", "Last-Modified", "last_modified", "updated")
 _MISSING: Final = "missing"
+_PACKAGES: Final = {
+    "s3": "s3fs",
+    "gs": "gcsfs",
+    "gcs": "gcsfs",
+    "az": "adlfs",
+    "abfs": "adlfs",
+    "http": "aiohttp",
+    "https": "aiohttp",
+}
+"""What fsspec needs for a protocol."""
 
 
 @dataclass(frozen=True)
@@ -143,9 +153,9 @@ def _file_system(url: str) -> tuple[Any, str]:
         files, path = fsspec().core.url_to_fs(url if is_url(url) else os.fspath(Path(url).absolute()))
     except ImportError as problem:
         protocol = url.partition("://")[0]
-        package = {"s3": "s3fs", "gs": "gcsfs", "gcs": "gcsfs", "az": "adlfs", "abfs": "adlfs", "http": "aiohttp"}
-        needed = package.get(protocol, {"https": "aiohttp"}.get(protocol, protocol))
-        raise FleetError(f"{url}: {problem}. For {protocol}:// install it: pip install {needed}") from problem
+        raise FleetError(
+            f"{url}: {problem}. For {protocol}:// install it: pip install {_PACKAGES.get(protocol, protocol)}"
+        ) from problem
     except ValueError as problem:
         raise FleetError(f"{url}: {problem}; expected a path, or a URL that fsspec knows, such as s3://") from problem
     return files, path

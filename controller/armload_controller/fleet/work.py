@@ -12,7 +12,7 @@ from pathlib import Path
 from traceback import extract_tb
 
 from armload_controller.analysis.robot_payload import identify
-from armload_controller.config.robot import Robot, load_robot
+from armload_controller.config.robot import Robot, load_robot, shipped_robots
 from armload_controller.config.robot_recordings import read_of
 from armload_controller.control_errors import ControlError
 from armload_controller.fleet.job import Job
@@ -33,7 +33,8 @@ def run_job(job: Job) -> Row:
 
     Returns:
         A row. What armload refuses is "refused": the same files would be refused again. Anything else that goes wrong,
-        such as a server that does not answer, is "failed", and is tried again when the fleet is identified again.
+        such as a server that does not answer or a file that this machine cannot read, is "failed", and is tried again
+        when the fleet is identified again.
     """
     started, cpu_s = time.monotonic(), time.process_time()
     row = empty_row(job, version("armload"))
@@ -41,7 +42,9 @@ def run_job(job: Job) -> Row:
     try:
         row |= _identified(job, row, copies)
     except (IdentificationError, ControlError) as problem:
-        row |= {"outcome": RowOutcome.REFUSED.value, "error": _named(str(problem), copies)}
+        unread = isinstance(problem.__cause__, OSError)
+        outcome = RowOutcome.FAILED if unread else RowOutcome.REFUSED
+        row |= {"outcome": outcome.value, "error": _named(str(problem), copies)}
     except Exception as problem:  # noqa: BLE001 - one recording's trouble, and there are thousands of others
         where = extract_tb(problem.__traceback__)[-1]
         text = f"{type(problem).__name__}: {problem} ({Path(where.filename).name}, line {where.lineno})"
@@ -76,11 +79,18 @@ def _identified(job: Job, row: Row, copies: dict[str, str]) -> Row:
 
 
 def _changed(robot: str) -> int:
-    """When a robot's file was changed; 0 for a shipped one."""
-    try:
-        return Path(robot).stat().st_mtime_ns
-    except OSError:
+    """When a robot's file was changed; 0 for a shipped one.
+
+    Raises:
+        FileNotFoundError: it is not there, or not on this machine.
+    """
+    path = Path(robot)
+    if not path.is_absolute():
         return 0
+    if not path.is_file():
+        shipped = ", ".join(shipped_robots())
+        raise FileNotFoundError(f"{robot} is not there, and no shipped robot has that name: {shipped}")
+    return path.stat().st_mtime_ns
 
 
 @lru_cache(_ROBOTS)

@@ -52,6 +52,8 @@ def done(recorded_er50, server, tmp_path_factory):
         f"alone,er50,{today}/loaded_identification.mcap",
         f"misconfigured,wrong.toml,{today}/loaded_validation.mcap",
         f"gone,er50,{server}/runs/none.mcap,{today}/unloaded_identification.mcap",
+        "lost,er50,lost.mcap",
+        f"homeless,er51,{today}/unloaded_validation.mcap",
     ]
     table, rows = desk / "jobs.csv", desk / "rows"
     table.write_text("\n".join(lines) + "\n")
@@ -60,8 +62,8 @@ def done(recorded_er50, server, tmp_path_factory):
     with RowStore(rows) as store:
         listing, jobs = new_jobs(table, store)
         tally = do_jobs(listing, jobs, store, functools.partial(map, run_job), counts.append)
-    assert (tally.listed, tally.skipped, tally.done, counts) == (6, 0, 6, [1, 2, 3, 4, 5, 6])
-    assert tally.to_dict()["outcomes"] == {"identified": 2, "refused": 3, "failed": 1}
+    assert (tally.listed, tally.skipped, tally.done, counts) == (8, 0, 8, list(range(1, 9)))
+    assert tally.to_dict()["outcomes"] == {"identified": 2, "refused": 3, "failed": 3}
     return table, rows, {row["arm"]: row for row in read_rows(rows, ())}
 
 
@@ -101,6 +103,8 @@ def test_a_validation_is_used(done):
         ("alone", RowOutcome.REFUSED, "no unloaded recording was given"),
         ("misconfigured", RowOutcome.REFUSED, "wrong.toml: "),
         ("gone", RowOutcome.FAILED, "FileNotFoundError: http://127.0.0.1"),
+        ("lost", RowOutcome.FAILED, "lost.mcap: cannot be read"),
+        ("homeless", RowOutcome.FAILED, "/er51 is not there, and no shipped robot has that name: er50, prbt"),
     ],
 )
 def test_what_goes_wrong_is_a_row(done, arm, outcome, problem):
@@ -115,5 +119,5 @@ def test_a_second_run_does_what_failed_and_what_is_new(done):
     table, rows, _ = done
     with RowStore(rows) as store:
         listing, jobs = new_jobs(table, store)
-        assert [job.arm for job in jobs] == ["gone"]
-        assert len(listing.jobs) == 6
+        assert [job.arm for job in jobs] == ["gone", "lost", "homeless"]
+        assert len(listing.jobs) == 8
