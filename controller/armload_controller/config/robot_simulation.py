@@ -72,10 +72,14 @@ class RobotSimulation:
         """
         if name == NO_PAYLOAD:
             return None
-        if name not in self.source.simulation.payloads and name.endswith(PAYLOAD_FILE):
+        payloads = self.source.simulation.payloads
+        if name in payloads:
+            return payloads[name].rigid_body()
+        if name.endswith(PAYLOAD_FILE):
             body = read_payload(Path(name)).model
             return RigidBody(body.mass_kg, body.center_of_mass_m, body.inertia_about_com)
-        return self._table(name).rigid_body()
+        expected = f"expected one of {', '.join(sorted(payloads))}, {NO_PAYLOAD}, or the path of a payload file (.toml)"
+        raise self.source.refused("simulation.payloads", name, expected)
 
     def plant_spec(self, payload: str | None, run: int = 0, changes: Sequence[PayloadChange] = ()) -> PlantSpec:
         """The simulated arm.

@@ -4,8 +4,8 @@ An estimate is fed forward while none of these speaks against it, and dropped as
 
     nothing pushes against the arm at rest          a push is not weight
     mass known within half of it                    so that added torque at least halves what is wrong
-    centre of mass known within `CENTER_WITHIN_M`,  likewise, on the wrist
-      or the moment within `MOMENT_SHARE` of the rated payload's at 0.1 m
+    moment known within `MOMENT_SHARE` of that of   likewise, on the wrist
+      the rated payload at 0.1 m
     its interval within what was declared           a payload that nobody expects is not carried along
       which is at most `RATED_SHARE` of the rated payload
     centre of mass at most `REACH_M` away           no tool reaches further
@@ -30,8 +30,7 @@ from armload_identification.verdict.friction_validity import FAR
 
 MASS_WITHIN: Final = 0.5
 """Half width of the mass' interval, as a share of the mass."""
-CENTER_WITHIN_M: Final = 0.03
-MOMENT_SHARE: Final = 0.05
+MOMENT_SHARE: Final = 0.25
 RATED_SHARE: Final = 0.8
 """Of the robot's rated payload; what is left is for the error of the estimate."""
 REACH_M: Final = 0.5
@@ -104,8 +103,7 @@ class AdaptationRules:
         if not width <= MASS_WITHIN * mass:
             return "the mass is not known well enough"
         declared, apart_m = self._declared, float(found.half_width_95[1:].max())
-        light = mass * apart_m <= MOMENT_SHARE * declared.rated_kg * REFERENCE_LENGTH_M
-        if not (apart_m <= CENTER_WITHIN_M or light):
+        if not mass * apart_m <= MOMENT_SHARE * declared.rated_kg * REFERENCE_LENGTH_M:
             return "the centre of mass is not known well enough"
         if mass - width < declared.least_kg or mass + width > declared.most_kg:
             return f"the mass may lie outside the declared {declared.least_kg:g}..{declared.most_kg:g} kg"

@@ -18,6 +18,7 @@ from armload_controller.feedforward.offset_check import OffsetCheck, OffsetVerdi
 from armload_controller.motion.checked_path import CheckedPath
 from armload_controller.session.run_session import RunSession
 from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
 
@@ -40,7 +41,7 @@ class AdaptedRun:
 def adapted_run(
     robot: Robot,
     path: CheckedPath,
-    used: ArmInUse,
+    calibration: ArmCalibration,
     declared: DeclaredMass,
     session: RunSession,
     beside: Beside,
@@ -51,22 +52,17 @@ def adapted_run(
     Args:
         robot: The arm.
         path: Its way.
-        used: The arm as it was calibrated.
+        calibration: The arm as it was calibrated.
         declared: What it may carry.
         session: With the arm.
         beside: Has estimates made beside the cycle.
         report: Called with every decision.
 
     Raises:
-        CommissioningError: the arm is not calibrated, or the operator does not agree.
+        CommissioningError: the operator does not agree.
         MotionError: the motion was stopped, for a torque offset that is wrong too.
     """
-    calibration, cycle_s = used.calibration, session.servos.cycle_s
-    if calibration is None:
-        raise CommissioningError(
-            "--adapt follows the estimate of a calibrated arm: calibrate it once with `armload calibrate` and give "
-            "that file as --calibration"
-        )
+    cycle_s = session.servos.cycle_s
     added = FeedforwardPlugin(
         robot.chain, robot.name, None, cycle_s, commanded=calibration.commanded(robot.drives.coupling)
     )
@@ -96,6 +92,20 @@ def adapted_run(
         "carries, and taken away again. ",
     )
     return AdaptedRun(verdicts[0], tuple(adaptation.decisions))
+
+
+def required_calibration(used: ArmInUse) -> ArmCalibration:
+    """The calibration that estimates come from.
+
+    Raises:
+        CommissioningError: the arm is not calibrated.
+    """
+    if used.calibration is None:
+        raise CommissioningError(
+            "--adapt follows the estimate of a calibrated arm: calibrate it once with `armload calibrate` and give "
+            "that file as --calibration"
+        )
+    return used.calibration
 
 
 def greatest_body(robot: Robot, declared: DeclaredMass) -> InertialParameters:

@@ -255,9 +255,10 @@ def _adapt(
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.control_errors import CommissioningError
     from armload_controller.feedforward.adaptation import at_once
-    from armload_controller.session.adapted_run import adapted_run
+    from armload_controller.session.adapted_run import adapted_run, required_calibration
     from armload_controller.session.run_session import Load, run_session
 
+    calibration = required_calibration(used)
     try:
         log = decisions.open("a", encoding="utf-8")
     except OSError as error:
@@ -271,7 +272,7 @@ def _adapt(
     with log, ThreadPoolExecutor(1, thread_name_prefix="estimate") as executor:
         beside = at_once if arm.bus.interface == VIRTUAL else executor.submit
         with run_session(arm, Load.LOADED, open_servos, operator) as session:
-            adapted = adapted_run(arm, path, used, declared, session, beside, report)
+            adapted = adapted_run(arm, path, calibration, declared, session, beside, report)
     operator.display.step(f"written: {decisions}, {len(adapted.decisions)} decisions")
     return _Outcome(adapted.verdict, decisions=adapted.decisions)
 

@@ -189,10 +189,12 @@ def test_options_that_contradict_each_other(armload, words, text):
     assert text in result.output
 
 
-def test_what_may_not_be_adapted_to(armload, folder):
+def test_what_may_not_be_adapted_to(armload, folder, calibrated):
     heavy = armload("feedforward", "prbt", "--adapt", "--expect", "0..6")
     assert "up to 80% of the rated 6 kg only" in str(heavy.exception)
     unknown = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", "--decisions", folder / "none.jsonl")
     assert "give that file as --calibration" in str(unknown.exception)
-    nowhere = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", "--decisions", folder / "no" / "a.jsonl")
+    assert "connecting" not in unknown.output
+    known = ("--calibration", folder / "arm.toml")
+    nowhere = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", *known, "--decisions", folder / "no" / "a")
     assert "choose a --decisions" in str(nowhere.exception)

@@ -21,7 +21,7 @@ from armload_controller.feedforward.adaptation import (
     PayloadAdaptation,
 )
 from armload_controller.feedforward.adaptation_rules import (
-    CENTER_WITHIN_M,
+    MOMENT_SHARE,
     AdaptationRefused,
     AdaptationRules,
     DeclaredMass,
@@ -32,6 +32,7 @@ from armload_controller.feedforward.payload_feedforward import PayloadFeedforwar
 from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
 
@@ -72,12 +73,15 @@ def far_friction(joint, change_nm):
     return friction
 
 
+MOMENT_M = MOMENT_SHARE * RATED_KG * REFERENCE_LENGTH_M / 2.0
+"""Doubt of the centre of mass at which the moment of 2 kg is in doubt by what is allowed."""
+
 DOUBTS = {
     "a push": (found(contact=True), "pushes against the arm"),
     "mass unsure": (found(width_kg=1.1), "the mass is not known"),
     "less than nothing": (found(mass_kg=-0.3), "the mass is not known"),
     "no number": (found(mass_kg=np.nan), "the mass is not known"),
-    "centre unsure": (found(half_width_95=wide(1.1 * CENTER_WITHIN_M)), "the centre of mass is not known"),
+    "centre unsure": (found(half_width_95=wide(1.1 * MOMENT_M)), "the centre of mass is not known"),
     "no centre": (found(half_width_95=wide(np.inf)), "the centre of mass is not known"),
     "too heavy": (found(mass_kg=2.95), "outside the declared 0..3 kg"),
     "far away": (found(center_m=(0.0, 0.0, 0.55)), "further than 0.5 m"),
@@ -94,7 +98,7 @@ def test_every_doubt_has_its_reason(estimate, reason):
 
 def test_a_light_payload_may_be_anywhere_near():
     rules = AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names)
-    assert rules.why_not(found(mass_kg=0.4, half_width_95=wide(1.1 * CENTER_WITHIN_M))) is None
+    assert rules.why_not(found(mass_kg=0.4, half_width_95=wide(3.0 * MOMENT_M))) is None
 
 
 def test_lighter_than_declared():
