@@ -116,8 +116,7 @@ class ExportSubject:
     @property
     def identifier(self) -> str:
         """The robot's name as an identifier of C, RAPID and file systems: lower case, digits, underscores."""
-        name = re.sub(r"[^0-9a-z]+", "_", self.robot.lower()).strip("_")
-        return name if name[:1].isalpha() else f"robot_{name}".rstrip("_")
+        return identifier_of(self.robot)
 
 
 def _permille_per_nm(robot: Robot, calibration: ArmCalibration | None) -> FloatArray | None:
@@ -136,3 +135,9 @@ def _permille_per_nm(robot: Robot, calibration: ArmCalibration | None) -> FloatA
         given_nm = given_nm * (calibration.gain_nm_a / calibration.nominal)
     permille: FloatArray = robot.drives.coupling.T * (1e3 / given_nm)[:, None]
     return permille
+
+
+def identifier_of(robot: str) -> str:
+    """A robot's name as an identifier of C, RAPID and file systems: lower case, digits, underscores."""
+    name = re.sub(r"[^0-9a-z]+", "_", robot.lower()).strip("_")
+    return name if name[:1].isalpha() else f"robot_{name}".rstrip("_")

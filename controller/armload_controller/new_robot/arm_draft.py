@@ -9,11 +9,9 @@ import numpy as np
 
 from armload_controller.config.urdf_arm import UrdfArm
 from armload_core.arrays import FloatArray
-from armload_identification.model.chain import Chain
+from armload_identification.model.chain import Chain, rpy_rad
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.toml_text import array, inline
-
-_LOCKED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,16 +121,3 @@ def _pose(pose: FloatArray) -> dict[str, str]:
 def _rounded(values: FloatArray) -> FloatArray:
     """Without the last digits, in which only the arithmetic shows."""
     return np.round(values, 12) + 0.0
-
-
-def rpy_rad(rotation: FloatArray) -> FloatArray:
-    """(3,) roll, pitch and yaw about the fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll); yaw is 0 where it is free.
-
-    Args:
-        rotation: (3, 3).
-    """
-    level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
-    pitch = np.arctan2(-rotation[2, 0], level)
-    if level < _LOCKED:
-        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
-    return np.array([np.arctan2(rotation[2, 1], rotation[2, 2]), pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])

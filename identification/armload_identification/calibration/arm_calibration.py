@@ -170,6 +170,12 @@ class ArmCalibration:
         """
         return np.asarray(np.sqrt(np.diag(self.covariance)[self._place(name)]))
 
+    @property
+    def links_covariance(self) -> FloatArray:
+        """(b, b) of the base parameters of the links, in the order of `body.base`."""
+        at = self._place("links")
+        return self.covariance[at, at]
+
     def _place(self, name: str) -> slice:
         """Where a part of the unknowns stands in the covariance."""
         n, links = self.n, int(np.count_nonzero(self.body.base))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from os import PathLike
 from pathlib import Path
 from typing import Final
@@ -286,6 +287,15 @@ def read_calibration(path: str | PathLike[str]) -> ArmCalibration:
         'er50'
     """
     return parse_calibration(read_text(Path(path), CalibrationFileError), str(path))
+
+
+def is_calibration(path: str | PathLike[str]) -> bool:
+    """Whether a file is a calibration, complete or not; False for any other, and for what is no TOML."""
+    try:
+        found = tomllib.loads(Path(path).read_text("utf-8"))
+    except (OSError, ValueError):
+        return False
+    return {"arm", "gains"} <= found.keys()
 
 
 def parse_calibration(content: str, source: str = "calibration") -> ArmCalibration:

@@ -16,6 +16,7 @@ from armload_core import kernels
 from armload_core.arrays import FloatArray
 from armload_identification.identification_errors import ModelError
 
+_LOCKED = 1e-9
 _ROTATION_TOLERANCE = 1e-6
 
 
@@ -218,6 +219,19 @@ def pose_from_xyz_rpy(xyz_m: ArrayLike, rpy_rad: ArrayLike) -> FloatArray:
     pose = _rot_z(yaw) @ _rotation(np.array([0.0, 1.0, 0.0]), pitch) @ _rot_x(roll)
     pose[:3, 3] = position
     return pose
+
+
+def rpy_rad(rotation: FloatArray) -> FloatArray:
+    """(3,) roll, pitch and yaw about the fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll); yaw is 0 where it is free.
+
+    Args:
+        rotation: (3, 3).
+    """
+    level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
+    pitch = np.arctan2(-rotation[2, 0], level)
+    if level < _LOCKED:
+        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
+    return np.array([np.arctan2(rotation[2, 1], rotation[2, 2]), pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
 
 
 def _pack(placement: FloatArray, axis: FloatArray, flange: FloatArray, gravity: FloatArray) -> FloatArray:

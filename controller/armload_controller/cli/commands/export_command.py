@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,9 +13,18 @@ from armload_controller.cli.options import CalibrationOption
 from armload_controller.cli.output.json_output import JsonOption, print_document
 from armload_controller.export.format_registry import ExportFormat, exporter
 
+if TYPE_CHECKING:
+    from armload_controller.cli.screen import Screen
+    from armload_controller.config.robot import Robot
+
 
 def export(
-    payload: Annotated[Path, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML) to export.")],
+    payload: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="Payload file (TOML) to export; or an arm's calibration, with --format urdf."
+        ),
+    ],
     robot: Annotated[
         str, typer.Option("--robot", metavar="ROBOT", help="The arm that carries it: a shipped robot, or a TOML file.")
     ],
@@ -31,8 +41,9 @@ def export(
 ) -> None:
     """Write a payload as C source, an FMU, URDF, ROS 2 files or the load data of a robot controller.
 
-    With a calibration of the arm the C source, the FMU and LinuxCNC's component have the payload's friction in the
-    gears too, and the C source the recursive estimator.
+    A calibration file instead of a payload is the arm itself, as URDF: links that can exist, with the torque of the
+    identified base parameters. With a calibration of the arm the C source, the FMU and LinuxCNC's component have the
+    payload's friction in the gears too, and the C source the recursive estimator.
     """
     if single and export_format is not ExportFormat.C:
         raise typer.BadParameter(f"is for --format c alone, not for {export_format}", param_hint="--float")
@@ -45,10 +56,16 @@ def export(
     from armload_controller.export.export_files import write_files
     from armload_controller.export.straight_line.precision import Precision
     from armload_controller.export.subject import ExportSubject
+    from armload_identification.files.calibration_file import is_calibration
     from armload_identification.files.payload_file import read_payload
     from armload_identification.model.payload import PARAMETER_NAMES
 
     arm, screen = load_robot(robot), Screen(as_json=as_json)
+    if is_calibration(payload):
+        if export_format is not ExportFormat.URDF:
+            raise typer.BadParameter(f"{payload} is an arm's calibration: expected urdf", param_hint="--format")
+        _export_arm(arm, payload, output, screen, as_json=as_json)
+        return
     result = read_payload(payload)
     used = arm_in_use(arm, calibration)
     sha256 = hashlib.sha256(payload.read_bytes()).hexdigest()
@@ -67,3 +84,32 @@ def export(
         screen.step(f"note: {note}")
     if as_json:
         print_document(export_document(arm.name, export_format, files, notes))
+
+
+def _export_arm(arm: Robot, file: Path, output: Path, screen: Screen, *, as_json: bool) -> None:
+    """Write a calibrated arm as URDF."""
+    from armload_controller.cli.output.result_documents import export_document
+    from armload_controller.export.arm_urdf import arm_urdf
+    from armload_controller.export.export_files import write_files
+    from armload_identification.calibration.possible_links import possible_links
+    from armload_identification.files.calibration_file import read_calibration
+
+    calibration = read_calibration(file)
+    calibration.require_arm(arm.chain, arm.transmission.coupling)
+    possible = possible_links(calibration.level(arm.chain), calibration)
+    sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
+    made_from = f"armload {version('armload')} from {file.name}, sha256 {sha256}"
+    files = write_files(arm_urdf(arm, calibration, possible, made_from), output)
+    for path, written in files.items():
+        screen.result(f"{'written' if written else 'unchanged'}: {path}")
+    notes = ["URDF has no rotors and no friction that grows with the load; the comment in the file has them"]
+    if not possible.exact:
+        off = ", ".join(f"{value:.2g}" for value in possible.left_nm)
+        notes.append(
+            "no links that can exist have the identified parameters; those written differ by "
+            f"{possible.off:.2f} standard deviations, {off} N m RMS"
+        )
+    for note in notes:
+        screen.step(f"note: {note}")
+    if as_json:
+        print_document(export_document(arm.name, ExportFormat.URDF, files, notes))

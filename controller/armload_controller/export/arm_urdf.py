@@ -1,0 +1,138 @@
+"""A calibrated arm as URDF: links that can exist, with the torque of the identified base parameters.
+
+- Frames: one link per joint, in the joint's frame; the base stands as the calibration found it, so that gravity is
+  -z of `world`; a link without mass for the flange.
+- inertia: tensor elements about the centre of mass in kg m2, ixy = -int xy dm.
+- dynamics: viscous and Coulomb friction; what is below zero by noise is 0. URDF has no rotors, and no friction that
+  grows with the load or the root of the speed: these stand in the comment.
+
+References:
+    ROS wiki, urdf/XML: elements "link", "joint", "dynamics", "limit"; fields, units, frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from armload_controller.config.robot import Robot
+from armload_controller.export.subject import identifier_of
+from armload_controller.export.wording import comment, exact, printable
+from armload_core.arrays import FloatArray
+from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.calibration.possible_links import PossibleLinks
+from armload_identification.model.chain import rpy_rad
+from armload_identification.model.payload import InertialParameters
+
+
+def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks, made_from: str) -> Mapping[str, str]:
+    """The arm without payload.
+
+    Args:
+        robot: The arm as configured: kinematics, names and limits.
+        calibration: What its runs show.
+        possible: Links that can exist, for that calibration.
+        made_from: The program's version, the calibration's file and its hash, in words.
+
+    Returns:
+        Text by file name.
+    """
+    identifier = identifier_of(robot.name)
+    names = [quoteattr(printable(name)) for name in robot.joint_names]
+    links = [quoteattr(f"{printable(name)}_link") for name in robot.joint_names]
+    chain, limits = robot.chain, robot.limits.motion
+    lines = [
+        '<?xml version="1.0"?>',
+        *_comment(robot, calibration, possible, made_from),
+        f'<robot name="{identifier}">',
+    ]
+    lines += ['  <link name="world"/>', '  <link name="base"/>']
+    lines += _fixed("base_joint", '"world"', '"base"', _standing(calibration.level(chain).gravity_m_s2))
+    for i, (name, parent, child) in enumerate(zip(names, ['"base"', *links[:-1]], links, strict=True)):
+        lines += [f"  <link name={child}>", *_inertial(possible.links[i]), "  </link>"]
+        lines += [
+            f'  <joint name={name} type="revolute">',
+            f"    <parent link={parent}/>",
+            f"    <child link={child}/>",
+            f"    {_origin(chain.placement[i])}",
+            f'    <axis xyz="{_numbers(chain.axis[i])}"/>',
+            f'    <limit lower="{exact(limits.position_min_rad[i])}" upper="{exact(limits.position_max_rad[i])}" '
+            f'velocity="{exact(limits.velocity_max_rad_s[i])}" effort="{exact(robot.limits.torque_max_nm[i])}"/>',
+            f'    <dynamics damping="{exact(max(calibration.body.viscous_nm_s_rad[i], 0.0))}" '
+            f'friction="{exact(max(calibration.body.coulomb_nm[i], 0.0))}"/>',
+            "  </joint>",
+        ]
+    lines += ['  <link name="flange"/>', *_fixed("flange_joint", links[-1], '"flange"', chain.flange), "</robot>"]
+    return {f"{identifier}_calibrated.urdf": "\n".join(lines) + "\n"}
+
+
+def _comment(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks, made_from: str) -> list[str]:
+    """What the file is, and what URDF has no element for."""
+    body = calibration.body
+    of = {
+        "Rotors, kg m2 at the joint (armature), row by row:": body.rotor_mass_kg_m2,
+        "Friction per torque of the links:": body.load_friction,
+        "Friction per root of the speed, N m / sqrt(rad/s):": body.root_nm,
+        "Torque reported at no load, N m:": body.offset_nm,
+    }
+    if possible.exact:
+        fit = "The links are near to rods, and have the torque of the identified base parameters."
+    else:
+        fit = (
+            "No links that can exist have the identified base parameters: these are the nearest, off by "
+            f"{possible.off:.2f} standard deviations (RMS), at random states by N m (RMS, joint by joint): "
+            f"{_numbers(np.round(possible.left_nm, 6))}."
+        )
+    paragraphs = (
+        f"{robot.name} as calibrated, without payload, written by {made_from}.",
+        f"{fit} A single link's mass or inertia is not measured; the arm's torque is.",
+        "URDF has no elements for these:",
+        *(f"{what} {_numbers(np.asarray(values).ravel())}" for what, values in of.items()),
+    )
+    return ["<!--", *(line.replace("--", "- -") for line in comment(paragraphs, " ")), "-->"]
+
+
+def _standing(gravity_m_s2: FloatArray) -> FloatArray:
+    """(4, 4) pose of the base in a world whose gravity is -z: the shortest turn."""
+    down = gravity_m_s2 / np.sqrt(np.sum(gravity_m_s2**2))
+    pose = np.eye(4)
+    if down[2] > 1.0 - 1e-12:
+        pose[:3, :3] = np.diag([1.0, -1.0, -1.0])
+        return pose
+    axis = np.cross(down, [0.0, 0.0, -1.0])
+    skew = np.cross(np.eye(3), axis)
+    pose[:3, :3] += skew + skew @ skew / (1.0 - down[2])
+    return pose
+
+
+def _fixed(name: str, parent: str, child: str, pose: FloatArray) -> list[str]:
+    return [
+        f'  <joint name="{name}" type="fixed">',
+        f"    <parent link={parent}/>",
+        f"    <child link={child}/>",
+        f"    {_origin(pose)}",
+        "  </joint>",
+    ]
+
+
+def _inertial(theta: FloatArray) -> list[str]:
+    """A link's mass and inertia."""
+    body = InertialParameters(theta)
+    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = ([exact(value) for value in row] for row in body.inertia_about_com)
+    return [
+        "    <inertial>",
+        f'      <origin xyz="{_numbers(body.center_of_mass_m)}" rpy="0 0 0"/>',
+        f'      <mass value="{exact(body.mass_kg)}"/>',
+        f'      <inertia ixx="{ixx}" ixy="{ixy}" ixz="{ixz}" iyy="{iyy}" iyz="{iyz}" izz="{izz}"/>',
+        "    </inertial>",
+    ]
+
+
+def _origin(pose: FloatArray) -> str:
+    return f'<origin xyz="{_numbers(pose[:3, 3])}" rpy="{_numbers(rpy_rad(pose[:3, :3]))}"/>'
+
+
+def _numbers(values: FloatArray) -> str:
+    return " ".join(exact(value) for value in values)
