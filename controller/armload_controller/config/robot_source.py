@@ -54,7 +54,12 @@ class RobotSource:
             ConfigurationError: the file has none.
         """
         if self.tables.bus is None:
-            raise self.refused("bus", None, "this robot is known from logs only; use `armload identify`")
+            raise self.refused(
+                "bus",
+                None,
+                "this robot is known from logs only, for `armload identify`. To move it give [bus] and every joint its "
+                "[joints.drive]: `armload init` with --scan, --description or --simulated writes them",
+            )
         return self.tables.bus
 
     @property
