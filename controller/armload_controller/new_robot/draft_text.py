@@ -326,6 +326,11 @@ def _joint(file: DraftedFile, arm: ArmDraft, joint: int, *, has_body: bool) -> N
     if np.isinf(lower) or np.isinf(upper):
         lower, upper, endless = -3.14159, 3.14159, "assumed: it turns without end, its cables may not"
         file.unchecked.append(f"{arm.joint_names[joint]}: turns without end; one turn is assumed")
+    if joint == 0:
+        file.add(
+            "# Where recordings hold motor currents, every [[joints]] also needs gear_ratio (motor turns per axis turn)"
+        )
+        file.add("# and torque_constant_nm_a (of the motor, N m per ampere).")
     file.add("[[joints]]", f"name = {text(arm.joint_names[joint])}")
     file.value("position_min_rad", lower, where, endless)
     file.value("position_max_rad", upper, where, endless)

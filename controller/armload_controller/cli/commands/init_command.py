@@ -51,14 +51,14 @@ def init(
     """Write a first robot file, complete but for what nothing can know, and design its two excitations."""
     from armload_controller.cli.output.result_documents import init_document
     from armload_controller.cli.screen import Screen
-    from armload_controller.control_errors import ConfigurationError
+    from armload_controller.control_errors import CommissioningError, ConfigurationError
     from armload_controller.new_robot.arm_draft import named
     from armload_controller.new_robot.draft_text import draft_file
 
     screen = Screen(as_json=as_json)
     require_folder(output)
     if output.exists():
-        raise ConfigurationError(str(output), "--output", None, "a file that does not exist: nothing is replaced")
+        raise CommissioningError(f"{output} exists, and nothing is replaced: choose another --output")
     if urdf is None and not attended():
         raise ConfigurationError("command line", "URDF", None, "needed where there is no terminal to ask at")
     if payload_kg is None and attended():

@@ -81,6 +81,6 @@ def test_nothing_is_replaced_and_nothing_asked_without_a_terminal(armload, urdf,
     out = tmp_path / "four.toml"
     out.write_text("mine")
     result = armload("init", urdf(), "--output", out)
-    assert "nothing is replaced" in str(result.exception)
+    assert "nothing is replaced: choose another" in str(result.exception)
     assert out.read_text() == "mine"
     assert "no terminal to ask at" in str(armload("init", "--output", tmp_path / "other.toml").exception)
