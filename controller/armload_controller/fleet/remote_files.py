@@ -143,7 +143,8 @@ def local_copy(url: str) -> Iterator[Path]:
     files, path = _file_system(url)
     with tempfile.TemporaryDirectory(prefix="armload-") as folder:
         copy = Path(folder) / (path.rstrip("/").rsplit("/", 1)[-1] or "recording")
-        files.get(path, str(copy), recursive=files.isdir(path))
+        # not isdir(): of HTTP that reads the whole file, to see whether it is a list of files
+        files.get(path, str(copy), recursive=files.info(path).get("type") == "directory")
         yield copy
 
 

@@ -41,6 +41,9 @@ SILENT: Final = 3.0
 """Deviations that each of the latest recordings counts that gave nothing."""
 _OF_MEDIAN: Final = float(np.sqrt(np.pi / 2.0))
 """Standard deviation of a median over that of a mean."""
+_OF_SPREAD: Final = 0.37
+"""Degrees of freedom of a spread by the median deviation, per twin less one: its efficiency for normal values. With
+them no more than the stated share of normal arms is named, for any number of twins (simulated for 3 to 60)."""
 _FINEST: Final = 1e-9
 _GREATEST: Final = 99.0
 
@@ -212,16 +215,19 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
 
 
 def _usual(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[str, Quantity], float]:
-    """By how much runs of one arm differ, by model and figure: from successive runs of all arms of the model."""
-    steps: defaultdict[tuple[str, Quantity], list[float]] = defaultdict(list)
+    """By how much runs of one arm differ beyond their noise, by model and figure: from successive runs of all arms."""
+    steps: defaultdict[tuple[str, Quantity], list[FloatArray]] = defaultdict(list)
     for (_, model), quantity, one in _each(series):
         noise = np.hypot(one.noise[1:], one.noise[:-1])
-        scale = np.sqrt(2.0) * float(np.median(one.noise)) if one.values.size == 1 else 0.0
-        steps[model, quantity] += [scale, *np.sqrt(np.maximum(np.diff(one.values) ** 2 - noise**2, 0.0))]
-    return {
-        place: max(float(deviation_by_median(np.array(found)[:, None])[0]) / np.sqrt(2.0), _FINEST)
-        for place, found in steps.items()
-    }
+        steps[model, quantity].append(np.stack([np.diff(one.values), noise]))
+    usual = {}
+    for place, found in steps.items():
+        difference, noise = np.hstack(found)
+        variance = 0.0
+        if difference.size:
+            variance = float(deviation_by_median(difference[:, None])[0]) ** 2 - float(np.median(noise)) ** 2
+        usual[place] = max(float(np.sqrt(max(0.5 * variance, 0.0))), _FINEST)
+    return usual
 
 
 def _each(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> Iterator[tuple[ArmKey, Quantity, _Series]]:
@@ -289,7 +295,8 @@ def _against_twins(
             middle = float(np.median(others))
             spread = float(deviation_by_median((others - middle)[:, None])[0])
             expected = np.hypot(spread, width[i]) * np.sqrt(1.0 + _OF_MEDIAN**2 / others.size)
-            log_chance = float(t.logsf(abs(level[i] - middle) / expected, others.size - 1)) + np.log(2.0)
+            freedom = _OF_SPREAD * (others.size - 1)
+            log_chance = float(t.logsf(abs(level[i] - middle) / expected, freedom)) + np.log(2.0)
             suspicion = None
             if log_chance < np.log(FALSE_ALARM / tests):
                 unit, scale = UNITS[quantity.kind]

@@ -62,6 +62,12 @@ def test_a_fleet_in_which_nothing_happens_is_not_suspicious():
     assert named == 0
 
 
+def test_few_runs_are_no_reason_for_suspicion():
+    for nights in (1, 2, 4):
+        early = [run for run in fleet(11) if run.recorded < FIRST + timedelta(days=nights)]
+        assert sum(len(arm.suspicions) for arm in review_fleet(early).arms) == 0
+
+
 def test_each_trouble_is_named_and_nothing_else(review):
     found = {arm.arm: arm.suspicions for arm in review.arms if arm.suspicions}
     assert set(found) == {"cell03", "cell05", "cell07", "cell09"}
