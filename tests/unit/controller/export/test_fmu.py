@@ -346,20 +346,30 @@ def test_the_same_payload_gives_the_same_bytes(small):
     assert export_fmu(small) == export_fmu(small)
 
 
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc on this machine")
 def test_names_from_files_break_neither_xml_nor_c(version, small, tmp_path):
-    subject = small
-    limits = replace(subject.limits, joint_names=('*/<&>"\n', "\u00e4-->\\"))
-    subject = replace(subject, robot='7 Axis*/ "\u00c4"\\', payload_file='a*/b"\\\n#error.toml', limits=limits)
-    ((name, content),) = version.export(subject).items()
-    (tmp_path / name).write_bytes(content)
-    assert name == "armload_robot_7_axis.fmu"
+    limits = replace(small.limits, joint_names=('*/<&>"\n', "\u00e4-->\\"))
+    subject = replace(small, robot='7 Axis*/ "\u00c4"\\', payload_file='a*/b"\\\n#error.toml', limits=limits)
     for file, text in version.texts(subject).items():
         assert text.isascii()
-        if file.endswith("buildDescription.xml"):
-            continue
-        assert "written by armload 1.2.3" in text
-        assert "sha256 0123abcd" in re.sub(r"\s+\*? ?", " ", text)
-    assert validate_fmu(str(tmp_path / name)) == []
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text(text)
+        if not file.endswith("buildDescription.xml"):
+            assert "written by armload 1.2.3" in text
+            assert "sha256 0123abcd" in re.sub(r"\s+\*? ?", " ", text)
+    assert validate_fmu(str(tmp_path)) == []
+    assert read_model_description(str(tmp_path)).modelName == "armload_robot_7_axis"
+    words = [
+        "gcc",
+        "-std=gnu99",
+        "-fsyntax-only",
+        "-Wall",
+        "-Werror",
+        f"fmi{version.number}.c",
+        "armload_robot_7_axis.c",
+    ]
+    done = subprocess.run(words, cwd=tmp_path / "sources", capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_an_inertia_that_is_not_determined_is_marked(small):
