@@ -6,6 +6,7 @@
 - mass in kg, com-x .. com-z in m in the flange frame, ixx .. iyz in kg m2 about the centre of mass as tensor elements
   (ixy = -int xy dm): the payload of the file when loaded, taken over when set-payload is set, without a step.
 - enable ramps the torque in and out; each joint's torque is limited to its parameter limit-N.
+- lag: the torque is that of the inputs so long ago, since an arm follows what is commanded by its servos' lag.
 
 The component holds the exported C, so it is one file that halcompile takes as it is. The HAL file takes LinuxCNC's
 commanded motion, whose angular joints are in degrees, and gives per mille of rated torque (60B2) to pins of lcec, the
@@ -130,11 +131,17 @@ def _wiring(subject: ExportSubject, prefix: str, component: str) -> str:
         "LinuxCNC's joints 0, 1, ... must be those of the robot's file, with its zeros and directions, in degrees. The "
         "per mille are those of the rated torques and the coupling in the robot's file.",
         f"Before motion, standing: setp {unit}.gain 0.1, enable, and look whether the drives' actual torque changes by "
-        "what is added, in sign and size. The torque belongs to the commanded motion, which a servo follows later by "
-        "its lag: delay the inputs by it where that is long.",
+        "what is added, in sign and size. Then set lag to the time by which the servos follow what is commanded: "
+        "joint.N.f-error over joint.N.vel-cmd at constant speed.",
     )
     lines = comment(paragraphs, "#")
-    lines += ["", f"loadrt {component}", f"setp {unit}.position-unit {exact(math.radians(1.0))}", ""]
+    lines += [
+        "",
+        f"loadrt {component}",
+        f"setp {unit}.position-unit {exact(math.radians(1.0))}",
+        f"setp {unit}.lag 0.0",
+        "",
+    ]
     for i, slave in enumerate(slaves):
         for pin, source in (("q", "pos-cmd"), ("dq", "vel-cmd"), ("ddq", "acc-cmd")):
             lines.append(f"net {prefix}-{pin}-{i} joint.{i}.{source} => {unit}.{pin}-{i}")

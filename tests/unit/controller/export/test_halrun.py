@@ -184,6 +184,34 @@ def test_in_a_thread_of_1_ms_its_torque_is_pythons(calibrated, halrun):
     )
 
 
+def test_the_torque_is_that_of_a_lag_ago(halrun):
+    """Half a period ago a sine had the other sign: another unit without lag, given that, has the same torque.
+
+    LinuxCNC's sine is no better than 1e-6; one cycle off would be 1 N m.
+    """
+    other = "armload-er50.1"
+    before = ["loadrt threads name1=servo-thread period1=1000000", "loadrt armload_er50 count=2"]
+    before += [f"loadrt {module}" for module in ("siggen", "sum2", "abs", "minmax")]
+    functions = ("siggen.0.update", f"{UNIT}.compute", f"{other}.compute", "sum2.0", "abs.0", "minmax.0")
+    before += [f"addf {function} servo-thread" for function in functions]
+    before += [f"net motion siggen.0.sine => {UNIT}.q-1 {other}.q-1", "setp siggen.0.frequency 10"]
+    before += [f"net {i} {unit}.tau-1 => sum2.0.in{i}" for i, unit in enumerate((UNIT, other))]
+    before += ["net difference sum2.0.out => abs.0.in", "net size abs.0.out => minmax.0.in", "setp sum2.0.gain1 -1"]
+    before += [f"setp {UNIT}.lag 0.05", f"setp {other}.position-unit -1"]
+    before += [f"setp {unit}.enable 1" for unit in (UNIT, other)] + ["start"]
+    greatest, sine = "minmax.0.max", "siggen.0.sine"
+    steps = [
+        {"until": {f"{unit}.share": 1.0 for unit in (UNIT, other)}},
+        {"set": {"minmax.0.reset": 1}, "until": {greatest: 0.0}, "tolerance": 1e-4},
+        {"set": {"minmax.0.reset": 0}, "until": {sine: 1.0}, "tolerance": 0.1},
+        {"until": {sine: -1.0}, "tolerance": 0.1},
+        {"until": {greatest: 0.0}, "tolerance": 1e-4},
+    ]
+    results = halrun((before, []), steps)[0]
+    assert abs(results[-2]["found"][sine] + 1.0) <= 0.1
+    assert results[-1]["found"][greatest] <= 1e-4
+
+
 def test_the_wiring_reaches_the_drives_before_the_fieldbus_writes(calibrated, installed, halrun):
     """LinuxCNC's own motion controller in front, a component with the pins of lcec behind."""
     file = (installed / "armload_er50.hal").read_text()
