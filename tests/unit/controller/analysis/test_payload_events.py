@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from armload_controller.analysis.payload_events import HELD_S, MOVED_S, PayloadEvents
-from armload_identification.pipeline.payload_estimator import LivePayload
+from tests.live_estimates import live_estimate
 
 N = 3
 NAMES = ("shoulder", "elbow", "wrist")
@@ -17,22 +17,7 @@ CALIBRATION = SimpleNamespace(middle_speed_rad_s=np.ones(N), usual_change_nm=np.
 
 
 def found(time_s, mass_kg=0.0, width_kg=0.05, center_m=(0.0, 0.0, 0.05), **changes):
-    plain = LivePayload(
-        time_s=time_s,
-        theta=np.zeros(10),
-        values=np.array([mass_kg, *center_m]),
-        half_width_95=np.array([width_kg, 0.003, 0.003, 0.003]),
-        determined=np.ones(4, dtype=bool),
-        moving_s=np.full(N, 2.0 * MOVED_S),
-        friction=np.zeros((3, N)),
-        changes=0,
-        changed_s=0.0,
-        change_kg=0.0,
-        contact=False,
-        refused=0,
-        covariance=np.eye(10),
-    )
-    return replace(plain, **changes)
+    return live_estimate(N, mass_kg, width_kg, center_m, time_s, **changes)
 
 
 def events(*estimates):

@@ -33,8 +33,8 @@ from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M
-from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
+from tests.live_estimates import live_estimate
 
 ROBOT = load_robot("prbt")
 N, CYCLE_S, RATED_KG = ROBOT.n, 0.01, 6.0
@@ -45,22 +45,7 @@ DECLARED = DeclaredMass(0.0, 3.0, RATED_KG)
 
 
 def found(mass_kg=2.0, width_kg=0.1, center_m=(0.02, -0.03, 0.08), **changes):
-    plain = LivePayload(
-        time_s=0.0,
-        theta=np.zeros(10),
-        values=np.array([mass_kg, *center_m]),
-        half_width_95=np.array([width_kg, 0.005, 0.005, 0.005]),
-        determined=np.ones(4, dtype=bool),
-        moving_s=np.full(N, 20.0),
-        friction=np.zeros((3, N)),
-        changes=0,
-        changed_s=0.0,
-        change_kg=0.0,
-        contact=False,
-        refused=0,
-        covariance=np.eye(10),
-    )
-    return replace(plain, **changes)
+    return live_estimate(N, mass_kg, width_kg, center_m, **changes)
 
 
 def wide(width_m):

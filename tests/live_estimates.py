@@ -1,0 +1,27 @@
+"""Estimates of an arm's payload as the recursive estimator gives them, made by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from armload_identification.pipeline.payload_estimator import LivePayload
+
+
+def live_estimate(n, mass_kg, width_kg, center_m, time_s=0.0, **changes):
+    """An estimate of an arm of n joints that has moved for long; its centre of mass is known within 5 mm."""
+    plain = LivePayload(
+        time_s=time_s,
+        theta=np.zeros(10),
+        values=np.array([mass_kg, *center_m]),
+        half_width_95=np.array([width_kg, 0.005, 0.005, 0.005]),
+        determined=np.ones(4, dtype=bool),
+        moving_s=np.full(n, 20.0),
+        friction=np.zeros((3, n)),
+        changes=0,
+        changed_s=0.0,
+        change_kg=0.0,
+        contact=False,
+        refused=0,
+        covariance=np.eye(10),
+    )
+    return replace(plain, **changes)
