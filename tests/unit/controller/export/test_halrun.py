@@ -184,32 +184,44 @@ def test_in_a_thread_of_1_ms_its_torque_is_pythons(calibrated, halrun):
     )
 
 
-def test_the_torque_is_that_of_a_lag_ago(halrun):
+def test_the_torque_is_that_of_a_lag_ago(calibrated, halrun):
     """Half a period ago a sine had the other sign: another unit without lag, given that, has the same torque.
 
-    LinuxCNC's sine is no better than 1e-6; one cycle off would be 1 N m.
+    A third one has, without lag, the torque of this cycle's square wave. LinuxCNC's sine is no better than 1e-6; one
+    cycle off would be 1 N m, and 2 in the square wave.
     """
-    other = "armload-er50.1"
-    before = ["loadrt threads name1=servo-thread period1=1000000", "loadrt armload_er50 count=2"]
-    before += [f"loadrt {module}" for module in ("siggen", "sum2", "abs", "minmax")]
-    functions = ("siggen.0.update", f"{UNIT}.compute", f"{other}.compute", "sum2.0", "abs.0", "minmax.0")
-    before += [f"addf {function} servo-thread" for function in functions]
-    before += [f"net motion siggen.0.sine => {UNIT}.q-1 {other}.q-1", "setp siggen.0.frequency 10"]
-    before += [f"net {i} {unit}.tau-1 => sum2.0.in{i}" for i, unit in enumerate((UNIT, other))]
-    before += ["net difference sum2.0.out => abs.0.in", "net size abs.0.out => minmax.0.in", "setp sum2.0.gain1 -1"]
-    before += [f"setp {UNIT}.lag 0.05", f"setp {other}.position-unit -1"]
-    before += [f"setp {unit}.enable 1" for unit in (UNIT, other)] + ["start"]
-    greatest, sine = "minmax.0.max", "siggen.0.sine"
+    units = late, _, square = [f"armload-er50.{i}" for i in range(3)]
+    before = ["loadrt threads name1=servo-thread period1=1000000", "loadrt armload_er50 count=3", "loadrt siggen"]
+    before += [f"loadrt {module} count=2" for module in ("sum2", "abs", "minmax")]
+    functions = [f"{unit}.compute" for unit in units] + [
+        f"{f}.{i}" for i in range(2) for f in ("sum2", "abs", "minmax")
+    ]
+    before += [f"addf {function} servo-thread" for function in ("siggen.0.update", *functions)]
+    before += [f"net sine siggen.0.sine => {units[0]}.q-1 {units[1]}.q-1", "setp siggen.0.frequency 10"]
+    before += [f"setp {late}.lag 0.05", f"setp {units[1]}.position-unit -1"]
+    before += [f"net {i} {unit}.tau-1 => sum2.0.in{i}" for i, unit in enumerate(units[:2])] + ["setp sum2.0.gain1 -1"]
+    ends = np.zeros((2, 3, 6))
+    ends[:, 0, 1] = 1.0, -1.0
+    feedforward = PayloadFeedforward(calibrated.chain, calibrated.payload.model)
+    high, low = (float(feedforward.torque_nm(*state)[1]) for state in ends)
+    before += [f"net square siggen.0.square => {square}.q-1 sum2.1.in1", f"net 2 {square}.tau-1 => sum2.1.in0"]
+    before += [f"setp sum2.1.gain0 {2.0 / (high - low)!r}", "setp sum2.1.gain1 -1"]
+    before += [f"setp sum2.1.offset {-(high + low) / (high - low)!r}"]
+    for i in range(2):
+        before += [f"net difference-{i} sum2.{i}.out => abs.{i}.in", f"net size-{i} abs.{i}.out => minmax.{i}.in"]
+    before += [f"setp {unit}.enable 1" for unit in units] + ["start"]
+    off = {f"minmax.{i}.max": 0.0 for i in range(2)}
     steps = [
-        {"until": {f"{unit}.share": 1.0 for unit in (UNIT, other)}},
-        {"set": {"minmax.0.reset": 1}, "until": {greatest: 0.0}, "tolerance": 1e-4},
-        {"set": {"minmax.0.reset": 0}, "until": {sine: 1.0}, "tolerance": 0.1},
-        {"until": {sine: -1.0}, "tolerance": 0.1},
-        {"until": {greatest: 0.0}, "tolerance": 1e-4},
+        {"until": {f"{unit}.share": 1.0 for unit in units}},
+        {"set": {f"minmax.{i}.reset": 1 for i in range(2)}, "until": off, "tolerance": 1e-4},
+        {"set": {f"minmax.{i}.reset": 0 for i in range(2)}, "until": {"siggen.0.sine": 1.0}, "tolerance": 0.1},
+        {"until": {"siggen.0.sine": -1.0}, "tolerance": 0.1},
+        {"until": {"siggen.0.sine": 1.0}, "tolerance": 0.1},
+        {"until": off, "tolerance": 1e-4},
     ]
     results = halrun((before, []), steps)[0]
-    assert abs(results[-2]["found"][sine] + 1.0) <= 0.1
-    assert results[-1]["found"][greatest] <= 1e-4
+    assert abs(results[-2]["found"]["siggen.0.sine"] - 1.0) <= 0.1
+    assert max(results[-1]["found"].values()) <= 1e-4
 
 
 def test_the_wiring_reaches_the_drives_before_the_fieldbus_writes(calibrated, installed, halrun):
