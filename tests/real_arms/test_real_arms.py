@@ -4,6 +4,7 @@ The files are those of PyPI's `example-robot-data` (440 MB), which `.ci/run` ins
 environment of its own. Base and flange are chosen by the options that a user has.
 """
 
+import json
 import os
 from pathlib import Path
 
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 
 import armload
+from armload_controller.config.robot import load_robot
+from armload_controller.motion.checked_path import check_path
 from tests.urdf_simulation import PinocchioArm
 
 FOLDER = Path(os.environ.get("ARMLOAD_EXAMPLE_ROBOTS", "not-given"))
@@ -74,3 +77,20 @@ def test_a_payload_is_found(case):
     assert found.payload.model.mass_kg == pytest.approx(mass_kg, rel=0.005)
     np.testing.assert_allclose(found.payload.model.center_of_mass_m, center_m, atol=0.005)
     assert any("ignored: a finger" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("name", ["SO-101", "Baxter, left", "Talos, left"])
+def test_init_gives_a_robot_file_and_two_excitations_that_can_be_run(armload, tmp_path, name):
+    """The smallest arm, a torso with a head and another arm, and one whose meshes leave part of the ranges."""
+    file, base, flange, mass_kg = ARMS[name]
+    out = tmp_path / "arm.toml"
+    links = [word for option, link in (("--base", base), ("--flange", flange)) if link for word in (option, link)]
+    words = ["init", FOLDER / file, *links, "--payload-kg", mass_kg, "--restarts", 3, "--output", out, "--json"]
+    result = armload(*words)
+    assert result.exit_code == 0, (result.output, result.exception)
+    found = json.loads(result.stdout)
+    assert (found["no_excitation"], found["holes"]) == (None, [])
+    robot = load_robot(str(out))
+    for role, excitation in robot.excitations.items():
+        check_path(excitation, robot.motion_constraints, 0.01, file=str(out), key=role)
+    assert set(robot.excitations) == {"identification", "validation"}
