@@ -119,7 +119,7 @@ def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> 
     """Refuse a twin of what is not known.
 
     Raises:
-        ConfigurationError: real drives are given as well, no payload, or a URDF without masses or greatest torques.
+        ConfigurationError: real drives are given as well, no payload, or a URDF without masses or limits.
     """
     from math import isnan
 
@@ -129,10 +129,10 @@ def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> 
         raise ConfigurationError("command line", "--simulated", None, "without --scan and --description")
     if payload_kg is None:
         raise ConfigurationError("command line", "--payload-kg", None, "needed for what the simulated arm carries")
-    limits = (*arm.torque_max_nm, *arm.velocity_max_rad_s)
+    limits = (*arm.torque_max_nm, *arm.velocity_max_rad_s, *arm.position_min_rad)
     if None in arm.links or any(isnan(value) for value in limits):
         raise ConfigurationError(
-            "command line", "--simulated", None, "only for a URDF with mass, effort and velocity of every joint"
+            "command line", "--simulated", None, "only for a URDF with mass, effort, velocity and range of every joint"
         )
 
 

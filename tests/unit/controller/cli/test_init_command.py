@@ -72,9 +72,10 @@ def test_holes_are_listed_and_no_excitation_is_designed(armload, urdf, tmp_path)
     assert "joints[1].velocity_max_rad_s is 'FILL IN'" in str(checked.exception)
     twin = armload("init", urdf(), "--simulated", "--output", tmp_path / "twin.toml")
     assert "--payload-kg is missing: needed for what the simulated arm carries" in str(twin.exception)
-    weak = urdf('<limit lower="-1" upper="1"/>')
-    twin = armload("init", weak, "--payload-kg", "1", "--simulated", "--output", tmp_path / "twin.toml")
-    assert "only for a URDF with mass, effort and velocity" in str(twin.exception)
+    for limit in ('lower="-1" upper="1"', 'lower="0" upper="0" velocity="2" effort="120"'):
+        weak = urdf(f"<limit {limit}/>")
+        twin = armload("init", weak, "--payload-kg", "1", "--simulated", "--output", tmp_path / "twin.toml")
+        assert "only for a URDF with mass, effort, velocity and range" in str(twin.exception)
 
 
 def test_nothing_is_replaced_and_nothing_asked_without_a_terminal(armload, urdf, tmp_path):
