@@ -29,6 +29,9 @@ REFUSED = {
     "design prbt --output {folder}/excitation.toml": "report",
     "feedforward prbt {payload} --picture {folder}/picture.svg --yes": "report",
     "commission prbt --output {folder}/runs --yes": "identify",
+    "fleet identify {payload} --output {folder}/fleet": "fleet",
+    "fleet watch {payload} --output {folder}/fleet": "fleet",
+    "fleet report {folder}": "fleet",
 }
 """Commands that need an extra, and the one that their message names."""
 

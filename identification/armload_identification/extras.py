@@ -19,9 +19,14 @@ class Extra(StrEnum):
 
     IDENTIFY = "identify"
     REPORT = "report"
+    FLEET = "fleet"
 
 
-_LIBRARIES: Final = {Extra.IDENTIFY: {"scipy": "SciPy"}, Extra.REPORT: {"matplotlib": "Matplotlib", "jinja2": "Jinja"}}
+_LIBRARIES: Final = {
+    Extra.IDENTIFY: {"scipy": "SciPy"},
+    Extra.REPORT: {"matplotlib": "Matplotlib", "jinja2": "Jinja"},
+    Extra.FLEET: {"distributed": "Dask", "pyarrow": "PyArrow", "fsspec": "fsspec"},
+}
 
 
 def require_extra(extra: Extra, purpose: str) -> None:

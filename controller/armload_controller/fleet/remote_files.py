@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from armload_controller.control_errors import FleetError
-from armload_controller.fleet.fleet_extra import fsspec
 
 _CHANGES: Final = ("size", "mtime", "ETag", "etag", "LastModified", "Last-Modified", "last_modified", "updated", "md5")
 """What file systems know of a file that changes when its content does; each has some of them."""
@@ -150,8 +149,10 @@ def local_copy(url: str) -> Iterator[Path]:
 
 def _file_system(url: str) -> tuple[Any, str]:
     """The file system of a URL, and the path there."""
+    from fsspec.core import url_to_fs
+
     try:
-        files, path = fsspec().core.url_to_fs(url if is_url(url) else os.fspath(Path(url).absolute()))
+        files, path = url_to_fs(url if is_url(url) else os.fspath(Path(url).absolute()))
     except ImportError as problem:
         protocol = url.partition("://")[0]
         raise FleetError(

@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from armload_controller.control_errors import FleetError
-from armload_controller.fleet.fleet_extra import parquet
 from armload_controller.fleet.recording_row import Row, RowOutcome, column_kinds, day_of
 from armload_identification.storage.replace_file import replace_file
 
@@ -119,10 +118,12 @@ def read_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
     Raises:
         FleetError: a file cannot be read.
     """
+    import pyarrow.parquet as pq
+
     rows: list[Row] = []
     for part in sorted(folder.glob(_PARTS)):
         try:
-            rows += parquet().read_table(part, columns=list(columns) or None, partitioning=None).to_pylist()
+            rows += pq.read_table(part, columns=list(columns) or None, partitioning=None).to_pylist()
         except (OSError, ValueError, KeyError) as problem:
             raise FleetError(f"{part}: not a file of `armload fleet` ({problem}); move it away") from problem
     for row in rows:
@@ -157,6 +158,7 @@ def _journal_rows(journal: Path) -> Iterator[Row]:
 def _parquet_bytes(rows: Iterable[Row]) -> bytes:
     """A file of rows, every column of one type in all files."""
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
     types: dict[str, Any] = {
         "text": pa.string(),
@@ -169,5 +171,5 @@ def _parquet_bytes(rows: Iterable[Row]) -> bytes:
     }
     schema = pa.schema([(name, types[kind]) for name, kind in column_kinds().items()])
     written = BytesIO()
-    parquet().write_table(pa.Table.from_pylist(list(rows), schema=schema), written, compression="zstd")
+    pq.write_table(pa.Table.from_pylist(list(rows), schema=schema), written, compression="zstd")
     return written.getvalue()

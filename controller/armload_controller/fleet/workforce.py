@@ -17,7 +17,6 @@ from itertools import islice
 from typing import Any, Final
 
 from armload_controller.control_errors import FleetError
-from armload_controller.fleet.fleet_extra import distributed
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.recording_row import Row, empty_row
 
@@ -48,7 +47,7 @@ class Workforce:
         workers: Processes of that cluster; as many as there are cores to this program if not given.
 
     Raises:
-        FleetError: Dask is not installed, the scheduler does not answer, or a worker has another version of armload.
+        FleetError: the scheduler does not answer, or a worker has another version of armload.
     """
 
     def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
@@ -58,15 +57,15 @@ class Workforce:
 
     def __enter__(self) -> Workforce:
         import dask
+        import distributed
 
-        library = distributed()
         with ExitStack() as stack:
             stack.enter_context(dask.config.set(_CONFIGURATION))
             address = self._scheduler
             try:
                 if address is None:
-                    address = stack.enter_context(_cluster(library, self._workers))
-                self._client = stack.enter_context(library.Client(address, timeout=_WAIT_S))
+                    address = stack.enter_context(_cluster(self._workers))
+                self._client = stack.enter_context(distributed.Client(address, timeout=_WAIT_S))
             except (OSError, ValueError, TypeError, RuntimeError) as problem:
                 raise FleetError(
                     f"no scheduler at {address}: {problem}; check --scheduler and its certificates"
@@ -93,11 +92,13 @@ class Workforce:
         Yields:
             A row for each, in the order in which they are done.
         """
+        from distributed import as_completed
+
         from armload_controller.fleet.work import run_job
 
         waiting = iter(jobs)
         given: dict[str, Job] = {}
-        under_way = distributed().as_completed(with_results=False)
+        under_way = as_completed(with_results=False)
 
         def hand_out(count: int) -> None:
             for job in islice(waiting, count):
@@ -151,9 +152,11 @@ def _ready() -> str:
     return version("armload")
 
 
-def _cluster(library: Any, workers: int) -> Any:
+def _cluster(workers: int) -> Any:
     """A cluster of this machine, which nothing but this machine reaches."""
-    return library.LocalCluster(
+    from distributed import LocalCluster
+
+    return LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
         processes=True,
@@ -175,6 +178,8 @@ def row_of(future: Any, job: Job) -> Row:
     """
     from importlib.metadata import version
 
+    from distributed import KilledWorker
+
     problem = future.exception()
     if problem is None:
         row: Row = future.result()
@@ -182,7 +187,7 @@ def row_of(future: Any, job: Job) -> Row:
     text = (
         "the worker died of it, as often as it was tried: more than "
         f"{MEMORY_BYTES // 2**20} MiB of memory, or killed from outside"
-        if isinstance(problem, distributed().KilledWorker)
+        if isinstance(problem, KilledWorker)
         else f"{type(problem).__name__}: {problem}"
     )
     return empty_row(job, version("armload")) | {"error": text}

@@ -9,7 +9,7 @@ import typer
 
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.output.json_output import JsonOption, print_document
-from armload_controller.cli.output.output_files import make_folder, require_folder
+from armload_controller.cli.output.output_files import make_folder, require_drawable
 
 if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
@@ -53,7 +53,9 @@ def identify_command(
     from armload_controller.fleet.row_store import RowStore
     from armload_controller.fleet.workforce import Workforce
     from armload_controller.session.folder_claim import claimed
+    from armload_identification.extras import Extra, require_extra
 
+    require_extra(Extra.FLEET, "armload fleet")
     screen = Screen(as_json=as_json)
     make_folder(output)
     with claimed(output, _CLAIM), RowStore(output) as store:
@@ -97,7 +99,9 @@ def watch_command(
     from armload_controller.fleet.row_store import RowStore
     from armload_controller.fleet.workforce import Workforce
     from armload_controller.session.folder_claim import claimed
+    from armload_identification.extras import Extra, require_extra
 
+    require_extra(Extra.FLEET, "armload fleet")
     screen = Screen(as_json=as_json)
     make_folder(output)
     try:
@@ -123,16 +127,21 @@ def report_command(
     """Judge the arms of a fleet: payload, gains and friction over time, the most suspicious first."""
     from importlib.metadata import version
 
+    from armload_identification.extras import Extra, require_extra
+
+    require_extra(Extra.FLEET, "armload fleet")
     from armload_controller.cli.output.fleet_output import fleet_report_document, suspicion_lines
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_rows import runs_of
     from armload_identification.many_arms.fleet_review import review_fleet
-    from armload_identification.report.fleet.fleet_report import write_fleet_report
 
     screen = Screen(as_json=as_json)
     page = output or folder / "report.html"
-    review = review_fleet(runs_of(folder))
-    require_folder(page)
+    runs = runs_of(folder)
+    require_drawable(page)
+    from armload_identification.report.fleet.fleet_report import write_fleet_report
+
+    review = review_fleet(runs)
     write_fleet_report(page, review, version("armload"))
     for line in suspicion_lines(review):
         screen.result(line)

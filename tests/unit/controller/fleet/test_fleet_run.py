@@ -1,4 +1,4 @@
-"""What is done when: looks at a table that changes, the report of what was found, what is said without the extra."""
+"""What is done when: looks at a table that changes, the report of what was found."""
 
 import json
 import re
@@ -10,7 +10,6 @@ import pytest
 
 from armload_controller.cli.output.fleet_output import suspicion_lines
 from armload_controller.control_errors import ConfigurationError, FleetError
-from armload_controller.fleet.fleet_extra import library
 from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, looks
 from armload_controller.fleet.job import Job
@@ -140,11 +139,6 @@ def test_a_second_run_of_nothing_new_starts_no_workers(armload, nights, tmp_path
     assert result.exit_code == 0, (result.output, result.exception)
     assert json.loads(result.stdout)["remarks"] == [f"{table}, line 2: no file matches none/*.mcap"]
     assert "nothing new: 0 recordings done before" in armload("fleet", "identify", table, "-o", nights).stdout
-
-
-def test_without_the_extra_its_command_is_named():
-    with pytest.raises(FleetError, match=r"runs on it, and no_such_library is not installed.*'armload\[fleet\]'"):
-        library("no_such_library", "runs on it")
 
 
 def test_the_page_describes_every_column_and_no_other():
