@@ -158,6 +158,7 @@ def moved(
                 session.run(path, role, plugins=[Witness(motion, plant)])
             except MotionError as error:
                 stops.append(f"seed 0, {load}, {role}: {error}")
+                break
             motions.append(motion)
     return motions, plant, stops
 

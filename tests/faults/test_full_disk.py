@@ -167,7 +167,7 @@ ls "$folder/run"
 
 @pytest.mark.soak
 @pytest.mark.timeout(800)
-@pytest.mark.parametrize("size_kb", [4, 12, 24, 200, 420, 460, 800, 1000, 1240, 1500, 1604, 1612, 1800])
+@pytest.mark.parametrize("size_kb", [4, 12, 24, 200, 420, 460, 800, 1000, 1240, 1500, 1604, 1612])
 def test_the_program_on_a_full_disk_says_so_and_goes_on_when_there_is_room(tmp_path, size_kb):
     """Disks in memory, of sizes from nothing to nearly all that a commissioning writes."""
     robot, disk = write_short_robot(tmp_path), tmp_path / "disk"

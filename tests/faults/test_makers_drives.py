@@ -329,6 +329,17 @@ def test_the_watch_over_the_master_is_verified_and_begins_with_the_cycle(fault_a
     assert watch == [0, 0, 0]
 
 
+def test_reactions_that_a_drive_has_otherwise_after_a_reset_are_set(drives_of):
+    """The standard's defaults are what is wanted: a drive that has them hides that nobody set anything."""
+    others = {"1029sub1": "1", "605B": "0", "605C": "0", "605D": "2", "6066": "50"}
+    changes = {section: {"DefaultValue": value} for section, value in others.items()}
+    arm = drives_of(own(changes=changes, expected=ways()), ())
+    arm.servos.connect()
+    for drive in arm.drives._drives.values():
+        keys = (0x1029 << 8 | 1, 0x605B << 8, 0x605C << 8, 0x605D << 8, 0x6066 << 8)
+        assert [drive.dictionary.values[key] for key in keys] == [0, 1, 1, 1, 20]
+
+
 def test_a_device_type_is_reported_as_a_whole(drives_of):
     arm = drives_of(ROWS["a device type with more bits"], ())
     arm.servos.connect()
