@@ -6,13 +6,14 @@
 #include <string.h>
 
 static const double BIN_S = 0.0095;      /* samples that come faster are averaged over this */
-static const double WINDOW_S = 0.30;     /* what a cubic is fitted to: a Savitzky-Golay filter at the stamps as they are */
+static const double WINDOW_S = 0.24;     /* what a cubic is fitted to: a Savitzky-Golay filter at the stamps as they are */
 static const double ROW_S = 0.05;
 static const double HOLE_S = 0.10;       /* without samples for longer, the front end begins anew */
 static const double CLOCK_BACK_S = 1.0;  /* a stamp so much earlier is a clock that was set */
 static const double FASTEST_RAD_S = 20.0; /* no joint moves faster, and a position that does has jumped */
 static const double JUMP_RAD = 0.02;
 static const double LEAST_WEIGHT = 0.05;
+static const double ONWARD = 0.95;       /* share of the window that a joint moves one way, from which it counts */
 static const double CLIP = 3.0;          /* an innovation counts for at most so many standard deviations */
 static const double MISFIT_MEMORY_S = 10.0;
 static const double USUAL_MISFIT = 2.0;  /* of a calibrated arm; the test for changes allows for more, not for this */
@@ -233,13 +234,13 @@ static void forget_payload(payload_estimator *e)
     solve(e);
 }
 
-/* Cubic over the window by least squares: value at its middle, and of positions the derivatives. Returns 0 without
-   enough of it. */
+/* The middle of the window: acceleration by a cubic in least squares, all else to match. Returns 0 without enough of it. */
 static int smoothed_row(const payload_estimator *e, estimator_row *row)
 {
     const joint_sample *newest = e->smoothed + (e->next + SMOOTHED - 1) % SMOOTHED;
     double moment[2 * POWERS - 1] = {0.0}, factor[POWERS][POWERS], weight[POWERS];
-    double power[SMOOTHED][POWERS];
+    double power[SMOOTHED][POWERS], second[SMOOTHED];
+    const joint_sample *at[SMOOTHED];
     int used = 0;
     while (used < e->held
            && newest->time - e->smoothed[(e->next + 2 * SMOOTHED - 1 - used) % SMOOTHED].time <= WINDOW_S) {
@@ -253,9 +254,9 @@ static int smoothed_row(const payload_estimator *e, estimator_row *row)
     if (!(half > 0.3 * WINDOW_S)) {
         return 0;
     }
-    row->time = oldest->time + half;
     for (int k = 0; k < used; k++) {
-        const double u = (e->smoothed[(e->next + SMOOTHED - used + k) % SMOOTHED].time - row->time) / half;
+        at[k] = e->smoothed + (e->next + SMOOTHED - used + k) % SMOOTHED;
+        const double u = (at[k]->time - oldest->time) / half - 1.0;
         double p = 1.0;
         for (int m = 0; m < 2 * POWERS - 1; m++, p *= u) {
             moment[m] += p;
@@ -276,12 +277,11 @@ static int smoothed_row(const payload_estimator *e, estimator_row *row)
             factor[i][j] = i == j ? sqrt(s) : s / factor[j][j];
         }
     }
-    memset(row->position, 0, sizeof row->position);
-    memset(row->velocity, 0, sizeof row->velocity);
-    memset(row->acceleration, 0, sizeof row->acceleration);
-    memset(row->torque, 0, sizeof row->torque);
+    /* Second derivatives by the fit's weights are the true ones through a kernel: the one whose second derivative these
+       weights are. Everything goes through it, so that torque belongs to the motion, however jerky that is. */
+    double kernel[SMOOTHED], whole = 0.0, slope = 0.0;
     for (int k = 0; k < used; k++) {
-        const joint_sample *at = e->smoothed + (e->next + SMOOTHED - used + k) % SMOOTHED;
+        const double h = k == 0 ? 0.0 : at[k]->time - at[k - 1]->time;
         for (int i = 0; i < POWERS; i++) {
             weight[i] = power[k][i];
             for (int m = 0; m < i; m++) {
@@ -289,19 +289,41 @@ static int smoothed_row(const payload_estimator *e, estimator_row *row)
             }
             weight[i] /= factor[i][i];
         }
-        for (int i = POWERS - 1; i >= 0; i--) {
+        for (int i = POWERS - 1; i >= 2; i--) {
             for (int m = i + 1; m < POWERS; m++) {
                 weight[i] -= factor[m][i] * weight[m];
             }
             weight[i] /= factor[i][i];
         }
-        const double speed = weight[1] / half, acceleration = 2.0 * weight[2] / (half * half);
+        second[k] = 2.0 * weight[2] / (half * half);
+        kernel[k] = k == 0 ? 0.0 : kernel[k - 1] + slope * h;
+        whole += k == 0 ? 0.0 : 0.5 * h * (kernel[k - 1] + kernel[k]);
+        slope += second[k];
+    }
+    if (!(whole > 0.5)) { /* one but for rounding */
+        return 0;
+    }
+    memset(row->position, 0, sizeof row->position);
+    memset(row->velocity, 0, sizeof row->velocity);
+    memset(row->acceleration, 0, sizeof row->acceleration);
+    memset(row->torque, 0, sizeof row->torque);
+    memset(row->direction, 0, sizeof row->direction);
+    row->time = oldest->time;
+    for (int k = 0; k < used; k++) {
+        const double before = k == 0 ? 0.0 : at[k]->time - at[k - 1]->time;
+        const double behind = k + 1 == used ? 0.0 : at[k + 1]->time - at[k]->time;
+        const double share = 0.5 * (before + behind) * kernel[k] / whole;
+        const double between = k == 0 ? 0.0 : 0.5 * (kernel[k - 1] + kernel[k]) / whole;
+        row->time += share * (at[k]->time - oldest->time);
         for (int j = 0; j < e->n; j++) {
-            const double from_newest = at->position[j] - newest->position[j];
-            row->position[j] += weight[0] * from_newest;
-            row->velocity[j] += speed * from_newest;
-            row->acceleration[j] += acceleration * from_newest;
-            row->torque[j] += weight[0] * at->torque[j];
+            const double from_newest = at[k]->position[j] - newest->position[j];
+            const double step = k == 0 ? 0.0 : at[k]->position[j] - at[k - 1]->position[j];
+            const double turn = e->parameter[ESTIMATOR_REVERSAL][j] * before;
+            row->position[j] += share * from_newest;
+            row->velocity[j] += between * step;
+            row->acceleration[j] += second[k] * from_newest;
+            row->torque[j] += share * at[k]->torque[j];
+            row->direction[j] += between * before * (fabs(step) < turn ? step / turn : copysign(before > 0.0, step));
         }
     }
     for (int j = 0; j < e->n; j++) {
@@ -476,12 +498,14 @@ static void take_row(payload_estimator *e)
     const double counted = fmin(elapsed, 2.0 * ROW_S);
     for (int j = 0; j < n; j++) {
         const double dq = row->velocity[j], gate = e->parameter[ESTIMATOR_GATE][j];
-        const double ratio = (dq / gate) * (dq / gate), gated = ratio / sqrt(1.0 + ratio * ratio);
+        /* Where the joint stands or turns round within the window, friction is what no model says. */
+        const double onward = fmax((fabs(row->direction[j]) - ONWARD) / (1.0 - ONWARD), 0.0);
+        const double ratio = (dq / gate) * (dq / gate), gated = onward * ratio / sqrt(1.0 + ratio * ratio);
         if (gated < LEAST_WEIGHT) {
             continue;
         }
         e->moving_s[j] += fabs(dq) > gate ? counted : 0.0;
-        const double s = tanh(dq / e->parameter[ESTIMATOR_REVERSAL][j]);
+        const double s = row->direction[j];
         const double turned = links[j] + payload[j] < 0.0 ? -1.0 : 1.0;
         const double through = 1.0 + e->parameter[ESTIMATOR_LOAD][j] * s * turned;
         double arm = through * links[j] + e->parameter[ESTIMATOR_VISCOUS][j] * dq

@@ -67,6 +67,7 @@ typedef struct {
 
 typedef struct {
     double time, position[MOST_JOINTS], velocity[MOST_JOINTS], acceleration[MOST_JOINTS], torque[MOST_JOINTS];
+    double direction[MOST_JOINTS];
 } estimator_row;
 
 /* What a joint's rows say of the payload, of its friction and of both, without what was known beforehand; what follows

@@ -106,6 +106,37 @@ def test_grasped_and_dropped(estimator, streams, pinocchio_arm):
     assert abs(estimator.estimate().mass_kg) < 0.1
 
 
+@pytest.fixture(scope="module")
+def jerky(pinocchio_arm):
+    """From place to place and back to rest, accelerations that come and go at once; joints hold still in between."""
+    rng, cycle_s = np.random.default_rng(2), 0.01
+    states, here = [], np.zeros(6)
+    for _ in range(16):
+        way, half = rng.uniform(-0.6, 0.6, 6) - here, int(rng.integers(50, 80))
+        push = way / (half * cycle_s) ** 2
+        elapsed = np.arange(1, 2 * half + 1)[:, None] * cycle_s
+        second = np.where(elapsed <= half * cycle_s, push, -push)
+        first = np.cumsum(second, axis=0) * cycle_s
+        states.append((here + np.cumsum(first, axis=0) * cycle_s, first, second))
+        still = np.zeros((15, 6))
+        states.append((states[-1][0][-1] + still, still, still))
+        here = states[-1][0][-1]
+    q, dq, ddq = (np.vstack(part) for part in zip(*states, strict=True))
+    torque = pinocchio_arm.torque(q, dq, ddq, pinocchio_arm.payload)
+    noisy = torque + pinocchio_arm.noise_nm * rng.normal(size=q.shape)
+    current = noisy @ pinocchio_arm.transmission.coupling / pinocchio_arm.transmission.gain_nm_a
+    return np.arange(len(q)) * cycle_s, q + 2e-5 * rng.normal(size=q.shape), np.ascontiguousarray(current)
+
+
+def test_jerky_motion_from_place_to_place_is_no_change_of_payload(estimator, jerky, pinocchio_arm):
+    """Ruckig's motion of er50 gave ten changes in 20 s, as torque and acceleration went through different filters."""
+    estimator.update_all(*jerky)
+    found = estimator.estimate()
+    assert found.changes == 0
+    assert within(found, pinocchio_arm.payload)
+    assert found.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.015)
+
+
 def test_what_drives_and_buses_do_does_not_break_it(estimator, streams, pinocchio_arm):
     """Irregular stamps, lost samples, a hole, numbers that are none, an encoder that jumps, stamps out of order."""
     rng = np.random.default_rng(3)
