@@ -7,6 +7,7 @@ import sys
 from benchmarks import (
     adapting,
     any_motion,
+    any_motion_simulated,
     arm_calibration,
     coverage,
     operating_curve,
@@ -33,6 +34,7 @@ def main() -> int:
     with workers() as pool:
         speed.run(tally, pool)
         arm_calibration.run_simulated(tally, pool)
+        any_motion_simulated.run(tally, pool)
         other_payloads.run(tally, pool, Twin.NORMATIVE, census)
         other_payloads.run(tally, pool, Twin.HARSH, census)
         coverage.run(tally, pool, census)

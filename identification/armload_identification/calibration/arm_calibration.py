@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_rows import tilt_axes
+from armload_identification.calibration.arm_rows import sideways, tilt_axes
 from armload_identification.estimation.body_fit import BodyFit
 from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
@@ -318,13 +319,7 @@ class ArmCalibration:
         links = (regressor[:, :, base] * through[:, :, None]).transpose(2, 0, 1)
         rate = np.gradient(body.torque(chain, q, dq, ddq), interval_s, axis=0)
         still = np.zeros_like(q)
-        size = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
-        tilt = [
-            body_regressor(Chain(chain.placement, chain.axis, chain.flange, size * axis), q, still, still)
-            @ body.links.ravel()
-            for axis in tilt_axes(chain.gravity_m_s2)
-        ]
-
+        tilt = [body_regressor(side, q, still, still) @ body.links.ravel() for side in sideways(chain)]
         to_axis = np.linalg.inv(body.coupling)
         shares = (measured_nm @ body.coupling).T[:, :, None] * to_axis[:, None, :]
         changes = [
@@ -336,10 +331,14 @@ class ArmCalibration:
             rate[None],
             -np.stack(tilt),
         ]
+        return np.asarray(np.tensordot(self._independent_errors, np.concatenate(changes), axes=1))
+
+    @cached_property
+    def _independent_errors(self) -> FloatArray:
+        """(k, p) one standard deviation of each independent error."""
         values, vectors = np.linalg.eigh(self.covariance)
         kept = values > 0.0
-        whole = np.concatenate(changes)
-        return np.asarray(np.tensordot((vectors[:, kept] * np.sqrt(values[kept])).T, whole, axes=1))
+        return np.asarray((vectors[:, kept] * np.sqrt(values[kept])).T)
 
     def require_arm(self, chain: Chain, coupling: FloatArray) -> None:
         """Refuse another arm.

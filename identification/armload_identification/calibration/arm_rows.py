@@ -9,6 +9,7 @@ from 2.5 to 6 Hz and 10 or 20 rows per second move the gains by less than 0.1 %.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -238,7 +239,7 @@ def arm_rows(
     kept = kept[run.usable[kept]]
     now, then = _states(run, kept, 0.0), _states(run, kept, _DELAY_STEP_S)
     still = np.zeros_like(now[0])
-    sideways = _sideways(chain)
+    sides = sideways(chain)
     links = body_regressor(chain, *now)[:, :, base]
     ratio = (run.velocity_rad_s[kept] / (_REVERSAL * scale)) ** 2
     to_axis = np.linalg.inv(coupling).T
@@ -257,12 +258,10 @@ def arm_rows(
         weight=np.where(moves, ratio / np.sqrt(1.0 + ratio**2), 0.0),
         links=links,
         links_rate=(body_regressor(chain, *then)[:, :, base] - links) / _DELAY_STEP_S,
-        links_tilt=np.stack([body_regressor(side, now[0], still, still)[:, :, base] for side in sideways]),
+        links_tilt=np.stack([body_regressor(side, now[0], still, still)[:, :, base] for side in sides]),
         payload=payload,
         payload_rate=(payload_regressor(chain, *then) - payload) / _DELAY_STEP_S if loaded else nothing,
-        payload_tilt=np.stack(
-            [payload_regressor(side, now[0], still, still) if loaded else nothing for side in sideways]
-        ),
+        payload_tilt=np.stack([payload_regressor(side, now[0], still, still) if loaded else nothing for side in sides]),
     )
 
 
@@ -282,10 +281,17 @@ def tilt_axes(gravity_m_s2: FloatArray) -> FloatArray:
     return np.stack([first, np.cross(down, first)])
 
 
-def _sideways(chain: Chain) -> list[Chain]:
-    """The arm under gravity that pulls to either side alone: what one rad of tilt adds."""
+@lru_cache(maxsize=8)
+def sideways(chain: Chain) -> tuple[Chain, ...]:
+    """The arm under gravity that pulls to either side alone: what one rad of tilt adds.
+
+    Args:
+        chain: The arm.
+    """
     size = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
-    return [Chain(chain.placement, chain.axis, chain.flange, size * axis) for axis in tilt_axes(chain.gravity_m_s2)]
+    return tuple(
+        Chain(chain.placement, chain.axis, chain.flange, size * axis) for axis in tilt_axes(chain.gravity_m_s2)
+    )
 
 
 def _states(run: RunSignals, kept: NDArray[np.intp], delay_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -32,6 +32,8 @@ from armload_identification.signals.joint_torque import Transmission
 
 COLOUR: Final = 2.0
 """By how much the variance of an estimate exceeds that of rows as independent as they are weighted: ARM.md, part B."""
+_EVERY: Final = 4
+"""Every how manieth remembered row the sensitivity to gains and body is computed from."""
 _WEIGHTLESS_KG: Final = 1e-3
 """Below this there is no centre of mass."""
 
@@ -183,11 +185,11 @@ class PayloadEstimator:
         """(k, 10) by how much theta moves with one standard deviation of each error of gains and body."""
         n = self._chain.n
         memory = np.empty((kernels.REMEMBERED_ROWS, 1 + 4 * n))
-        rows = memory[: self._kernel.rows_into(memory)]
+        rows = memory[: self._kernel.rows_into(memory)][::-_EVERY][::-1]
         if len(rows) < 2:
             return np.zeros((0, 10))
         q, dq, ddq, tau = (np.ascontiguousarray(part) for part in np.split(rows[:, 1:], 4, axis=1))
         faded = np.exp((rows[:, :1] - rows[-1, 0]) / (2.0 * self._memory_s))
         states = JointStates(q, dq, ddq)
         seen = KnownArmRows.of(self._chain, self._arm, states, theta, self._parameter[kernels.ESTIMATOR_NOISE] / faded)
-        return seen.shifts(self._arm.doubts(states, ROW_S, tau))
+        return seen.shifts(self._arm.doubts(states, _EVERY * ROW_S, tau), _EVERY)
