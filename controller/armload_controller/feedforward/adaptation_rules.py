@@ -30,7 +30,7 @@ from armload_identification.verdict.friction_validity import FAR
 
 MASS_WITHIN: Final = 0.5
 """Half width of the mass' interval, as a share of the mass."""
-MOMENT_SHARE: Final = 0.25
+MOMENT_SHARE: Final = 0.1
 RATED_SHARE: Final = 0.8
 """Of the robot's rated payload; what is left is for the error of the estimate."""
 REACH_M: Final = 0.5
