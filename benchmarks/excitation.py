@@ -2,10 +2,10 @@
 
 The peer is what open tools do: SciPy's SLSQP over Pinocchio's regressor, minimising the condition number on a grid,
 with finite differences for the derivatives of criterion and limits (FIGAROH and FloBaRoID do the same with other
-solvers and splines or Fourier series). FIGAROH itself installs from PyPI, but its trajectory design needs cyipopt, of
-which PyPI has sources only. The peer gets the same limits on its grid (joints, torque of the heaviest payload, every
-sphere's clearance), the better one of as many random motions to start from, and a bounded number of iterations:
-what it has by then is printed, its limits' violation with it. Times are of the processor: a busy machine adds none.
+solvers and splines or Fourier series; FIGAROH itself is measured by `make peers`). The peer gets the same limits on
+its grid (joints, torque of the heaviest payload, every sphere's clearance), the better one of as many random motions to
+start from, and a bounded number of iterations: what it has by then is printed, its limits' violation with it. Times are
+of the processor: a busy machine adds none.
 """
 
 from __future__ import annotations

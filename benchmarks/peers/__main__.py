@@ -3,7 +3,7 @@
 CPU times are this machine's, now: compare within a run, not between runs.
 """
 
-from benchmarks.peers import generated_code, payload_fits
+from benchmarks.peers import excitation_searches, generated_code, payload_fits
 
-for compared in (payload_fits, generated_code):
+for compared in (payload_fits, excitation_searches, generated_code):
     compared.run()

@@ -9,14 +9,10 @@ less empty.
 from __future__ import annotations
 
 import json
-import os
-import re
-import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, getrusage
 from statistics import median
 from typing import Final
 
@@ -26,6 +22,7 @@ from rich.table import Table
 
 from armload_controller.config.robot import load_robot
 from benchmarks.peers.peer_environment import PEERS_PYTHON
+from benchmarks.peers.peer_programs import answer_of, lines_of, without_meshes
 from benchmarks.real_currents import FOLDER, MASS_KG
 
 PAIRS: Final = {"a": ("loaded.csv", "unloaded.csv"), "b": ("loaded_b.csv", "unloaded_b.csv")}
@@ -36,7 +33,6 @@ PROGRAMS: Final = {
 }
 FLANGE: Final = "tool0"
 TURNS: Final = 3
-_MESHES: Final = re.compile(r"<(visual|collision)\b.*?</\1>", re.DOTALL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +74,7 @@ def run() -> None:
         table.add_column(column, justify="left" if not column else "right")
     with tempfile.TemporaryDirectory() as folder:
         urdf = Path(folder) / "ur10e.urdf"
-        # FIGAROH demands the meshes' files
-        urdf.write_text(_MESHES.sub("", (FOLDER / "ur10e.urdf").read_text("utf-8")), "utf-8")
+        urdf.write_text(without_meshes(FOLDER / "ur10e.urdf"), "utf-8")
         arguments = [str(urdf), FLANGE]
         answers: dict[tuple[str, str], list[Answer]] = {}
         for _ in range(TURNS):
@@ -89,7 +84,7 @@ def run() -> None:
                     ours = program == "by_armload.py"
                     words = paths if ours else [*arguments, *paths, gains]
                     python = Path(sys.executable) if ours else PEERS_PYTHON
-                    answers.setdefault((name, pair), []).append(_answer(python, program, words))
+                    answers.setdefault((name, pair), []).append(Answer.parsed(*answer_of(python, program, words)))
     for name, program in PROGRAMS.items():
         a, b = (answers[name, pair] for pair in PAIRS)
         errors = [100.0 * (found[0].mass_kg / MASS_KG - 1.0) for found in (a, b)]
@@ -101,24 +96,6 @@ def run() -> None:
             *(", ".join(f"{getattr(found[0], key):.1f}" for found in (a, b)) for key in ("radius_mm", "height_mm")),
             ", ".join("yes" if found[0].possible else "no" for found in (a, b)),
             f"{median(found.cpu_s for found in (*a, *b)):.1f}",
-            str(_lines(Path(__file__).with_name(program))),
+            str(lines_of(program)),
         )
     Console(width=120).print(table)
-
-
-def _answer(python: Path, program: str, words: list[str]) -> Answer:
-    """One program's answer, with its CPU time."""
-    root = Path(__file__).resolve().parents[2]
-    command = [str(python), "-W", "ignore", str(Path(__file__).with_name(program)), *words]
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-    before = getrusage(RUSAGE_CHILDREN)
-    done = subprocess.run(command, cwd=root, env=environment, stdout=subprocess.PIPE, text=True, check=True)
-    after = getrusage(RUSAGE_CHILDREN)
-    cpu_s = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
-    return Answer.parsed(done.stdout.splitlines()[-1], cpu_s)
-
-
-def _lines(program: Path) -> int:
-    """Lines that a user writes: neither blank, nor comment, nor the docstring."""
-    text = re.sub(r'^""".*?"""', "", program.read_text("utf-8"), flags=re.DOTALL)
-    return sum(bool(line.strip()) and not line.lstrip().startswith(("#", '"""')) for line in text.splitlines())
