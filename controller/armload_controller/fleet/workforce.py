@@ -26,7 +26,6 @@ LOOPBACK: Final = "127.0.0.1"
 _CONFIGURATION: Final = {
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.scheduler.allowed-failures": 2,
-    "distributed.worker.daemon": True,
     "distributed.worker.preload": ["armload_controller.fleet.worker_start"],
     "distributed.worker.profile.enabled": False,
     # Each process otherwise looks at itself 50 times a second: with two workers 8 % of a core, with this 3 %.

@@ -56,6 +56,7 @@ def identify_command(
     from armload_identification.extras import Extra, require_extra
 
     require_extra(Extra.FLEET, "armload fleet")
+    _require_one(scheduler, workers)
     screen = Screen(as_json=as_json)
     make_folder(output)
     with claimed(output, _CLAIM), RowStore(output) as store:
@@ -102,6 +103,7 @@ def watch_command(
     from armload_identification.extras import Extra, require_extra
 
     require_extra(Extra.FLEET, "armload fleet")
+    _require_one(scheduler, workers)
     screen = Screen(as_json=as_json)
     make_folder(output)
     try:
@@ -148,6 +150,12 @@ def report_command(
     screen.step(f"written: {page}")
     if as_json:
         print_document(fleet_report_document(review, page))
+
+
+def _require_one(scheduler: str | None, workers: int | None) -> None:
+    """Refuse workers of this machine beside a scheduler, which has its own."""
+    if scheduler is not None and workers is not None:
+        raise typer.BadParameter("goes without --scheduler, which has workers of its own", param_hint="--workers")
 
 
 def _show(screen: Screen, tally: FleetTally, output: Path, *, as_json: bool) -> None:
