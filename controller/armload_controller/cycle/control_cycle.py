@@ -96,8 +96,6 @@ class Cycle:
         try:
             yield arm
             arm.release_torque()
-        except MotionError:
-            raise
         except BaseException as error:  # noqa: BLE001 - whatever it is, the arm is brought to rest first
             arm.bring_to_rest(error)
         self._servos.stop()

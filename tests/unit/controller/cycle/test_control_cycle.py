@@ -260,6 +260,18 @@ def test_a_step_of_a_stop_that_fails_does_not_keep_the_next_one_back(connected_s
     assert ("no frame leaves" if stubborn == "exchange" else "still turning") in text
 
 
+def test_an_error_about_another_motion_stops_this_one(connected_servos, run):
+    """What a plug-in met elsewhere says nothing about this arm."""
+
+    def fail(step):
+        raise MotionError("another arm was stopped", ())
+
+    servos = connected_servos(N, CYCLE_S)
+    with pytest.raises(MotionError, match="another arm was stopped"):
+        run(servos, plugins=[Stranger(129, fail)])
+    assert servos.log[1:] == ["stop", "disable"]
+
+
 def follow_all(cycle, legs):
     with cycle.powered() as arm:
         for leg in legs:
