@@ -22,8 +22,8 @@ from armload_drivers.servos import JointServos
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec
-from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import Excitation
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 from benchmarks.setups import Twin, twin_spec
 
 ROBOTS = ("er50", "prbt")

@@ -27,8 +27,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.design import DesignResult, design
 from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope
 from armload_identification.excitation.fourier import FourierTrajectory, fourier_basis
+from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.information import condition_number, named_criterion
-from armload_identification.excitation.workspace import Workspace
 from benchmarks.regressor import ORDER, pinocchio_model
 
 ROBOT = "er50"

@@ -26,7 +26,7 @@ from armload_controller.motion.checked_path import check_path
 from armload_controller.session.run_session import Load, feedback_truth, no_operator, run_session, torque_window
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import EffortFeedback
-from armload_drivers.cia402.drive_units import ArmUnits
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.servos import JointFeedback, JointServos
 from armload_drivers.simulation.fake_servos import FakeServos
 from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S, ArmPlant, PlantSample

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 import armload
 from armload_controller.cli.main import app
-from armload_identification.report.center_figure import center_views
-from armload_identification.report.figures import torque_figure
+from armload_identification.report.figures.center_figure import center_views
+from armload_identification.report.figures.joint_figures import torque_figure
 from armload_identification.report.numerals import NO_BREAK
 from armload_identification.report.parameters import mass_card
 from armload_identification.results.findings import Findings

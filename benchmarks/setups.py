@@ -21,9 +21,9 @@ from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, Rigid
 from armload_identification.excitation.design import design
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.information import named_criterion
 from armload_identification.excitation.joint_strength import TorqueLimits
-from armload_identification.excitation.workspace import Workspace
 from armload_identification.model.payload import InertialParameters
 from armload_identification.signals.joint_torque import Transmission
 from benchmarks.bodies import Cuboid

@@ -22,7 +22,7 @@ import numpy as np
 
 import armload_controller.motion.setpoints
 import armload_core
-import armload_drivers.cia402.drive_units
+import armload_drivers.cia402.process_data.drive_units
 import armload_drivers.simulation.mujoco_model
 import armload_drivers.simulation.mujoco_plant
 import armload_drivers.simulation.servo_loops
@@ -32,7 +32,7 @@ from armload_controller.motion.phase import Segment
 from armload_controller.motion.setpoints import plan_leg, plan_measured
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.drive_units import ArmUnits
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.mujoco_model import build_model
 from armload_drivers.simulation.mujoco_plant import ArmPlant
@@ -44,7 +44,7 @@ _MODULES = (
     armload_drivers.simulation.mujoco_plant,
     armload_drivers.simulation.mujoco_model,
     armload_drivers.simulation.servo_loops,
-    armload_drivers.cia402.drive_units,
+    armload_drivers.cia402.process_data.drive_units,
     armload_controller.motion.setpoints,
     armload_identification.excitation.fourier,
 )

@@ -14,7 +14,7 @@ from armload_controller.config.robot import Robot
 from armload_controller.control_errors import ControlError
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
-from armload_drivers.cia402.drive_units import ArmUnits
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.servos import JointCommand
 from armload_drivers.simulation.mujoco_plant import NOISE_CYCLE_S, ArmPlant
 from armload_drivers.simulation.plant_spec import PlantSpec

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armload_drivers.cia402.arm_settings import OperationMode
-from armload_drivers.cia402.offset_fade import OFFSET_FADE_S
+from armload_drivers.cia402.process_data.offset_fade import OFFSET_FADE_S
 from armload_drivers.cia402.state_machine import State, decode
 from armload_drivers.driver_errors import AxisMoves, CommandError, ServoFault, StateError
 from armload_drivers.servos import JointCommand, JointServos

@@ -27,7 +27,7 @@ from armload_controller.export.export_files import write_files
 from armload_controller.session.run_session import Load, no_operator, run_session
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.identification_errors import ExcitationFileError, ReportError
-from armload_identification.report.figure_file import write_figure
+from armload_identification.report.figures.figure_file import write_figure
 from armload_identification.report.page import write_page
 from armload_identification.storage.strict_toml import write_text
 from tests.faulty_disk import FAULTS, FaultyDisk, full

@@ -9,7 +9,7 @@ from armload_controller.config.drive_profiles import read_profile, shipped_profi
 from armload_controller.config.tables.drive_tables import DriveTable
 from armload_drivers.bring_up.description_file import read_description
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.process_image import temperature_entry
+from armload_drivers.cia402.process_data.process_image import temperature_entry
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.plant_interface import IdealPlant
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armload_controller.config.measured_arm import MeasuredArm
-from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.model.chain import Chain
 from armload_identification.signals.joint_torque import Transmission
 

@@ -82,8 +82,8 @@ class DesignedExcitation:
             ReportError: the file cannot be written.
         """
         require_extra(Extra.REPORT, "the picture of an excitation")
-        from armload_identification.report.figure_file import write_figure
-        from armload_identification.report.path_figure import path_figure
+        from armload_identification.report.figures.figure_file import write_figure
+        from armload_identification.report.figures.path_figure import path_figure
 
         page = path_figure(self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
         write_figure(Path(path), page, _PICTURE_DPI)

@@ -18,10 +18,10 @@ from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.checked_path import CheckedPath, check_path
 from armload_controller.motion.paths import PLANNED_SPEED_M_S
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.cartesian_speed import SpeedLimit
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import MASS_CRITERION, Excitation, FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.information import condition_number
 from armload_identification.extras import Extra, require_extra
 from armload_identification.identification_errors import EstimationError, ExcitationError
@@ -83,8 +83,8 @@ class DesignedWiggle:
         """Draw the motion and its limits on one page, .png, .svg or .pdf."""
         # Imported here: matplotlib is slow to load.
         require_extra(Extra.REPORT, "the picture of an excitation")
-        from armload_identification.report.figure_file import write_figure
-        from armload_identification.report.path_figure import path_figure
+        from armload_identification.report.figures.figure_file import write_figure
+        from armload_identification.report.figures.path_figure import path_figure
 
         page = path_figure(self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
         write_figure(Path(path), page, _PICTURE_DPI)

@@ -14,24 +14,24 @@ from typing import Annotated
 
 import typer
 
+from armload_controller.cli.arm_commands.commission_command import commission
+from armload_controller.cli.arm_commands.drives_command import drives
+from armload_controller.cli.arm_commands.feedforward_command import feedforward
+from armload_controller.cli.arm_commands.simulate_command import simulate
+from armload_controller.cli.arm_commands.watch_command import watch
 from armload_controller.cli.attendance import attended
 from armload_controller.cli.command_group import CommandGroup
 from armload_controller.cli.commands.calibrate_command import calibrate
-from armload_controller.cli.commands.commission_command import commission
 from armload_controller.cli.commands.compare_command import compare
 from armload_controller.cli.commands.design_command import design
 from armload_controller.cli.commands.drift_command import drift
-from armload_controller.cli.commands.drives_command import drives
 from armload_controller.cli.commands.export_command import export
-from armload_controller.cli.commands.feedforward_command import feedforward
 from armload_controller.cli.commands.fleet_command import fleet
 from armload_controller.cli.commands.identify_command import identify
 from armload_controller.cli.commands.init_command import init
 from armload_controller.cli.commands.recordings_command import recordings
 from armload_controller.cli.commands.report_command import report
-from armload_controller.cli.commands.simulate_command import simulate
 from armload_controller.cli.commands.validate_command import validate
-from armload_controller.cli.commands.watch_command import watch
 
 EXIT_USAGE = 2
 

@@ -29,7 +29,7 @@ from armload_controller.motion.obstacles import Obstacles
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.excitation_file import read_excitation
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.excitation.workspace import Workspace
+from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.identification_errors import IdentificationError, ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.recording.csv_columns import CsvColumns

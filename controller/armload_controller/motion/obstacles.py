@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.collision_meshes import Meshes
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.excitation.workspace import Workspace
+from armload_identification.excitation.geometry.collision_meshes import Meshes
+from armload_identification.excitation.geometry.workspace import Workspace
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike
 
 from armload_controller.motion.paths import PLANNED_SPEED_M_S, PhaseLimits
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import FourierState, FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 
 SLOW_RATE = 0.25
 """Greatest rate of the first round of a new path or with a new load."""

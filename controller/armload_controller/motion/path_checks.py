@@ -18,8 +18,8 @@ from armload_controller.motion.motion_constraints import MotionConstraints
 from armload_controller.motion.paths import REDUCED_SPEED_M_S, LinePath, PhaseLimits
 from armload_controller.motion.phase import Leg
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 from armload_identification.excitation.joint_strength import TorqueLimits
 
 RAMP_SAMPLES = 1024

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from armload_controller.control_errors import ControlError
 from armload_controller.motion.joint_limits import MotionLimits
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import FourierBounds, FourierState, FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 
 REDUCED_SPEED_M_S = 0.25
 """What no point of the arm exceeds on approaches and slow rounds: reduced speed of ISO 10218-1."""

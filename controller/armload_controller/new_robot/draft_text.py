@@ -17,7 +17,7 @@ from armload_controller.new_robot.drive_drafts import BusDraft, DriveDraft
 from armload_controller.new_robot.twin_draft import body_lines, twin_bus, twin_drive, twin_simulation
 from armload_controller.new_robot.workspace_draft import BARE_RADIUS_M, KEEP_M, WorkspaceDraft, up_of
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.workspace import Sphere
+from armload_identification.excitation.geometry.workspace import Sphere
 from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.toml_text import array, inline, number, text
 

@@ -16,10 +16,10 @@ import numpy as np
 from armload_controller.config.urdf_arm import UrdfArm
 from armload_controller.new_robot.arm_draft import ArmDraft
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.collision_meshes import Meshes
-from armload_identification.excitation.enclosing_spheres import enclosing_spheres
-from armload_identification.excitation.urdf_geometry import load_urdf_geometry
-from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
+from armload_identification.excitation.geometry.collision_meshes import Meshes
+from armload_identification.excitation.geometry.enclosing_spheres import enclosing_spheres
+from armload_identification.excitation.geometry.urdf_geometry import load_urdf_geometry
+from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.identification_errors import ModelError
 
 KEEP_M: Final = 0.02

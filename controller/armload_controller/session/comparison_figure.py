@@ -8,7 +8,7 @@ from pathlib import Path
 from armload_controller.control_errors import CommissioningError
 from armload_controller.session.feedforward_comparison import Comparison
 from armload_identification.extras import Extra, require_extra
-from armload_identification.report.figure_file import write_figure
+from armload_identification.report.figures.figure_file import write_figure
 
 COLORS = ("#0072b2", "#009e73", "#d55e00")
 """Distinguishable without red and green."""

@@ -10,7 +10,7 @@ from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_safety import Safety, has_a_way
 from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
-from armload_drivers.cia402.process_image import drive_image
+from armload_drivers.cia402.process_data.process_image import drive_image
 
 
 def description_gaps(drive: DriveSettings) -> tuple[str, ...]:

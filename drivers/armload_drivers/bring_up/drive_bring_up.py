@@ -23,10 +23,10 @@ from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import SIMULATION_IDENTITY, ArmSettings, DriveSettings, Identity
 from armload_drivers.cia402.drive_safety import SafetyFinding, SafetyValues
-from armload_drivers.cia402.drive_scale import ReportedScale, resolve
-from armload_drivers.cia402.drive_units import ArmUnits, AxisUnits
 from armload_drivers.cia402.object_dictionary import Entry
-from armload_drivers.cia402.process_image import DriveImage, drive_image
+from armload_drivers.cia402.process_data.drive_scale import ReportedScale, resolve
+from armload_drivers.cia402.process_data.drive_units import ArmUnits, AxisUnits
+from armload_drivers.cia402.process_data.process_image import DriveImage, drive_image
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import (
     CommandError,

@@ -21,8 +21,8 @@ from armload_drivers.bus.bus_scan import require_no_strangers
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, Identity
 from armload_drivers.cia402.drive_safety import SafetyFinding
-from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.cia402.object_dictionary import NmtCommand
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
 from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoError, WrongDevice

@@ -17,7 +17,7 @@ from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
 from armload_drivers.cia402.drive_safety import Safety, master_watch
 from armload_drivers.cia402.emergency import describe
 from armload_drivers.cia402.object_dictionary import Entry
-from armload_drivers.cia402.process_image import DriveImage, temperature_entry
+from armload_drivers.cia402.process_data.process_image import DriveImage, temperature_entry
 from armload_drivers.cia402.state_machine import POWERED, MasterMachine, State, decode
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import SdoRefused, ServoError, ServoFault, StatuswordError, TransitionError

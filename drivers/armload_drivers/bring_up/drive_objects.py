@@ -14,8 +14,8 @@ import math
 from armload_drivers.bus.sdo_channel import READ_ONLY, SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.drive_units import interpolation_time, microseconds
 from armload_drivers.cia402.object_dictionary import Entry
+from armload_drivers.cia402.process_data.drive_units import interpolation_time, microseconds
 from armload_drivers.driver_errors import SdoRefused
 
 

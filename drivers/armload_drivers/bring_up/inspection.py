@@ -15,7 +15,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback, Identity
 from armload_drivers.cia402.drive_safety import Safety, has_a_way
 from armload_drivers.cia402.object_dictionary import Entry
-from armload_drivers.cia402.process_image import effort_entry
+from armload_drivers.cia402.process_data.process_image import effort_entry
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import DriverError

@@ -18,9 +18,9 @@ from armload_drivers.canopen.drive_node import DriveNode
 from armload_drivers.canopen.rival_master import ForeignTraffic
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, EffortFeedback
-from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.cia402.object_dictionary import NmtCommand, NmtState
-from armload_drivers.cia402.offset_fade import OffsetFade
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
+from armload_drivers.cia402.process_data.offset_fade import OffsetFade
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import ForeignMaster, ServoFault
 from armload_drivers.servos import JointFeedback

@@ -30,9 +30,9 @@ from armload_drivers.canopen.torque_removal import STILL_CYCLES, TorqueRemoval
 from armload_drivers.cia402.arm_settings import ArmSettings
 from armload_drivers.cia402.bus_budget import require_room
 from armload_drivers.cia402.drive_safety import Safety
-from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.cia402.object_dictionary import NmtCommand
-from armload_drivers.cia402.process_image import drive_image
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
+from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import AxisMoves, BusError, DriverError, StateError

@@ -11,7 +11,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode
 from armload_drivers.cia402.drive_safety import HEARTBEAT_TOLERANCE
 from armload_drivers.cia402.object_dictionary import NmtState, PdoDirection
-from armload_drivers.cia402.process_image import DriveImage
+from armload_drivers.cia402.process_data.process_image import DriveImage
 from armload_drivers.cia402.state_machine import MasterMachine, State
 from armload_drivers.driver_errors import ServoError, ServoFault, ServoTimeout, StatuswordError, TransitionError
 

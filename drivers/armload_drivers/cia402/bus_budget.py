@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 
 from armload_drivers.cia402.arm_settings import ArmSettings
-from armload_drivers.cia402.process_image import drive_image
+from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.driver_errors import BusOverload
 
 

@@ -22,9 +22,9 @@ from enum import Enum
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings
-from armload_drivers.cia402.drive_scale import RATING_TOLERANCE
-from armload_drivers.cia402.drive_units import ArmUnits, microseconds, milliseconds
 from armload_drivers.cia402.object_dictionary import Entry, PdoDirection
+from armload_drivers.cia402.process_data.drive_scale import RATING_TOLERANCE
+from armload_drivers.cia402.process_data.drive_units import ArmUnits, microseconds, milliseconds
 
 HEARTBEAT_TOLERANCE = 2.5
 """A heartbeat is overdue after this many periods, on both sides."""

@@ -15,9 +15,9 @@ import numpy as np
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
-from armload_drivers.cia402.drive_units import ArmUnits
 from armload_drivers.cia402.object_dictionary import PdoDirection
-from armload_drivers.cia402.process_image import drive_image
+from armload_drivers.cia402.process_data.drive_units import ArmUnits
+from armload_drivers.cia402.process_data.process_image import drive_image
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.servos import JointCommand, JointFeedback
 

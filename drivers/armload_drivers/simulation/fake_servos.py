@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_drivers.cia402.arm_settings import ArmSettings, DriveSettings, EffortFeedback
 from armload_drivers.cia402.axis_brakes import HELD_RAD, HOLDING_WATCH_S, axis_moves
-from armload_drivers.cia402.drive_units import ArmUnits, RawAxes
-from armload_drivers.cia402.offset_fade import OffsetFade
+from armload_drivers.cia402.process_data.drive_units import ArmUnits, RawAxes
+from armload_drivers.cia402.process_data.offset_fade import OffsetFade
 from armload_drivers.cia402.state_machine import State
 from armload_drivers.driver_errors import ServoFault, ServoTimeout, SimulationError, StateError
 from armload_drivers.servos import JointCommand, JointFeedback

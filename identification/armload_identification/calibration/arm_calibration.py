@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_rows import sideways, tilt_axes
-from armload_identification.estimation.body_fit import BodyFit
-from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.body_fit import BodyFit
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.body_model import BodyModel, smooth_sign

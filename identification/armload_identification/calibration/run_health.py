@@ -21,8 +21,8 @@ from armload_identification.calibration.arm_calibration import TURN_OVER, ArmCal
 from armload_identification.calibration.arm_fit import MOVING
 from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
 from armload_identification.calibration.arm_rows import RunSignals, arm_rows, run_signals
-from armload_identification.estimation.blows import struck_samples
-from armload_identification.estimation.known_arm_rows import payload_scale
+from armload_identification.estimation.empty_arm.blows import struck_samples
+from armload_identification.estimation.empty_arm.known_arm_rows import payload_scale
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.cartesian_speed import SpeedLimit
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
+from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.joint_strength import TorqueLimits
 from armload_identification.excitation.limit_margins import LimitMargins
-from armload_identification.excitation.workspace import Workspace
 from armload_identification.identification_errors import ExcitationError
 
 CLEARANCE_SCALE_M = 0.2

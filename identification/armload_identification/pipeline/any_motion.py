@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from armload_identification.estimation.arm_friction import ArmFriction
-from armload_identification.estimation.known_arm import KnownArm
-from armload_identification.estimation.known_arm_fit import fit_on_known_arm
+from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.known_arm_fit import fit_on_known_arm
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.uncertainty import DETERMINED_SHARE, quantify
 from armload_identification.identification_errors import EstimationError, RecordingError

@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.known_arm import KnownArm
-from armload_identification.estimation.known_arm_rows import KnownArmRows
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.known_arm_rows import KnownArmRows
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.chain import Chain

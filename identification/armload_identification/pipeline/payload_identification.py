@@ -13,12 +13,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.arm_friction import ArmFriction
+from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.estimators import fit_payload
 from armload_identification.estimation.friction_columns import unloaded_body
 from armload_identification.estimation.gain_columns import GainFit
-from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.servo_sag import on_one_motion

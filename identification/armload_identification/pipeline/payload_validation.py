@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.model.chain import Chain
 from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import PayloadResult

@@ -16,8 +16,8 @@ from armload_identification.calibration.arm_calibration import ArmCalibration, C
 from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import ReportError
 from armload_identification.recording.reading_options import Effort
-from armload_identification.report.calibration_figures import drift_figure, gains_figure
-from armload_identification.report.figures import COLORS
+from armload_identification.report.figures.calibration_figures import drift_figure, gains_figure
+from armload_identification.report.figures.joint_figures import COLORS
 from armload_identification.report.numerals import NO_BREAK, decimals_for, numeral
 from armload_identification.report.page import rendered, write_page
 

@@ -10,9 +10,9 @@ from markupsafe import Markup
 
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.pipeline.arm_drift import ArmDrift
-from armload_identification.report.drift_figures import charts_drawing, warm_up_drawing
+from armload_identification.report.figures.drift_figures import charts_drawing, warm_up_drawing
+from armload_identification.report.figures.svg import inline_svg
 from armload_identification.report.page import rendered, write_page
-from armload_identification.report.svg import inline_svg
 
 _TEMPLATE: Final = "drift.html.j2"
 

@@ -18,9 +18,9 @@ from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFE
 from armload_identification.identification_errors import ReportError
 from armload_identification.model.payload import PARAMETER_NAMES, SMALLEST_MARGIN, PayloadResult
 from armload_identification.pipeline.identification import Identification
-from armload_identification.report import figures
-from armload_identification.report.center_figure import FLANGE_MM, center_views
 from armload_identification.report.content import ReportContent, ReportSubject
+from armload_identification.report.figures import joint_figures
+from armload_identification.report.figures.center_figure import FLANGE_MM, center_views
 from armload_identification.report.joints import JointRow, joint_rows
 from armload_identification.report.next_steps import next_steps
 from armload_identification.report.numerals import NO_BREAK, numeral, scientific
@@ -121,7 +121,7 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
         files=file_rows(
             () if content.fitted is None else content.fitted.sources, content.validation_sources, payload.provenance
         ),
-        colors=figures.COLORS,
+        colors=joint_figures.COLORS,
         determined_percent=f"{100.0 * DETERMINED_SHARE:g}",
         reference_length=f"{REFERENCE_LENGTH_M:g}{NO_BREAK}m",
         loss_percent=f"{100.0 * SMOOTHING_LOSS_LIMIT:g}",
@@ -147,7 +147,7 @@ def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[_Pane
         fastest = np.abs(signal.states.velocity_rad_s[:, joint]).max()
         caption = f"{numeral(low, 2)} to {numeral(high, 2)}{NO_BREAK}rad, at most {numeral(fastest, 2)}{NO_BREAK}rad/s"
         title = f"Position and velocity of joint {joint + 1} ({name}) over time: {caption}."
-        svg = figures.motion_figure(signal, joint, f"motion-{joint + 1}", title)
+        svg = joint_figures.motion_figure(signal, joint, f"motion-{joint + 1}", title)
         yield _Panel(joint + 1, name, caption, Markup(svg))
 
 
@@ -193,7 +193,7 @@ def _run(
         title = (
             f"Joint {row.number} ({row.name}): measured and predicted payload torque, and the difference; {caption}."
         )
-        svg = figures.torque_figure(signal, predicted_nm, joint, f"{key}-{row.number}", title)
+        svg = joint_figures.torque_figure(signal, predicted_nm, joint, f"{key}-{row.number}", title)
         panels.append(_Panel(row.number, row.name, caption, Markup(svg)))
     return _Run(key, heading, comparison_sentence(signal), tuple(panels), rows, judged)
 

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED
+from armload_identification.report.figures.joint_figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED
+from armload_identification.report.figures.svg import inline_svg
 from armload_identification.report.page import rendered, write_page
-from armload_identification.report.svg import inline_svg
 
 _TEMPLATE: Final = "watch.html.j2"
 _WIDE_IN, _HIGH_IN = 7.0, 3.0

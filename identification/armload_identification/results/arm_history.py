@@ -147,8 +147,8 @@ class ArmHistory:
             OSError: the file cannot be written.
         """
         # Imported here: matplotlib is slow to load.
-        from armload_identification.report.drift_figures import charts_drawing
-        from armload_identification.report.figure_file import write_figure
+        from armload_identification.report.figures.drift_figures import charts_drawing
+        from armload_identification.report.figures.figure_file import write_figure
 
         write_figure(Path(path), charts_drawing(self.drift, self.joint_names), _PICTURE_DPI)
 

@@ -64,8 +64,8 @@ class PayloadOverTime:
             ReportError: the file cannot be written.
         """
         require_extra(Extra.REPORT, "the picture of a payload over time")
-        from armload_identification.report.figure_file import write_figure
-        from armload_identification.report.mass_figure import mass_figure
+        from armload_identification.report.figures.figure_file import write_figure
+        from armload_identification.report.figures.mass_figure import mass_figure
 
         found = [window for window in self.windows if window.found is not None]
         marks = [

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.model.body_model import smooth_sign
 
 FAR: Final = 5.0

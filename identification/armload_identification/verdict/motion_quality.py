@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.known_arm_fit import MOVING
+from armload_identification.estimation.empty_arm.known_arm_fit import MOVING
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.signals.motion import Motion

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import Field, PlainValidator, field_validator, model_validator
 
 from armload_controller.config.tables.table_types import NonNegative, PoseTable, Positive, Vector3
-from armload_identification.excitation.collision_meshes import Meshes
-from armload_identification.excitation.workspace import Box, HalfSpace, Sphere, Workspace
+from armload_identification.excitation.geometry.collision_meshes import Meshes
+from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 from armload_identification.storage.strict_toml import BadValue, Table
 

@@ -22,9 +22,9 @@ from collections.abc import Callable
 
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import DriveSettings, OperationMode
-from armload_drivers.cia402.drive_units import AxisUnits, saturate
 from armload_drivers.cia402.object_dictionary import DataType
-from armload_drivers.cia402.process_image import effort_entry
+from armload_drivers.cia402.process_data.drive_units import AxisUnits, saturate
+from armload_drivers.cia402.process_data.process_image import effort_entry
 from armload_drivers.cia402.state_machine import FAULT_RESET_BIT, POWERED, Command, DriveMachine, State
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.sdo_server import Abort, Dictionary, SdoAbort

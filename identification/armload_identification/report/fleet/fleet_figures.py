@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from armload_core.arrays import FloatArray
 from armload_identification.many_arms.arm_runs import UNITS
 from armload_identification.many_arms.fleet_review import FigureReview
-from armload_identification.report.control_chart_axes import days_of, draw_control_chart, draw_dates
-from armload_identification.report.figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED
-from armload_identification.report.svg import inline_svg
+from armload_identification.report.figures.control_chart_axes import days_of, draw_control_chart, draw_dates
+from armload_identification.report.figures.joint_figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED
+from armload_identification.report.figures.svg import inline_svg
 
 CHARTS: Final = 3
 """Beside each other."""

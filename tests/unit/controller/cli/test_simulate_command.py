@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from typer import BadParameter
 
-from armload_controller.cli.commands.simulate_command import payload_changes
+from armload_controller.cli.arm_commands.simulate_command import payload_changes
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_identification.files.payload_file import write_payload

@@ -21,10 +21,10 @@ from armload_controller.motion.setpoints import plan_leg
 from armload_controller.session.run_session import run_leg
 from armload_drivers.driver_errors import BusError, CommandError, ServoFault, ServoTimeout
 from armload_drivers.servos import JointFeedback
-from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
-from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
+from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import Chain
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT

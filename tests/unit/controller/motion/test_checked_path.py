@@ -17,9 +17,9 @@ from armload_controller.motion.obstacles import Obstacles
 from armload_controller.motion.path_checks import require_joint_limits, require_reduced_speed, torque_objection
 from armload_controller.motion.paths import BlockedWay, LinePath, PhaseLimits
 from armload_controller.motion.setpoints import plan_leg
-from armload_identification.excitation.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.fourier import Excitation, FourierBounds, FourierTrajectory
-from armload_identification.excitation.workspace import Box, HalfSpace, Sphere, Workspace
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
+from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.model.chain import pose_from_xyz_rpy
 
 ROBOT = load_robot("prbt")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from armload_controller.config.robot import load_robot
 from armload_controller.motion.pace import Pace, reduced_pace
 from armload_controller.motion.paths import PLANNED_SPEED_M_S, PhaseLimits, bound_phase
-from armload_identification.excitation.cartesian_speed import ArmPoints
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 
 ROBOT = load_robot("er50")
 PATH = ROBOT.excitations["identification"].trajectory

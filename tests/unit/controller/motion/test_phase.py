@@ -10,8 +10,8 @@ from armload_controller.motion.leg_interpolator import LegInterpolator
 from armload_controller.motion.motion_control import MotionControl, OperatorStop
 from armload_controller.motion.phase import PhaseState, Segment, ramp_to_grid, ramp_to_rate
 from armload_controller.motion.setpoints import plan_leg, plan_measured, plan_slow
-from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 
 N = 2

@@ -15,8 +15,8 @@ from armload_controller.motion.setpoints import (
     plan_measured,
     plan_slow,
 )
-from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 from armload_identification.model.chain import Chain
 
 N = 3

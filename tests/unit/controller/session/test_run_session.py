@@ -21,7 +21,7 @@ from armload_controller.motion.phase import Segment
 from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, no_operator, run_session
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
-from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
+from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.run_format import WAY_ROUND_ATTACHMENT
 from armload_identification.report.provenance import motion_sentence

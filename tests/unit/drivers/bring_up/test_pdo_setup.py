@@ -8,7 +8,7 @@ from armload_drivers.bus.bus_link import BusLink
 from armload_drivers.bus.sdo_channel import SdoChannel
 from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import PdoDirection
-from armload_drivers.cia402.process_image import PdoLayout
+from armload_drivers.cia402.process_data.process_image import PdoLayout
 from armload_drivers.driver_errors import SdoRefused, ServoError
 from armload_drivers.simulation.drives.drive_pdos import Pdo
 from armload_drivers.simulation.drives.sdo_server import Dictionary, SdoServer

@@ -14,9 +14,9 @@ from armload_identification.excitation.design_envelope import Envelope, Excitati
 from armload_identification.excitation.design_search import PeriodRange
 from armload_identification.excitation.excitation_file import format_excitation, parse_excitation
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.excitation.information import Criterion, named_criterion
 from armload_identification.excitation.joint_strength import TorqueLimits
-from armload_identification.excitation.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 from armload_identification.model.dynamics import ArmBody

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_identification.excitation.cartesian_speed import ArmPoints, SpeedLimit
 from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M, Envelope, ExcitationLimits
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints, SpeedLimit
+from armload_identification.excitation.geometry.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.excitation.joint_strength import TorqueLimits
-from armload_identification.excitation.workspace import HalfSpace, Sphere, Workspace
 from armload_identification.identification_errors import ExcitationError
 from armload_identification.model.dynamics import ArmBody
 

@@ -11,8 +11,8 @@ from armload_identification.calibration.calibrate_arm import MountedRun, Weighed
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.excitation.design_envelope import Envelope, ExcitationLimits
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.geometry.workspace import Workspace
 from armload_identification.excitation.joint_strength import TorqueLimits
-from armload_identification.excitation.workspace import Workspace
 from armload_identification.identification_errors import EstimationError, ExcitationError, RecordingError
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.pipeline.any_motion import FLOOR_KG, identify_windows

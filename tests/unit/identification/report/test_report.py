@@ -15,10 +15,10 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_identification import identify, payload_result
 from armload_identification.pipeline.payload_validation import judge, validate
-from armload_identification.report import figures
-from armload_identification.report.center_figure import center_views
 from armload_identification.report.content import ReportContent, ReportSubject
-from armload_identification.report.figures import thin_out, torque_figure
+from armload_identification.report.figures import joint_figures
+from armload_identification.report.figures.center_figure import center_views
+from armload_identification.report.figures.joint_figures import thin_out, torque_figure
 from armload_identification.report.next_steps import next_steps
 from armload_identification.report.numerals import align, decimals_for, numeral, scientific
 from armload_identification.report.parameters import headline, parameter_rows
@@ -113,7 +113,7 @@ def validation(pair, clear, pinocchio_arm):
 def without_curves(monkeypatch):
     """Pages whose words are looked at: the curves of the joints take longest to draw."""
     for name in ("motion_figure", "torque_figure"):
-        monkeypatch.setattr(figures, name, lambda *args: "<svg></svg>")
+        monkeypatch.setattr(joint_figures, name, lambda *args: "<svg></svg>")
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.excitation.urdf_geometry import UrdfGeometry
-from armload_identification.excitation.workspace import Sphere
+from armload_identification.excitation.geometry.urdf_geometry import UrdfGeometry
+from armload_identification.excitation.geometry.workspace import Sphere
 
 MOST_SLICES = 3
 SURFACE_M = 0.02

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure as Drawing
 from armload_core.arrays import FloatArray
 from armload_identification.pipeline.arm_drift import ArmDrift, Figure
 from armload_identification.pipeline.warm_up import WARM_S, WarmUp
-from armload_identification.report.control_chart_axes import DATES, days_of, draw_control_chart, draw_dates
-from armload_identification.report.figures import FIGURE_STYLE, PREDICTED, SMOOTHED, ticks
+from armload_identification.report.figures.control_chart_axes import DATES, days_of, draw_control_chart, draw_dates
+from armload_identification.report.figures.joint_figures import FIGURE_STYLE, PREDICTED, SMOOTHED, ticks
 
 _WIDE_IN: Final = 7.0
 _ROW_IN: Final = 1.25

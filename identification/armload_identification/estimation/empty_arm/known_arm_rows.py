@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
-from armload_identification.estimation.known_arm import KnownArm
-from armload_identification.estimation.known_arm_fit import CHANGES, moving_weights
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.known_arm_fit import CHANGES, moving_weights
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates

@@ -14,7 +14,7 @@ from armload_drivers.cia402.arm_settings import (
     VendorEffort,
 )
 from armload_drivers.cia402.object_dictionary import DataType, PdoDirection
-from armload_drivers.cia402.process_image import drive_image, effort_entry, target_entry, temperature_entry
+from armload_drivers.cia402.process_data.process_image import drive_image, effort_entry, target_entry, temperature_entry
 
 pytestmark = pytest.mark.pure
 

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armload_identification.estimation.body_fit import fit_body
+from armload_identification.estimation.empty_arm.body_fit import fit_body
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import body_regressor, rotor_columns

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armload_drivers.cia402.offset_fade import OFFSET_FADE_S, OffsetFade
+from armload_drivers.cia402.process_data.offset_fade import OFFSET_FADE_S, OffsetFade
 
 pytestmark = pytest.mark.pure
 

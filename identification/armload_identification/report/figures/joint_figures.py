@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.svg import inline_svg
+from armload_identification.report.figures.svg import inline_svg
 from armload_identification.signals.load_signal import LoadSignal
 
 INK: Final = "#1a1a1a"

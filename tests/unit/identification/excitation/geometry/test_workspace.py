@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from armload_identification.excitation.fourier import FourierTrajectory
-from armload_identification.excitation.workspace import Box, HalfSpace, Sphere, Workspace
+from armload_identification.excitation.geometry.workspace import Box, HalfSpace, Sphere, Workspace
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain, pose_from_xyz_rpy
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback, Identity, OperationMode, VendorEffort
-from armload_drivers.cia402.drive_scale import ReportedScale, resolve
 from armload_drivers.cia402.object_dictionary import DataType
+from armload_drivers.cia402.process_data.drive_scale import ReportedScale, resolve
 from armload_drivers.driver_errors import CommandError
 
 pytestmark = pytest.mark.pure

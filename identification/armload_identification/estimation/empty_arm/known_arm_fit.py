@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.friction_columns import FrictionDifference, load_column
-from armload_identification.estimation.known_arm import KnownArm
 from armload_identification.estimation.least_squares import NOTHING_KNOWN, Estimate, Prior, estimate_reweighted
 from armload_identification.estimation.uncertainty import nuisance_deviation
 from armload_identification.model.body_model import BodyModel, smooth_sign

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED, ticks
-from armload_identification.report.svg import inline_svg
+from armload_identification.report.figures.joint_figures import FIGURE_STYLE, INK, PREDICTED, SMOOTHED, ticks
+from armload_identification.report.figures.svg import inline_svg
 
 _WIDE_IN: Final = 7.0
 _NARROW_IN: Final = 3.4

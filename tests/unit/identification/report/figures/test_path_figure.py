@@ -10,7 +10,7 @@ from matplotlib.patches import Circle, Polygon
 from armload_controller.config.robot import Robot, load_robot
 from armload_identification.excitation.fourier import Excitation
 from armload_identification.identification_errors import ExcitationError
-from armload_identification.report.path_figure import path_figure
+from armload_identification.report.figures.path_figure import path_figure
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armload_identification.excitation.cartesian_speed import ArmPoints
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 
 pytestmark = pytest.mark.pure
 

@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 from armload_core.arrays import FloatArray
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
-from armload_identification.excitation.workspace import Box, Workspace
+from armload_identification.excitation.geometry.workspace import Box, Workspace
 from armload_identification.identification_errors import ExcitationError
 
 COLORS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1a1a1a")

@@ -13,10 +13,10 @@ from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.obstacles import Obstacles
 from armload_controller.session.commissioning import checked_excitations
-from armload_identification.excitation.collision_meshes import SURPLUS_M, Meshes
 from armload_identification.excitation.design import design
 from armload_identification.excitation.design_envelope import Envelope
 from armload_identification.excitation.fourier import FourierTrajectory
+from armload_identification.excitation.geometry.collision_meshes import SURPLUS_M, Meshes
 from armload_identification.excitation.information import named_criterion
 from armload_identification.identification_errors import ExcitationError, ModelError
 
@@ -212,7 +212,7 @@ def test_without_pinocchio_the_way_out_is_told(tmp_path):
         "import sys; sys.modules['coal'] = None\n"
         "from pathlib import Path\n"
         "from armload_controller.config.robot import load_robot\n"
-        "from armload_identification.excitation.collision_meshes import Meshes\n"
+        "from armload_identification.excitation.geometry.collision_meshes import Meshes\n"
         "robot = load_robot('prbt')\n"
         f"Meshes(Path({str(tmp_path / 'arm.urdf')!r}), robot.chain, robot.joint_names, 0.02)"
     )

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from armload_core.arrays import FloatArray
-from armload_identification.report.figures import INK, PREDICTED, SMOOTHED, ticks
+from armload_identification.report.figures.joint_figures import INK, PREDICTED, SMOOTHED, ticks
 from armload_identification.verdict.control_limits import ControlChart
 
 DATES: Final = 4

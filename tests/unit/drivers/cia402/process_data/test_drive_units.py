@@ -16,7 +16,8 @@ from armload_drivers.cia402.arm_settings import (
     OperationMode,
     VendorEffort,
 )
-from armload_drivers.cia402.drive_units import (
+from armload_drivers.cia402.object_dictionary import DataType
+from armload_drivers.cia402.process_data.drive_units import (
     ArmUnits,
     AxisUnits,
     interpolation_time,
@@ -24,7 +25,6 @@ from armload_drivers.cia402.drive_units import (
     milliseconds,
     saturate,
 )
-from armload_drivers.cia402.object_dictionary import DataType
 from armload_drivers.driver_errors import CommandError
 from armload_drivers.servos import JointCommand
 

@@ -1,0 +1,1 @@
+"""The commands that open an arm's bus."""

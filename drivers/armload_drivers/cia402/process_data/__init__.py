@@ -1,0 +1,1 @@
+"""Cyclic data of an arm's drives: units, frames, offsets."""
