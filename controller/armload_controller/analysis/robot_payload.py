@@ -226,7 +226,7 @@ def validate(
     """
     require_extra(Extra.IDENTIFY, "judging a payload")
     arm = _robot(robot)
-    findings = Findings(arm, _payload(payload, arm), ReportContent(), version("armload"))
+    findings = Findings(arm, payload_of(payload, arm), ReportContent(), version("armload"))
     return _validated(findings, arm, arm_in_use(arm, calibration), (loaded, unloaded), tolerance)
 
 
@@ -256,7 +256,7 @@ def findings_from_files(
     require_extra(Extra.IDENTIFY, "judging a payload by recordings")
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
-    result = _payload(payload, arm)
+    result = payload_of(payload, arm)
     content = ReportContent()
     if fitted is not None:
         loaded, unloaded = (_run(arm, run) for run in fitted)
@@ -299,7 +299,7 @@ def _run(arm: MeasuredArm, run: Recording | FilePath) -> Recording:
     return arm.own(run) if isinstance(run, Recording) else read_of(arm, Path(run))
 
 
-def _payload(payload: PayloadResult | FilePath, arm: MeasuredArm) -> PayloadResult:
+def payload_of(payload: PayloadResult | FilePath, arm: MeasuredArm) -> PayloadResult:
     """A payload of an arm, in the flange frame."""
     result = payload if isinstance(payload, PayloadResult) else read_payload(Path(payload))
     problem = another_arms(result, arm.chain, arm.name)

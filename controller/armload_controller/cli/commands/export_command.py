@@ -28,7 +28,9 @@ def export(
     robot: Annotated[
         str, typer.Option("--robot", metavar="ROBOT", help="The arm that carries it: a shipped robot, or a TOML file.")
     ],
-    export_format: Annotated[ExportFormat, typer.Option("--format", help="What to write.")],
+    export_format: Annotated[
+        ExportFormat, typer.Option("--format", metavar="FORMAT", help=f"What to write: {', '.join(ExportFormat)}.")
+    ],
     output: Annotated[
         Path,
         typer.Option("--output", "-o", help="Folder, or a file where the format has one; an existing file is kept."),

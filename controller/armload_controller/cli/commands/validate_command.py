@@ -67,9 +67,10 @@ def validate(
     if report is not None:
         require_drawable(report)
     allowed = tolerance_of(tolerance)
+    judged = robot_payload.payload_of(payload, arm)
     choices = recording_choices(columns, effort, between, joints, episode, count=2)
     runs = [read_of(arm, file, choice) for file, choice in zip((loaded, unloaded), choices, strict=True)]
-    findings = robot_payload.validate(arm, payload, *runs, calibration=calibration, tolerance=allowed)
+    findings = robot_payload.validate(arm, judged, *runs, calibration=calibration, tolerance=allowed)
     finish(Screen(as_json=as_json), findings, payload=None, report=report, as_json=as_json)
     if findings.outcome is not None:
         raise typer.Exit(exit_status(findings.outcome))

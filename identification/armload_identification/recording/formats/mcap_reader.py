@@ -96,7 +96,7 @@ class McapReader:
 
     def _parts(self, account: ReadingAccount) -> Iterator[bytes]:
         """The file's channels and messages, a chunk at a time."""
-        account.truncated = True
+        account.truncated, ended = True, False
         with self._path.open("rb") as file:
             start = file.read(len(MAGIC))
             digest, checksum = hashlib.sha256(start), zlib.crc32(start)
@@ -116,7 +116,10 @@ class McapReader:
                     if DataEnd.read(_stream(content)).data_section_crc not in {0, checksum}:
                         raise ValueError("the check sum of its data section is wrong")
                 else:
-                    account.truncated = False
+                    ended = True
+            end = file.read(len(MAGIC))
+            digest.update(end)
+            account.truncated = not (ended and end == MAGIC)
             # Bytes after the last whole record belong to the file all the same.
             while rest := file.read(_COPY_BYTES):
                 digest.update(rest)
