@@ -29,7 +29,8 @@ def export(
         str, typer.Option("--robot", metavar="ROBOT", help="The arm that carries it: a shipped robot, or a TOML file.")
     ],
     export_format: Annotated[
-        ExportFormat, typer.Option("--format", metavar="FORMAT", help=f"What to write: {', '.join(ExportFormat)}.")
+        ExportFormat,
+        typer.Option("--format", metavar="FORMAT", help=f"What to write: {', '.join(ExportFormat)}."),
     ],
     output: Annotated[
         Path,

@@ -105,8 +105,8 @@ def test_on_a_full_disk_the_earlier_file_stays(tmp_path):
 def test_every_result_is_written_whole():
     """No module of identification or controller writes a result in another way.
 
-    What grows while something runs is appended to: recordings, decisions, the journal of a fleet's rows. Sources that are
-    compiled lie in a folder of their own that nobody keeps.
+    What grows while something runs is appended to: recordings, decisions, the journal of a fleet's rows. Sources
+    that are compiled lie in a folder of their own that nobody keeps.
     """
     direct = re.compile(r"write_text\(.*utf|\.write_text\(|\.write_bytes\(|open\(.*[\"'][wxa]b?\+?[\"']")
     found = {
