@@ -19,7 +19,7 @@ from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.extras import Extra, require_extra
 from armload_identification.files.payload_file import read_payload
-from armload_identification.identification_errors import EstimationError, PayloadFileError
+from armload_identification.identification_errors import EstimationError, PayloadFileError, RecordingError
 from armload_identification.model.payload import PayloadResult
 from armload_identification.pipeline import payload_identification, payload_validation
 from armload_identification.pipeline.any_motion import SHORTEST_WINDOW_S, identify_windows
@@ -131,9 +131,15 @@ def identify(
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
     run, empty = _run(arm, loaded), None if unloaded is None else _run(arm, unloaded)
-    identification = payload_identification.identify(
-        run, empty, used.chain, used.transmission, estimator=estimator, known=known, arm=used.known
-    )
+    unnamed = _taken_in_order(arm, run)
+    try:
+        identification = payload_identification.identify(
+            run, empty, used.chain, used.transmission, estimator=estimator, known=known, arm=used.known
+        )
+    except RecordingError as error:
+        if unnamed is None:
+            raise
+        raise RecordingError(f"{error} {unnamed}") from error
     payload = payload_result(
         identification,
         version("armload"),
@@ -148,7 +154,6 @@ def identify(
             f"Gains, links, load-dependent friction and delay of the arm are from {name}: {used.calibration.origin}."
         )
         identification = replace(identification, notes=(taken, *identification.notes))
-    unnamed = _taken_in_order(arm, run)
     if unnamed is not None:
         identification = replace(identification, notes=(unnamed, *identification.notes))
     content = ReportContent.of_identification(identification)

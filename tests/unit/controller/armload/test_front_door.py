@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import armload
+from armload_identification.identification_errors import RecordingError
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.verdict.agreement import Outcome
 
@@ -151,3 +152,5 @@ def test_joints_that_are_called_otherwise_are_taken_in_their_order_and_that_is_s
     assert "(base, shoulder, elbow, roll, pitch, yaw) is called as er50 calls its own" in said
     assert "--joints" in said
     assert not any("None of the recorded" in note for note in armload.identify("er50", *runs).notes)
+    with pytest.raises(RecordingError, match=r"Exchange the two files.* None of the recorded joints \(base, "):
+        armload.identify("er50", *other[::-1])
