@@ -61,10 +61,16 @@ def pytest_sessionstart(session):
     session.config.stash[BEGUN] = time.monotonic()
 
 
+def pytest_collection(session):
+    """Nothing of what is loaded for all tests is garbage."""
+    gc.disable()
+
+
 def pytest_collection_finish(session):
-    """What was loaded for all tests stays: the garbage collector need not look at it again and again."""
-    gc.collect()
+    """What was loaded stays: the garbage collector need not look at it again and again."""
     gc.freeze()
+    gc.set_threshold(20_000, 10, 20)
+    gc.enable()
 
 
 def pytest_sessionfinish(session, exitstatus):
