@@ -18,7 +18,7 @@ commission: env
 
 test: env
 	@echo "== testing: some minutes"
-	$(BIN)/python -m pytest $(if $(WORKERS),-n $(WORKERS) --dist loadfile)
+	$(BIN)/python -m pytest $(if $(WORKERS),-n $(WORKERS))
 
 env: $(KERNELS)
 
