@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.signals.joint_torque import Transmission
 
@@ -38,6 +39,21 @@ class ArmInUse:
     known: KnownArm | None = None
     calibration: ArmCalibration | None = None
     calibration_sha256: dict[str, str] = field(default_factory=dict)
+
+    def calibrated(self, why: str) -> tuple[ArmCalibration, KnownArm]:
+        """The calibration, and the empty arm by it.
+
+        Args:
+            why: What they are needed for, as the beginning of a sentence.
+
+        Raises:
+            EstimationError: the arm is not calibrated.
+        """
+        if self.calibration is None or self.known is None:
+            raise EstimationError(
+                f"{why}: calibrate it once with `armload calibrate` and give that file as --calibration."
+            )
+        return self.calibration, self.known
 
 
 def arm_in_use(robot: MeasuredArm, calibration: FilePath | None = None) -> ArmInUse:

@@ -13,7 +13,7 @@ from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
 from armload_controller.analysis.payload_events import PayloadEvent, PayloadEvents
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_core.arrays import FloatArray
-from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.identification_errors import RecordingError
 from armload_identification.pipeline.payload_estimator import LivePayload, PayloadEstimator
 from armload_identification.recording.garbage_rows import GarbageFilter
 from armload_identification.recording.reader import ReadingAccount
@@ -120,17 +120,13 @@ class PayloadWatch:
 
     def __init__(self, robot: MeasuredArm, calibration: FilePath | None = None, every_s: float = 1.0) -> None:
         used = arm_in_use(robot, calibration)
-        if used.calibration is None:
-            raise EstimationError(
-                "what an arm carries while it works shows with its calibration only: calibrate it once with "
-                "`armload calibrate` and give that file as --calibration."
-            )
+        found, _ = used.calibrated("what an arm carries while it works shows with its calibration only")
         self._robot, self._every_s = robot, every_s
-        self.calibration, self.effort = used.calibration, used.calibration.effort
-        self._estimator = PayloadEstimator(used.calibration, robot.chain, robot.transmission)
+        self.calibration, self.effort = found, found.effort
+        self._estimator = PayloadEstimator(found, robot.chain, robot.transmission)
         self._next_s: float | None = None
         self._last_s = -np.inf
-        self._events = PayloadEvents(used.calibration, robot.joint_names)
+        self._events = PayloadEvents(found, robot.joint_names)
 
     def file(self, path: Path) -> Iterator[WatchedMoment]:
         """The rows of a recording that have not been seen yet.

@@ -39,11 +39,7 @@ def drift(
         RunTableError: a table that makes no sense, or a table among recordings.
     """
     used = arm_in_use(robot, calibration)
-    if used.calibration is None:
-        raise EstimationError(
-            "runs are held against the arm's calibration: calibrate it once with `armload calibrate` and give that "
-            "file as --calibration."
-        )
+    known, _ = used.calibrated("runs are held against the arm's calibration")
     rows = _rows(paths)
     health: list[RunHealth] = []
     left_out: list[tuple[str, str]] = []
@@ -54,7 +50,7 @@ def drift(
             health.append(
                 run_health(
                     run,
-                    used.calibration,
+                    known,
                     robot.chain,
                     robot.transmission,
                     name=row.recording.name,
@@ -73,9 +69,9 @@ def drift(
         robot=robot.name,
         description=robot.description,
         joint_names=robot.joint_names,
-        calibration=used.calibration,
+        calibration=known,
         calibration_name=next(iter(used.calibration_sha256)),
-        drift=arm_drift(used.calibration, health),
+        drift=arm_drift(known, health),
         left_out=tuple(left_out),
         armload_version=version("armload"),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -81,12 +81,7 @@ class DesignedExcitation:
         Raises:
             ReportError: the file cannot be written.
         """
-        require_extra(Extra.REPORT, "the picture of an excitation")
-        from armload_identification.report.figures.figure_file import write_figure
-        from armload_identification.report.figures.path_figure import path_figure
-
-        page = path_figure(self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
-        write_figure(Path(path), page, _PICTURE_DPI)
+        draw_excitation(Path(path), self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
 
     def nearest(self) -> dict[str, tuple[str, float]]:
         """The smallest room to every kind of limit: joint or pair of bodies, and the room in the key's unit."""
@@ -229,6 +224,25 @@ def design(
         f"--criterion {criterion}"
     )
     return DesignedExcitation(arm, result, envelope, driven, options)
+
+
+def draw_excitation(path: Path, excitation: Excitation, envelope: Envelope, joint_names: Sequence[str]) -> None:
+    """Draw an excitation, its limits and its design on one page.
+
+    Args:
+        path: Where to: .png, .svg or .pdf.
+        excitation: What to draw.
+        envelope: The limits that it was designed within.
+        joint_names: Names of the joints.
+
+    Raises:
+        ReportError: the file cannot be written.
+    """
+    require_extra(Extra.REPORT, "the picture of an excitation")
+    from armload_identification.report.figures.figure_file import write_figure
+    from armload_identification.report.figures.path_figure import path_figure
+
+    write_figure(path, path_figure(excitation, envelope, joint_names), _PICTURE_DPI)
 
 
 def design_envelope(robot: Robot) -> Envelope:

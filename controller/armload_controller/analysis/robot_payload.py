@@ -182,17 +182,13 @@ def identify_over_time(
     require_extra(Extra.IDENTIFY, "identifying a payload")
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
-    if used.known is None:
-        raise EstimationError(
-            "what an arm carries from window to window needs its calibration: calibrate it once with "
-            "`armload calibrate` and give that file as --calibration."
-        )
+    _, arm_alone = used.calibrated("what an arm carries from window to window needs its calibration")
     if not every_s >= SHORTEST_WINDOW_S:
         raise EstimationError(
             f"windows of {every_s:g} s: expected {SHORTEST_WINDOW_S:g} s or more; 10 to 20 s of brisk motion are good."
         )
     run = _run(arm, loaded)
-    windows = identify_windows(run, used.chain, used.transmission, used.known, every_s)
+    windows = identify_windows(run, used.chain, used.transmission, arm_alone, every_s)
     return PayloadOverTime(arm.name, windows, run.source, version("armload"))
 
 

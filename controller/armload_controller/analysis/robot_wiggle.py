@@ -12,7 +12,12 @@ from typing import Any, Final
 import numpy as np
 
 from armload_controller.analysis.arm_in_use import FilePath, arm_in_use
-from armload_controller.analysis.robot_excitation import POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE
+from armload_controller.analysis.robot_excitation import (
+    POSITION_MARGIN_RAD,
+    RATE_SHARE,
+    TORQUE_SHARE,
+    draw_excitation,
+)
 from armload_controller.config.robot import Robot, shipped_robots
 from armload_controller.control_errors import ConfigurationError
 from armload_controller.motion.checked_path import CheckedPath, check_path
@@ -23,14 +28,12 @@ from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import MASS_CRITERION, Excitation, FourierTrajectory
 from armload_identification.excitation.geometry.cartesian_speed import SpeedLimit
 from armload_identification.excitation.information import condition_number
-from armload_identification.extras import Extra, require_extra
-from armload_identification.identification_errors import EstimationError, ExcitationError
+from armload_identification.identification_errors import ExcitationError
 from armload_identification.pipeline.mass_prospect import MassProspect
 from armload_identification.pipeline.wiggle import Wiggle, shortest_wiggle
 
 _WITHOUT_BUS_S: Final = 0.01
 """Time between setpoints of an arm whose file names no bus."""
-_PICTURE_DPI: Final = 150
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +84,7 @@ class DesignedWiggle:
 
     def picture(self, path: str | PathLike[str]) -> None:
         """Draw the motion and its limits on one page, .png, .svg or .pdf."""
-        # Imported here: matplotlib is slow to load.
-        require_extra(Extra.REPORT, "the picture of an excitation")
-        from armload_identification.report.figures.figure_file import write_figure
-        from armload_identification.report.figures.path_figure import path_figure
-
-        page = path_figure(self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
-        write_figure(Path(path), page, _PICTURE_DPI)
+        draw_excitation(Path(path), self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
 
     def _excitation(self, output: str) -> Excitation:
         trajectory = self.wiggle.trajectory
@@ -168,11 +165,7 @@ def design_wiggle(
         BlockedWay: the way from the place onto the motion is not free.
     """
     used = arm_in_use(robot, calibration)
-    if used.known is None:
-        raise EstimationError(
-            "what a motion will show follows from the arm's calibration: calibrate it once with `armload calibrate` "
-            "and give that file as --calibration."
-        )
+    _, known = used.calibrated("what a motion will show follows from the arm's calibration")
     at = _place(robot, at_rad)
     envelope = _about(robot, at, within_rad, speed_m_s)
     cycle_s = 1.0 / robot.bus.cycle_hz if robot.has_bus else _WITHOUT_BUS_S
@@ -183,7 +176,7 @@ def design_wiggle(
         path.approach_from(at)
         return path
 
-    prospect = MassProspect(used.chain, used.known, robot.payloads.expected)
+    prospect = MassProspect(used.chain, known, robot.payloads.expected)
     wiggle = shortest_wiggle(
         prospect,
         envelope,
