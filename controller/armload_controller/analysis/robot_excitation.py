@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -226,7 +226,7 @@ def design(
     return DesignedExcitation(arm, result, envelope, driven, options)
 
 
-def draw_excitation(path: Path, excitation: Excitation, envelope: Envelope, joint_names: Sequence[str]) -> None:
+def draw_excitation(path: Path, excitation: Excitation, envelope: Envelope, joint_names: tuple[str, ...]) -> None:
     """Draw an excitation, its limits and its design on one page.
 
     Args:
