@@ -5,9 +5,8 @@
     /limits    the joints' limits, and how much of each is used
     /progress  what is being done, and how much of it is over
 
-The SDK keeps a bounded number of messages for a client and drops the oldest, so one that reads slowly or not at all
-loses messages and keeps nobody waiting. Its `stop`, however, waits for such a client for good (measured with 0.30), so
-this process ends without.
+The SDK's server is reached through a relay on loopback only, which disconnects a client that does not keep up. The
+SDK's `stop` waits for good for a client that does not read (measured with 0.30), so this process ends without.
 
 References:
     Foxglove WebSocket protocol, https://github.com/foxglove/ws-protocol.
@@ -19,6 +18,7 @@ import os
 import signal
 import socket
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Thread
 from typing import Any
@@ -28,6 +28,7 @@ import orjson
 
 from armload_controller.cycle.arm_frames import FRAMES_SCHEMA, FRAMES_TOPIC, ArmFrames
 from armload_controller.motion.joint_limits import MotionLimits
+from armload_controller.session.live_relay import LOOPBACK, ClientLimits, Relay
 from armload_core.arrays import FloatArray
 from armload_identification.recording.run_format import MESSAGE_SCHEMA, TOPIC
 from armload_identification.signals.joint_torque import Transmission
@@ -38,10 +39,10 @@ LIMIT_BYTES = 65536
 REPEAT_S = 1.0
 """Where nothing happens, the last messages are repeated at this interval for clients that came later."""
 _BACKLOG = 64
-"""Messages that are kept for a client that does not keep up."""
+"""Messages that the SDK keeps for the relay, which takes them at once."""
 _NICE = 10
 _GOODBYE_S = 1.0
-"""Time to close the connections of clients that read."""
+"""Time to close the connections of clients that read, of the SDK's and then of the relay's."""
 
 _LIMITS = ("position_min_rad", "position_max_rad", "velocity_max_rad_s", "torque_max_nm", "following_error_max_rad")
 _USED = ("position_share", "velocity_share", "torque_share", "following_error_share")
@@ -109,25 +110,40 @@ def serve(link: socket.socket, host: str, port: int, arm: LiveArm) -> None:
     """Serve until the other end of the link is closed, then end this process.
 
     Args:
-        link: Carries JSON objects, one a message: `joints` is a cycle's row, `progress` a text and a share. The first
-            answer on it is the port, or the problem.
+        link: See `serve_clients`.
         host: Where to listen.
         port: Likewise; 0 is any that is free.
         arm: What is known of the arm.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the motion, which is to be seen to its end
     os.nice(_NICE)
+    serve_clients(link, host, port, arm, ClientLimits())
+    os._exit(0)
+
+
+def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limits: ClientLimits) -> None:
+    """Serve until the other end of the link is closed.
+
+    Args:
+        link: Carries JSON objects, one a message: `joints` is a cycle's row, `progress` a text and a share. The first
+            answer on it is the `port`, or the `problem`; each later one is a `warning` for the operator.
+        host: Where to listen.
+        port: Likewise; 0 is any that is free.
+        arm: What is known of the arm.
+        limits: What a client may be behind.
+    """
+    try:
+        listener = _listener(host, port)
+    except (OSError, UnicodeError) as error:
+        link.send(orjson.dumps({"problem": getattr(error, "strerror", None) or str(error)}))
+        return
     import foxglove
 
     foxglove.set_log_level("CRITICAL")  # what it says of its clients would stand in the operator's progress
     context = foxglove.Context()
-    try:
-        server = foxglove.start_server(
-            name="armload", host=host, port=port, context=context, message_backlog_size=_BACKLOG
-        )
-    except RuntimeError as error:
-        link.send(orjson.dumps({"problem": str(error).removeprefix("FoxgloveError: ")}))
-        return
+    server = foxglove.start_server(
+        name="armload", host=LOOPBACK, port=0, context=context, message_backlog_size=_BACKLOG
+    )
     channels = {
         topic: foxglove.Channel(topic, schema=schema, context=context)
         for topic, schema in (
@@ -137,24 +153,43 @@ def serve(link: socket.socket, host: str, port: int, arm: LiveArm) -> None:
             (PROGRESS_TOPIC, _PROGRESS_SCHEMA),
         )
     }
-    link.send(orjson.dumps({"port": server.port}))
-    link.settimeout(REPEAT_S)
-    last: dict[str, Any] = {}
-    while True:
-        try:
-            data = link.recv(LIMIT_BYTES)
-        except TimeoutError:
-            data = b"{}"
-        if not data:
-            break
-        last |= orjson.loads(data)
-        now_ns = time.time_ns()
-        for topic, message in _messages(last, arm, now_ns).items():
-            channels[topic].log(message, log_time=now_ns)
-    goodbye = Thread(target=server.stop, daemon=True)
-    goodbye.start()
-    goodbye.join(_GOODBYE_S)
-    os._exit(0)
+    with link.dup() as warnings:
+        warnings.setblocking(False)
+
+        def warn(text: str) -> None:
+            with suppress(OSError):  # the operator's end is full, or gone
+                warnings.send(orjson.dumps({"warning": text}))
+
+        relay = Relay(listener, server.port, limits, warn)
+        link.send(orjson.dumps({"port": listener.getsockname()[1]}))
+        link.settimeout(REPEAT_S)
+        last: dict[str, Any] = {}
+        while True:
+            try:
+                data = link.recv(LIMIT_BYTES)
+            except TimeoutError:
+                data = b"{}"
+            if not data:
+                break
+            last |= orjson.loads(data)
+            now_ns = time.time_ns()
+            for topic, message in _messages(last, arm, now_ns).items():
+                channels[topic].log(message, log_time=now_ns)
+        goodbye = Thread(target=server.stop, daemon=True)
+        goodbye.start()
+        goodbye.join(_GOODBYE_S)
+        relay.close(_GOODBYE_S)
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    """A socket at the first address of a host, either protocol.
+
+    Raises:
+        OSError: there is no such address here, or its port is taken.
+        UnicodeError: such a name cannot be.
+    """
+    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    return socket.create_server(address[:2], family=family, dualstack_ipv6=family is socket.AF_INET6)
 
 
 def _messages(state: dict[str, Any], arm: LiveArm, now_ns: int) -> dict[str, bytes]:

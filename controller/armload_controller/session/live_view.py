@@ -4,7 +4,8 @@
 
 Rules. The cycle never waits: what does not fit into the socket is left out and counted, so neither a client nor the
 server can delay a setpoint. The server is a process of its own, so that it takes neither the interpreter's lock nor
-locked memory from the cycle. Clients look; nothing that they send is listened to.
+locked memory from the cycle. A client that does not keep up is disconnected there, and the operator reads of it between
+two motions: a terminal may block. Clients look; nothing that they send is listened to.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import ipaddress
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from multiprocessing import get_context
@@ -103,6 +104,7 @@ class LiveView:
 
     def step(self, text: str) -> None:
         """Show that something begins."""
+        self.show_warnings()
         self._display.step(text)
         self._text, self._share = text, 0.0
         self._hand_over({})
@@ -120,6 +122,13 @@ class LiveView:
 
             yield done
         self._hand_over({})
+        self.show_warnings()
+
+    def show_warnings(self) -> None:
+        """Show what the server has reported since, such as a client that it disconnected."""
+        with suppress(OSError):
+            while answer := self._link.recv(LIMIT_BYTES):
+                self._display.step(f"warning: {orjson.loads(answer)['warning']}")
 
     def _hand_over(self, message: dict[str, object]) -> None:
         """Send a message with the progress in it, or leave it out."""
@@ -185,6 +194,7 @@ def shown_live(operator: Operator, robot: Robot, address: LiveAddress | None) ->
                 operator.display.step("warning: whoever reaches this computer can watch the arm; nobody can command it")
             view = LiveView(ours, operator.display)
             yield replace(operator, display=view, watching=(*operator.watching, view))
+            view.show_warnings()
             if view.ended:
                 operator.display.step("warning: the live view ended before the motion did")
         finally:

@@ -1,20 +1,15 @@
 """The live view: a client sees the arm move, and nothing that a client or the server does reaches the cycle."""
 
-import base64
-import json
 import re
 import socket
-import struct
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from threading import Thread
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
-from websockets.sync.connection import Connection
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import CommissioningError, ConfigurationError
@@ -28,10 +23,10 @@ from armload_controller.session.live_view import EVERY_S, LiveAddress, LiveView,
 from armload_controller.session.run_session import Consent, Load, NoDisplay, Operator, run_session
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
+from tests.foxglove_clients import Client, silent_client
 
 ROBOT = load_robot("prbt")
 SWING = FourierTrajectory(1.0, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((6, 1), 0.05), np.full((6, 1), 0.02))
-PROTOCOL = "foxglove.sdk.v1"
 LOOPBACK = LiveAddress(port=0)
 
 
@@ -53,49 +48,19 @@ def operator(display=None):
     return Operator(display or NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
 
 
-class Watcher:
-    """A client that subscribes to everything and keeps it, in a thread of its own."""
+class Watcher(Client):
+    """A client that keeps everything, in a thread of its own."""
 
     def __init__(self, port):
-        self.server, self.channels, self.seen = {}, {}, {}
-        self.connection: Connection = connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL], legacy=True)
-        self.server = json.loads(self.connection.recv(timeout=10.0))
-        channels = json.loads(self.connection.recv(timeout=10.0))["channels"]
-        self.channels = {channel["topic"]: channel for channel in channels}
-        topics = {channel["id"]: channel["topic"] for channel in channels}
-        self.subscribe(list(topics))
-        self.thread = Thread(target=self._listen, args=(topics,))
+        super().__init__(port)
+        self.seen = {}
+        self.thread = Thread(target=self._listen)
         self.thread.start()
 
-    def subscribe(self, channels):
-        ids = [{"id": channel, "channelId": channel} for channel in channels]
-        self.connection.send(json.dumps({"op": "subscribe", "subscriptions": ids}))
-
-    def _listen(self, topics):
-        try:
-            for data in self.connection:
-                opcode, channel, _ = struct.unpack_from("<BIQ", data)
-                assert opcode == 1
-                self.seen.setdefault(topics[channel], []).append(json.loads(data[13:]))
-        except ConnectionClosed:
-            pass
-
-
-def silent_client(port):
-    """A client that subscribes to everything and reads nothing more."""
-    client = socket.socket()
-    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
-    client.connect(("127.0.0.1", port))
-    key = base64.b64encode(bytes(16)).decode()
-    client.sendall(
-        f"GET / HTTP/1.1\r\nHost: arm\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: {key}\r\n"
-        f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: {PROTOCOL}\r\n\r\n".encode()
-    )
-    assert b"101" in client.recv(64)
-    ids = [{"id": channel, "channelId": channel} for channel in range(1, 5)]
-    text = json.dumps({"op": "subscribe", "subscriptions": ids}).encode()
-    client.sendall(bytes([0x81, 0x80 | 126]) + struct.pack(">H", len(text)) + bytes(4) + text)
-    return client
+    def _listen(self):
+        with suppress(ConnectionClosed):
+            for topic, message in self:
+                self.seen.setdefault(topic, []).append(message)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,171 @@
+"""A relay between the live server and those who watch, which disconnects a client that does not keep up.
+
+    client <- what waits for it is bounded -> Relay <- loopback -> the SDK's server
+
+The SDK has no way to disconnect a client; all that it does with a slow one is to leave out messages. So the relay takes
+from the SDK whatever comes, at once and for every client, and keeps what a client has not taken yet. A client for which
+too much waits, or that takes nothing for too long while something waits, is disconnected; the others see nothing of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import struct
+from collections.abc import Callable, Coroutine
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from threading import Thread
+from typing import Any, Final
+
+LOOPBACK: Final = "127.0.0.1"
+_CHUNK_BYTES: Final = 65536
+_RESET: Final = struct.pack("ii", 1, 0)
+
+
+@dataclass(frozen=True)
+class ClientLimits:
+    """What a client may be behind. An arm of seven joints makes 0.1 MB/s, which a WLAN of 1 Mbit/s carries.
+
+    Attributes:
+        waiting_bytes: Most that waits for it here: half a minute of messages and more.
+        stalled_s: Longest time in s in which it takes nothing while something waits, such as a change of access points.
+        kernel_bytes: Size of the socket's own buffer. The kernel would make it grow to 4 MB, and a client that has
+            ended reading would look as if it read for as long.
+    """
+
+    waiting_bytes: int = 4 * 2**20
+    stalled_s: float = 10.0
+    kernel_bytes: int = 2**17
+
+
+class ClientPace:
+    """How far a client is behind.
+
+    Args:
+        limits: What it may be behind.
+        now_s: Time at which it connected.
+    """
+
+    def __init__(self, limits: ClientLimits, now_s: float) -> None:
+        self._limits = limits
+        self._given = self._taken = 0
+        self._moved_s = now_s
+
+    def problem(self, size: int, waiting: int, now_s: float) -> str | None:
+        """Why it is to be disconnected instead of being given more; None where it keeps up.
+
+        Args:
+            size: Bytes that it is about to be given.
+            waiting: Bytes that it was given and has not taken.
+            now_s: Time.
+        """
+        taken = self._given - waiting
+        if waiting == 0 or taken > self._taken:
+            self._taken, self._moved_s = taken, now_s
+        self._given += size
+        if waiting + size > self._limits.waiting_bytes:
+            return f"more than {self._limits.waiting_bytes / 1e6:.2g} MB waited for it"
+        if now_s - self._moved_s > self._limits.stalled_s:
+            return f"it took nothing for {self._limits.stalled_s:g} s"
+        return None
+
+
+class Relay:
+    """Serves clients in a thread of its own, each by a connection of its own to a server of this computer.
+
+    Args:
+        listener: Where clients connect.
+        port: Of the server, on the loopback interface.
+        limits: What each of them may be behind.
+        report: Takes a sentence for the operator on each client that is disconnected; called in the relay's thread.
+    """
+
+    def __init__(self, listener: socket.socket, port: int, limits: ClientLimits, report: Callable[[str], None]) -> None:
+        self._listener, self._port, self._limits, self._report = listener, port, limits, report
+        self._clients: set[asyncio.Task[Any]] = set()
+        self._loop = asyncio.new_event_loop()
+        self._over = asyncio.Event()
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self, timeout_s: float) -> None:
+        """Accept no more clients, and give those there are what waits for them. The server is to be stopped before.
+
+        Args:
+            timeout_s: Longest time that this takes.
+        """
+        self._loop.call_soon_threadsafe(self._over.set)
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        """The relay's thread."""
+        with closing(self._loop):
+            self._loop.run_until_complete(self._serve())
+
+    async def _serve(self) -> None:
+        """Until `close`."""
+        async with await asyncio.start_server(self._client, sock=self._listener):
+            await self._over.wait()
+        while self._clients:
+            await asyncio.wait(self._clients)
+
+    async def _client(self, from_client: asyncio.StreamReader, to_client: asyncio.StreamWriter) -> None:
+        """Serve a client until one of both sides ends."""
+        task = asyncio.current_task()
+        if task is None:
+            raise RuntimeError("a client is served by a task")
+        self._clients.add(task)
+        task.add_done_callback(self._clients.discard)
+        if to_client.get_extra_info("peername") is None:  # gone already
+            to_client.transport.abort()
+            return
+        own_end = to_client.get_extra_info("socket")
+        own_end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._limits.kernel_bytes)
+        try:
+            from_server, to_server = await asyncio.open_connection(LOOPBACK, self._port)
+        except OSError:  # the server has ended
+            to_client.transport.abort()
+            return
+        try:
+            await _first_of(self._down(from_server, to_client), _up(from_client, to_server))
+        finally:
+            to_server.transport.abort()
+            to_client.close()
+            with suppress(OSError, TimeoutError):
+                await asyncio.wait_for(to_client.wait_closed(), self._limits.stalled_s)
+            to_client.transport.abort()
+
+    async def _down(self, from_server: asyncio.StreamReader, to_client: asyncio.StreamWriter) -> None:
+        """Give a client what the server sends, until that ends or the client is too far behind."""
+        clock = asyncio.get_running_loop().time
+        pace = ClientPace(self._limits, clock())
+        while data := await from_server.read(_CHUNK_BYTES):
+            problem = pace.problem(len(data), to_client.transport.get_write_buffer_size(), clock())
+            if problem is not None:
+                host, port, *_ = to_client.get_extra_info("peername")
+                # reset: the kernel would go on offering what it has to a client that does not take it
+                end = to_client.get_extra_info("socket")
+                end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+                to_client.transport.abort()
+                self._report(f"the live view's client {host}, port {port}, was disconnected: {problem}")
+                return
+            # not drained: what waits is bounded by the pace, and the server is never kept waiting
+            to_client.write(data)
+
+
+async def _up(from_client: asyncio.StreamReader, to_server: asyncio.StreamWriter) -> None:
+    """Hand the server what a client sends, as fast as the server takes it."""
+    while data := await from_client.read(_CHUNK_BYTES):
+        to_server.write(data)
+        await to_server.drain()
+
+
+async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
+    """Do several things until the first of them ends, or loses its connection."""
+    tasks = [asyncio.ensure_future(work) for work in works]
+    await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    for task in tasks:
+        task.cancel()
+        with suppress(OSError, asyncio.CancelledError):
+            await task
