@@ -107,7 +107,7 @@ def test_pictures_are_small_and_draw_nothing_from_elsewhere(name, page):
 
 
 def test_messages_that_help_is_given_for_are_said():
-    table = HELP.read_text("utf-8").partition("## What a message says")[2].partition("## Glossary")[0]
+    table = HELP.read_text("utf-8").partition("## Messages")[2].partition("## Glossary")[0]
     quoted = [
         text for row in re.findall(r"^\| (`.*?) \|", table, flags=re.MULTILINE) for text in re.findall("`(.*?)`", row)
     ]
