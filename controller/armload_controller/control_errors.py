@@ -73,6 +73,10 @@ class FleetError(ControlError):
     """Recordings of many arms cannot be worked on: a library, a scheduler or a file of rows."""
 
 
+class ListingError(FleetError):
+    """What there is cannot be listed now, such as on a server that does not answer; another time it may be."""
+
+
 class ExportError(ControlError):
     """A payload that must not be written for others, or a file in the way.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from armload_controller.control_errors import ConfigurationError
+from armload_controller.control_errors import ConfigurationError, ListingError
 from armload_controller.fleet.job import Job
 from armload_controller.fleet.job_listing import JobListing, list_jobs
 from armload_controller.fleet.job_table import read_job_table
@@ -120,7 +120,7 @@ def do_jobs(
 
 def looks(
     table: Path, store: RowStore, do: DoJobs, sleep: Callable[[float], None], every_s: float
-) -> Iterator[FleetTally | ConfigurationError]:
+) -> Iterator[FleetTally | ConfigurationError | ListingError]:
     """Do what is new, again and again.
 
     Args:
@@ -132,7 +132,7 @@ def looks(
 
     Yields:
         What came of the jobs whose files have stayed as they were since the look before, where there are any; what is
-        wrong with the table, which may be in the middle of being edited.
+        wrong with the table, which may be in the middle of being edited, or with a server.
 
     Raises:
         FleetError: rows cannot be written, or the scheduler is lost.
@@ -141,7 +141,7 @@ def looks(
     while True:
         try:
             listing, jobs = new_jobs(table, store)
-        except ConfigurationError as problem:
+        except (ConfigurationError, ListingError) as problem:
             yield problem
         else:
             if ready := settled.of(jobs):

@@ -2,6 +2,9 @@
 
 Readers of recordings take files of this machine. A remote one is copied to the local disk in blocks while it is worked
 on, so that no format needs to know of it and memory does not grow with the file.
+
+What goes wrong with a server is an `OSError` of some file systems and an error of its own library of others, such as
+botocore's for s3://, so that any exception is taken for it.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any, Final
 
-from armload_controller.control_errors import FleetError
+from armload_controller.control_errors import FleetError, ListingError
 
 _CHANGES: Final = ("size", "mtime", "ETag", "etag", "LastModified", "Last-Modified", "last_modified", "updated", "md5")
 """What file systems know of a file that changes when its content does; each has some of them."""
@@ -69,7 +72,7 @@ class RemoteFile:
                 return cls(url, stamp, max(dates, default=None))
         except FileNotFoundError:
             return cls(url, _MISSING, None)
-        except OSError as problem:  # a server that does not answer today may answer tomorrow
+        except Exception as problem:  # noqa: BLE001 - a server that does not answer today may answer tomorrow
             return cls(url, f"{_MISSING}: {problem}", None)
         return cls(url, _stamp(info), _modified(info))
 
@@ -89,11 +92,29 @@ def matches(pattern: str) -> list[tuple[str, tuple[str, ...]]]:
         Path or URL of each, sorted, and what every `*` stands for.
 
     Raises:
-        FleetError: nothing is installed that reads such URLs, or a folder cannot be listed.
+        ListingError: a folder cannot be listed.
+        FleetError: nothing is installed that reads such URLs.
     """
     if "*" not in pattern:
         return [(pattern, ())]
     files, path = _file_system(pattern)
+    try:
+        found = _found(files, path, to_the_end=pattern.endswith("*"))
+    except Exception as problem:
+        raise ListingError(
+            f"{pattern}: cannot be listed ({problem}); check the table of jobs and the server"
+        ) from problem
+    return sorted((files.unstrip_protocol(path) if is_url(pattern) else path, stars) for path, stars in found)
+
+
+def _found(files: Any, path: str, *, to_the_end: bool) -> list[tuple[str, tuple[str, ...]]]:
+    """What is there of a pattern, and what every `*` stands for.
+
+    Args:
+        files: The file system.
+        path: The pattern there.
+        to_the_end: Its last name has a `*`, so that what was listed is there.
+    """
     files.invalidate_cache()
     first, *rest = path.split("/")
     found: list[tuple[str, tuple[str, ...]]] = [(first, ())]
@@ -108,8 +129,7 @@ def matches(pattern: str) -> list[tuple[str, tuple[str, ...]]]:
             for child, stars in listed
             if (match := wanted.fullmatch(child.rsplit("/", 1)[-1]))
         ]
-    there = [(path, stars) for path, stars in found if pattern.endswith("*") or files.exists(path)]
-    return sorted((files.unstrip_protocol(path) if is_url(pattern) else path, stars) for path, stars in there)
+    return [(path, stars) for path, stars in found if to_the_end or files.exists(path)]
 
 
 def with_stars(pattern: str, stars: tuple[str, ...]) -> str | None:
@@ -169,8 +189,6 @@ def _children(files: Any, folder: str) -> list[str]:
         return [str(path).rstrip("/") for path in files.ls(folder or "/", detail=False)]
     except (FileNotFoundError, NotADirectoryError):
         return []
-    except OSError as problem:
-        raise FleetError(f"{folder}: cannot be listed ({problem}); check the table of jobs and the server") from problem
 
 
 def _below(path: str, folder: str) -> str:

@@ -95,8 +95,7 @@ def watch_command(
     from time import sleep
 
     from armload_controller.cli.screen import Screen
-    from armload_controller.control_errors import ConfigurationError
-    from armload_controller.fleet.fleet_run import looks
+    from armload_controller.fleet.fleet_run import FleetTally, looks
     from armload_controller.fleet.row_store import RowStore
     from armload_controller.fleet.workforce import Workforce
     from armload_controller.session.folder_claim import claimed
@@ -110,10 +109,10 @@ def watch_command(
         with claimed(output, _CLAIM), RowStore(output) as store, Workforce(scheduler, workers) as force:
             screen.step("watching; Ctrl-C ends it")
             for found in looks(table, store, force.rows, sleep, every_s):
-                if isinstance(found, ConfigurationError):
-                    screen.step(f"warning: {found}; nothing is done until that is corrected")
-                else:
+                if isinstance(found, FleetTally):
                     _show(screen, found, output, as_json=as_json)
+                else:
+                    screen.step(f"warning: {found}; nothing is done until that is corrected")
     except KeyboardInterrupt:
         screen.step("no longer watched")
 

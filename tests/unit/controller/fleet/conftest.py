@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import fsspec
 import pytest
 
 QUERIES = "import duckdb, json, sys; print(json.dumps([duckdb.sql(q).fetchall() for q in sys.argv[1:]], default=str))"
@@ -19,3 +20,23 @@ def queried():
         return [[tuple(row) for row in rows] for rows in json.loads(done.stdout)]
 
     return queried
+
+
+class NoCredentials(Exception):
+    """As libraries of stores raise: no OSError."""
+
+
+class ClosedStore(fsspec.AbstractFileSystem):
+    """Wants what nobody has."""
+
+    protocol = "closed"
+
+    def ls(self, path, detail=True, **_options):
+        raise NoCredentials("no credentials")
+
+
+@pytest.fixture(scope="session")
+def closed_store():
+    """URL of a store that gives nobody anything."""
+    fsspec.register_implementation("closed", ClosedStore, clobber=True)
+    return "closed://cell"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from armload_controller.cli.output.fleet_output import suspicion_lines
-from armload_controller.control_errors import ConfigurationError, FleetError
+from armload_controller.control_errors import ConfigurationError, FleetError, ListingError
 from armload_controller.fleet.fleet_rows import runs_of
 from armload_controller.fleet.fleet_run import FleetTally, looks
 from armload_controller.fleet.job import Job
@@ -27,7 +27,7 @@ class Over(Exception):
     """No more looks."""
 
 
-def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_waited_for(tmp_path):
+def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_waited_for(tmp_path, closed_store):
     table, recording = tmp_path / "jobs.csv", tmp_path / "a.mcap"
     text = "arm,robot,loaded\none,er50,*.mcap\n"
     between = [
@@ -37,6 +37,7 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
         lambda: None,
         lambda: None,  # done here
         lambda: table.write_text("arm\n"),
+        lambda: table.write_text("arm,robot,loaded\none,er50," + closed_store + "/*.mcap\n"),
         lambda: table.write_text(text),
     ]
     done, found = [], []
@@ -60,7 +61,9 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
     with pytest.raises(Over):
         look()
     assert done == [b"begun"]
-    assert [type(result) for result in found] == [ConfigurationError] * 2 + [FleetTally, ConfigurationError]
+    assert [type(result) for result in found] == [ConfigurationError] * 2 + [
+        *(FleetTally, ConfigurationError, ListingError)
+    ]
     assert (found[2].listed, found[2].done) == (1, 1)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from armload_controller.control_errors import ConfigurationError, FleetError
+from armload_controller.control_errors import ConfigurationError, FleetError, ListingError
 from armload_controller.fleet.job_listing import list_jobs
 from armload_controller.fleet.job_table import parse_job_table, read_job_table
 from armload_controller.fleet.remote_files import RemoteFile, is_url, local_copy, matches, with_stars
@@ -138,6 +138,14 @@ def test_what_nothing_installed_reads_is_named_with_what_does():
         matches("s3://bucket/*.mcap")
     with pytest.raises(FleetError, match="expected a path, or a URL that fsspec knows"):
         matches("ftps5://host/*.mcap")
+
+
+def test_a_store_that_gives_nothing_is_a_sentence_where_it_is_listed_and_a_row_where_it_is_not(closed_store):
+    with pytest.raises(
+        ListingError, match=r"closed://cell/\*\.mcap: cannot be listed \(no credentials\); check the table"
+    ):
+        matches(f"{closed_store}/*.mcap")
+    assert RemoteFile.of(f"{closed_store}/a.mcap").stamp == "missing: no credentials"
 
 
 def test_a_file_of_this_machine_is_not_copied(tmp_path):
