@@ -353,9 +353,9 @@ ESTIMATOR_REVERSAL: int  # speed about which the direction turns over
 ESTIMATOR_GATE: int  # speed at which a row weighs 0.7
 ESTIMATOR_NOISE: int  # of a row, as if rows were independent
 ESTIMATOR_COLOUR: int  # for how many rows noise stays like itself
-ESTIMATOR_COULOMB_DRIFT: int
-ESTIMATOR_VISCOUS_DRIFT: int
-ESTIMATOR_OFFSET_DRIFT: int
+ESTIMATOR_COULOMB_SPREAD: int
+ESTIMATOR_VISCOUS_SPREAD: int
+ESTIMATOR_OFFSET_SPREAD: int
 ESTIMATOR_PARAMETERS: int
 
 # Rows of its status.

@@ -513,9 +513,9 @@ static void take_row(payload_estimator *e)
         for (int k = 0; k < n; k++) {
             arm += e->rotors[j * n + k] * row->acceleration[k];
         }
-        const double f[FRICTION_STATES] = {s * e->parameter[ESTIMATOR_COULOMB_DRIFT][j],
-                                           dq * e->parameter[ESTIMATOR_VISCOUS_DRIFT][j],
-                                           e->parameter[ESTIMATOR_OFFSET_DRIFT][j]};
+        const double f[FRICTION_STATES] = {s * e->parameter[ESTIMATOR_COULOMB_SPREAD][j],
+                                           dq * e->parameter[ESTIMATOR_VISCOUS_SPREAD][j],
+                                           e->parameter[ESTIMATOR_OFFSET_SPREAD][j]};
         double h[BODY_PARAMETERS];
         for (int k = 0; k < BODY_PARAMETERS; k++) {
             h[k] = through * regressor[j * BODY_PARAMETERS + k];
@@ -623,7 +623,7 @@ void estimator_read(const payload_estimator *e, double *theta, double *covarianc
     }
     for (int j = 0; j < e->n; j++) {
         for (int a = 0; a < FRICTION_STATES; a++) {
-            friction[a * e->n + j] = e->joint[j].change[a] * e->parameter[ESTIMATOR_COULOMB_DRIFT + a][j];
+            friction[a * e->n + j] = e->joint[j].change[a] * e->parameter[ESTIMATOR_COULOMB_SPREAD + a][j];
         }
         moving_s[j] = e->moving_s[j];
     }

@@ -29,9 +29,9 @@
     ROW(GATE)                                                                                                          \
     ROW(NOISE)                                                                                                         \
     ROW(COLOUR)                                                                                                        \
-    ROW(COULOMB_DRIFT)                                                                                                 \
-    ROW(VISCOUS_DRIFT)                                                                                                 \
-    ROW(OFFSET_DRIFT)
+    ROW(COULOMB_SPREAD)                                                                                                 \
+    ROW(VISCOUS_SPREAD)                                                                                                 \
+    ROW(OFFSET_SPREAD)
 
 /* What the estimator says of itself. */
 #define ESTIMATOR_STATUS_ROWS(ROW)                                                                                     \

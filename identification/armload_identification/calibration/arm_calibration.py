@@ -28,6 +28,9 @@ DETERMINED_WITHIN: Final = 0.05
 """A gain is determined where the half width of its 95 % interval is at most this share of it."""
 TURN_OVER: Final = 0.01
 """The direction of motion of a body turns over within this share of a joint's greatest speed."""
+COLD: Final = 0.2
+"""Standard deviation of friction on another day, as a share of it: what a cold gear has more than a warm one. The runs
+of a calibration, often of one hour, do not show it: they differ by 2 %."""
 _DIGITS: Final = 9
 _DAY: Final = 10
 """Characters of a date."""
@@ -221,6 +224,14 @@ class ArmCalibration:
         """(n,) standard deviation of that from run to run."""
         return np.asarray(np.hypot(self.drift[0], self.drift[1] * self.middle_speed_rad_s))
 
+    @property
+    def friction_spread(self) -> FloatArray:
+        """(3, n) standard deviation of Coulomb, viscous and offset changes on any day: cold, or as between runs."""
+        body = self.body
+        steady = np.abs(body.coulomb_nm + body.root_nm * np.sqrt(self.middle_speed_rad_s))
+        cold = COLD * np.stack([steady, np.abs(body.viscous_nm_s_rad), np.zeros(self.n)])
+        return np.asarray(np.hypot(self.drift, cold))
+
     def transmission(self, nominal: Transmission) -> Transmission:
         """The arm's transmission with these gains in place of the nominal ones.
 
@@ -272,6 +283,7 @@ class ArmCalibration:
             self._body_fit(),
             lambda *motion: self.torque_doubts(level, *motion),
             drift=self.drift,
+            friction_spread=self.friction_spread,
             noise_nm=noise,
             correlation_s=self.correlation_s,
         )

@@ -154,8 +154,10 @@ def _on_known_arm(
         raise quality.undetermined(name, plain.mass_kg, width)
     floor = float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.mass_kg)) / plain.mass_kg
     changes = fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1)
-    said = friction_notes(np.abs(changes / arm.drift[:2]).max(axis=0))
     own = ArmFriction.of(arm.fit.model, signal.states.velocity_rad_s, changes)
+    # Coulomb and viscous friction together: a short run shows their sum far better than either.
+    usual = np.hypot(arm.drift[0], arm.drift[1] * own.speed_rad_s)
+    said = friction_notes(np.abs(changes[0] + changes[1] * own.speed_rad_s) / usual)
     # Gains and body err together: what is left of one run has the errors of both.
     doubts = np.concatenate(
         [

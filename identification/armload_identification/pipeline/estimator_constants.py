@@ -73,9 +73,9 @@ def estimator_constants(
         kernels.ESTIMATOR_GATE: MOVING * body.reversal_speed_rad_s,
         kernels.ESTIMATOR_NOISE: arm.noise_nm * np.sqrt(colour),
         kernels.ESTIMATOR_COLOUR: colour,
-        kernels.ESTIMATOR_COULOMB_DRIFT: calibration.drift[0],
-        kernels.ESTIMATOR_VISCOUS_DRIFT: calibration.drift[1],
-        kernels.ESTIMATOR_OFFSET_DRIFT: calibration.drift[2],
+        kernels.ESTIMATOR_COULOMB_SPREAD: arm.friction_spread[0],
+        kernels.ESTIMATOR_VISCOUS_SPREAD: arm.friction_spread[1],
+        kernels.ESTIMATOR_OFFSET_SPREAD: arm.friction_spread[2],
     }
     for row, values in rows.items():
         parameter[row] = values

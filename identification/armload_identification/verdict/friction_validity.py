@@ -57,7 +57,7 @@ def friction_notes(change: FloatArray) -> tuple[str, ...]:
     """What the operator should know of it.
 
     Args:
-        change: (n,) standard deviations of the drift, of Coulomb or viscous friction, whichever is more.
+        change: (n,) standard deviations of the drift: of Coulomb or viscous friction, whichever is more, or of both.
     """
     far = np.flatnonzero(change > FAR)
     if not far.size:

@@ -23,7 +23,8 @@ class KnownArm:
         fit: Its body, and how well load-dependent friction, rotors and delay are known.
         doubts: By how much a payload's torque is off where this body is taken away from one run.
         drift: (3, n) standard deviation of what a run's Coulomb friction (N m), viscous friction (N m s/rad) and offset
-            (N m) differ by from the body's.
+            (N m) differ by from the body's between the runs of the calibration.
+        friction_spread: (3, n) the same of a run of any day, of a cold arm too: what is known of it beforehand.
         noise_nm: (n,) standard deviation of what the arm's model leaves of a joint's torque far from reversals.
         correlation_s: (n,) time for which that stays like itself.
     """
@@ -31,5 +32,6 @@ class KnownArm:
     fit: BodyFit
     doubts: TorqueDoubts
     drift: FloatArray
+    friction_spread: FloatArray
     noise_nm: FloatArray
     correlation_s: FloatArray

@@ -3,9 +3,10 @@
     tau - tau_arm = (1 + mu s sgn(tau_l)) Phi theta + s dFc + dq dFv + dF0,    tau_l torque of links and payload
 
 with tau_arm of the calibrated arm, s the direction of motion, and three changes of friction per joint, which differ
-from run to run by as much as the calibration says. Without them the median error of 20 s of the UR10e's motion is
-three times as great. A row's noise is that which the calibration left, or the run's own where that is the greater,
-and stays like itself for a while: rows within that time count as one. Near a reversal rows weigh little.
+from run to run by as much as the calibration says, and by a fifth of the friction where the arm is cold. Without them
+the median error of 20 s of the UR10e's motion is three times as great. A row's noise is that which the calibration
+left, or the run's own where that is the greater, and stays like itself for a while: rows within that time count as one.
+Near a reversal rows weigh little.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ def fit_on_known_arm(
     empty = body.link_torque(chain, *signal.states)
     own = np.concatenate([direction, velocity, np.ones_like(velocity)], axis=1)
     changes = own[:, None, :] * np.tile(np.eye(n), CHANGES)
-    known = (prior or NOTHING_KNOWN).and_nuisance(np.zeros(CHANGES * n), arm.drift.ravel())
+    known = (prior or NOTHING_KNOWN).and_nuisance(np.zeros(CHANGES * n), arm.friction_spread.ravel())
     independent = np.sqrt(np.minimum(signal.interval_s / arm.correlation_s, 1.0))
     weight = moving_weights(velocity, body) * independent
     theta = np.zeros(10)

@@ -69,7 +69,7 @@ class KnownArmRows:
         regressor = payload_regressor(chain, *states)
         carried = body.link_torque(chain, *states) + regressor @ theta
         through = 1.0 + body.load_friction * direction * np.sign(carried)
-        own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * arm.drift.ravel()
+        own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * arm.friction_spread.ravel()
         changes = own[:, None, :] * np.tile(np.eye(chain.n), CHANGES)
         columns = np.concatenate([through[:, :, None] * regressor * scale, changes], axis=2)
         weight = moving_weights(dq, body) / noise_nm
