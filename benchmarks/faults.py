@@ -128,7 +128,7 @@ FAULTS = (
 def run() -> None:
     """Print the table."""
     print(f"Faults in motion, {ROBOT}, six joints at {SPEED_SHARE:.0%} of their speed limits, 250 Hz, with payload")
-    print(f"{'fault':<34}{'noticed ms':>11}{'standstill ms':>15}{'way deg':>9}   end state")
+    print(f"{'fault':<34}{'noticed ms':>11}{'standstill ms':>15}{'travel deg':>12}   end state")
     for fault in FAULTS:
         with ExitStack() as stack:
             print(_row(fault, _Arm(stack)))

@@ -130,7 +130,7 @@ REAL = {
         "ros2_fake_cia402_slave.eds",
         {"torque_offset": False},
         error=WrongDevice,
-        reason=r"no 6078:0 .* Name the maker's object for current or torque: effort_object",
+        reason=r"no 6078:0 .* Name the manufacturer's object for current or torque: effort_object",
     ),
 }
 
@@ -352,7 +352,7 @@ def test_a_device_type_that_is_no_drives_is_refused(fault_arm):
     with pytest.raises(DescriptionError, match=said + ".*drives scan.*correct the file"):
         parse_description(eds(maker_drive(changes={"1000": {"DefaultValue": "0x00220811"}})).encode(), "written.eds")
     arm = fault_arm(traits={3: DriveTraits(device_type=0x0022_0811)})
-    with pytest.raises(WrongDevice, match=said + ".*drives scan.*ask its maker"):
+    with pytest.raises(WrongDevice, match=said + ".*drives scan.*ask its manufacturer"):
         arm.servos.connect()
 
 

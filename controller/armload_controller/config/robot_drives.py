@@ -187,7 +187,7 @@ class RobotDrives:
                     f"joints[{number}].drive.{missing}",
                     None,
                     "needed to listen: nothing is asked of drives that another master drives. It is in the drive's "
-                    "608F and 6091, 6076, 6075; its maker's tool shows them",
+                    "608F and 6091, 6076, 6075; its manufacturer's tool shows them",
                 )
 
     def require_bus_load(self) -> None:

@@ -10,10 +10,10 @@ _HEAD = """\
 # What stops an arm, and how
 
 Generated from [safety.py](armload_controller/cycle/safety.py) by `python -m armload_controller.cycle.page_of_safety`;
-do not edit. `python -m benchmarks.stops` brings every cause about on the simulated arm and measures the stop.
+do not edit. `python -m benchmarks.stops` triggers every cause on the simulated arm and measures the stop.
 
-Whatever the cause, the arm is disabled at standstill with its brakes engaged before the error is reported, and nothing
-enables it again by itself. A step that fails does not keep the next one back.
+Whatever the cause, the arm is disabled at standstill with its brakes engaged before the error is reported, and it is
+never re-enabled automatically. If a step fails, the next one still follows.
 
 """
 

@@ -1,15 +1,15 @@
 """What is done when something goes wrong: one table from cause to stop.
 
-Categories, mildest first. ALONG_PATH: the phase rate goes to zero, the arm comes to rest on the path that was
-checked. QUICK_STOP: the drives decelerate on their own ramps (605A) and hold with torque on. TORQUE_OFF:
-nothing is left to command, the drives are disabled at once; their own reaction to the lost master (1016,
-6007) stops the arm if the bus is gone.
+Categories, mildest first. ALONG_PATH: the phase rate goes to zero, the arm comes to rest on the path that was checked.
+QUICK_STOP: the drives decelerate on their own ramps (605A) and hold with torque on. TORQUE_OFF: no more commands can be
+sent and the drives are disabled at once; if the bus is lost, their own reaction to the lost master (1016, 6007) stops
+the arm.
 
-A step that fails does not end the sequence, the next one follows: what cannot be ramped down is quick-stopped, what
-cannot be quick-stopped is disabled. Added torque (60B2) is ramped to zero while the arm ramps down.
+If a step fails, the next one follows: an arm that cannot be ramped down is quick-stopped, and one that cannot be
+quick-stopped is disabled. Added torque (60B2) is ramped to zero while the arm ramps down.
 
-Whatever the category, the arm is disabled afterwards at standstill with its brakes engaged, and nothing
-enables it again by itself.
+Whatever the category, the arm is then disabled at standstill with its brakes engaged, and is never re-enabled
+automatically.
 """
 
 from __future__ import annotations
@@ -75,25 +75,25 @@ _SEQUENCES = {
 
 
 class Cause(Enum):
-    """Why the motion ends before its time."""
+    """Why the motion ends early."""
 
-    OPERATOR = "the operator asked for a stop"
-    OPERATOR_AGAIN = "the operator asked for a stop at once"
+    OPERATOR = "the operator requested a stop"
+    OPERATOR_AGAIN = "the operator requested an immediate stop"
     TERMINATION = "the system asked the program to end"
-    PLUGIN_REQUEST = "a plug-in asked for a stop"
+    PLUGIN_REQUEST = "a plug-in requested a stop"
     PLUGIN_FAILED = "a plug-in failed"
     PLUGIN_TOO_SLOW = "a plug-in is too slow"
     RECORDING = "the run cannot be recorded"
-    LIMIT = "a setpoint breaks a limit"
+    LIMIT = "a setpoint exceeds a limit"
     DEVIATION = "the motion would leave the checked path"
     FOLLOWING_ERROR = "a joint does not follow"
-    TORQUE = "a joint's torque is not what it should be"
-    OFFSET = "added torque does not do what it should"
-    BLOCKED = "the way to the beginning is not free"
-    STALE = "the drives' feedback stands still"
+    TORQUE = "a joint's torque is not as expected"
+    OFFSET = "added torque does not have the expected effect"
+    BLOCKED = "the path to the start is blocked"
+    STALE = "the drives' feedback is frozen"
     POSITION_JUMPS = "a position jumps"
-    POSITION_FROZEN = "a position stands still while its joint is moved"
-    POSITION_REVERSED = "a position goes the wrong way"
+    POSITION_FROZEN = "a position is frozen while its joint is commanded to move"
+    POSITION_REVERSED = "a position moves in the wrong direction"
     VELOCITY = "a velocity contradicts its position"
     TORQUE_MISSING = "a current or torque is not measured"
     TORQUE_REVERSED = "a current or torque has the wrong sign"
@@ -104,7 +104,7 @@ class Cause(Enum):
     LATE = "the program is late"
     MISSING_FEEDBACK = "a drive does not answer"
     DRIVE_FAULT = "a drive reports a fault"
-    DRIVE = "a drive does not do what it should"
+    DRIVE = "a drive does not behave as expected"
     REFUSED = "a setpoint cannot be sent"
     BUS = "the bus failed"
     PROGRAM = "the program failed"
@@ -128,25 +128,23 @@ _ALONG, _QUICK, _OFF = StopCategory.ALONG_PATH, StopCategory.QUICK_STOP, StopCat
 DECISIONS: dict[Cause, Decision] = {
     Cause.OPERATOR: Decision(_ALONG, "start again when ready"),
     Cause.OPERATOR_AGAIN: Decision(_QUICK, "start again when ready"),
-    Cause.TERMINATION: Decision(_ALONG, "start again when the system lets it run"),
+    Cause.TERMINATION: Decision(_ALONG, "start again when the system allows it to run"),
     Cause.PLUGIN_REQUEST: Decision(_ALONG, "see what the plug-in says, then start again"),
     Cause.PLUGIN_FAILED: Decision(_ALONG, "correct the plug-in or run without it"),
     Cause.PLUGIN_TOO_SLOW: Decision(_ALONG, "make it faster, move its work to another process, or lower --cycle-hz"),
-    Cause.RECORDING: Decision(_ALONG, "make room on the disk, or choose another --output"),
+    Cause.RECORDING: Decision(_ALONG, "free disk space, or choose another --output"),
     Cause.LIMIT: Decision(_QUICK, "correct the excitation or the limits in the configuration"),
     Cause.DEVIATION: Decision(
         _QUICK, "the reference asks for more than the joints' limits allow: design a slower excitation"
     ),
     Cause.FOLLOWING_ERROR: Decision(
-        _QUICK, "look for a collision, an engaged brake, a wrong gear ratio or too small a window"
+        _QUICK, "look for a collision, an engaged brake, a wrong gear ratio or too small a following error window"
     ),
     Cause.TORQUE: Decision(_QUICK, "look for a collision, a payload other than the expected one, or a wrong scale"),
     Cause.OFFSET: Decision(_ALONG, "correct the drive's or the configuration's scaling, or run without feed-forward"),
-    Cause.BLOCKED: Decision(_ALONG, "move the arm by its own controls to where the straight way is free"),
+    Cause.BLOCKED: Decision(_ALONG, "move the arm by other means to where the straight path to the start is free"),
     Cause.STALE: Decision(_QUICK, "check the bus interface and its driver"),
-    Cause.POSITION_JUMPS: Decision(
-        _QUICK, "check the encoder, its cable and its reference; do not move the arm before"
-    ),
+    Cause.POSITION_JUMPS: Decision(_QUICK, "check the encoder, its cable and its reference before moving the arm"),
     Cause.POSITION_FROZEN: Decision(_QUICK, "check the encoder, the drive's feedback (TPDO) and the brake"),
     Cause.POSITION_REVERSED: Decision(_QUICK, "check the encoder's direction and the polarity (607E) of the drive"),
     Cause.VELOCITY: Decision(_QUICK, "check the drive's velocity scale and its encoder"),
@@ -162,16 +160,16 @@ DECISIONS: dict[Cause, Decision] = {
     ),
     Cause.LATE: Decision(_QUICK, "close other programs, lower --cycle-hz, or give the process a real-time priority"),
     Cause.MISSING_FEEDBACK: Decision(_QUICK, "check the drive's supply, its cable and the bus load"),
-    Cause.DRIVE_FAULT: Decision(_QUICK, "clear the cause at the drive, then reset it by name"),
-    Cause.DRIVE: Decision(_QUICK, "look at the drive; connect anew"),
+    Cause.DRIVE_FAULT: Decision(_QUICK, "clear the cause at the drive, then reset that drive (armload drives reset)"),
+    Cause.DRIVE: Decision(_QUICK, "inspect the drive; reconnect"),
     Cause.REFUSED: Decision(_QUICK, "correct the scaling in the configuration, or run without added torque"),
     Cause.BUS: Decision(_OFF, "check cable, termination and interface"),
-    Cause.PROGRAM: Decision(_QUICK, "report this with the recording"),
+    Cause.PROGRAM: Decision(_QUICK, "report this bug with the recording"),
 }
 
 
 class PathDeviation(ControlError):
-    """What Ruckig would send is not on the path that was checked."""
+    """The setpoint from Ruckig is not on the checked path."""
 
 
 CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (

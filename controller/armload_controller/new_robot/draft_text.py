@@ -22,7 +22,7 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.toml_text import array, inline, number, text
 
 HOLE: Final = '"FILL IN"'
-"""In place of a number that only the arm's maker or user knows."""
+"""In place of a number that only the arm's manufacturer or user knows."""
 FULL_SPEED_AFTER_S: Final = 0.5
 JERK_PER_ACCELERATION: Final = 100.0
 NOISE_SHARE: Final = 0.005
@@ -122,7 +122,7 @@ def draft_file(
     file.add(
         f"# Drafted by `armload init` from {arm.source}.",
         "# `# assumed`: nothing says so; a careful value to begin with, check it.",
-        f"# {HOLE}: only you or the maker can know it; the file is refused until it is there.",
+        f"# {HOLE}: only you or the manufacturer can know it; the file is refused until it is there.",
         "",
     )
     _robot(file, arm, payload_kg)

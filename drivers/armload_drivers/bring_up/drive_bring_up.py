@@ -144,7 +144,8 @@ class DriveSetup(DriveDialogue):
             raise self._wrong(
                 od.no_drive(device_type),
                 "Where another kind of device has this node id, correct node_id: `armload drives scan` lists all. "
-                "Where it is the drive, its firmware does not say that it keeps to CiA 402: ask its maker for one that "
+                "Where it is the drive, its firmware does not say that it keeps to CiA 402: ask its manufacturer for "
+                "one that "
                 "does",
             )
         self._identity = found = Identity(
@@ -302,7 +303,7 @@ class DriveSetup(DriveDialogue):
             if bits is None:
                 raise self._wrong(f"the drive has no {entry}", self._instead_of(entry))
             if bits != entry.type.bits:
-                remedy = "The configuration expects another type: see the maker's manual"
+                remedy = "The configuration expects another type: see the manufacturer's manual"
                 if entry.key == od.TORQUE_OFFSET.key:
                     remedy = f"Set torque_offset_bits = {bits}"
                 raise self._wrong(f"{entry} has {bits} bits instead of {entry.type.bits}", remedy)
@@ -315,7 +316,7 @@ class DriveSetup(DriveDialogue):
             if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL} and entry is not other and self._sdo.has(other):
                 return f'It has {other}: set feedback = "{name}"'
         if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL}:
-            return "Name the maker's object for current or torque: effort_object"
+            return "Name the manufacturer's object for current or torque: effort_object"
         return "A joint needs it: another mode or another drive is required"
 
     def _select_mode(self) -> None:

@@ -107,7 +107,7 @@ def _set_interpolation(drive: DriveObjects, cycle_s: float) -> None:
     found, power = sdo.read_if_there(od.INTERPOLATION_TIME), sdo.read_if_there(od.INTERPOLATION_EXPONENT)
     if found is not None and power is not None and not math.isclose(found * 10.0**power, cycle_s, rel_tol=1e-6):
         period_s = found * 10.0**power
-        remedy = f"Set cycle_hz = {1 / period_s:g}" if period_s > 0 else "Set it with the maker's tool"
+        remedy = f"Set cycle_hz = {1 / period_s:g}" if period_s > 0 else "Set it with the manufacturer's tool"
         raise sdo.failure(
             f"the drive interpolates over {period_s:g} s (60C2) and does not take the cycle of {cycle_s:g} s", remedy
         )

@@ -36,7 +36,7 @@ def _try(drive: DriveObjects, way: Way, of: Safety, values: SafetyValues) -> str
         return reason
     settings = settings_of(way, of, values.drive)
     if way.by_vendor and not settings:
-        return "the configuration names no object of the maker's (vendor_settings)"
+        return "the configuration names no object of the manufacturer's (vendor_settings)"
     for setting in settings:
         reason = drive.hold(setting.entry, setting.wanted(values))
         if not reason:

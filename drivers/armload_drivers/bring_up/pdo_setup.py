@@ -39,7 +39,8 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
     if not free and present != word:
         raise sdo.failure(
             f"{cob_id} is 0x{present:08X}, which is not this node's 0x{word:08X}, and cannot be written",
-            "Give the COB-IDs of this node with the maker's tool, or give the drive the node id that they belong to",
+            "Give the COB-IDs of this node with the manufacturer's tool, or give the drive the node id that they "
+            "belong to",
         )
     wanted = [
         (direction.map_entry(number, position), entry.mapping) for position, entry in enumerate(layout.entries, start=1)
@@ -52,7 +53,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
     if sdo.read(kind) != od.PDO_SYNCHRONOUS and not _write(sdo, kind, od.PDO_SYNCHRONOUS):
         raise sdo.failure(
             f"{kind} is {sdo.read(kind)} and cannot be written; {od.PDO_SYNCHRONOUS} is needed (with every SYNC)",
-            "Set it with the maker's tool",
+            "Set it with the manufacturer's tool",
         )
     if free:
         sdo.write(cob_id, word)
@@ -123,5 +124,5 @@ def switch_others_off(sdo: SdoChannel, direction: PdoDirection, used: int) -> No
         if not _write(sdo, direction.count_entry(number), 0) and direction is PdoDirection.TRANSMIT:
             raise sdo.failure(
                 f"{entry} is 0x{word:08X} and cannot be written, and its mapping is fixed",
-                "This PDO would load the bus: switch it off with the maker's tool",
+                "This PDO would load the bus: switch it off with the manufacturer's tool",
             )

@@ -1,12 +1,12 @@
 """What safety rests on in a drive: properties, and the ways in which drives have them. One table, no bus.
 
 Rules of this file:
-- A drive has a property by the first of its ways that is met. A way is met where its condition holds and every object
-  reads back as wanted; an object that cannot be written and has the wanted value already counts as set.
-- A property without a way is refused, unless the drive's configuration accepts that by the property's name
-  (`accept_missing`). A maker's profile accepts nothing: that is the integrator's decision.
-- What one maker's drive does instead is an object of that maker's in the configuration (`vendor_settings`), which names
-  the property that it gives. It is written and read back like any other.
+- The first way that is met gives the drive a property. A way is met if its condition holds and every object reads back
+  the required value; an object that cannot be written but already has the required value counts as set.
+- A drive without a way to a property is refused, unless its configuration accepts this by the property's name
+  (`accept_missing`). A manufacturer's profile accepts nothing: that is the integrator's decision.
+- A manufacturer-specific object is given in the configuration (`vendor_settings`) with the property that it provides.
+  It is written and read back like any other.
 
 References:
     CiA 301, 7.5.2.6 (1006), 7.5.2.13 (1016), 7.5.2.14 (1017), 7.5.2.26 (1029), 7.5.2.35 (event timer);
@@ -51,7 +51,7 @@ _RPDO_TIMER = PdoDirection.RECEIVE.timer_entry(0)
 
 @dataclass(frozen=True, slots=True)
 class SafetyValues:
-    """What the objects of one drive are to hold, in their units.
+    """The required values of the objects of one drive, in their units.
 
     Attributes:
         drive: The drive.
@@ -110,12 +110,12 @@ def master_watch(master_node_id: int, heartbeat_s: float) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One object and the value that it is to hold.
+    """One object and its required value.
 
     Attributes:
         entry: The object.
         wanted: Its value.
-        optional: A drive without it has the property all the same.
+        optional: A drive without it still has the property.
     """
 
     entry: Entry
@@ -129,7 +129,7 @@ def _holds(value: int) -> Callable[[SafetyValues], int]:
 
 
 Condition = Callable[[DriveSettings, float | None], str]
-"""Why a way is not open to a drive, from its configuration and the rated current (6075) in A that it reports."""
+"""Why a way is not available to a drive, from its configuration and the rated current (6075) in A that it reports."""
 
 
 def _always(drive: DriveSettings, rated_current_a: float | None) -> str:
@@ -146,8 +146,8 @@ class Way:
         verified: How that is verified.
         settings: Objects that must hold their values.
         reads: Objects that the condition needs.
-        condition: Why the way is not open to a drive, in words; empty where it is.
-        by_vendor: The settings are the maker's own, from the configuration.
+        condition: Why the way is not available to a drive, in words; empty if it is.
+        by_vendor: The settings are the manufacturer's own, from the configuration.
     """
 
     text: str
@@ -170,7 +170,7 @@ def _rated_current_known(drive: DriveSettings, rated_current_a: float | None) ->
 
 def _torque_limit_set(drive: DriveSettings, rated_current_a: float | None) -> str:
     """The configuration says so."""
-    return "" if drive.torque_limit_in_drive else "the configuration does not say torque_limit_in_drive = true"
+    return "" if drive.torque_limit_in_drive else "torque_limit_in_drive is not set to true in the configuration"
 
 
 def _has_brake(drive: DriveSettings, rated_current_a: float | None) -> str:
@@ -179,8 +179,8 @@ def _has_brake(drive: DriveSettings, rated_current_a: float | None) -> str:
 
 
 def _vendor(what: str) -> Way:
-    """The maker's own objects."""
-    return Way(f"the maker's object for {what} (`vendor_settings`)", "reads back as configured", by_vendor=True)
+    """The manufacturer's own objects."""
+    return Way(f"the manufacturer's object for {what} (`vendor_settings`)", "reads back as configured", by_vendor=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +211,7 @@ class Safety(Enum):
     TORQUE_LIMIT = SafetyProperty(
         "limits its torque",
         "the drive does not limit its torque",
-        "Set the limit with the maker's tool, check it there, and say torque_limit_in_drive = true",
+        "Set the limit with the manufacturer's tool, check it there, and set torque_limit_in_drive = true",
         (
             Way(
                 "6072 = max_torque_permille",
@@ -220,7 +220,7 @@ class Safety(Enum):
             ),
             Way(
                 "6073 = max_torque_permille, of the rated current (6075)",
-                "reads back as written; 6075 reports a current, the configured one where there is one",
+                "reads back as written; 6075 reports a current, and it equals the configured one, if any",
                 (Setting(od.MAX_CURRENT, lambda values: values.drive.max_torque_permille),),
                 (od.RATED_CURRENT_MA,),
                 _rated_current_known,
@@ -228,7 +228,7 @@ class Safety(Enum):
             _vendor("the limit"),
             Way(
                 "a limit set in the drive (`torque_limit_in_drive = true`)",
-                "by whoever says so: nothing is read, and the operator is asked on a real arm",
+                "only by the integrator's statement: nothing is read, and on a real arm the operator must confirm",
                 condition=_torque_limit_set,
             ),
         ),
@@ -236,10 +236,11 @@ class Safety(Enum):
     MASTER_LOST = SafetyProperty(
         "stops when its master is lost",
         "what the drive does when it loses its master is not known",
-        "Set its reaction to a lost heartbeat with the maker's tool; pull the bus cable in slow motion: it must stop",
+        "Set its reaction to a lost heartbeat with the manufacturer's tool; pull the bus cable in slow motion: it must "
+        "stop",
         (
             Way(
-                "6007 = 3 (quick stop), with the master's heartbeat watched (1016) and, where it is there, 1029 = 0",
+                "6007 = 3 (quick stop), with the master's heartbeat watched (1016) and, if present, 1029 = 0",
                 _READ_BACK,
                 (
                     _WATCH,
@@ -249,7 +250,7 @@ class Safety(Enum):
             ),
             Way(
                 "1029 = 0 (PRE-OPERATIONAL), with the master's heartbeat watched (1016)",
-                "reads back as written; how an axis stops that leaves OPERATIONAL, its manual says",
+                "reads back as written; see the drive's manual for how an axis stops when it leaves OPERATIONAL",
                 (_WATCH, Setting(od.COMMUNICATION_ERROR_BEHAVIOUR, _PRE_OPERATIONAL)),
             ),
             _vendor("a lost master"),
@@ -257,8 +258,9 @@ class Safety(Enum):
     )
     SETPOINTS_LOST = SafetyProperty(
         "stops when SYNC or setpoints are missing",
-        "an axis that gets no setpoints any more, while the master's heartbeat goes on, is stopped by the master only",
-        "Set its watch over SYNC or RPDO with the maker's tool; then end SYNC in slow motion: it must stop",
+        "an axis that no longer receives setpoints, while the master's heartbeat continues, is stopped by the master "
+        "only",
+        "Set its SYNC or RPDO monitoring with the manufacturer's tool; then end SYNC in slow motion: it must stop",
         (
             Way(
                 "event timer of the RPDO (1400:5)",
@@ -267,7 +269,7 @@ class Safety(Enum):
             ),
             Way(
                 "SYNC period (1006)",
-                "reads back as written; how many missing SYNCs it lets pass, its manual says",
+                "reads back as written; see the drive's manual for how many missing SYNCs it tolerates",
                 (Setting(od.CYCLE_PERIOD_US, lambda values: values.sync_period_us),),
             ),
             _vendor("missing setpoints"),
@@ -276,7 +278,8 @@ class Safety(Enum):
     QUICK_STOP = SafetyProperty(
         "slows down on a quick stop, and the axis is held",
         "how the drive carries out a quick stop is not known",
-        "Look up in its manual what a quick stop does, or set it with the maker's tool; then try one in slow motion",
+        "Look up in its manual what a quick stop does, or set it with the manufacturer's tool; then try one in slow "
+        "motion",
         (
             Way(
                 "605A = 6 (ramp, then held with torque)",
@@ -293,9 +296,9 @@ class Safety(Enum):
         ),
     )
     FAULT_REACTION = SafetyProperty(
-        "slows down on a fault before its torque goes",
+        "slows down on a fault before its torque is removed",
         "how the drive stops after a fault is not known",
-        "Look up in its manual how it stops after a fault, or set it with the maker's tool",
+        "Look up in its manual how it stops after a fault, or set it with the manufacturer's tool",
         (
             Way(
                 "605E = 2 (quick stop ramp)",
@@ -312,11 +315,11 @@ class Safety(Enum):
     )
     DISABLE_REACTION = SafetyProperty(
         "slows down before its torque is removed on command",
-        "another master that disables a moving axis lets it fall into its brake",
+        "if another master disables a moving axis, the axis is stopped by its brake alone",
         "",
         (
             Way(
-                "605B = 1 and 605C = 1 (ramp first), and 605D = 1 where it is there",
+                "605B = 1 and 605C = 1 (ramp first), and 605D = 1 if present",
                 _READ_BACK,
                 (
                     Setting(od.SHUTDOWN_OPTION, _holds(SLOW_DOWN_FIRST)),
@@ -326,17 +329,17 @@ class Safety(Enum):
             ),
             Way(
                 "this master removes torque at standstill only",
-                "the axis has stood for some cycles, by its position (6064)",
+                "the position (6064) has not changed for some cycles",
             ),
         ),
     )
     FOLLOWING_ERROR = SafetyProperty(
         "stops when it cannot follow",
         "the drive does not stop when it cannot follow",
-        "Set the following error window with the maker's tool",
+        "Set the following error window with the manufacturer's tool",
         (
             Way(
-                "6065 = following_error_rad, and 6066 where it is there",
+                "6065 = following_error_rad, and 6066 if present",
                 _READ_BACK,
                 (
                     Setting(od.FOLLOWING_ERROR_WINDOW, lambda values: values.following_error_counts),
@@ -353,7 +356,7 @@ class Safety(Enum):
     POSITION_LIMITS = SafetyProperty(
         "keeps to the joint's limits",
         "the drive does not know the joint's limits",
-        "Set the position limits with the maker's tool, or rely on limit switches that you have tried",
+        "Set the position limits with the manufacturer's tool, or rely on limit switches that you have tested",
         (
             Way(
                 "607D = the joint's limits",
@@ -367,9 +370,9 @@ class Safety(Enum):
         ),
     )
     DRIVE_LOST = SafetyProperty(
-        "is missed when it is gone",
-        "the master notices a lost drive by its missing feedback only",
-        "Nothing can be set; the other axes stop max_missing_cycles later",
+        "is monitored by its heartbeat",
+        "the master detects a lost drive only by its missing feedback",
+        "No setting is possible; the other axes stop max_missing_cycles later",
         (
             Way(
                 "heartbeat (1017)", _READ_BACK, (Setting(od.HEARTBEAT_PRODUCER_MS, lambda values: values.heartbeat_ms),)
@@ -412,7 +415,7 @@ class SafetyFinding:
 
     @property
     def refused(self) -> bool:
-        """Whether the drive may not be moved because of it."""
+        """Whether the drive must not be moved because of it."""
         return self.way is None and not self.accepted
 
     @property
@@ -424,7 +427,7 @@ class SafetyFinding:
 
 
 def settings_of(way: Way, of: Safety, drive: DriveSettings) -> tuple[Setting, ...]:
-    """The objects of a way on one drive, the maker's own included."""
+    """The objects of a way on one drive, including manufacturer-specific ones."""
     if not way.by_vendor:
         return way.settings
     return tuple(

@@ -152,7 +152,7 @@ FEED = Entry(0x6092, 1, "feed constant, feed", _T.U32, _A.RO)
 FEED_SHAFT_REVOLUTIONS = Entry(0x6092, 2, "feed constant, shaft revolutions", _T.U32, _A.RO)
 TORQUE_OFFSET = Entry(0x60B2, 0, "torque offset", _T.I16, _A.RW, _M.RPDO)
 TORQUE_OFFSET_32 = Entry(0x60B2, 0, "torque offset", _T.I32, _A.RW, _M.RPDO)
-"""As some makers have it."""
+"""As some manufacturers have it."""
 INTERPOLATION_SETPOINT = Entry(0x60C1, 1, "interpolation data record, 1st set-point", _T.I32, _A.RW, _M.RPDO)
 INTERPOLATION_TIME = Entry(0x60C2, 1, "interpolation time period value", _T.U8)
 INTERPOLATION_EXPONENT = Entry(0x60C2, 2, "interpolation time index", _T.I8)
@@ -165,7 +165,7 @@ DEVICE_TYPE_SERVO = 0x0002_0192
 def is_drive(device_type: int) -> bool:
     """Whether 1000 is that of a CiA 402 drive: its low 16 bits decide, the rest says which kind of drive.
 
-    Some makers fill the upper half as they like (0xFFFF0192), some leave it out (0x00000192).
+    Some manufacturers fill the upper half as they like (0xFFFF0192), some leave it out (0x00000192).
     """
     return device_type & 0xFFFF == DEVICE_TYPE_SERVO & 0xFFFF
 

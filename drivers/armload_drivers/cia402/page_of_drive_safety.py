@@ -12,10 +12,11 @@ _HEAD = """\
 Generated from [drive_safety.py](armload_drivers/cia402/drive_safety.py) by
 `python -m armload_drivers.cia402.page_of_drive_safety`; do not edit.
 
-A drive has a property by the first of its ways that is met: the way's condition holds, and every object reads back as
-wanted. An object that cannot be written and has the wanted value already counts as set. A property without a way is
-refused, unless the drive's `accept_missing` names it. `armload drives check ROBOT` prints this table for each joint,
-with what was found there.
+There are several ways in which a drive can provide each property; the first one that is met is used. A way is met if
+its condition holds and every object reads back the required value. An object that cannot be written but already has the
+required value counts as set. A drive that provides a property in none of these ways is refused, unless its
+`accept_missing` names the property. `armload drives check ROBOT` prints this table for each joint, with what was found
+there.
 
 """
 
@@ -28,7 +29,7 @@ def safety_page() -> str:
 def _section(of: Safety) -> str:
     """One property."""
     rows = "".join(f"| {number} | {way.text} | {way.verified} |\n" for number, way in enumerate(of.value.ways, start=1))
-    remedy = f"What a person must do before accepting that: {of.value.remedy}.\n" if of.value.remedy else ""
+    remedy = f"Before accepting this as missing: {of.value.remedy}.\n" if of.value.remedy else ""
     return f"""\
 ## `{of.key}`: the drive {of.value.title}
 

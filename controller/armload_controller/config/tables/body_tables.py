@@ -73,7 +73,7 @@ class ArmLinkTable(BodyTable):
 
 
 class ArmBodyTable(Table):
-    """What the arm itself is made of, from its maker or a CAD model."""
+    """What the arm itself is made of, from its manufacturer or a CAD model."""
 
     links: list[ArmLinkTable]
 

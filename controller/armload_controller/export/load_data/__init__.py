@@ -1,1 +1,1 @@
-"""Load data of robot controllers: one maker's format per file."""
+"""Load data of robot controllers: one manufacturer's format per file."""

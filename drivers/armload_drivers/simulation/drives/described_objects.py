@@ -1,4 +1,4 @@
-"""A simulated drive that serves the objects of a maker's description, exactly those and as described.
+"""A simulated drive that serves the objects of a manufacturer's description, exactly those and as described.
 
 Rules of this file:
 - Which objects there are, their types, who may write them, their limits and what a PDO may carry is what the

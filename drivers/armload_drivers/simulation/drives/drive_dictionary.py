@@ -40,8 +40,8 @@ class DriveTraits:
         modes: Modes that 6502 offers; the configured one where None.
         absent: Indices of objects that the drive lacks.
         forgets: Indices of objects that confirm every write and keep their value.
-        description: The maker's description that it serves exactly; identity, device type and modes are then those of
-            the description where it gives them.
+        description: The manufacturer's description that it serves exactly; identity, device type and modes are then
+            those of the description where it gives them.
         boot_message: Sends a boot-up message after a reset.
         takes_mode: Follows 6060; otherwise 6061 stays 0.
         stuck_in: Power state that no controlword gets it out of.

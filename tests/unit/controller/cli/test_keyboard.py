@@ -176,7 +176,7 @@ def test_a_commissioning_at_a_terminal_is_paused_resumed_slowed_and_stopped(shor
         at.type(b" ")
         at.until(b"speed 80 %")
         at.type(b"\x03")
-        at.until(b"Motion stopped (along the path): the operator asked for a stop")
+        at.until(b"Motion stopped (along the path): the operator requested a stop")
         assert at.running.wait(timeout=30) == 130
         assert termios.tcgetattr(at.terminal) == at.before
     finally:

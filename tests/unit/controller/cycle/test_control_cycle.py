@@ -133,7 +133,7 @@ def test_a_way_that_is_not_free_is_not_gone(connected_servos, run):
     workspace = Workspace(CHAIN, (Sphere(2, np.zeros(3), 0.01),), (wall,))
     path = check_path(EXCITATION, constraints(workspace), CYCLE_S, file="test", key="excitation")
     servos = connected_servos(N, CYCLE_S)
-    expected = r"Nothing was switched on: the way to the beginning is not free.*link 2 within -0\.01. m of 'wall'"
+    expected = r"Nothing was switched on: the path to the start is blocked.*link 2 within -0\.01. m of 'wall'"
     with pytest.raises(MotionError, match=expected) as raised:
         run(servos, path=path)
     assert cause_of(raised.value.__cause__) is Cause.BLOCKED

@@ -10,7 +10,7 @@ from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
 
 NOW_S = 100.0
-"""A clock that stands still: the thread gets round to it at this time."""
+"""A clock that does not advance by itself; the thread reaches this time."""
 
 
 class Plant(IdealPlant):
