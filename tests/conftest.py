@@ -1,10 +1,13 @@
 """What several tests share: arms that follow perfectly, with and without a bus, and a watch over leaked threads."""
 
+import functools
 import gc
 import math
 import os
+import pickle
 import threading
 import time
+import tomllib
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -40,6 +43,20 @@ from tests.independent_drive import PRODUCT_CODE, VENDOR_ID
 settings.register_profile("the same examples in every run", derandomize=True)
 settings.load_profile("the same examples in every run")
 
+
+
+def parse_once():
+    """Let no file of TOML be parsed twice: most tests load the same few robots."""
+    parse = tomllib.loads
+
+    @functools.lru_cache(maxsize=200)
+    def parsed(text):
+        return pickle.dumps(parse(text))
+
+    tomllib.loads = lambda text: pickle.loads(parsed(text))
+
+
+parse_once()
 BEGUN = pytest.StashKey[float]()
 
 
@@ -69,7 +86,7 @@ def pytest_collection(session):
 def pytest_collection_finish(session):
     """What was loaded stays: the garbage collector need not look at it again and again."""
     gc.freeze()
-    gc.set_threshold(20_000, 10, 20)
+    gc.set_threshold(100_000, 20, 20)
     gc.enable()
 
 
@@ -289,12 +306,14 @@ def arm_settings():
 @pytest.fixture(scope="session")
 def armload():
     """Run a command in this process; errors keep their type."""
-    from typer.testing import CliRunner
+    from typer import testing
 
     from armload_controller.cli.main import app
 
+    testing._get_command = functools.cache(testing._get_command)  # 10 ms, and always the same
+
     def armload(*words):
-        return CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
+        return testing.CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
 
     return armload
 

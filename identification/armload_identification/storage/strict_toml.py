@@ -8,6 +8,7 @@ one that is there. The same reader serves robots' files and the files of results
 from __future__ import annotations
 
 import difflib
+import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -209,7 +210,7 @@ def _is_finite(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     try:
-        return bool(np.isfinite(float(value)))
+        return math.isfinite(float(value))
     except OverflowError:
         return False
 
