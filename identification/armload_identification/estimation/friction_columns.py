@@ -198,7 +198,7 @@ def _iterate(
 def _deviation(fit: Estimate, chosen: NDArray[np.bool_]) -> FloatArray:
     """(2 n,) standard deviations, inf where there is no column."""
     deviation = np.full(chosen.size, np.inf)
-    deviation[chosen] = nuisance_deviation(fit)[0][: int(np.count_nonzero(chosen))]
+    deviation[chosen] = nuisance_deviation(fit)[: int(np.count_nonzero(chosen))]
     return deviation
 
 

@@ -36,8 +36,7 @@ from armload_identification.estimation.least_squares import Estimate, Prior, est
 from armload_identification.estimation.uncertainty import (
     ResidualSpectrum,
     determined_basis,
-    nuisance_deviation,
-    student_half_width,
+    nuisance_half_width,
 )
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
@@ -219,8 +218,7 @@ class _System:
         """The gains of a solution."""
         axes, known = self._axes, self._known_friction.size
         half_width = np.zeros(contradicted.size)
-        deviation, freedom = (values[self._first_gain - 10 :] for values in nuisance_deviation(found.fit))
-        half_width[axes] = student_half_width(freedom) * deviation
+        half_width[axes] = nuisance_half_width(found.fit)[self._first_gain - 10 :]
         # Theta's answer to another mean of what was known, W (x - mean) = 0 among the equations.
         rows = found.fit.prior_rows[self._prior.target.size :]
         basis = determined_basis(found.fit)

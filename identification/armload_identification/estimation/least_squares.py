@@ -126,7 +126,7 @@ def estimate(
     """
     _require_data(regressor, torque_nm, valid, noise_nm)
     noise = np.maximum(noise_nm, _LEAST_NOISE * noise_nm.max())
-    return _solve(regressor, torque_nm, _used(valid, torque_nm, sample_weight), 1.0 / noise, 1, prior)
+    return _weighted(regressor, torque_nm, _used(valid, torque_nm, sample_weight), 1.0 / noise, 1, prior)
 
 
 def estimate_reweighted(
@@ -161,16 +161,20 @@ def estimate_reweighted(
     triangles = _triangles(regressor, torque_nm, weight)
     count = np.sqrt(np.maximum(np.sum(weight**2, axis=0), 1e-300))
     least = noise = np.maximum(noise_nm, _LEAST_NOISE * noise_nm.max())
-    everything = np.ones(triangles.shape[:2])
-    for iteration in range(1, _REWEIGHTINGS + 1):
-        rows = triangles[:, :, :-1].transpose(1, 0, 2), triangles[:, :, -1].T
-        rough = _solve(*rows, everything.T, 1.0 / noise, iteration, prior)
+    parameters = regressor.shape[2]
+    known = _Known.of(prior, parameters)
+    solutions = 1
+    for _ in range(_REWEIGHTINGS):
+        solutions += 1
+        rough = _solve((triangles / noise[:, None, None]).reshape(-1, parameters + 1), known)
         size = np.sqrt(np.sum((triangles[:, :, :-1] @ rough.theta - triangles[:, :, -1]) ** 2, axis=1)) / count
         before, noise = noise, np.maximum(size, least)
         settled = np.abs(noise / before - 1.0).max()
         if settled < _WEIGHTS_SETTLED:
             break
-    return _solve(regressor, torque_nm, weight, 1.0 / noise, iteration + 1, prior)
+    last = _solve((triangles / noise[:, None, None]).reshape(-1, parameters + 1), known)
+    whitened = regressor * (weight / noise)[:, :, None]
+    return _completed(regressor, torque_nm, weight, 1.0 / noise, solutions, known, last, whitened)
 
 
 def estimate_robust(
@@ -212,7 +216,7 @@ def estimate_robust(
             break
         outlying = np.maximum(np.abs(fit.residual_nm) / (_HUBER * spread), 1.0)
         before = fit.theta
-        fit = _solve(regressor, torque_nm, given / np.sqrt(outlying), 1.0 / spread, iteration, prior)
+        fit = _weighted(regressor, torque_nm, given / np.sqrt(outlying), 1.0 / spread, iteration, prior)
         if np.abs((fit.theta - before) / fit.scale).max() < _WEIGHTS_SETTLED:
             break
     return fit
@@ -256,7 +260,46 @@ def _used(valid: NDArray[np.bool_], torque_nm: FloatArray, sample_weight: FloatA
     return np.where(valid[:, None], given, 0.0)
 
 
-def _solve(
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What is known beforehand, as equations of all p parameters.
+
+    Attributes:
+        rows: (k, p) coefficients.
+        target: (k,) what they give.
+    """
+
+    rows: FloatArray
+    target: FloatArray
+
+    @classmethod
+    def of(cls, prior: Prior | None, parameters: int) -> _Known:
+        """Of a prior on the first of the parameters."""
+        known = NOTHING_KNOWN if prior is None else prior
+        rows = np.zeros((known.target.size, parameters))
+        rows[:, : known.rows.shape[1]] = known.rows
+        return cls(rows, known.target)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """A solution of whitened equations; what is not explained is as in `Estimate`.
+
+    Attributes:
+        triangle: (p, p) R of the columns at unit length.
+        right: (p, p) its right singular vectors, as rows.
+        inverse: (p,) inverse singular values, 0 where they do not count.
+    """
+
+    theta: FloatArray
+    scale: FloatArray
+    triangle: FloatArray
+    right: FloatArray
+    inverse: FloatArray
+    rank: int
+
+
+def _weighted(
     regressor: FloatArray,
     torque_nm: FloatArray,
     sample_weight: FloatArray,
@@ -264,40 +307,68 @@ def _solve(
     iteration: int,
     prior: Prior | None,
 ) -> Estimate:
-    """One weighted solution: QR of the whitened columns at unit length, SVD of its small triangle."""
+    """One weighted solution of all rows."""
     parameters = regressor.shape[2]
+    known = _Known.of(prior, parameters)
     used = sample_weight * weight
     whitened = regressor * used[:, :, None]
-    known = NOTHING_KNOWN if prior is None else prior
-    before = np.zeros((known.target.size, parameters))
-    before[:, : known.rows.shape[1]] = known.rows
-    rows = np.vstack([whitened.reshape(-1, parameters), before])
-    length = np.sqrt(np.sum(rows**2, axis=0))
+    rows = np.column_stack([whitened.reshape(-1, parameters), (torque_nm * used).reshape(-1)])
+    solution = _solve(rows, known)
+    return _completed(regressor, torque_nm, sample_weight, weight, iteration, known, solution, whitened)
+
+
+def _solve(equations: FloatArray, known: _Known) -> _Solution:
+    """QR of the whitened columns at unit length, SVD of its small triangle.
+
+    Args:
+        equations: (m, p + 1) rows, or a triangle of them, the target as last column.
+        known: What is known beforehand.
+    """
+    parameters = equations.shape[1] - 1
+    equations = np.vstack([equations, np.column_stack([known.rows, known.target])])
+    length = np.sqrt(np.sum(equations[:, :-1] ** 2, axis=0))
     if length.max() == 0.0:
         raise EstimationError("the motion excites no parameter of the payload. Record a run along an excitation.")
     scale = 1.0 / np.where(length > _RANK_TOLERANCE * length.max(), length, np.inf)
     scale[scale == 0.0] = 1.0 / length.max()
-    target = np.concatenate([(torque_nm * used).reshape(-1), known.target])
-    both = np.asarray(np.linalg.qr(np.column_stack([rows * scale, target]), mode="r"))
+    equations[:, :-1] *= scale
+    both = np.asarray(np.linalg.qr(equations, mode="r"))
     triangle, target = both[:parameters, :parameters], both[:parameters, parameters]
     left, values, right = np.linalg.svd(triangle)
     rank = int(np.count_nonzero(values > _RANK_TOLERANCE * values[0]))
     inverse = np.where(np.arange(parameters) < rank, 1.0 / np.where(values > 0.0, values, 1.0), 0.0)
     theta = scale * (right.T @ (inverse * (left.T @ target)))
-    residual = torque_nm - regressor @ theta
-    half = scale[:, None] * right.T * inverse
-    singular_values = np.linalg.svd(triangle / scale, compute_uv=False)
+    return _Solution(theta, scale, triangle, right, inverse, rank)
+
+
+def _completed(
+    regressor: FloatArray,
+    torque_nm: FloatArray,
+    sample_weight: FloatArray,
+    weight: FloatArray,
+    iteration: int,
+    known: _Known,
+    solution: _Solution,
+    whitened: FloatArray,
+) -> Estimate:
+    """A solution with what it leaves of every row."""
+    scale, rank = solution.scale, solution.rank
+    residual = torque_nm - regressor @ solution.theta
+    half = scale[:, None] * solution.right.T * solution.inverse
+    root = solution.triangle / scale
+    singular_values = np.linalg.svd(root, compute_uv=False)
+    full = rank == scale.size
     return Estimate(
-        theta=theta,
+        theta=solution.theta,
         weight_1_nm=weight,
         sample_weight=sample_weight,
         whitened=whitened,
-        prior_rows=before,
-        root=triangle / scale,
-        undetermined=right[rank:].T,
+        prior_rows=known.rows,
+        root=root,
+        undetermined=solution.right[rank:].T,
         scale=scale,
         singular_values=np.asarray(singular_values, dtype=np.float64),
-        condition_number=float(singular_values[0] / singular_values[-1]) if rank == parameters else float("inf"),
+        condition_number=float(singular_values[0] / singular_values[-1]) if full else float("inf"),
         rank=rank,
         residual_nm=residual,
         residual_rms_nm=_weighted_rms(residual, sample_weight),

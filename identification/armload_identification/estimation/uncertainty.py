@@ -190,23 +190,36 @@ def shifts_by_knowledge(fit: Estimate, prior: Prior | None) -> FloatArray:
     return np.asarray(prior.doubts @ half[:10] @ half.T)
 
 
-def nuisance_deviation(fit: Estimate) -> tuple[FloatArray, FloatArray]:
+def nuisance_deviation(fit: Estimate) -> FloatArray:
     """Robust standard deviation of every parameter behind the payload's ten.
 
     Args:
         fit: A fit on equidistant samples.
 
     Returns:
-        (p - 10,) standard deviations, inf for all where the fit is not of full rank, and their degrees of freedom.
+        (p - 10,) standard deviations, inf for all where the fit is not of full rank.
     """
-    extra = fit.theta.size - 10
+    return _nuisance(fit)[0]
+
+
+def nuisance_half_width(fit: Estimate) -> FloatArray:
+    """(p - 10,) half widths of the 95 % intervals of the parameters behind the payload's ten; as `nuisance_deviation`.
+
+    Args:
+        fit: A fit on equidistant samples.
+    """
+    deviation, spectrum, contrast = _nuisance(fit)
+    return deviation if spectrum is None else student_half_width(spectrum.freedom(contrast)) * deviation
+
+
+def _nuisance(fit: Estimate) -> tuple[FloatArray, ResidualSpectrum | None, FloatArray]:
+    """Deviations as `nuisance_deviation`, and the spectrum and contrast (p - 10, p) that they come from."""
     if fit.rank < fit.theta.size:
-        return np.full(extra, np.inf), np.ones(extra)
+        return np.full(fit.theta.size - 10, np.inf), None, np.empty(0)
     half: FloatArray = np.asarray(np.linalg.inv(fit.root), dtype=np.float64)
-    spectrum = ResidualSpectrum.of(fit, half)
-    contrast = half[10:]
+    spectrum, contrast = ResidualSpectrum.of(fit, half), half[10:]
     known = np.sum((contrast @ (fit.prior_rows @ half).T) ** 2, axis=1)
-    return np.sqrt(spectrum.variance(contrast) + known), spectrum.freedom(contrast)
+    return np.sqrt(spectrum.variance(contrast) + known), spectrum, contrast
 
 
 def coefficient_deviation(

@@ -16,7 +16,7 @@ References:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -156,6 +156,7 @@ class _System:
         edges = np.cumsum([0, link.size, *[n] * 5])
         names = ("links", "rotors", "coulomb", "viscous", "offset", "load")
         self._of = {name: slice(*pair) for name, pair in zip(names, pairwise(edges), strict=True)}
+        self._place = [self._place_of(joint) for joint in range(n)]
 
     def fit(self) -> _Fit:
         """The best solution; a joint whose friction does not grow with its load is left without that column."""
@@ -293,50 +294,48 @@ class _System:
         """(p,) by the equations' Gram matrix: what it rounds off the next step makes good."""
         gram = np.diag(np.ones(x.size))
         side = -x / self._width
-        change = self._rate(self._torque - left)
-        for joint in range(self._n):
-            rows, place = self._rows(joint, x, change, carried)
-            rows = rows * (self._weight[:, joint] / noise[joint])[:, None]
-            gram[np.ix_(place, place)] += rows.T @ rows
-            side[place] += rows.T @ (left[:, joint] * self._weight[:, joint] / noise[joint])
+        for joint, rows in enumerate(self._rows(x, left, carried)):
+            place = self._place[joint]
+            width = self._width[place] / noise[joint]
+            gram[place[:, None], place] += rows @ rows.T * np.outer(width, width)
+            side[place] += width * (rows @ (left[:, joint] * self._weight[:, joint])) / noise[joint]
         step = np.zeros_like(x)
         step[used] = self._width[used] * np.linalg.solve(gram[np.ix_(used, used)], side[used])
         return step
 
-    def _rows(
-        self, joint: int, x: FloatArray, change: FloatArray, carried: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.intp]]:
-        """(N, k) derivative of a joint's torque, in the prior's widths, and the parameters' places."""
-        of, load = self._of, x[self._of["load"]][joint]
-        direction, column = self._direction[:, joint], carried[:, joint]
-        links, rotors = self._links[joint], self._rotors[joint]
-        rows = np.column_stack(
-            [
-                links.values * (1.0 + load * direction * np.sign(column))[:, None],
-                rotors.values,
-                direction,
-                self._dq[:, joint],
-                np.ones_like(direction),
-                direction * np.abs(column),
-                -change[:, joint],
-            ]
-        )
+    def _rows(self, x: FloatArray, left: FloatArray, carried: FloatArray) -> Iterator[FloatArray]:
+        """(k, N) per joint: the weighted derivatives of its torque by the parameters of `_place_of`."""
+        weight, of_velocity = self._weight.T, (self._direction, self._dq, np.ones_like(self._dq))
+        factor = self._weight * (1.0 + x[self._of["load"]] * self._direction * np.sign(carried))
+        beside = (*of_velocity, self._direction * np.abs(carried), -self._rate(self._torque - left))
+        others = np.ascontiguousarray((np.stack(beside) * self._weight).transpose(2, 0, 1))
+        for joint, by_links in enumerate(np.ascontiguousarray(factor.T)):
+            links, rotors = self._links[joint].values, self._rotors[joint].values
+            yield np.concatenate([links * by_links, rotors * weight[joint], others[joint]])
+
+    def _place_of(self, joint: int) -> NDArray[np.intp]:
+        """(k,) the parameters that a joint's torque depends on."""
+        of = self._of
         own = [of[name].start + joint for name in ("coulomb", "viscous", "offset", "load")]
-        place = np.concatenate([links.place, of["rotors"].start + rotors.place, own, [x.size - 1]])
-        return rows * self._width[place], place
+        rotors = of["rotors"].start + self._rotors[joint].place
+        return np.concatenate([self._links[joint].place, rotors, own, [self._width.size - 1]])
 
     def _deviations(self, fit: _Fit) -> tuple[FloatArray, FloatArray]:
         """(p,) standard deviations, if the residual were white and as it is; inf where a parameter was not used."""
         x, used = fit.parameters, np.flatnonzero(fit.used)
         _, carried = self._left(x)
-        everything = np.zeros((len(fit.left), self._n, x.size))
-        change = self._rate(self._torque - fit.left)
-        for joint in range(self._n):
-            rows, place = self._rows(joint, x, change, carried)
-            everything[:, joint, place] = rows * (self._weight[:, joint] / fit.noise_nm[joint])[:, None]
-        everything = everything[:, :, used]
-        prior = np.eye(used.size)
-        triangle = np.asarray(np.linalg.qr(np.vstack([everything.reshape(-1, used.size), prior]), mode="r"))
+        everything = np.zeros((x.size, len(fit.left), self._n))
+        triangles = [np.eye(x.size)]
+        for joint, rows in enumerate(self._rows(x, fit.left, carried)):
+            place = self._place[joint]
+            columns = rows * (self._width[place] / fit.noise_nm[joint])[:, None]
+            everything[place, :, joint] = columns
+            # A joint's rows are zero but for its few columns, and their triangle stands for them all.
+            triangle = np.asarray(np.linalg.qr(columns.T, mode="r"))
+            triangles.append(np.zeros((len(triangle), x.size)))
+            triangles[-1][:, place] = triangle
+        everything = everything[used].transpose(1, 2, 0)
+        triangle = np.asarray(np.linalg.qr(np.vstack(triangles)[:, used], mode="r"))
         white, robust = np.full(x.size, np.inf), np.full(x.size, np.inf)
         white[used] = self._width[used] * np.sqrt(np.sum(np.linalg.inv(triangle) ** 2, axis=1))
         residual = fit.left * self._weight / fit.noise_nm
@@ -362,7 +361,7 @@ class _Columns:
     """The columns of a matrix that are not zero.
 
     Attributes:
-        values: (N, k) these.
+        values: (k, N) these.
         place: (k,) where they belong.
     """
 
@@ -372,15 +371,15 @@ class _Columns:
     @classmethod
     def of(cls, matrix: FloatArray) -> _Columns:
         place = np.flatnonzero(np.any(matrix != 0.0, axis=0))
-        return cls(np.ascontiguousarray(matrix[:, place]), place)
+        return cls(np.ascontiguousarray(matrix[:, place].T), place)
 
     def __matmul__(self, parameters: FloatArray) -> FloatArray:
-        return np.asarray(self.values @ parameters[self.place])
+        return np.asarray(parameters[self.place] @ self.values)
 
     def column(self, index: int) -> FloatArray:
         """(N,) one column of the whole matrix."""
         found = np.flatnonzero(self.place == index)
-        return self.values[:, found[0]] if found.size else np.zeros(len(self.values))
+        return self.values[found[0]] if found.size else np.zeros(self.values.shape[1])
 
 
 def _inertia_columns(chain: Chain, q: FloatArray) -> FloatArray:

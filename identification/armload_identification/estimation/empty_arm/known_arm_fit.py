@@ -103,7 +103,7 @@ def _named(fit: Estimate, torque_nm: FloatArray, arm: KnownArm) -> FrictionDiffe
         ),
         viscous_joints=np.zeros(n, dtype=bool),
         viscous_nm_s_rad=viscous,
-        viscous_t=viscous / nuisance_deviation(fit)[0][n : 2 * n],
+        viscous_t=viscous / nuisance_deviation(fit)[n : 2 * n],
         torque_nm=torque_nm,
         known_deviation=unknown,
         known=np.zeros(2 * n),
