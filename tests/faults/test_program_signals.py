@@ -18,7 +18,7 @@ import pytest
 
 from armload_identification.excitation.excitation_file import write_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
-from tests.started_programs import as_started
+from tests.started_programs import BACKGROUND, as_started
 
 PROGRAM = """
 import json, sys, time
@@ -122,6 +122,8 @@ def ended(process, tmp_path, number=signal.SIGTERM):
     assert process.returncode == 128 + number, printed
     assert "Motion stopped (along the path): the system asked the program to end" in printed
     assert "While stopping" not in printed
+    assert "Traceback" not in printed
+    assert not (tmp_path / "run" / "unloaded_identification.mcap").exists()
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["powered"] == [False] * 6
     assert len(found["released"]) == 6
@@ -138,9 +140,9 @@ def test_a_signal_brings_the_arm_to_rest_and_removes_its_torque(started, tmp_pat
 
 def test_a_background_job_goes_on_where_signals_are_ignored_and_is_stopped_by_sigterm(started, tmp_path):
     """A shell script's background job ignores SIGINT, nohup SIGHUP: that is what was asked for."""
-    process = started(ignored=("SIGINT", "SIGHUP"))
-    for number in (signal.SIGINT, signal.SIGHUP):
-        process.send_signal(number)
+    process = started(ignored=BACKGROUND)
+    for name in BACKGROUND:
+        process.send_signal(getattr(signal, name))
     recorded = sum(path.stat().st_size for path in (tmp_path / "run").glob("*.mcap"))
     wait_for_rows(process, tmp_path / "run", recorded + 60_000)
     process.send_signal(signal.SIGTERM)

@@ -24,7 +24,7 @@ from armload_identification.pipeline.payload_validation import validate
 from armload_identification.recording.file_reading import read_recording
 from tests.bounded import await_that
 from tests.short_commissioning import write_short_robot
-from tests.started_programs import BACKGROUND, as_started
+from tests.started_programs import as_started
 
 PROGRAM = [sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
 CONFIGS = Path(str(resources.files("armload_configs")))
@@ -110,7 +110,7 @@ def test_validate_fails_on_another_payload(commissioned, armload, short_robot, t
     assert "limit" in result.output
 
 
-def test_the_second_half_takes_up_the_first(armload, short_robot, first_half, tmp_path):
+def test_the_first_half_is_left_to_the_second(first_half):
     folder, first = first_half
     assert "--runs loaded" in first.stderr
     assert "ws://127.0.0.1:" in first.stderr
@@ -120,10 +120,21 @@ def test_the_second_half_takes_up_the_first(armload, short_robot, first_half, tm
         "armload_version": version("armload"),
         "files": {"directory": str(folder)},
     }
+
+
+def test_the_second_half_takes_up_the_first_and_makes_a_stopped_run_again(commissioned, armload, short_robot, tmp_path):
+    """What a stop leaves: the first half, a whole loaded recording and a partial one."""
+    complete, _ = commissioned
     output = tmp_path / "halves"
-    shutil.copytree(folder, output)
+    shutil.copytree(complete, output)
+    (output / "loaded_validation.mcap").rename(output / "loaded_validation.partial.mcap")
+    for made in ("payload.toml", "report.html"):
+        (output / made).unlink()
     second = armload("commission", short_robot, "--runs", "loaded", "--output", output, "--mass-kg", "3.0", "--json")
     assert second.exit_code == 0, second.output
+    assert "identification run" not in second.stderr
+    assert "validation run" in second.stderr
+    assert (output / "loaded_validation.partial.mcap").exists()
     document = json.loads(second.stdout)
     assert (document["schema"], document["armload_version"]) == ("armload/payload/1", version("armload"))
     assert document["payload"]["mass_kg"] == read_payload(output / "payload.toml").model.mass_kg
@@ -160,22 +171,6 @@ def test_an_excitation_beyond_the_limits_switches_nothing_on(armload, short_robo
     result = armload("commission", tight, "--output", tmp_path / "run")
     assert "prbt_joint_3: position" in str(result.exception)
     assert "connecting" not in result.output
-
-
-def test_a_stopped_run_does_not_count_and_is_made_again(armload, short_robot, commissioned, tmp_path):
-    """What a stop leaves: three whole recordings and a partial one."""
-    complete, _ = commissioned
-    output = tmp_path / "stopped"
-    shutil.copytree(complete, output)
-    (output / "loaded_validation.mcap").rename(output / "loaded_validation.partial.mcap")
-    (output / "payload.toml").unlink()
-    result = armload("commission", short_robot, "--output", output)
-    assert result.exit_code == 0, result.output
-    assert "unloaded: recorded already" in result.output
-    assert "identification run" not in result.output
-    assert (output / "loaded_validation.mcap").exists()
-    assert (output / "loaded_validation.partial.mcap").exists()
-    assert (output / "payload.toml").exists()
 
 
 def test_the_verdict_is_about_the_validation_runs(commissioned, short_robot):
@@ -240,21 +235,12 @@ def test_a_payload_in_another_frame_is_refused(commissioned, armload, short_robo
     assert "'wrist'" in str(result.exception)
 
 
-@pytest.mark.parametrize(
-    ("signal_name", "status", "ignored"),
-    [
-        ("SIGINT", 130, ()),
-        ("SIGTERM", 143, BACKGROUND),
-        ("SIGTSTP", 130, ()),
-        ("SIGHUP", 129, ()),
-        ("SIGQUIT", 131, ()),
-    ],
-)
-def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, status, ignored):
-    """Stopped by SIGTERM however the program was started; the others it obeys unless it was started to ignore them."""
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTSTP])
+def test_a_key_brings_the_arm_to_rest(short_robot, tmp_path, number):
+    """Ctrl-C and Ctrl-Z. The signals that end a program are in tests/faults/test_program_signals.py."""
     output = tmp_path / "run"
     running = subprocess.Popen(
-        as_started([*PROGRAM, "commission", short_robot, "--output", output], ignored),
+        as_started([*PROGRAM, "commission", short_robot, "--output", output]),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -264,9 +250,9 @@ def test_a_signal_brings_the_arm_to_rest(short_robot, tmp_path, signal_name, sta
             break
     await_that(lambda: list(output.glob("*.mcap")) or running.poll() is not None, "a recording has begun", 60.0)
     assert running.poll() is None
-    running.send_signal(getattr(signal, signal_name))
+    running.send_signal(number)
     _, errors = running.communicate(timeout=60)
-    assert running.returncode == status, errors
+    assert running.returncode == 130, errors
     assert "Traceback" not in errors
     assert not list(output.glob("unloaded_identification.mcap"))
 

@@ -1,6 +1,6 @@
 """The process is tuned for a while, whatever is permitted, and set back."""
 
-import gc
+import json
 import os
 import subprocess
 import sys
@@ -11,18 +11,31 @@ import pytest
 from armload_controller.cycle.realtime import SWITCH_INTERVAL_S, tuned_for_cycles
 
 
+PROGRAM = """
+import gc, json, os, sys
+from armload_controller.cycle.realtime import tuned_for_cycles
+
 def state():
-    return sys.getswitchinterval(), gc.isenabled(), os.sched_getscheduler(0), os.sched_getaffinity(0)
+    return sys.getswitchinterval(), gc.isenabled(), os.sched_getscheduler(0), sorted(os.sched_getaffinity(0))
+
+told, states = [], [state()]
+with tuned_for_cycles(told.append):
+    states.append(state())
+print(json.dumps([*states, state(), told]))
+"""
+"""A small process: in that of all tests, memory that is locked is seconds of page faults."""
 
 
 def test_everything_is_set_and_set_back():
-    before, told = state(), []
-    with tuned_for_cycles(told.append):
-        assert sys.getswitchinterval() == SWITCH_INTERVAL_S
-        assert not gc.isenabled()
-        assert (os.sched_getscheduler(0) == os.SCHED_FIFO) == (not any("SCHED_FIFO" in line for line in told))
-        assert (len(os.sched_getaffinity(0)) == 1) == (not any("affinity" in line for line in told))
-    assert state() == before
+    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True, timeout=60)
+    before, within, after, told = json.loads(done.stdout)
+    switch_interval_s, collects, scheduler, cores = within
+    assert switch_interval_s == SWITCH_INTERVAL_S != before[0]
+    assert not collects
+    assert before[1]
+    assert (scheduler == os.SCHED_FIFO) == (not any("SCHED_FIFO" in line for line in told))
+    assert (len(cores) == 1) == (not any("affinity" in line for line in told))
+    assert after == before
     assert len(told) <= 1, "what is not permitted is said once"
 
 
