@@ -44,7 +44,6 @@ settings.register_profile("the same examples in every run", derandomize=True)
 settings.load_profile("the same examples in every run")
 
 
-
 def parse_once():
     """Let no file of TOML be parsed twice: most tests load the same few robots."""
     parse = tomllib.loads

@@ -10,8 +10,10 @@ from typing import Final
 import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.collections import PatchCollection
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from armload_core.arrays import FloatArray
@@ -51,6 +53,8 @@ _SAMPLES: Final = 600
 _POSTURES: Final = 8
 _NEAREST: Final = 5
 _SIZE_IN: Final = (11.7, 8.3)
+_CHARACTER_IN: Final = 0.07
+"""Width of a character of a joint's name."""
 
 
 def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[str, ...]) -> Figure:
@@ -73,22 +77,29 @@ def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[s
             f"a trajectory of {excitation.trajectory.n} joints, limits of {envelope.n}, {len(joint_names)} names"
         )
     with matplotlib.style.context(["default", _STYLE]):
-        figure = Figure(figsize=_SIZE_IN, layout="constrained")
-        left, right = np.asarray(figure.subfigures(1, 2, width_ratios=(0.42, 0.58)))
-        _joints(left, excitation.trajectory, envelope, joint_names)
-        views = right.subplots(2, 2, height_ratios=(0.6, 0.4))
-        _view(views[0, 0], excitation.trajectory, envelope.workspace, (0, 2), "from the side: x to the right, z up, m")
-        _view(views[0, 1], excitation.trajectory, envelope.workspace, (0, 1), "from above: x to the right, y up, m")
-        _use(views[1, 0], excitation.trajectory, envelope, joint_names)
-        _history(views[1, 1], excitation)
+        figure = Figure(figsize=_SIZE_IN)
+        rows = figure.add_gridspec(excitation.trajectory.n, 1, left=0.04, right=0.40, bottom=0.06, top=0.96, hspace=0.4)
+        _joints(rows.subplots(sharex=True, squeeze=False)[:, 0], excitation.trajectory, envelope, joint_names)
+        names_in = _CHARACTER_IN * max(len(name) for name in joint_names)
+        right = figure.add_gridspec(
+            2, 2, left=0.42 + max(0.05, names_in / _SIZE_IN[0]), right=0.985, bottom=0.16, top=0.96,
+            height_ratios=(0.6, 0.4), wspace=0.3, hspace=0.18,
+        )  # fmt: skip
+        side, above, use, history = right.subplots(squeeze=False).flat
+        tool = _Tool(excitation.trajectory, envelope.workspace)
+        tool.draw(side, (0, 2), "from the side: x to the right, z up, m")
+        tool.draw(above, (0, 1), "from above: x to the right, y up, m")
+        _use(use, excitation.trajectory, envelope, joint_names)
+        _history(history, excitation)
     return figure
 
 
-def _joints(figure: SubFigure, trajectory: FourierTrajectory, envelope: Envelope, names: tuple[str, ...]) -> None:
+def _joints(
+    rows: NDArray[np.object_], trajectory: FourierTrajectory, envelope: Envelope, names: tuple[str, ...]
+) -> None:
     """Position over a period, a row per joint."""
     times_s = np.linspace(0.0, trajectory.period_s, _SAMPLES)
     position = trajectory.evaluate(times_s).position_rad
-    rows = figure.subplots(trajectory.n, 1, sharex=True, squeeze=False)[:, 0]
     limits = envelope.joints
     for i, axes in enumerate(rows):
         low, high = limits.position_min_rad[i], limits.position_max_rad[i]
@@ -102,26 +113,44 @@ def _joints(figure: SubFigure, trajectory: FourierTrajectory, envelope: Envelope
     rows[-1].set_xlabel(f"time in the period of {trajectory.period_s:g} s, s")
 
 
-def _view(axes: Axes, trajectory: FourierTrajectory, workspace: Workspace, plane: tuple[int, int], title: str) -> None:
-    """Path of the flange, postures with their spheres, and obstacles, projected along an axis of the base."""
-    chain = workspace.chain
-    positions = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _SAMPLES)).position_rad
-    points = np.array([chain.forward(q)[:, :3, 3] for q in positions])[:, :, plane]
-    for box in workspace.boxes:
-        axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=_GREY))
-        x, y = box.pose[list(plane), 3]
-        axes.text(x, y, box.name, ha="center", va="center", color=_GREY)
-    for q, joints in zip(positions[:: _SAMPLES // _POSTURES], points[:: _SAMPLES // _POSTURES], strict=True):
-        axes.plot(*np.vstack([np.zeros(2), joints]).T, color=_GREY, linewidth=0.8, alpha=0.7)
-        for center, sphere in zip(workspace.centres(q), workspace.spheres, strict=True):
-            if sphere.link > 0:
-                axes.add_patch(Circle(center[list(plane)], sphere.radius_m, color=_GREY, alpha=0.06, linewidth=0.0))
-    axes.plot(*points[:, -1].T, color=COLORS[0], linewidth=1.6)
-    axes.plot(*points[0, -1], marker="o", color=COLORS[0], markersize=4)
-    axes.autoscale_view()
-    axes.set_aspect("equal", adjustable="datalim")
-    _walls(axes, workspace, plane)
-    axes.set_title(title)
+class _Tool:
+    """Path of the flange, postures with their spheres, and obstacles.
+
+    Args:
+        trajectory: The motion.
+        workspace: The arm, its spheres and its obstacles.
+    """
+
+    def __init__(self, trajectory: FourierTrajectory, workspace: Workspace) -> None:
+        positions = trajectory.evaluate(np.linspace(0.0, trajectory.period_s, _SAMPLES)).position_rad
+        self.workspace = workspace
+        self.joints_m = np.array([workspace.chain.forward(q)[:, :3, 3] for q in positions])
+        self.centres_m = [workspace.centres(q) for q in positions[:: _SAMPLES // _POSTURES]]
+
+    def draw(self, axes: Axes, plane: tuple[int, int], title: str) -> None:
+        """Everything projected along an axis of the base.
+
+        Args:
+            axes: Where to.
+            plane: The base's axes that are seen, to the right and up.
+            title: What is seen.
+        """
+        points = self.joints_m[:, :, plane]
+        for box in self.workspace.boxes:
+            axes.add_patch(Polygon(_outline(box, plane), closed=True, facecolor=_FORBIDDEN, edgecolor=_GREY))
+            x, y = box.pose[list(plane), 3]
+            axes.text(x, y, box.name, ha="center", va="center", color=_GREY)
+        for centres, joints in zip(self.centres_m, points[:: _SAMPLES // _POSTURES], strict=True):
+            axes.plot(*np.vstack([np.zeros(2), joints]).T, color=_GREY, linewidth=0.8, alpha=0.7)
+            spheres = zip(centres[:, plane], self.workspace.spheres, strict=True)
+            circles = [Circle(center, sphere.radius_m) for center, sphere in spheres if sphere.link > 0]
+            axes.add_collection(PatchCollection(circles, color=_GREY, alpha=0.06, linewidths=0.0))
+        axes.plot(*points[:, -1].T, color=COLORS[0], linewidth=1.6)
+        axes.plot(*points[0, -1], marker="o", color=COLORS[0], markersize=4)
+        axes.autoscale_view()
+        axes.set_aspect("equal", adjustable="datalim")
+        _walls(axes, self.workspace, plane)
+        axes.set_title(title)
 
 
 def _walls(axes: Axes, workspace: Workspace, plane: tuple[int, int]) -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from armload_controller.cycle.realtime import SWITCH_INTERVAL_S, tuned_for_cycles
 
-
 PROGRAM = """
 import gc, json, os, sys
 from armload_controller.cycle.realtime import tuned_for_cycles
