@@ -37,6 +37,7 @@ FIGURE_STYLE: Final = {
     "axes.labelcolor": INK,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.titley": 1.0,  # else a fifth of the time goes into a place for the title
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": "#e3e3e3",

@@ -39,6 +39,7 @@ _STYLE: Final = {
     "axes.labelcolor": _INK,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.titley": 1.0,  # else a fifth of the time goes into a place for the title
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": "#e3e3e3",
