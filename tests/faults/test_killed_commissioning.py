@@ -98,6 +98,7 @@ def killed_in_row(robot, folder, make_servos, notes, row):
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
+@pytest.mark.long
 def test_the_motion_killed_again_and_again_loses_a_quarter_of_a_second_and_goes_on(ideal_servos, tmp_path):
     robot, folder, notes = least_robot(), tmp_path / "run", Notes(tmp_path / "notes")
     folder.mkdir()

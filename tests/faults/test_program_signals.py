@@ -131,7 +131,10 @@ def ended(process, tmp_path, number=signal.SIGTERM):
     return printed
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+@pytest.mark.parametrize(
+    "number",
+    [signal.SIGTERM, *(pytest.param(number, marks=pytest.mark.long) for number in (signal.SIGHUP, signal.SIGQUIT))],
+)
 def test_a_signal_brings_the_arm_to_rest_and_removes_its_torque(started, tmp_path, number):
     process = started()
     process.send_signal(number)

@@ -18,6 +18,7 @@ plain_installation.main()
 
 
 @pytest.mark.pure
+@pytest.mark.long
 def test_loop_and_exports_work_and_the_rest_names_its_extra():
     done = subprocess.run([sys.executable, "-c", HIDDEN], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

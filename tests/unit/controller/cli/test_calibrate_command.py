@@ -172,6 +172,7 @@ def test_a_calibration_moves_a_payload_of_nominal_gains(armload, calibrated, tod
     assert float(found[1]) == pytest.approx(9.814, rel=0.01)
 
 
+@pytest.mark.long
 def test_drift_holds_runs_against_the_calibration(armload, calibrated, today, tmp_path):
     names = sorted(today.glob("*.mcap"))
     files = ["--report", tmp_path / "drift.html", "--picture", tmp_path / "drift.svg"]
@@ -219,6 +220,7 @@ def test_drift_takes_days_and_payloads_from_a_table(armload, calibrated, today, 
     assert "no recording can be used (none.mcap:" in str(none.exception)
 
 
+@pytest.mark.long
 def test_a_wiggle_is_designed_about_the_place_where_the_arm_stands(armload, calibrated, tmp_path):
     place, output = [0.1, 0.8, 0.2, 0.0, 0.3, 0.0], tmp_path / "wiggle.toml"
     words = ["design", "er50", "--for", "any-motion", "--calibration", calibrated[0], "--mass-within", "0.2"]

@@ -317,6 +317,7 @@ def test_design_writes_an_excitation_and_how_it_was_made(armload, tmp_path):
     assert "--seed 4" in excitation.design["command"]
 
 
+@pytest.mark.long
 def test_design_chooses_the_period_on_request(armload, tmp_path):
     words = [
         "design",

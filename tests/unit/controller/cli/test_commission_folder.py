@@ -32,6 +32,7 @@ def recorded(recorded_er50, tmp_path):
     return folder
 
 
+@pytest.mark.long
 def test_four_recordings_without_a_report_are_taken_to_one(armload, recorded, recorded_er50):
     """Whatever else an earlier start left."""
     shutil.copy(recorded_er50 / "runs" / "today" / "payload.toml", recorded)

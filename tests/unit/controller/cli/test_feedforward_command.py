@@ -98,6 +98,7 @@ def recorded_with(folder):
     }
 
 
+@pytest.mark.long
 def test_with_a_calibration_the_arms_own_torque_is_a_third_curve(calibrated, folder):
     assert "What the payload adds to the following error, RMS over time" in calibrated
     first, second = calibrated.split("Following error beyond the servo's lag, RMS over time")
@@ -112,6 +113,7 @@ def test_with_a_calibration_the_arms_own_torque_is_a_third_curve(calibrated, fol
     assert "payload and arm: " in (folder / "arm.svg").read_text()
 
 
+@pytest.mark.long
 def test_a_calibration_of_another_arm_is_refused_before_anything_moves(armload, folder, calibrated):
     result = armload("feedforward", "er50", folder / "payload.toml", "--calibration", folder / "arm.toml")
     assert result.exit_code == 1
@@ -162,6 +164,7 @@ def adapted(armload, folder, calibrated):
     return json.loads(result.stdout)
 
 
+@pytest.mark.long
 def test_torque_follows_what_the_arm_finds_out_and_every_decision_is_kept(adapted, folder):
     fed = [decision for decision in adapted["decisions"] if decision["kind"] == "fed"]
     truth = load_robot("prbt").simulation.payload("gripper")

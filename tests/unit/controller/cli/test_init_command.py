@@ -34,6 +34,7 @@ def urdf(tmp_path):
     return urdf
 
 
+@pytest.mark.long
 def test_a_urdf_becomes_a_robot_with_two_excitations(armload, urdf, tmp_path):
     out = tmp_path / "new" / "four.toml"
     words = ("--payload-kg", "1.5", "--simulated", "--restarts", "1", "--output", out, "--json")

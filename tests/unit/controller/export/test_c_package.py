@@ -66,6 +66,7 @@ def run(*command, cwd):
     return done.stdout
 
 
+@pytest.mark.long
 def test_find_package_and_a_class_give_pythons_torque(calibrated, tmp_path):
     subject = calibrated
     package, user = tmp_path / "package", tmp_path / "user"

@@ -114,12 +114,14 @@ def compared():
     return verdict, added, beyond
 
 
+@pytest.mark.long
 def test_with_the_arms_friction_known_every_joint_is_tried(compared):
     verdict, _, _ = compared
     assert verdict.usable.all()
     assert (verdict.tried_nm >= held_torque(BODY)).all()
 
 
+@pytest.mark.long
 def test_the_friction_under_the_payload_belongs_to_its_torque(compared):
     _, added, _ = compared
     assert added.measure is Measure.ADDED
@@ -127,6 +129,7 @@ def test_the_friction_under_the_payload_belongs_to_its_torque(compared):
         assert added.reduction("friction")[joint] > added.reduction("payload")[joint] + 0.05
 
 
+@pytest.mark.long
 def test_the_arms_own_torque_takes_what_the_payloads_leaves(compared):
     _, _, beyond = compared
     assert beyond.measure is Measure.TORQUES

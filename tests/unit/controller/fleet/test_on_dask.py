@@ -58,6 +58,7 @@ def listening_addresses(process_ids):
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs Linux' /proc")
+@pytest.mark.long
 def test_a_killed_worker_and_a_killed_coordinator_cost_what_they_were_doing(recorded_er50, tmp_path):
     today = recorded_er50 / "runs" / "today"
     for number in range(3):
@@ -160,6 +161,7 @@ def refusal(address):
     return str(refused.value)
 
 
+@pytest.mark.long
 def test_a_scheduler_behind_tls_does_the_jobs_of_its_owner(behind_tls):
     address, tally, _ = behind_tls
     assert address.startswith("tls://127.0.0.1:")
