@@ -134,6 +134,15 @@ class _Reduced:
     own_step: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class _WeightedRows:
+    """(N, k) rows and (N,) residuals of an axis, weighted, and (k,) the unknowns that they are about."""
+
+    rows: FloatArray
+    target: FloatArray
+    place: NDArray[np.intp]
+
+
 def fit_arm(
     model: ArmModel,
     runs: Sequence[tuple[ArmRows, str]],
@@ -230,24 +239,24 @@ class _Fitter:
         weight = run.rows.weight * huber * (np.sqrt(run.trust) / (self._noise * np.sqrt(self._correlation)))
         return np.asarray(np.where(run.struck[:, None], 0.0, weight))
 
-    def _local(self, run: _Run) -> tuple[FloatArray, FloatArray, list[tuple[FloatArray, NDArray[np.intp]]]]:
-        """Information and gradient of shared and own unknowns, and the weighted rows of every axis."""
+    def _local(self, run: _Run) -> tuple[FloatArray, FloatArray, list[_WeightedRows]]:
+        """Information and gradient of shared and own unknowns, and the rows of every axis that they come from."""
         of = self._model.unknowns
         size = of.size + PER_RUN * of.n
         information, gradient = np.zeros((size, size)), np.zeros(size)
         derivatives = self._model.differentiate(run.rows, run.mounting, self._x, run.changes)
         weight = self._row_weights(run)
-        scores = []
+        weighted = []
         for axis, (columns, place) in enumerate(zip(derivatives.columns, derivatives.place, strict=True)):
             rows = columns * weight[:, axis, None]
             target = run.residual[:, axis] * weight[:, axis]
             information[np.ix_(place, place)] += rows.T @ rows
             gradient[place] += rows.T @ target
-            scores.append((rows * target[:, None], place))
+            weighted.append(_WeightedRows(rows, target, place))
         own = np.arange(of.size, size)
         information[own, own] += self._drift**-2.0
         gradient[own] -= run.changes / self._drift**2
-        return information, gradient, scores
+        return information, gradient, weighted
 
     def _reduced(self, run: _Run) -> _Reduced:
         """The run's own unknowns eliminated."""
@@ -282,15 +291,15 @@ class _Fitter:
         of = self._model.unknowns
         parts, meat, blocks = [], self._prior.precision.copy(), 0
         for run in self._runs:
-            information, gradient, scores = self._local(run)
+            information, gradient, weighted = self._local(run)
             reduced = _eliminate(information, gradient, of.size)
             parts.append(reduced)
             block = np.asarray(run.rows.time_s / _BLOCK_S, dtype=np.intp)
             sums = np.zeros((int(block.max()) + 1, len(information)))
-            for values, place in scores:
-                gathered = np.zeros((len(sums), place.size))
-                np.add.at(gathered, block, values)
-                sums[:, place] += gathered
+            for axis in weighted:
+                gathered = np.zeros((len(sums), axis.place.size))
+                np.add.at(gathered, block, axis.rows * axis.target[:, None])
+                sums[:, axis.place] += gathered
             ahead = sums[:, : of.size] - sums[:, of.size :] @ reduced.follow
             own = reduced.follow.T * self._drift**-2.0
             meat += ahead.T @ ahead + own @ reduced.follow

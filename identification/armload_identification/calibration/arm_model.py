@@ -122,12 +122,25 @@ class ArmModel:
         Returns:
             (N, n) in N m.
         """
-        return self._torque(rows, mounting, x, changes)[0]
+        of = self.unknowns
+        delay, tilt = x[of.delay][0], x[of.tilt]
+        links = x[of.links]
+        tau = rows.links @ links + delay * (rows.links_rate @ links)
+        tau += tilt[0] * (rows.links_tilt[0] @ links) + tilt[1] * (rows.links_tilt[1] @ links)
+        if mounting:
+            theta = x[of.payload(mounting)]
+            tau += rows.payload @ theta + delay * (rows.payload_rate @ theta)
+            tau += tilt[0] * (rows.payload_tilt[0] @ theta) + tilt[1] * (rows.payload_tilt[1] @ theta)
+        return self._axis_torque(rows, tau, x, changes)
 
     def differentiate(self, rows: ArmRows, mounting: str, x: FloatArray, changes: FloatArray) -> RunDerivatives:
         """The same with derivatives; arguments as `predict`."""
         of, n = self.unknowns, rows.n
-        predicted, tau, links, payload = self._torque(rows, mounting, x, changes)
+        delay, tilt = x[of.delay][0], x[of.tilt]
+        links = _moved(rows.links, rows.links_rate, rows.links_tilt, delay, tilt)
+        payload = _moved(rows.payload, rows.payload_rate, rows.payload_tilt, delay, tilt) if mounting else rows.payload
+        tau = links @ x[of.links] + (payload @ x[of.payload(mounting)] if mounting else 0.0)
+        predicted = self._axis_torque(rows, tau, x, changes)
         h, load = np.exp(x[of.log_h]), x[of.load]
         delay_torque = rows.links_rate @ x[of.links]
         tilt_torque = rows.links_tilt @ x[of.links]
@@ -178,22 +191,20 @@ class ArmModel:
             )
         return RunDerivatives(predicted, tuple(columns), tuple(places))
 
-    def _torque(
-        self, rows: ArmRows, mounting: str, x: FloatArray, changes: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Prediction, torque of links and payload, and the regressors of either."""
+    def _axis_torque(self, rows: ArmRows, tau: FloatArray, x: FloatArray, changes: FloatArray) -> FloatArray:
+        """(N, n) axis torque by nominal gains from that of links and payload."""
         of = self.unknowns
-        delay, tilt = x[of.delay][0], x[of.tilt]
-        links = rows.links + delay * rows.links_rate + tilt[0] * rows.links_tilt[0] + tilt[1] * rows.links_tilt[1]
-        tau = links @ x[of.links]
-        payload = rows.payload
-        if mounting:
-            payload = payload + delay * rows.payload_rate
-            payload = payload + tilt[0] * rows.payload_tilt[0] + tilt[1] * rows.payload_tilt[1]
-            tau = tau + payload @ x[of.payload(mounting)]
         coulomb, viscous, offset = changes.reshape(PER_RUN, rows.n)
         friction = rows.direction * (x[of.coulomb] + coulomb + x[of.load] * np.abs(tau))
         friction += rows.velocity_rad_s * (x[of.viscous] + viscous) + rows.root * x[of.root] + offset
-        acceleration = rows.axis_acceleration_rad_s2 + delay * rows.axis_jerk_rad_s3
+        acceleration = rows.axis_acceleration_rad_s2 + x[of.delay][0] * rows.axis_jerk_rad_s3
         axis_nm = (tau + friction) @ self._coupling + acceleration * x[of.rotors]
-        return np.exp(x[of.log_h]) * axis_nm, tau, links, payload
+        return np.asarray(np.exp(x[of.log_h]) * axis_nm)
+
+
+def _moved(columns: FloatArray, rate: FloatArray, tilted: FloatArray, delay: float, tilt: FloatArray) -> FloatArray:
+    """(N, n, k) columns for a delay and a tilt."""
+    moved = columns + delay * rate
+    moved += tilt[0] * tilted[0]
+    moved += tilt[1] * tilted[1]
+    return np.asarray(moved)

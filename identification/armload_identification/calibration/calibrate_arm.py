@@ -347,7 +347,8 @@ class _Calibration:
 
     def _motion_warnings(self, found: ArmCalibration) -> list[str]:
         """Joints whose torque on other motions is known poorly."""
-        share = np.max([doubtful_share(found, self._chain, run) for run in self._signals], axis=0)
+        level = found.level(self._chain)
+        share = np.max([doubtful_share(found, level, run) for run in self._signals], axis=0)
         doubtful = np.flatnonzero((share > _DOUBTFUL) & (self._peak > _UNMOVED_RAD_S))
         if not doubtful.size:
             return []

@@ -21,12 +21,12 @@ from armload_identification.model.joint_states import JointStates
 _SAMPLES: Final = 300
 
 
-def doubtful_share(calibration: ArmCalibration, chain: Chain, run: RunSignals) -> FloatArray:
+def doubtful_share(calibration: ArmCalibration, level: Chain, run: RunSignals) -> FloatArray:
     """By how much the torque of another motion may be predicted wrongly.
 
     Args:
         calibration: The arm.
-        chain: As configured.
+        level: The arm under gravity as it pulls, `calibration.level`.
         run: A run whose range and speeds the other motion has.
 
     Returns:
@@ -40,7 +40,6 @@ def doubtful_share(calibration: ArmCalibration, chain: Chain, run: RunSignals) -
         return np.ascontiguousarray(np.column_stack(moved)[::step])
 
     states = JointStates(*(out_of_step(x) for x in (run.position_rad, run.velocity_rad_s, run.acceleration_rad_s2)))
-    level = calibration.level(chain)
     torque = calibration.body.torque(level, *states)
     doubts = calibration.torque_doubts(level, states, step * run.interval_s, torque)
     size = np.sqrt(np.mean(np.sum(doubts**2, axis=0), axis=0))

@@ -7,6 +7,7 @@ scipy, and neither moving an arm nor averaging periods requires it.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -73,11 +74,19 @@ def low_pass(values: FloatArray, interval_s: float, cutoff_hz: float) -> FloatAr
     Returns:
         (N, n) filtered along the first axis, without delay.
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
-    sections = butter(_LOW_PASS_ORDER, cutoff_hz, fs=1.0 / interval_s, output="sos")
+    sections = _butterworth(cutoff_hz, interval_s)
     pad = min(values.shape[0] - 1, int(3.0 / (cutoff_hz * interval_s)))
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=pad))
+
+
+@lru_cache(maxsize=64)
+def _butterworth(cutoff_hz: float, interval_s: float) -> FloatArray:
+    """Second-order sections; their design takes longer than filtering a short run."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(_LOW_PASS_ORDER, cutoff_hz, fs=1.0 / interval_s, output="sos"))
 
 
 def low_pass_cutoff(velocity: FloatArray, interval_s: float) -> float:
