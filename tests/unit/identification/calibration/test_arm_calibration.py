@@ -60,6 +60,12 @@ def runs(pinocchio_arm, other):
 
 
 @pytest.fixture(scope="module")
+def four(runs):
+    """Those without the payload that is not weighed."""
+    return [run for run in runs if run.mounting != "other"]
+
+
+@pytest.fixture(scope="module")
 def weighed(pinocchio_arm):
     return {"weighed": WeighedPayload(pinocchio_arm.payload.mass_kg)}
 
@@ -82,8 +88,14 @@ def calibrated(runs, weighed, arm, nominal, chain=None, **more):
 
 
 @pytest.fixture(scope="module")
-def result(runs, weighed, pinocchio_arm, nominal):
-    return calibrated(runs, weighed, pinocchio_arm, nominal)
+def steps():
+    """What was said of the progress of `result`."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def result(runs, weighed, pinocchio_arm, nominal, steps):
+    return calibrated(runs, weighed, pinocchio_arm, nominal, progress=lambda done, total: steps.append((done, total)))
 
 
 def changed(runs, index, **recording):
@@ -226,11 +238,11 @@ def test_a_base_that_is_not_level_is_found(pinocchio_arm, nominal, weighed):
 
 
 @pytest.mark.parametrize(("gravity", "how"), [((0.0, 0.0, 9.81), "on the floor"), ((0.0, 9.81, 0.0), "on the floor")])
-def test_a_mounting_that_was_entered_wrongly_is_named(runs, weighed, pinocchio_arm, nominal, gravity, how):
+def test_a_mounting_that_was_entered_wrongly_is_named(four, weighed, pinocchio_arm, nominal, gravity, how):
     chain = pinocchio_arm.chain
     wrong = Chain(chain.placement, chain.axis, chain.flange, np.array(gravity))
     with pytest.raises(EstimationError, match=f"mounted {how}, gravity_m_s2 = .0.0, 0.0, -9.81."):
-        calibrated(runs, weighed, pinocchio_arm, nominal, wrong)
+        calibrated(four[:2], weighed, pinocchio_arm, nominal, wrong)
 
 
 def scaled(run, joint, factor):
@@ -269,8 +281,8 @@ def test_a_run_that_contradicts_the_others_is_named_with_its_mistake(
     assert (np.abs(np.log(found.gain_nm_a / result.gain_nm_a)) < 3.0 * result.gain_deviation).all()
 
 
-def test_a_run_with_another_payload_than_said_is_named(runs, weighed, pinocchio_arm, nominal):
-    lied = [replace(run, mounting="") if run.recording.source.path.name == "weighed3.mcap" else run for run in runs]
+def test_a_run_with_another_payload_than_said_is_named(four, weighed, pinocchio_arm, nominal):
+    lied = [replace(run, mounting="") if run.recording.source.path.name == "weighed3.mcap" else run for run in four]
     found = calibrated(lied, weighed, pinocchio_arm, nominal)
     ((name, reason),) = found.left_out
     assert name == "weighed3.mcap"
@@ -350,25 +362,24 @@ def test_runs_that_cannot_be_used_are_named_and_left_out(runs, weighed, pinocchi
         calibrated([short, five], weighed, pinocchio_arm, nominal)
 
 
-def test_runs_of_one_name_are_told_apart(runs, weighed, pinocchio_arm, nominal):
+def test_runs_of_one_name_are_told_apart(four, weighed, pinocchio_arm, nominal):
     """By their folders; what is given twice is numbered."""
-    short = runs[0].recording.rows(np.arange(len(runs[0].recording.time_s)) < 150)
-    two = [replace(runs[0], recording=in_folder(run, name)) for name, run in (("a", runs[0].recording), ("b", short))]
-    found = calibrated([*two, *runs[1:]], weighed, pinocchio_arm, nominal)
+    short = four[0].recording.rows(np.arange(len(four[0].recording.time_s)) < 150)
+    two = [replace(four[0], recording=in_folder(run, name)) for name, run in (("a", four[0].recording), ("b", short))]
+    found = calibrated([*two, four[1]], weighed, pinocchio_arm, nominal)
     assert [name for name, _ in found.left_out] == ["b/empty3.mcap"]
     assert found.runs[0].name == "a/empty3.mcap"
-    twice = calibrated([*runs, runs[1]], weighed, pinocchio_arm, nominal)
-    assert [run.name for run in twice.runs][-1] == "weighed3.mcap (7)"
-    assert len(twice.provenance.recordings_sha256) == 7
+    twice = calibrated([*four[:2], four[1]], weighed, pinocchio_arm, nominal)
+    assert [run.name for run in twice.runs][-1] == "weighed3.mcap (3)"
+    assert len(twice.provenance.recordings_sha256) == 3
 
 
 def in_folder(run, name):
     return replace(run, source=replace(run.source, path=run.source.path.parent / name / "empty3.mcap"))
 
 
-def test_progress_ends_where_it_said(runs, weighed, pinocchio_arm, nominal):
-    steps = []
-    calibrated(runs, weighed, pinocchio_arm, nominal, progress=lambda done, total: steps.append((done, total)))
+@pytest.mark.usefixtures("result")
+def test_progress_ends_where_it_said(steps):
     done = [step[0] for step in steps]
     assert done == sorted(done)
     assert steps[-1][0] == steps[-1][1]

@@ -54,15 +54,15 @@ def criterion_of(name: str, chain: Chain = ARM) -> Criterion:
     return named_criterion(name, chain, NOISE_NM[: chain.n], PAYLOAD)
 
 
-def designed(name: str, seed: int = 1, restarts: int = 1, limits=LIMITS, harmonics: int = 5) -> DesignResult:
+def designed(name: str, seed: int = 1, limits=LIMITS, harmonics: int = 5) -> DesignResult:
     envelope = wide(limits=limits)
     frequency = {"harmonics": harmonics, "base_frequency_hz": 0.05}
-    return design(criterion_of(name), envelope, **frequency, seed=seed, restarts=restarts)
+    return design(criterion_of(name), envelope, **frequency, seed=seed, restarts=1)
 
 
 @pytest.fixture(scope="module")
 def results() -> dict[str, DesignResult]:
-    return {criterion: designed(criterion, restarts=2) for criterion in ("a-optimal", "condition-number")}
+    return {criterion: designed(criterion) for criterion in ("a-optimal", "condition-number")}
 
 
 @pytest.fixture(params=["a-optimal", "condition-number"])
@@ -91,8 +91,7 @@ def test_margins_tell_the_room_that_the_dense_grid_shows(result):
     np.testing.assert_allclose(room.acceleration_rad_s2, LIMITS.acceleration_max_rad_s2 - hardest, atol=1e-4)
 
 
-def test_the_best_start_wins_and_the_history_falls(result):
-    assert result.cost == result.restart_costs.min()
+def test_the_history_falls(result):
     assert result.history[-1] < 0.8 * result.history[0]
     assert result.rank == 10
 
@@ -165,15 +164,6 @@ def test_tight_limits_far_from_zero_are_kept():
     assert designed("a-optimal", limits=tight).margins.smallest > 0.0
 
 
-def test_the_result_becomes_a_file_and_back(result):
-    excitation = result.excitation(3, "armload design er50 --seed 1", "0.1.0")
-    got = parse_excitation(format_excitation(excitation))
-    assert got.design == excitation.design
-    assert got.design["cost"] == result.cost
-    assert got.design["restarts"] == 2
-    assert wide().margins(got.trajectory).smallest == pytest.approx(result.margins.smallest, abs=1e-12)
-
-
 class Crowded:
     """The paper's arm with links of its own, joints barely strong enough, a floor, a table and its own shoulder."""
 
@@ -206,14 +196,16 @@ class Crowded:
     workspace = Workspace(ARM, spheres, (floor,), (table,), ((1, 4),))
     envelope = Envelope(joints, TorqueLimits.from_body(ARM, body, PAYLOAD, torque_nm), workspace)
 
-    def designed(self, executor: Executor | None = None, base_frequency_hz=0.1, harmonics=3) -> DesignResult:
+    def designed(
+        self, executor: Executor | None = None, base_frequency_hz=0.1, harmonics=2, restarts=1
+    ) -> DesignResult:
         return design(
             criterion_of("a-optimal"),
             self.envelope,
             harmonics=harmonics,
             base_frequency_hz=base_frequency_hz,
             seed=3,
-            restarts=2,
+            restarts=restarts,
             executor=executor,
         )
 
@@ -225,7 +217,7 @@ def crowded() -> DesignResult:
 
 def test_every_limit_holds_on_a_dense_grid_that_pinocchio_evaluates(crowded, in_pinocchio):
     arm = Crowded()
-    state = crowded.trajectory.evaluate(np.linspace(0.0, crowded.trajectory.period_s, 20_000))
+    state = crowded.trajectory.evaluate(np.linspace(0.0, crowded.trajectory.period_s, 6_000))
     q, dq, ddq = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
     assert np.all((q > arm.joints.position_min_rad) & (q < arm.joints.position_max_rad))
     assert np.all(np.abs(dq) < arm.joints.velocity_max_rad_s)
@@ -239,7 +231,7 @@ def test_every_limit_holds_on_a_dense_grid_that_pinocchio_evaluates(crowded, in_
             torque = np.array([pin.rnea(model, data, *row) for row in rows])
             torque += arm.body.rotor_inertia_kg_m2 * rate**2 * ddq + arm.body.viscous_nm_s_rad * rate * dq
             assert np.all(np.abs(torque + np.sign(dq) * arm.body.coulomb_nm) < arm.torque_nm)
-    poses = np.array([ARM.forward(row) for row in q[::4]])
+    poses = np.array([ARM.forward(row) for row in q[::3]])
     centre = [poses[:, s.link - 1, :3, :3] @ s.center_m + poses[:, s.link - 1, :3, 3] for s in arm.spheres]
     pose, half = arm.table.pose, 0.5 * arm.table.size_m
     for at, sphere in zip(centre, arm.spheres, strict=True):
@@ -264,17 +256,33 @@ def test_the_limits_are_used_to_the_full(crowded):
 
 @pytest.fixture(scope="module")
 def one_after_the_other() -> DesignResult:
-    return Crowded().designed(harmonics=1)
+    return Crowded().designed(harmonics=1, restarts=2)
+
+
+def test_the_best_start_wins(one_after_the_other):
+    """The second one here; the first ends outside the limits."""
+    costs = one_after_the_other.restart_costs
+    assert one_after_the_other.cost == costs[1] < costs[0]
+
+
+def test_the_result_becomes_a_file_and_back(one_after_the_other):
+    result = one_after_the_other
+    excitation = result.excitation(3, "armload design er50 --seed 1", "0.1.0")
+    got = parse_excitation(format_excitation(excitation))
+    assert got.design == excitation.design
+    assert got.design["cost"] == result.cost
+    assert got.design["restarts"] == 2
+    assert Crowded.envelope.margins(got.trajectory).smallest == pytest.approx(result.margins.smallest, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["threads", "processes"])
 def test_whoever_runs_the_starts_the_result_is_the_same(one_after_the_other, kind):
     pools = {
         "threads": lambda: ThreadPoolExecutor(2),
-        "processes": lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")),
+        "processes": lambda: ProcessPoolExecutor(1, mp_context=get_context("spawn")),
     }
     with pools[kind]() as executor:
-        again = Crowded().designed(executor, harmonics=1)
+        again = Crowded().designed(executor, harmonics=1, restarts=2)
     assert np.array_equal(again.trajectory.sin_rad, one_after_the_other.trajectory.sin_rad)
     assert np.array_equal(again.trajectory.offset_rad, one_after_the_other.trajectory.offset_rad)
     assert np.array_equal(again.restart_costs, one_after_the_other.restart_costs)

@@ -2,7 +2,6 @@
 
 import re
 import struct
-import subprocess
 import sys
 from importlib import resources
 
@@ -15,6 +14,7 @@ from armload_controller.motion.obstacles import Obstacles
 from armload_controller.session.commissioning import checked_excitations
 from armload_identification.excitation.design import design
 from armload_identification.excitation.design_envelope import Envelope
+from armload_identification.excitation.design_search import Attempt, Search
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.excitation.geometry.collision_meshes import SURPLUS_M, Meshes
 from armload_identification.excitation.information import named_criterion
@@ -194,7 +194,17 @@ def designed(objection):
     ).trajectory
 
 
-def test_a_design_takes_the_best_start_that_nothing_is_said_against(meshes):
+def test_a_design_takes_the_best_start_that_nothing_is_said_against(monkeypatch):
+    attempts: dict[tuple[int, ...], Attempt] = {}
+    run = Search.run
+
+    def once(search, source):
+        """A start is the same in every design: it is searched once."""
+        if source.spawn_key not in attempts:
+            attempts[source.spawn_key] = run(search, source)
+        return attempts[source.spawn_key]
+
+    monkeypatch.setattr(Search, "run", once)
     asked: list[FourierTrajectory] = []
 
     def first_refused(path):
@@ -206,15 +216,7 @@ def test_a_design_takes_the_best_start_that_nothing_is_said_against(meshes):
         designed(lambda path: "brings tool to link_2 too close")
 
 
-def test_without_pinocchio_the_way_out_is_told(tmp_path):
-    write_urdf(tmp_path)
-    code = (
-        "import sys; sys.modules['coal'] = None\n"
-        "from pathlib import Path\n"
-        "from armload_controller.config.robot import load_robot\n"
-        "from armload_identification.excitation.geometry.collision_meshes import Meshes\n"
-        "robot = load_robot('prbt')\n"
-        f"Meshes(Path({str(tmp_path / 'arm.urdf')!r}), robot.chain, robot.joint_names, 0.02)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert 'pip install "armload[urdf]"' in done.stderr
+def test_without_pinocchio_the_way_out_is_told(meshes, monkeypatch):
+    monkeypatch.setitem(sys.modules, "coal", None)
+    with pytest.raises(ModelError, match=re.escape('pip install "armload[urdf]"')):
+        meshes()
