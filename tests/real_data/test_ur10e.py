@@ -5,26 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_controller.config.robot import load_robot
 from armload_identification.files.payload_file import format_payload
-from armload_identification.pipeline.payload_identification import identify, payload_result
-from armload_identification.recording.file_reading import read_recording
+from armload_identification.pipeline.payload_identification import payload_result
 
 WEIGHED_KG = 2.805
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return load_robot("ur10e")
-
-
-def identified(robot, folder, suffix=""):
-    runs = [read_recording(folder / f"{name}{suffix}.csv", robot.csv_columns) for name in ("loaded", "unloaded")]
-    return identify(*runs, robot.chain, robot.drives.transmission)
-
-
-def test_pair_a_is_weighed_and_its_inertia_is_not_printed(robot, shared_data):
-    result = identified(robot, shared_data / "ur10e")
+def test_pair_a_is_weighed_and_its_inertia_is_not_printed(ur10e_identified):
+    result = ur10e_identified("")
     assert result.parameters.mass_kg == pytest.approx(WEIGHED_KG, rel=0.015)
     x, y, z = result.parameters.center_of_mass_m
     assert z == pytest.approx(0.05, abs=0.01)
@@ -42,8 +30,8 @@ def test_pair_a_is_weighed_and_its_inertia_is_not_printed(robot, shared_data):
     assert any("gains are nominal" in note for note in result.notes)
 
 
-def test_pair_b_is_weighed_and_its_garbage_is_counted(robot, shared_data):
-    result = identified(robot, shared_data / "ur10e", "_b")
+def test_pair_b_is_weighed_and_its_garbage_is_counted(ur10e_identified):
+    result = ur10e_identified("_b")
     assert result.parameters.mass_kg == pytest.approx(WEIGHED_KG, rel=0.04)
     loaded, unloaded = result.sources
     assert loaded.rows_read == 6107
@@ -52,16 +40,16 @@ def test_pair_b_is_weighed_and_its_garbage_is_counted(robot, shared_data):
     assert any("10 of 6107 rows dropped" in note for note in result.notes)
 
 
-def test_the_remounted_payload_is_turned_about_the_flange_axis(robot, shared_data):
-    first, second = (identified(robot, shared_data / "ur10e", suffix).parameters for suffix in ("", "_b"))
+def test_the_remounted_payload_is_turned_about_the_flange_axis(ur10e_identified):
+    first, second = (ur10e_identified(suffix).parameters for suffix in ("", "_b"))
     angle = [np.arctan2(c[1], c[0]) for c in (first.center_of_mass_m, second.center_of_mass_m)]
     assert np.degrees(angle[0] - angle[1]) % 360.0 == pytest.approx(184.0, abs=3.0)
 
 
 @pytest.mark.parametrize("suffix", ["", "_b"])
-def test_the_gain_of_joint_5_is_found_to_be_off_and_no_interval_hides_it(robot, shared_data, suffix):
+def test_the_gain_of_joint_5_is_found_to_be_off_and_no_interval_hides_it(ur10e_identified, suffix):
     """By all runs of this arm it is 4.8 % below nominal; the centre of mass lies 170 mm off and 43 mm out."""
-    result = identified(robot, shared_data / "ur10e", suffix)
+    result = ur10e_identified(suffix)
     assert result.gains.contradicted[4]
     assert abs(result.gains.log_gain[4] - np.log(0.952)) < result.gains.half_width_95[4]
     assert any("gain of joint 5" in note for note in result.notes)

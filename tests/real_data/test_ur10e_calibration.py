@@ -7,66 +7,59 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armload_controller.config.robot import load_robot
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.files.calibration_file import read_calibration
 from armload_identification.files.payload_file import read_payload
 from armload_identification.pipeline.payload_identification import identify
-from armload_identification.recording.file_reading import read_recording
 
 WEIGHED_KG = 2.805
 PAIRS = {"a": "", "b": "_b"}
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return load_robot("ur10e")
-
-
-@pytest.fixture(scope="module")
-def runs(robot, shared_data):
+def runs(ur10e_run, shared_data):
     """All twelve, the loaded ones by the name of their pair."""
-    folder = shared_data / "ur10e"
-    paths = {folder / f"loaded{suffix}.csv": name for name, suffix in PAIRS.items()}
-    paths |= {folder / f"unloaded{suffix}.csv": "" for suffix in PAIRS.values()}
-    paths |= dict.fromkeys(sorted((folder / "other_paths").glob("*.csv")), "")
-    return {path.name: MountedRun(read_recording(path, robot.csv_columns), name) for path, name in paths.items()}
+    paths = {f"loaded{suffix}.csv": name for name, suffix in PAIRS.items()}
+    paths |= {f"unloaded{suffix}.csv": "" for suffix in PAIRS.values()}
+    others = sorted((shared_data / "ur10e" / "other_paths").glob("*.csv"))
+    paths |= {f"other_paths/{path.name}": "" for path in others}
+    return {path.split("/")[-1]: MountedRun(ur10e_run(path), name) for path, name in paths.items()}
 
 
-def calibrated(robot, runs):
+def calibrated(ur10e, runs):
     weighed = {name: WeighedPayload(WEIGHED_KG) for name in PAIRS}
     return calibrate_arm(
         list(runs),
         weighed,
-        robot.chain,
-        robot.drives.transmission,
-        robot=robot.name,
+        ur10e.chain,
+        ur10e.drives.transmission,
+        robot=ur10e.name,
         armload_version="0",
-        configuration_sha256=robot.sha256,
+        configuration_sha256=ur10e.sha256,
     )
 
 
 @pytest.fixture(scope="module")
-def all_of_them(robot, runs):
-    return calibrated(robot, runs.values())
+def all_of_them(ur10e, runs):
+    return calibrated(ur10e, runs.values())
 
 
 @pytest.fixture(scope="module")
-def without(robot, runs):
+def without(ur10e, runs):
     """Calibrations that have not seen one of the pairs."""
     return {
-        name: calibrated(robot, [run for key, run in runs.items() if key not in pair_names(name)]) for name in PAIRS
+        name: calibrated(ur10e, [run for key, run in runs.items() if key not in pair_names(name)]) for name in PAIRS
     }
 
 
 @pytest.fixture(scope="module")
-def left_out(robot, runs, without):
+def left_out(ur10e, runs, without):
     """Each pair by the calibration that has not seen it; and the loaded run alone."""
     found = {}
     for name, calibration in without.items():
         loaded, unloaded = (runs[key].recording for key in pair_names(name))
-        level, known = calibration.level(robot.chain), calibration.known_arm(robot.chain)
-        transmission = calibration.transmission(robot.drives.transmission)
+        level, known = calibration.level(ur10e.chain), calibration.known_arm(ur10e.chain)
+        transmission = calibration.transmission(ur10e.drives.transmission)
         found[name] = [identify(loaded, run, level, transmission, arm=known) for run in (unloaded, None)]
     return found
 
@@ -110,13 +103,13 @@ def test_the_two_mountings_have_one_centre_of_mass(left_out):
     assert first[2] == pytest.approx(second[2], abs=0.0025)
 
 
-def test_a_wrong_gear_ratio_is_named(robot, runs, all_of_them):
+def test_a_wrong_gear_ratio_is_named(ur10e, runs, all_of_them):
     """One run of five; the twelve together take four times as long."""
     wrong = "feb05_20s_8h.csv"
     few = [key for key in runs if "loaded" in key] + [wrong]
     run = runs[wrong].recording
     geared = replace(runs[wrong], recording=replace(run, current_a=run.current_a * [1, 1, 1.2, 1, 1, 1]))
-    found = calibrated(robot, [geared if key == wrong else runs[key] for key in few])
+    found = calibrated(ur10e, [geared if key == wrong else runs[key] for key in few])
     ((name, reason),) = found.left_out
     assert name == wrong
     assert "joint 3 reports 1.2" in reason
@@ -127,7 +120,7 @@ def test_the_commands(armload, shared_data, tmp_path):
     folder = shared_data / "ur10e"
     table = tmp_path / "runs.csv"
     lines = ["recording,mounting,mass_kg", f"{folder / 'loaded.csv'},disc,{WEIGHED_KG}", f"{folder / 'unloaded.csv'},,"]
-    lines += [f"{path},," for path in sorted((folder / "other_paths").glob("feb1*.csv"))]
+    lines += [f"{path},," for path in sorted((folder / "other_paths").glob("feb10*.csv"))]
     table.write_text("\n".join([*lines, "lost.csv,,"]))
     path, payload = tmp_path / "arm.calibration.toml", tmp_path / "payload.toml"
     result = armload("calibrate", "ur10e", table, "-o", path)

@@ -5,51 +5,40 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from armload_controller.config.robot import load_robot
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.pipeline.payload_identification import identify
-from armload_identification.recording.file_reading import read_recording
 
 WEIGHED_KG = 2.805
 PAIRS = {"a": "", "b": "_b"}
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return load_robot("ur10e")
+def pairs(ur10e_pair):
+    return {name: ur10e_pair(suffix) for name, suffix in PAIRS.items()}
 
 
 @pytest.fixture(scope="module")
-def pairs(robot, shared_data):
-    folder = shared_data / "ur10e"
-    return {
-        name: [read_recording(folder / f"{load}{suffix}.csv", robot.csv_columns) for load in ("loaded", "unloaded")]
-        for name, suffix in PAIRS.items()
-    }
-
-
-@pytest.fixture(scope="module")
-def arms(robot, pairs):
+def arms(ur10e, pairs):
     """The arm by either pair alone, the least that a calibration can be made from."""
     return {
         name: calibrate_arm(
             [MountedRun(loaded, "disc"), MountedRun(unloaded, "")],
             {"disc": WeighedPayload(WEIGHED_KG)},
-            robot.chain,
-            robot.drives.transmission,
-            robot=robot.name,
+            ur10e.chain,
+            ur10e.drives.transmission,
+            robot=ur10e.name,
             armload_version="0",
-            configuration_sha256=robot.sha256,
+            configuration_sha256=ur10e.sha256,
         )
         for name, (loaded, unloaded) in pairs.items()
     }
 
 
 @pytest.fixture(scope="module")
-def crossed(robot, pairs, arms):
+def crossed(ur10e, pairs, arms):
     """Each pair, identified with the gains of the other."""
     return {
-        name: identify(*pairs[name], robot.chain, arms[other].transmission(robot.drives.transmission))
+        name: identify(*pairs[name], ur10e.chain, arms[other].transmission(ur10e.drives.transmission))
         for name, other in (("a", "b"), ("b", "a"))
     }
 

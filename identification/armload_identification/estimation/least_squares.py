@@ -173,8 +173,7 @@ def estimate_reweighted(
         if settled < _WEIGHTS_SETTLED:
             break
     last = _solve((triangles / noise[:, None, None]).reshape(-1, parameters + 1), known)
-    whitened = regressor * (weight / noise)[:, :, None]
-    return _completed(regressor, torque_nm, weight, 1.0 / noise, solutions, known, last, whitened)
+    return _completed(regressor, torque_nm, weight, 1.0 / noise, solutions, known, last)
 
 
 def estimate_robust(
@@ -248,9 +247,8 @@ def _triangles(regressor: FloatArray, torque_nm: FloatArray, weight: FloatArray)
     """(n, p + 1, p + 1) per joint the triangle of its weighted rows, the target as last column."""
     samples, joints, parameters = regressor.shape
     rows = np.zeros((joints, max(samples, parameters + 1), parameters + 1))
-    rows[:, :samples, :-1] = regressor.transpose(1, 0, 2)
-    rows[:, :samples, -1] = torque_nm.T
-    rows[:, :samples] *= weight.T[:, :, None]
+    np.multiply(regressor.transpose(1, 0, 2), weight.T[:, :, None], out=rows[:, :samples, :-1])
+    np.multiply(torque_nm.T, weight.T, out=rows[:, :samples, -1])
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
@@ -307,21 +305,19 @@ def _weighted(
     iteration: int,
     prior: Prior | None,
 ) -> Estimate:
-    """One weighted solution of all rows."""
+    """One weighted solution."""
     parameters = regressor.shape[2]
     known = _Known.of(prior, parameters)
-    used = sample_weight * weight
-    whitened = regressor * used[:, :, None]
-    rows = np.column_stack([whitened.reshape(-1, parameters), (torque_nm * used).reshape(-1)])
-    solution = _solve(rows, known)
-    return _completed(regressor, torque_nm, sample_weight, weight, iteration, known, solution, whitened)
+    triangles = _triangles(regressor, torque_nm, sample_weight * weight)
+    solution = _solve(triangles.reshape(-1, parameters + 1), known)
+    return _completed(regressor, torque_nm, sample_weight, weight, iteration, known, solution)
 
 
 def _solve(equations: FloatArray, known: _Known) -> _Solution:
     """QR of the whitened columns at unit length, SVD of its small triangle.
 
     Args:
-        equations: (m, p + 1) rows, or a triangle of them, the target as last column.
+        equations: (m, p + 1) triangles of the rows, the target as last column.
         known: What is known beforehand.
     """
     parameters = equations.shape[1] - 1
@@ -349,7 +345,6 @@ def _completed(
     iteration: int,
     known: _Known,
     solution: _Solution,
-    whitened: FloatArray,
 ) -> Estimate:
     """A solution with what it leaves of every row."""
     scale, rank = solution.scale, solution.rank
@@ -362,7 +357,7 @@ def _completed(
         theta=solution.theta,
         weight_1_nm=weight,
         sample_weight=sample_weight,
-        whitened=whitened,
+        whitened=regressor * (sample_weight * weight)[:, :, None],
         prior_rows=known.rows,
         root=root,
         undetermined=solution.right[rank:].T,

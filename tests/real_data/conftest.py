@@ -1,0 +1,48 @@
+"""The measured recordings of a UR10e, read and identified once for all tests of them."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from armload_controller.config.robot import load_robot
+from armload_identification.pipeline.payload_identification import identify
+from armload_identification.recording.file_reading import read_recording
+
+
+@pytest.fixture(scope="session")
+def ur10e():
+    return load_robot("ur10e")
+
+
+@pytest.fixture(scope="session")
+def ur10e_run(ur10e, shared_data):
+    """Reads a recording by its path below the arm's folder."""
+
+    @cache
+    def run(path):
+        return read_recording(shared_data / "ur10e" / path, ur10e.csv_columns)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def ur10e_pair(ur10e_run):
+    """A loaded and an unloaded recording by the end of their names: "" or "_b"."""
+
+    def pair(suffix):
+        return ur10e_run(f"loaded{suffix}.csv"), ur10e_run(f"unloaded{suffix}.csv")
+
+    return pair
+
+
+@pytest.fixture(scope="session")
+def ur10e_identified(ur10e, ur10e_pair):
+    """The payload of a pair by nominal gains."""
+
+    @cache
+    def identified(suffix):
+        return identify(*ur10e_pair(suffix), ur10e.chain, ur10e.drives.transmission)
+
+    return identified
