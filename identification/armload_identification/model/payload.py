@@ -64,7 +64,7 @@ class InertialParameters:
             raise ModelError(
                 f"centre of mass has the shape {center.shape}, inertia {inertia.shape}; expected (3,) and (3, 3)"
             )
-        if not np.allclose(inertia, inertia.T, rtol=0.0, atol=1e-9 * float(np.max(np.abs(inertia)))):
+        if not np.abs(inertia - inertia.T).max() <= 1e-9 * np.abs(inertia).max():  # nor where it holds a nan
             raise ModelError(f"inertia {inertia.tolist()} is not symmetric")
         about_origin = inertia + mass_kg * (center @ center * np.eye(3) - np.outer(center, center))
         return cls(np.concatenate([[mass_kg], mass_kg * center, _six(about_origin)]))

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -161,13 +162,11 @@ def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agree
     Returns:
         Verdict and figures.
     """
-    from scipy.special import fdtri
-
     difference = measured.values - judged.values
     gains = _from_gains(judged.covariance, measured.covariance)
     covariance, freedom = _combined(judged.covariance, measured.covariance, gains)
     statistic = _statistic(difference, covariance, freedom)
-    critical = float(fdtri(_SIZE, _denominator(freedom), 1.0 - FALSE_ALARM))
+    critical = _limits(freedom)[0]
     noticeable_kg, noticeable_m, weakest = _noticeable(covariance, freedom)
     tolerance_kg = tolerance.mass_share * judged.parameters.mass_kg
     quantile = float(student_half_width(freedom))
@@ -260,11 +259,17 @@ def _denominator(freedom: float) -> float:
 
 def _noticeable(covariance: FloatArray, freedom: float) -> tuple[float, float, FloatArray]:
     """Smallest errors noticed with the probability `POWER`: of the mass, of the centre, and its weakest direction."""
-    from scipy.special import fdtri, ncfdtrinc
-
-    free = _denominator(freedom)
-    critical = fdtri(_SIZE, free, 1.0 - FALSE_ALARM)
-    size = float(np.sqrt(ncfdtrinc(_SIZE, free, 1.0 - POWER, critical)))
+    size = _limits(freedom)[1]
     precision = np.linalg.inv(covariance)
     power, axes = np.linalg.eigh(precision[1:, 1:])
     return size / np.sqrt(precision[0, 0]), size / np.sqrt(power[0]), np.asarray(axes[:, 0])
+
+
+@lru_cache(maxsize=64)
+def _limits(freedom: float) -> tuple[float, float]:
+    """The critical F, and the length of a difference, in standard deviations, that exceeds it with `POWER`."""
+    from scipy.special import fdtri, ncfdtrinc
+
+    free = _denominator(freedom)
+    critical = float(fdtri(_SIZE, free, 1.0 - FALSE_ALARM))
+    return critical, float(np.sqrt(ncfdtrinc(_SIZE, free, 1.0 - POWER, critical)))

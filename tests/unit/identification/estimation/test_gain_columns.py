@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,19 +23,31 @@ def panda():
     return SaggingPanda(Effects(noise=0.2))
 
 
-def found(panda, seed, error, transmission=None):
-    return identify(
-        *panda.pair(seed, error, with_phase=True), chain(), transmission or nominal_transmission(exact=False)
-    )
+@pytest.fixture(scope="module")
+def found(panda):
+    """Identify a seed's pair, by nominal gains of one if none are given; with those each pair once."""
+
+    @cache
+    def pair(seed, off):
+        return panda.pair(seed, np.where(np.arange(7) == WRONG, off, 0.0), with_phase=True)
+
+    @cache
+    def by_nominal(seed, off):
+        return identify(*pair(seed, off), chain(), nominal_transmission(exact=False))
+
+    def found(seed, off=0.0, transmission=None):
+        if transmission is None:
+            return by_nominal(seed, off)
+        return identify(*pair(seed, off), chain(), transmission)
+
+    return found
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_gain_that_is_off_is_named_with_its_size(panda, sign):
-    error = np.zeros(7)
-    error[WRONG] = sign * OFF
-    result = found(panda, 1, error)
+def test_a_gain_that_is_off_is_named_with_its_size(found, sign):
+    result = found(1, sign * OFF)
     assert np.flatnonzero(result.gains.contradicted).tolist() == [WRONG]
-    assert abs(result.gains.log_gain[WRONG] - np.log1p(error[WRONG])) < result.gains.half_width_95[WRONG]
+    assert abs(result.gains.log_gain[WRONG] - np.log1p(sign * OFF)) < result.gains.half_width_95[WRONG]
     assert result.gains.half_width_95[WRONG] < OFF
     (note,) = [note for note in result.notes if "contradict" in note]
     assert "joint 4" in note
@@ -44,44 +57,44 @@ def test_a_gain_that_is_off_is_named_with_its_size(panda, sign):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_exact_gains_raise_no_alarm(panda, seed):
-    result = found(panda, seed, None)
+def test_exact_gains_raise_no_alarm(found, seed):
+    result = found(seed)
     assert not result.gains.contradicted.any()
     assert not any("contradict" in note for note in result.notes)
     assert (np.abs(result.gains.log_gain) <= result.gains.half_width_95).all()
 
 
-def test_gains_that_are_known_are_not_fitted(panda):
-    assert found(panda, 1, None, nominal_transmission(exact=True)).gains is None
+def test_gains_that_are_known_are_not_fitted(found):
+    assert found(1, transmission=nominal_transmission(exact=True)).gains is None
 
 
-def test_the_scale_stays_what_was_assumed(panda):
+def test_the_scale_stays_what_was_assumed(found):
     """All gains 1 % higher: nothing in the data says so, the mass is 1 % higher and its interval as wide."""
-    nominal = nominal_transmission(exact=False)
-    one, other = (found(panda, 1, None, replace(nominal, gain_nm_a=gain * np.ones(7))) for gain in (1.0, 1.01))
+    higher = replace(nominal_transmission(exact=False), gain_nm_a=np.full(7, 1.01))
+    one, other = found(1), found(1, transmission=higher)
     assert other.parameters.mass_kg / one.parameters.mass_kg == pytest.approx(1.01, abs=2e-4)
     np.testing.assert_allclose(other.gains.log_gain, one.gains.log_gain, atol=1e-3)
 
 
-def test_what_another_gain_does_is_in_the_slopes(panda):
+def test_what_another_gain_does_is_in_the_slopes(found):
     """2 % on one assumed gain move theta by 2 % of the slope, and all together as they move the mass alone."""
     nominal = nominal_transmission(exact=False)
-    one = found(panda, 1, None)
+    one = found(1)
     slope = derived(one.parameters)[1][:4] @ one.gains.slope[:10]
     for axis in (1, WRONG):
         gain = np.ones(7)
         gain[axis] = np.exp(0.02)
-        other = found(panda, 1, None, replace(nominal, gain_nm_a=gain))
+        other = found(1, transmission=replace(nominal, gain_nm_a=gain))
         change = (other.parameters.values - one.parameters.values)[:4] / 0.02
         np.testing.assert_allclose(slope[:, axis], change, rtol=0.15, atol=0.006)
     np.testing.assert_allclose(slope.sum(axis=1), [PAYLOAD.mass_kg, 0, 0, 0], atol=0.01)
 
 
-def test_held_at_the_gains_that_were_found_the_payload_is_the_same(panda):
+def test_held_at_the_gains_that_were_found_the_payload_is_the_same(found):
     """So a second pair can be compared with the first by gains that both have; held gains are seen in full."""
-    one = found(panda, 1, None)
+    one = found(1)
     nominal, share = nominal_transmission(exact=False), one.mass_center
-    same = found(panda, 1, None, nominal.held_at(share.gain_nm_a, share.gain_covariance))
+    same = found(1, transmission=nominal.held_at(share.gain_nm_a, share.gain_covariance))
     assert same.gains is None
     assert same.mass_center.same_gains_as(share)
     deviation = np.sqrt(np.diag(share.measured))
@@ -89,7 +102,7 @@ def test_held_at_the_gains_that_were_found_the_payload_is_the_same(panda):
     for axis in (1, WRONG):
         gain = share.gain_nm_a.copy()
         gain[axis] *= np.exp(0.001)
-        other = found(panda, 1, None, nominal.held_at(gain, share.gain_covariance))
+        other = found(1, transmission=nominal.held_at(gain, share.gain_covariance))
         change = (other.parameters.values - same.parameters.values)[:4] / 0.001
         np.testing.assert_allclose(same.mass_center.gain_slope[:, axis], change, rtol=0.2, atol=0.01)
     for each in (share, same.mass_center):
@@ -98,14 +111,10 @@ def test_held_at_the_gains_that_were_found_the_payload_is_the_same(panda):
     assert one.uncertainty.half_width_95[0] == pytest.approx(1.96 * np.sqrt(whole[0, 0]), rel=0.1)
 
 
-def test_a_second_pair_is_compared_by_the_gains_of_the_first(panda):
+def test_a_second_pair_is_compared_by_the_gains_of_the_first(found):
     """By gains that each pair found for itself, their noise is in the difference too."""
-    error = np.zeros(7)
-    error[WRONG] = OFF
-    first, nominal = found(panda, 1, error), nominal_transmission(exact=False)
-    alone, compared = (
-        found(panda, 2, error, gains) for gains in (nominal, gains_to_compare_by(first.mass_center, nominal))
-    )
+    first, nominal = found(1, OFF), nominal_transmission(exact=False)
+    alone, compared = found(2, OFF), found(2, OFF, gains_to_compare_by(first.mass_center, nominal))
     judged = Known(first.parameters, first.mass_center)
     by_own, by_one = (
         compare_known(judged, Known(second.parameters, second.mass_center), Tolerance()) for second in (alone, compared)

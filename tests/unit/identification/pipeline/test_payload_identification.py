@@ -51,9 +51,13 @@ def test_the_payload_is_found_and_its_intervals_hold_it(pinocchio_arm, options):
     assert not any("gains" in note for note in result.notes)
 
 
-def test_nominal_gains_are_told_and_widen_the_intervals(pair, pinocchio_arm):
+@pytest.fixture(scope="module")
+def nominal(pair, pinocchio_arm):
+    return identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def test_nominal_gains_are_told_and_widen_the_intervals(pair, pinocchio_arm, nominal):
     exact = identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
-    nominal = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
     assert any("gains are nominal" in note for note in nominal.notes)
     moved = np.abs(nominal.uncertainty.values - exact.uncertainty.values)
     assert (moved < nominal.uncertainty.half_width_95).all()
@@ -81,16 +85,25 @@ def test_a_run_cut_in_its_first_period_is_still_used(pinocchio_arm):
     assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
 
 
-def test_noise_goes_through_as_its_bound_says(pinocchio_arm):
-    """Over seeds the scatter of the estimate is that of weighted least squares on the averaged difference."""
+@pytest.fixture(scope="module")
+def over_seeds(pinocchio_arm):
+    """20 times the same, but for the noise."""
     trajectory = pinocchio_arm.trajectory()
-    errors, bounds = [], []
-    for seed in range(25):
-        loaded = pinocchio_arm.run(trajectory, True, seed=100 + seed)
-        unloaded = pinocchio_arm.run(trajectory, False, seed=200 + seed)
-        result = identify(loaded, unloaded, pinocchio_arm.chain, exact_gains(pinocchio_arm))
-        errors.append(result.plain.theta[:10] - pinocchio_arm.payload.theta)
-        bounds.append(np.diag(result.plain.covariance)[:10])
+    return [
+        identify(
+            pinocchio_arm.run(trajectory, True, seed=100 + seed),
+            pinocchio_arm.run(trajectory, False, seed=200 + seed),
+            pinocchio_arm.chain,
+            exact_gains(pinocchio_arm),
+        )
+        for seed in range(20)
+    ]
+
+
+def test_noise_goes_through_as_its_bound_says(over_seeds, pinocchio_arm):
+    """Over seeds the scatter of the estimate is that of weighted least squares on the averaged difference."""
+    errors = [result.plain.theta[:10] - pinocchio_arm.payload.theta for result in over_seeds]
+    bounds = [np.diag(result.plain.covariance)[:10] for result in over_seeds]
     ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.mean(bounds, axis=0))
     assert 0.8 < ratio.mean() < 1.15, ratio
 
@@ -114,12 +127,9 @@ def test_load_dependent_friction_is_found_and_taken_out(pinocchio_arm):
     assert any("Load-dependent friction was found" in note for note in result.notes)
 
 
-def test_no_friction_is_found_where_none_is(pinocchio_arm):
+def test_no_friction_is_found_where_none_is(over_seeds):
     found = 0
-    for seed in range(10):
-        trajectory = pinocchio_arm.trajectory()
-        pair = [pinocchio_arm.run(trajectory, load, seed=700 + 2 * seed + load) for load in (True, False)]
-        result = identify(*pair, pinocchio_arm.chain, exact_gains(pinocchio_arm))
+    for result in over_seeds:
         columns = np.count_nonzero(result.friction.load_joints) + np.count_nonzero(result.friction.viscous_joints)
         assert result.plain.theta.size == 10 + columns
         found += columns
@@ -259,8 +269,7 @@ def test_gains_must_fit_the_arm(pair, pinocchio_arm):
         identify(*pair, pinocchio_arm.chain, Transmission(np.ones(5), np.eye(5)))
 
 
-def test_the_result_is_the_same_twice(pair, pinocchio_arm):
-    one = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
-    two = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
-    np.testing.assert_array_equal(one.parameters.theta, two.parameters.theta)
-    assert isinstance(one.plain_parameters, InertialParameters)
+def test_the_result_is_the_same_twice(pair, pinocchio_arm, nominal):
+    again = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
+    np.testing.assert_array_equal(again.parameters.theta, nominal.parameters.theta)
+    assert isinstance(again.plain_parameters, InertialParameters)

@@ -13,16 +13,17 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from armload_identification.recording.formats import ros_reader
 from armload_identification.recording.reader import ReadingAccount
 from armload_identification.recording.reader_registry import READERS, reader_of
 from armload_identification.recording.reading_options import ReadingOptions
 from armload_identification.recording.run_format import SCHEMA_NAME, TOPIC
 
 FEW = 18_000
-FEW_MESSAGES = 1_200
-"""More than a block of every reader; ROS messages are slow while memory is traced."""
+FEW_MESSAGES, SMALL_BLOCK = 300, 128
+"""More than two blocks of every reader; ROS messages are slow while memory is traced, so fewer make a block."""
 JOINTS = 6
-LONG = 300
+LONG = 1200
 """Letters of a name, so that the messages fill more than one of the library's chunks."""
 STATE = "sensor_msgs/msg/JointState"
 
@@ -88,7 +89,8 @@ WRITERS = {
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_memory_does_not_grow_with_the_file(tmp_path, name):
+def test_memory_does_not_grow_with_the_file(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(ros_reader, "_BLOCK_ROWS", SMALL_BLOCK)
     peaks = []
     few = FEW_MESSAGES if name.startswith("bag") else FEW
     for rows in (few // 10, few, 3 * few):  # first to load the libraries
