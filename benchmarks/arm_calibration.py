@@ -3,10 +3,14 @@
 A simulated arm has six runs on its two shipped excitations: empty, with a payload that was weighed, and with one that
 was not. Its gains are drawn within 5 %. A third payload, on the first excitation, is then identified with the
 calibration.
+
+    python -m benchmarks.arm_calibration [SEEDS]
 """
 
 from __future__ import annotations
 
+import argparse
+import sys
 import time
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -27,9 +31,11 @@ from benchmarks.real_currents import FOLDER, MASS_KG
 from benchmarks.recordings import DriveScales, record
 from benchmarks.setups import Twin, twin_spec
 from benchmarks.steady_state import SteadyPeriod, Streaming, steady_period
+from benchmarks.trials import workers
 from benchmarks.verdict import Tally, progress_line
 
 SEEDS = 40
+"""Of `make accuracy`."""
 SPREAD = 0.05
 PERIODS = {"er50": 50, "prbt": 3}
 PAYLOADS = {
@@ -123,14 +129,14 @@ def run_measured(tally: Tally) -> None:
     _judge_halves(tally, robot, runs)
 
 
-def run_simulated(tally: Tally, pool: Executor) -> None:
+def run_simulated(tally: Tally, pool: Executor, seeds: int = SEEDS) -> None:
     """er50 and prbt, normative."""
-    tally.heading(f"3c. Simulated arms from six runs, gains within {SPREAD:.0%}")
+    tally.heading(f"3c. Simulated arms from six runs, gains within {SPREAD:.0%}, {seeds} seeds each")
     for name, periods in PERIODS.items():
         arm = _simulated(name)
-        futures = [pool.submit(_seed, arm, seed, periods) for seed in range(SEEDS)]
+        futures = [pool.submit(_seed, arm, seed, periods) for seed in range(seeds)]
         outcomes = []
-        with progress_line(f"{name}, {periods} periods", SEEDS) as progress:
+        with progress_line(f"{name}, {periods} periods", seeds) as progress:
             for done, future in enumerate(futures, 1):
                 outcomes.append(future.result())
                 progress(done)
@@ -140,14 +146,14 @@ def run_simulated(tally: Tally, pool: Executor) -> None:
         print(f"  {name}: rms error of the gains %: {_list(100.0 * rms)}; in standard deviations: {_list(z)}")
         for what, joints, within in (("2 and 3", STRONG, STRONG_WITHIN), ("4 to 6", WRIST, WRIST_WITHIN)):
             tally.judge(
-                f"{name}: gains of joints {what} within {within:.1%} (rms over {SEEDS} seeds)",
+                f"{name}: gains of joints {what} within {within:.1%} (rms over {seeds} seeds)",
                 _list(100.0 * rms[joints]) + " %",
                 bool((rms[joints] <= within).all()),
             )
         mass = np.abs([outcome.mass_error for outcome in outcomes])
         share = float(np.mean(mass <= MASS_WITHIN))
         tally.judge(
-            f"{name}: another payload's mass within {MASS_WITHIN:.1%} on {OF_SEEDS:.0%} of seeds",
+            f"{name}: another payload's mass within {MASS_WITHIN:.1%} on {OF_SEEDS:.0%} of {seeds} seeds",
             f"{share:.0%}, greatest {mass.max():.2%}; intervals hold {np.mean([o.inside for o in outcomes]):.0%}",
             share >= OF_SEEDS,
         )
@@ -280,3 +286,18 @@ def _seed(arm: SimulatedArm, seed: int, periods: int) -> Outcome:
 
 def _list(values: FloatArray, digits: int = 2) -> str:
     return " ".join(f"{value:.{digits}f}" for value in values)
+
+
+def main() -> int:
+    """Run this part alone."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("seeds", nargs="?", type=int, default=SEEDS)
+    tally = Tally()
+    run_measured(tally)
+    with workers() as pool:
+        run_simulated(tally, pool, parser.parse_args().seeds)
+    return tally.finish()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

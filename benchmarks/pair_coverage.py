@@ -1,6 +1,11 @@
-"""Do the intervals of a pair hold under everything at once? Counted on an arm of seven joints by Pinocchio alone."""
+"""Do the intervals of a pair hold under everything at once? Counted on an arm of seven joints by Pinocchio alone.
+
+Alone: `python -m benchmarks.pair_coverage`.
+"""
 
 from __future__ import annotations
+
+import sys
 
 import numpy as np
 
@@ -12,7 +17,9 @@ from benchmarks.verdict import Tally
 SEEDS = 20
 SPREAD = 0.02
 HELD = 0.9
-OFF, WRONG = 0.05, 3
+OFF = 0.05
+CARRYING = (1, 2, 3, 4, 5)
+"""Joints that carry the payload. Joint 1 is upright, and joint 7 carries 1 N m, near its own friction."""
 QUIET = 0.2
 """Share of the noise at which what the model leaves shows most."""
 
@@ -44,23 +51,44 @@ def run(tally: Tally) -> None:
         )
         if spread == 0.0:
             tally.judge("exact gains that are taken for nominal raise no alarm", f"{alarms} of {SEEDS}", alarms == 0)
-    _off(tally, panda)
+    for noise in (QUIET, 1.0):
+        _off(tally, noise)
 
 
-def _off(tally: Tally, panda: SaggingPanda) -> None:
+def _off(tally: Tally, noise: float) -> None:
     """One gain 5 % off."""
-    named = wrongly = held = 0
-    for seed in range(SEEDS):
-        error = np.zeros(chain().n)
-        error[WRONG] = OFF * (-1.0) ** seed
-        found = identify(*panda.pair(seed, error, with_phase=True), chain(), nominal_transmission(exact=False))
-        if found.gains is None:
-            continue
-        named += bool(found.gains.contradicted[WRONG])
-        wrongly += int(np.count_nonzero(np.delete(found.gains.contradicted, WRONG)))
-        held += bool(abs(found.gains.log_gain[WRONG] - np.log1p(error[WRONG])) <= found.gains.half_width_95[WRONG])
-    tally.judge(
-        f"the gain of joint {WRONG + 1} {OFF:.0%} off: named, no other is, and its interval holds",
-        f"{named} of {SEEDS} named, {wrongly} others, {held} intervals",
-        bool(named >= HELD * SEEDS and wrongly == 0 and held >= HELD * SEEDS),
-    )
+    panda = SaggingPanda(Effects(noise=noise))
+    named, wrongly, held = (np.zeros(chain().n, dtype=int) for _ in range(3))
+    for joint in range(chain().n):
+        for seed in range(SEEDS):
+            error = np.zeros(chain().n)
+            error[joint] = OFF * (-1.0) ** seed
+            pair = panda.pair(seed, error, with_phase=True)
+            gains = identify(*pair, chain(), nominal_transmission(exact=False)).gains
+            if gains is None:
+                continue
+            named[joint] += gains.contradicted[joint]
+            wrongly[joint] += np.count_nonzero(np.delete(gains.contradicted, joint))
+            held[joint] += abs(gains.log_gain[joint] - np.log1p(error[joint])) <= gains.half_width_95[joint]
+    text = f"{named} of {SEEDS} named, {wrongly.sum()} others, {held} intervals"
+    if noise == QUIET:
+        least = np.minimum(named, held)[list(CARRYING)].min()
+        tally.judge(
+            f"a gain of joints {' '.join(str(joint + 1) for joint in CARRYING)} {OFF:.0%} off: named, no other is, and "
+            "its interval holds",
+            text,
+            bool(least >= HELD * SEEDS and not wrongly.any()),
+        )
+    else:
+        tally.judge(f"the same with {noise / QUIET:.0f} times the noise: no other is named", text, not wrongly.any())
+
+
+def main() -> int:
+    """Run this part alone."""
+    tally = Tally()
+    run(tally)
+    return tally.finish()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -149,6 +149,8 @@ def fit_arm(
     prior: ArmPrior,
     peak_rad_s: FloatArray,
     progress: Callable[[int, int], None] | None = None,
+    *,
+    rough: bool = False,
 ) -> ArmFit:
     """Fit all runs.
 
@@ -158,6 +160,7 @@ def fit_arm(
         prior: What is known before.
         peak_rad_s: (n,) greatest speeds.
         progress: Takes the iterations done, and about how many there will be.
+        rough: Take what there is after the last iteration: what is left of the efforts is wanted, not the unknowns.
 
     Returns:
         The fit.
@@ -165,7 +168,7 @@ def fit_arm(
     Raises:
         EstimationError: it does not settle.
     """
-    return _Fitter(model, runs, prior, peak_rad_s).fit(progress)
+    return _Fitter(model, runs, prior, peak_rad_s).fit(progress, rough=rough)
 
 
 class _Fitter:
@@ -187,7 +190,7 @@ class _Fitter:
         self._correlation = np.ones(of.n)
         self._drift = change_deviation(of, self._x, prior.level_nm, peak_rad_s)
 
-    def fit(self, progress: Callable[[int, int], None] | None) -> ArmFit:
+    def fit(self, progress: Callable[[int, int], None] | None, *, rough: bool) -> ArmFit:
         """Iterate until nothing moves any more."""
         of = self._model.unknowns
         for step in range(_STEPS):
@@ -198,6 +201,8 @@ class _Fitter:
                 progress(step + 1, max(step + 1, _WEIGHED + _ROUGH))
             if step > _ROUGH and moved < _SETTLED:
                 return self._result(step + 1)
+        if rough:
+            return self._result(_STEPS)
         raise EstimationError(
             f"the calibration does not settle after {_STEPS} steps (the unknowns still move by {moved:.2g} standard "
             f"deviations); {of.size} unknowns, {len(self._runs)} runs. Add runs of "

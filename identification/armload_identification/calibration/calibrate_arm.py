@@ -245,13 +245,13 @@ class _Calibration:
         rows = [(rows, run.mounting) for index, (rows, run) in enumerate(both) if index != without]
         return self._fitted(rows, self._chain)
 
-    def _fitted(self, rows: Sequence[tuple[ArmRows, str]], chain: Chain) -> ArmFit:
+    def _fitted(self, rows: Sequence[tuple[ArmRows, str]], chain: Chain, *, rough: bool = False) -> ArmFit:
         """Fit given rows."""
         mountings = tuple(sorted({mounting for _, mounting in rows if mounting}))
         of = Unknowns(chain.n, int(np.count_nonzero(self._base)), mountings)
         known = {name: payload.prior() for name, payload in self._weighed.items() if name in mountings}
         prior = arm_prior(of, [run for run, _ in rows], chain, self._base, known)
-        return fit_arm(ArmModel(of, self._transmission.coupling), rows, prior, self._peak)
+        return fit_arm(ArmModel(of, self._transmission.coupling), rows, prior, self._peak, rough=rough)
 
     def _refuse_too_little(self) -> None:
         """Raise where there are hardly more rows than unknowns: they would fit, whatever the arm was."""
@@ -279,10 +279,7 @@ class _Calibration:
                 )
                 for index in order
             ]
-            try:
-                fit = self._fitted(rows, chain)
-            except EstimationError:
-                return np.inf
+            fit = self._fitted(rows, chain, rough=True)
             return float(np.mean(np.log(np.maximum(fit.noise_nm / fit.level_nm, 1e-9))))
 
         entered = noise(self._chain)

@@ -28,6 +28,8 @@ _LOUD: Final = 5.0
 _STRANGE: Final = 0.3
 """Share of a joint's torque that an arm's own model does not leave; 0.24 is the most on the UR10e, at a wrist."""
 _DEVIATIONS_95: Final = 2.0
+_UNJUDGED: Final = 0.08
+"""Error of a gain that a pair should notice; where it may not, the note says so."""
 _PUSHES: Final = 0.02
 """Friction that pushes by more than this share of the torque."""
 
@@ -116,6 +118,13 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
             f"The data contradict the drive gain of joint {joint + 1}: by the other joints it is {off} off "
             f"(95 %: {low} to {high}), where {allowed:.1%} were allowed for. It was estimated with the payload. "
             "Check its torque constant and gear ratio, or calibrate the arm: `armload calibrate`."
+        )
+    hidden = np.flatnonzero(~gains.contradicted & (gains.noticeable > _UNJUDGED))
+    if hidden.size:
+        listed = ", ".join(f"{joint + 1} ({np.expm1(gains.noticeable[joint]):.0%})" for joint in hidden)
+        notes.append(
+            f"This pair cannot judge the drive gain of joint {listed}: only a greater error is sure to be reported. "
+            "Several runs with a weighed payload can: `armload calibrate`."
         )
     return notes
 

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_identification.calibration import arm_fit
+from armload_identification.calibration import calibrate_arm as calibrate_module
 from armload_identification.calibration.arm_rows import run_signals, tilt_axes
 from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.calibration.run_health import run_health
@@ -243,6 +245,25 @@ def test_a_mounting_that_was_entered_wrongly_is_named(four, weighed, pinocchio_a
     wrong = Chain(chain.placement, chain.axis, chain.flange, np.array(gravity))
     with pytest.raises(EstimationError, match=f"mounted {how}, gravity_m_s2 = .0.0, 0.0, -9.81."):
         calibrated(four[:2], weighed, pinocchio_arm, nominal, wrong)
+
+
+def test_a_rough_fit_that_goes_to_and_fro_says_nothing_about_the_mounting(
+    runs, weighed, pinocchio_arm, nominal, monkeypatch
+):
+    """It still says how much is left of the efforts, which is all that mountings are compared by."""
+    fit, rough = calibrate_module.fit_arm, []
+
+    def restless(*arguments, **options):
+        with monkeypatch.context() as patch:
+            if not rough:
+                patch.setattr(arm_fit, "_SETTLED", -1.0)
+            rough.append(options.get("rough", False))
+            return fit(*arguments, **options)
+
+    monkeypatch.setattr(calibrate_module, "fit_arm", restless)
+    assert calibrated(runs, weighed, pinocchio_arm, nominal).left_out == ()
+    assert rough[0]
+    assert not rough[-1]
 
 
 def scaled(run, joint, factor):
