@@ -125,11 +125,11 @@ class IdealPlant:
     def slow_down(self, axis: int, over_s: float) -> None:
         """Stop within `over_s`, over the distance that an even deceleration needs."""
         travel = 0.5 * over_s * self.velocity_rad_s[axis]
-        self._ramp(axis, float(self.position_rad[axis] + travel), over_s)
+        self._ramp(axis, self.hold_position(axis) + travel, over_s)
 
     def _ramp(self, axis: int, position_rad: float, over_s: float) -> None:
         """Start a ramp from where the axis is."""
-        self._start[axis] = self.position_rad[axis]
+        self._start[axis] = self.hold_position(axis)
         self._finish[axis] = position_rad
         self._begin_s[axis] = self.time_s
         self._over_s[axis] = over_s
@@ -140,12 +140,14 @@ class IdealPlant:
 
     def set_powered(self, axis: int, on: bool) -> None:
         """Torque on or off; either way the axis stays where it is."""
-        self._ramp(axis, float(self.position_rad[axis]), 0.0)
+        self._ramp(axis, self.hold_position(axis), 0.0)
         self.powered[axis] = on
 
     def hold_position(self, axis: int) -> float:
-        """Present position of an axis."""
-        return float(self.position_rad[axis])
+        """Present position of an axis: that of `position_rad`, without computing the others."""
+        over_s = self._over_s[axis]
+        share = min(max((self.time_s - self._begin_s[axis]) / over_s, 0.0), 1.0) if over_s > 0.0 else 1.0
+        return float(self._start[axis] + share * (self._finish[axis] - self._start[axis]))
 
     def sample(self, cycle_s: float) -> IdealSample:
         """What the drives measure now; without noise, so `cycle_s` does not matter."""
