@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,10 +36,11 @@ class ArmRuns:
 
 
 def is_run_table(path: Path) -> bool:
-    """Whether a file is a table of runs: its first line names the column `recording`."""
+    """Whether a file is a table of runs: its first line names the column `recording`, however it is separated."""
     try:
         with path.open("rb") as file:
-            return _HEADER in [cell.strip() for cell in file.readline().removeprefix(b"\xef\xbb\xbf").split(b",")]
+            line = file.readline().removeprefix(b"\xef\xbb\xbf")
+            return _HEADER in [cell.strip() for cell in re.split(rb"[,;\t]", line)]
     except OSError:
         return False
 

@@ -26,6 +26,8 @@ CONTRADICTS: Final = 4.0
 """Residual of a joint, in the noise of all runs, from which a run contradicts the others."""
 _EXPLAINED: Final = 0.4
 """A mistake explains a run where it leaves at most this share of the residual."""
+_BETTER: Final = 0.7
+"""A mistake is believed rather than another payload where it leaves at most this share of what that leaves."""
 _STEPS: Final = 6
 _SAME_SCALE: Final = 0.03
 _AS_IT_IS: Final = 0.3
@@ -35,6 +37,9 @@ _STIFF: Final = 0.01
 _ZERO: Final = 1e-12
 _LIGHT_KG: Final = 0.05
 _LIGHT_SHARE: Final = 0.02
+_GRAMS: Final = 1000.0
+_ROUGHLY: Final = 0.3
+_SAME_MASS: Final = 0.05
 _WIDE: Final = 100.0
 _ANY: Final = "payload"
 
@@ -87,13 +92,17 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
     Returns:
         One sentence.
     """
-    said = _trial(arm, run, arm.chain, mounting) if mass_kg is None else _as_said(arm, run, mass_kg)
+    elsewhere = mounting in arm.fit.unknowns.mountings
+    said = _trial(arm, run, arm.chain, mounting) if mass_kg is None or elsewhere else _as_said(arm, run, mass_kg)
     off = said.off
     worst = int(np.argmax(off))
     start = f"joint {worst + 1} is off by {off[worst]:.0f} times the noise of the other runs"
-    # A run whose payload no other run carries fits with another payload, if that is what is wrong.
-    trials = [(float(trial.off.max()), text) for trial, text in _mistakes(arm, run, mounting, mass_kg)]
-    best, text = min(trials, key=lambda pair: pair[0])
+    # A run whose payload no other run carries fits with another payload, if that is what is wrong; and whatever else is
+    # tried on it fits with that payload too.
+    payload, *others = [(float(trial.off.max()), text) for trial, text in _mistakes(arm, run, mounting, mass_kg)]
+    best, text = min(others, key=lambda pair: pair[0])
+    if payload[0] < best / _BETTER:
+        best, text = payload
     if best < max(_EXPLAINED * float(off[worst]), CONTRADICTS):
         return f"{start}; it fits if {text}"
     return f"{start}, and no simple mistake explains it: another arm, or damaged signals"
@@ -171,7 +180,9 @@ def _off(rows: ArmRows, predicted: FloatArray, noise_nm: FloatArray) -> FloatArr
 def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> Iterator[tuple[_Trial, str]]:
     """Everything that may have been entered wrongly, and the run tried with it put right."""
     trial = _trial(arm, run, arm.chain, mounting, free=True)
-    yield trial, _payload_text(trial.theta[0], mounting, mass_kg)
+    of = arm.fit.unknowns
+    elsewhere = arm.fit.x[of.payload(mounting)] if mounting in of.mountings else None
+    yield trial, _payload_text(trial.theta, mounting, mass_kg, elsewhere)
     yield _scaled(arm, run, mounting)
     n = arm.chain.n
     for one, other in combinations(range(n), 2):
@@ -202,10 +213,19 @@ def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float 
         yield _trial(arm, run, mounted, mounting), f"the arm hung {how} in this run"
 
 
-def _payload_text(found_kg: float, mounting: str, mass_kg: float | None) -> str:
-    """What the run carries, beside what is said of it."""
+def _payload_text(theta: FloatArray, mounting: str, mass_kg: float | None, elsewhere: FloatArray | None) -> str:
+    """What the run carries, beside what is said of it and what the other runs of its mounting carry."""
+    found_kg = float(theta[0])
+    if mass_kg is not None and found_kg > _LIGHT_KG and abs(np.log(mass_kg / (_GRAMS * found_kg))) < _ROUGHLY:
+        return f"it carries {found_kg:.3f} kg, not {mass_kg:g} kg: mass_kg was entered in grams"
     if found_kg < _LIGHT_KG + _LIGHT_SHARE * (mass_kg or 0.0):
         return "it carries nothing"
+    if elsewhere is not None and abs(found_kg / elsewhere[0] - 1.0) < _SAME_MASS:
+        apart_m = float(np.sqrt(np.sum((theta[1:4] / found_kg - elsewhere[1:4] / elsewhere[0]) ** 2)))
+        return (
+            f"its payload is mounted otherwise, with the centre of mass {1e3 * apart_m:.0f} mm from where it is in the "
+            f"other runs of '{mounting}': give it a mounting of its own"
+        )
     said = f"{mass_kg:.3f} kg" if mass_kg is not None else f"what '{mounting}' is elsewhere" if mounting else "nothing"
     return f"it carries {found_kg:.3f} kg, not {said}"
 

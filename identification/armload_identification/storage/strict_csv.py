@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import csv
+import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from armload_identification.storage.read_file import LARGEST_BYTES, read_whole
 
 if TYPE_CHECKING:
     from armload_identification.storage.strict_toml import FileErrorClass
+
+_OTHER_SEPARATORS: Final = {";": "semicolons", "\t": "tabs"}
 
 
 @dataclass(frozen=True)
@@ -86,9 +89,14 @@ def parse_csv(
     lines = csv.reader(text.splitlines(), skipinitialspace=True)
     header = [name.strip() for name in next(lines, [])]
     known = (*required, *optional)
+    for separator, called in _OTHER_SEPARATORS.items():
+        if len(header) == 1 and separator in header[0]:
+            raise error(source, "line 1", header[0], f"columns are separated by {called}; expected commas, all through")
     for name in header:
         if name not in known or header.count(name) > 1:
-            raise error(source, "line 1", name, f"expected each of the columns {', '.join(known)} once")
+            near = [] if name in known else difflib.get_close_matches(name, known, n=1)
+            hint = f"; the nearest is '{near[0]}'" if near else ""
+            raise error(source, "line 1", name, f"expected each of the columns {', '.join(known)} once{hint}")
     for name in required:
         if name not in header:
             raise error(source, f"line 1, {name}", None, f"the header must name {', '.join(required)}")

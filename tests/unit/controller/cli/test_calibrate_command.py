@@ -31,6 +31,8 @@ def test_a_table_is_told_from_a_recording(tmp_path):
     table.write_bytes(b"\xef\xbb\xbfmounting, recording ,mass_kg\r\n")
     log.write_text("0.0,1.0,2.0\n")
     assert is_run_table(table)
+    (tmp_path / "semicolons.csv").write_text("recording;mounting;mass_kg\n")
+    assert is_run_table(tmp_path / "semicolons.csv")
     assert not is_run_table(log)
     assert not is_run_table(tmp_path / "none.csv")
 

@@ -311,6 +311,22 @@ def test_a_run_with_another_payload_than_said_is_named(four, weighed, pinocchio_
     assert "not nothing" in reason
 
 
+def test_a_payload_that_was_remounted_and_one_in_grams_are_told_from_others(
+    runs, four, weighed, pinocchio_arm, other, nominal
+):
+    turned_arm = type(pinocchio_arm)()
+    half_turn = np.diag([-1.0, -1.0, 1.0, 1.0])
+    turned_arm.payload = pinocchio_arm.payload.transformed(half_turn)
+    again = turned_arm.run(turned_arm.trajectory(3, period_s=10.0), True, seed=7, load_friction=LOAD_FRICTION)
+    grams = next(run for run in runs if run.recording.source.path.name == "other3.mcap")
+    more = [*four, MountedRun(named(again, "again"), "weighed"), grams]
+    found = calibrated(more, {**weighed, "other": WeighedPayload(2500.0)}, pinocchio_arm, nominal)
+    reasons = dict(found.left_out)
+    x, y, _ = pinocchio_arm.payload.center_of_mass_m
+    assert f"centre of mass {2e3 * np.hypot(x, y):.0f} mm from" in reasons["again.mcap"]
+    assert re.search(r"carries 2\.[45]\d* kg, not 2500 kg: mass_kg was entered in grams", reasons["other3.mcap"])
+
+
 def test_a_sign_that_is_flipped_is_named(runs, weighed, pinocchio_arm, nominal):
     found = calibrated(changed(runs, 0, **scaled(runs[0], 1, -1.0)), weighed, pinocchio_arm, nominal)
     ((name, reason),) = found.left_out
