@@ -29,7 +29,7 @@ from armload_identification.recording.file_reading import read_recording
 from benchmarks.canopen_master import arm_under_canopen
 from benchmarks.watch_picture import moments_of, overheard_shift
 
-CYCLE_HZ, RUN_S = 50.0, 14.0
+CYCLE_HZ, RUN_S = 50.0, 10.0
 MOUNTED_S, DROPPED_S, END_S = 8.0, 17.0, 24.0
 NOTICED_S = 0.7
 SPEED_SHARE = (0.2, 0.6)

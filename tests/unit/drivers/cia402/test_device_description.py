@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from armload_drivers.bring_up.description_file import read_description
@@ -238,11 +238,17 @@ def test_random_bytes_raise_nothing_else(data):
     survives(data)
 
 
-LINES = st.sampled_from(GOOD.splitlines()) | st.text(max_size=60).map(lambda text: text.replace("\n", ""))
 WEIRD = st.sampled_from(["\u0663", "$NODEID", "0x", "--1", "1e3", "\uffff", "[", "]", "=", "999999999999999999999"])
+NAMES = sorted({line.partition("=")[0] for line in GOOD.splitlines() if "=" in line})
+LINES = (
+    st.sampled_from(GOOD.splitlines())
+    | st.tuples(st.sampled_from(NAMES), WEIRD).map("=".join)
+    | st.text("0123456789abcdefxX[]=$;# \t\u0661\uffff", max_size=40)
+)
 
 
-@settings(max_examples=200)
+@settings(max_examples=150)
+@example([(GOOD.splitlines().index("SupportedObjects=3") + 1, "1=none")], 0)
 @given(st.lists(st.tuples(st.integers(0, 60), LINES | WEIRD), max_size=12), st.integers(0, len(GOOD)))
 def test_mutated_and_truncated_files_raise_nothing_else(changes, end):
     lines = GOOD.splitlines()

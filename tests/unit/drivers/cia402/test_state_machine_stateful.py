@@ -168,5 +168,5 @@ class Conversation(RuleBasedStateMachine):
         assert all(step.source is not step.target for step in TRANSITIONS)
 
 
-Conversation.TestCase.settings = settings(max_examples=120, stateful_step_count=40, deadline=None)
+Conversation.TestCase.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
 TestConversation = Conversation.TestCase
