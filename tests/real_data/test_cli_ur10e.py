@@ -18,6 +18,7 @@ def pairs(shared_data):
     }
 
 
+@pytest.mark.long
 def test_what_is_known_is_kept(armload, pairs, tmp_path):
     payload = tmp_path / "payload.toml"
     result = armload("identify", "ur10e", *pairs["a"], "--mass-kg", WEIGHED_KG, "-o", payload)

@@ -116,6 +116,7 @@ def test_a_wrong_gear_ratio_is_named(ur10e, runs, all_of_them):
     assert (np.abs(np.log(found.gain_nm_a / all_of_them.gain_nm_a)) < 2.0 * found.gain_deviation).all()
 
 
+@pytest.mark.long
 def test_the_commands(armload, shared_data, tmp_path):
     folder = shared_data / "ur10e"
     table = tmp_path / "runs.csv"

@@ -35,6 +35,7 @@ print(*written, sep="\\n")
 
 
 @pytest.mark.parametrize("home", ["/nonexistent/home", ""])
+@pytest.mark.long
 def test_no_file_is_written_by_loading_computing_or_asking_for_help(home):
     environment = {"HOME": home, "PATH": "/usr/bin:/bin", "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(

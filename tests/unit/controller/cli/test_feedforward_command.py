@@ -192,6 +192,7 @@ def test_options_that_contradict_each_other(armload, words, text):
     assert text in result.output
 
 
+@pytest.mark.long
 def test_what_may_not_be_adapted_to(armload, folder, calibrated):
     heavy = armload("feedforward", "prbt", "--adapt", "--expect", "0..6")
     assert "up to 80% of the rated 6 kg only" in str(heavy.exception)

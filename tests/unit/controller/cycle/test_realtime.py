@@ -4,11 +4,10 @@ import json
 import os
 import subprocess
 import sys
-import threading
 
 import pytest
 
-from armload_controller.cycle.realtime import SWITCH_INTERVAL_S, tuned_for_cycles
+from armload_controller.cycle.realtime import SWITCH_INTERVAL_S
 
 PROGRAM = """
 import gc, json, os, sys
@@ -38,19 +37,35 @@ def test_everything_is_set_and_set_back():
     assert len(told) <= 1, "what is not permitted is said once"
 
 
-def test_threads_that_share_the_interpreter_come_next(request):
+THREADS = """
+import json, os, threading
+from armload_controller.cycle.realtime import tuned_for_cycles
+
+stop = threading.Event()
+other = threading.Thread(target=stop.wait)
+other.start()
+
+def scheduled():
+    return [(os.sched_getscheduler(id), os.sched_getparam(id).sched_priority) for id in (0, other.native_id)]
+
+told = []
+with tuned_for_cycles(told.append):
+    within = scheduled()
+print(json.dumps([within, scheduled(), told]))
+stop.set()
+other.join()
+"""
+
+
+def test_threads_that_share_the_interpreter_come_next():
     """Simulated drives in this process, for one: where they are kept from running, so is the cycle."""
-    stop = threading.Event()
-    other = threading.Thread(target=stop.wait)
-    other.start()
-    request.addfinalizer(lambda: (stop.set(), other.join()))
-    told = []
-    with tuned_for_cycles(told.append):
-        if any("SCHED_FIFO" in line for line in told):
-            pytest.skip(told[0])
-        assert os.sched_getscheduler(other.native_id) == os.SCHED_FIFO
-        assert os.sched_getparam(other.native_id).sched_priority == os.sched_getparam(0).sched_priority - 1
-    assert os.sched_getscheduler(other.native_id) == os.SCHED_OTHER
+    done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, check=True, timeout=60)
+    within, after, told = json.loads(done.stdout)
+    if any("SCHED_FIFO" in line for line in told):
+        pytest.skip(told[0])
+    own, other = within
+    assert other == [os.SCHED_FIFO, own[1] - 1]
+    assert after[1][0] == os.SCHED_OTHER
 
 
 def test_what_is_not_permitted_is_said_with_what_to_do():

@@ -136,6 +136,7 @@ def test_an_unused_run_of_the_empty_arm_is_predicted(result, pinocchio_arm):
     assert (np.sqrt(np.mean(error**2, axis=0)) < 0.02 * np.sqrt(np.mean(truth**2, axis=0)) + 0.1).all()
 
 
+@pytest.mark.long
 def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nominal):
     arm = type(pinocchio_arm)()
     arm.payload = InertialParameters.from_center_of_mass(3.3, [0.08, 0.02, 0.10], 0.03 * np.eye(3))

@@ -276,6 +276,7 @@ def test_the_result_becomes_a_file_and_back(one_after_the_other):
 
 
 @pytest.mark.parametrize("kind", ["threads", "processes"])
+@pytest.mark.long
 def test_whoever_runs_the_starts_the_result_is_the_same(one_after_the_other, kind):
     pools = {
         "threads": lambda: ThreadPoolExecutor(2),

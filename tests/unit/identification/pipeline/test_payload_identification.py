@@ -100,6 +100,7 @@ def over_seeds(pinocchio_arm):
     ]
 
 
+@pytest.mark.long
 def test_noise_goes_through_as_its_bound_says(over_seeds, pinocchio_arm):
     """Over seeds the scatter of the estimate is that of weighted least squares on the averaged difference."""
     errors = [result.plain.theta[:10] - pinocchio_arm.payload.theta for result in over_seeds]

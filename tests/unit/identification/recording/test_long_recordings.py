@@ -350,6 +350,7 @@ def peaks_kib():
 
 
 @pytest.mark.parametrize("kind", ["periodic", "aperiodic"])
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_recording(peaks_kib, kind):
     peaks = peaks_kib[kind]
     assert peaks[1] < 1.1 * peaks[0], peaks

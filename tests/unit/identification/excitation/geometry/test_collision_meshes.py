@@ -194,6 +194,7 @@ def designed(objection):
     ).trajectory
 
 
+@pytest.mark.long
 def test_a_design_takes_the_best_start_that_nothing_is_said_against(monkeypatch):
     attempts: dict[tuple[int, ...], Attempt] = {}
     run = Search.run

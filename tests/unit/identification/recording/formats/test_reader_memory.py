@@ -89,6 +89,7 @@ WRITERS = {
 
 
 @pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_file(tmp_path, monkeypatch, name):
     monkeypatch.setattr(ros_reader, "_BLOCK_ROWS", SMALL_BLOCK)
     peaks = []
