@@ -17,6 +17,7 @@ static const double ONWARD = 0.95;       /* share of the window that a joint mov
 static const double CLIP = 3.0;          /* an innovation counts for at most so many standard deviations */
 static const double MISFIT_MEMORY_S = 10.0;
 static const double USUAL_MISFIT = 2.0;  /* of a calibrated arm; the test for changes allows for more, not for this */
+static const double FRICTION_LAW = 0.01; /* share of its friction by which a joint may follow no law; the test allows it */
 static const double CHANGE_MEMORY_S = 1.0;
 static const double CHANGE_TEST = 20.0;
 static const double HELD_S = 0.3;        /* at the bound; what is twice as significant needs half as long */
@@ -364,8 +365,8 @@ static void fade(payload_estimator *e, double elapsed)
 }
 
 /* A joint's row, added to the information; `h` and `f` in the units of the states. */
-static void add_row(payload_estimator *e, int joint, const double *h, const double *f, double target, double weight,
-                    double elapsed)
+static void add_row(payload_estimator *e, int joint, const double *h, const double *f, double friction, double target,
+                    double weight, double elapsed)
 {
     joint_information *own = e->joint + joint;
     double expected = 0.0, seen[BODY_PARAMETERS], by[FRICTION_STATES], variance = 0.0;
@@ -384,7 +385,9 @@ static void add_row(payload_estimator *e, int joint, const double *h, const doub
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         variance += seen[k] * seen[k];
     }
-    const double spread = fmax(own->misfit / USUAL_MISFIT, 1.0) / weight + variance, bound = CLIP * sqrt(spread);
+    const double law = FRICTION_LAW * friction;
+    const double spread = fmax(own->misfit / USUAL_MISFIT, 1.0) / weight + variance + law * law;
+    const double bound = CLIP * sqrt(spread);
     const double off = target - expected, innovation = fmax(fmin(off, bound), -bound);
     if (e->suspected == 0.0) {
         /* The weight makes rows that stay alike count as one; their size is that of one row's noise. */
@@ -508,8 +511,9 @@ static void take_row(payload_estimator *e)
         const double s = row->direction[j];
         const double turned = links[j] + payload[j] < 0.0 ? -1.0 : 1.0;
         const double through = 1.0 + e->parameter[ESTIMATOR_LOAD][j] * s * turned;
-        double arm = through * links[j] + e->parameter[ESTIMATOR_VISCOUS][j] * dq
-                     + s * (e->parameter[ESTIMATOR_COULOMB][j] + e->parameter[ESTIMATOR_ROOT][j] * sqrt(fabs(dq)));
+        const double steady = e->parameter[ESTIMATOR_COULOMB][j] + e->parameter[ESTIMATOR_ROOT][j] * sqrt(fabs(dq));
+        const double friction = e->parameter[ESTIMATOR_VISCOUS][j] * dq + s * steady;
+        double arm = through * links[j] + friction;
         for (int k = 0; k < n; k++) {
             arm += e->rotors[j * n + k] * row->acceleration[k];
         }
@@ -521,7 +525,7 @@ static void take_row(payload_estimator *e)
             h[k] = through * regressor[j * BODY_PARAMETERS + k];
         }
         const double noise = e->parameter[ESTIMATOR_NOISE][j] / gated;
-        add_row(e, j, h, f, row->torque[j] - arm, 1.0 / (noise * noise), counted);
+        add_row(e, j, h, f, friction, row->torque[j] - arm, 1.0 / (noise * noise), counted);
     }
     solve(e);
     watch_change(e, row->time, elapsed);

@@ -299,7 +299,8 @@ class ResidualSpectrum:
         left = (1.0 - np.minimum(leverage, 1.0)) ** 2
         self._free = np.maximum(self._window @ left, 1e-12)
         square = weight**2
-        gated = np.mean(square**2, axis=0) / np.maximum(np.mean(square, axis=0), 1e-300) ** 2
+        # A joint none of whose rows count has no residual either.
+        gated = np.mean(square**2, axis=0) / np.maximum(np.mean(square, axis=0) ** 2, 1e-300)
         self._level = gated * (self._window @ power) / self._free
         self._leverage = leverage
         self._expected = self._level * left

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.empty_arm.known_arm_fit import fit_on_known_arm
-from armload_identification.estimation.least_squares import Prior
+from armload_identification.estimation.empty_arm.known_arm_signal import KnownArmSignal
+from armload_identification.estimation.least_squares import Estimate, Prior
 from armload_identification.estimation.uncertainty import DETERMINED_SHARE, quantify
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
-from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.identification import Fit, Identification, completed, without_blows
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
-from armload_identification.signals.load_signal import LoadSignal, without_body
-from armload_identification.signals.motion import Motion, motion_of, motion_over_time
+from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.signals.motion import motion_of, motion_over_time
 from armload_identification.verdict.friction_validity import friction_notes
 from armload_identification.verdict.motion_quality import MotionQuality
 from armload_identification.verdict.sanity import check_run
@@ -30,8 +31,10 @@ FLOOR_KG: Final = 0.010
 FLOOR_SHARE: Final = 0.001
 """What no calibrated arm's mass is more certain than, one standard deviation: the servo gives way, encoders err."""
 SHORTEST_WINDOW_S: Final = 2.0
-_ROW_S: Final = 0.05
-"""Samples closer together than this say the same of one run: it stays like itself for some tenths of a second."""
+_LASTING: Final = 0.5
+"""Of what the model leaves of a joint beyond the calibration's noise, the part that may be a share of its torque
+throughout the run. On simulated arms with elastic joints and gears of two efficiencies 69 to 97 % of intervals hold
+without it, 96 % or more with it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +71,8 @@ def identify_alone(
         EstimationError: a motion that does not show what the payload weighs, saying which motion is missing.
     """
     check_run(loaded, transmission)
-    signal = _less_arm(motion_of(loaded, transmission), chain, arm)
-    return _on_known_arm(signal, loaded, chain, transmission, arm, prior)
+    seen = KnownArmSignal.of(motion_of(loaded, transmission), chain, arm)
+    return _on_known_arm(seen, loaded, chain, transmission, arm, prior)
 
 
 def identify_windows(
@@ -103,35 +106,27 @@ def identify_windows(
     check_run(loaded, transmission)
     with threadpool_limits(1):
         motion = motion_over_time(loaded, transmission)
-        signal = _less_arm(motion, chain, arm)
+        seen = KnownArmSignal.of(motion, chain, arm)
         windows = []
-        for number in range(int((signal.time_s[-1] + signal.interval_s) / every_s)):
+        lasts_s = float(motion.time_s[-1]) + motion.interval_s
+        for number in range(int(lasts_s / every_s)):
             start_s, end_s = number * every_s, (number + 1) * every_s
             try:
-                found = _on_known_arm(signal.part(start_s, end_s), loaded, chain, transmission, arm, None)
+                found = _on_known_arm(seen.part(start_s, end_s), loaded, chain, transmission, arm, None)
             except EstimationError as problem:
                 windows.append(Window(start_s, end_s, None, str(problem).removeprefix(f"{loaded.source.path}: ")))
                 continue
             windows.append(Window(start_s, end_s, found, ""))
     if not windows:
         raise RecordingError(
-            f"{loaded.source.path}: the arm moves for {signal.time_s[-1]:.1f} s, expected one window of {every_s:g} s "
+            f"{loaded.source.path}: the arm moves for {lasts_s:.1f} s, expected one window of {every_s:g} s "
             "or more. Give shorter windows."
         )
     return tuple(windows)
 
 
-def _less_arm(motion: Motion, chain: Chain, arm: KnownArm) -> LoadSignal:
-    """A run less the calibrated arm's torque, with no more samples than its noise makes worth while."""
-    body = arm.fit.model
-    moved = motion.with_delay(body.torque_delay_s)
-    if not moved.periodic:
-        moved = moved.every(max(int(_ROW_S / moved.interval_s), 1))
-    return without_body(moved, body.torque(chain, *moved.states))
-
-
 def _on_known_arm(
-    signal: LoadSignal,
+    seen: KnownArmSignal,
     loaded: Recording,
     chain: Chain,
     transmission: Transmission,
@@ -140,14 +135,14 @@ def _on_known_arm(
 ) -> Identification:
     """A payload from one run of any motion."""
     name = str(loaded.source.path)
-    quality = MotionQuality.of(signal.loaded, arm.fit.model)
+    quality = MotionQuality.of(seen.signal.loaded, arm.fit.model)
     quality.require_enough(name)
-    regressor = payload_regressor(chain, *signal.states)
+    regressor = seen.regressor
 
     def fit_to(run: LoadSignal) -> Fit:
-        return fit_on_known_arm(run, regressor, chain, arm, prior)
+        return fit_on_known_arm(replace(seen, signal=run), chain, arm, prior)
 
-    signal, fit, friction, struck = without_blows(signal, fit_to)
+    signal, fit, friction, struck = without_blows(seen.signal, fit_to)
     plain = InertialParameters(fit.theta[:10])
     width = float(quantify(fit, plain).half_width_95[0]) if plain.mass_kg != 0.0 else np.inf
     if plain.mass_kg <= 0.0 or width > DETERMINED_SHARE * plain.mass_kg:
@@ -162,9 +157,19 @@ def _on_known_arm(
     doubts = np.concatenate(
         [
             arm.doubts(signal.states, signal.interval_s, signal.loaded.torque_nm),
+            _model_doubts(signal, fit, arm),
             floor * (regressor @ plain.theta)[None],
         ]
     )
     return completed(
         signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, own, struck, said, prior=prior
     )
+
+
+def _model_doubts(signal: LoadSignal, fit: Estimate, arm: KnownArm) -> FloatArray:
+    """(n, K, n) torque of one standard deviation of what the model itself is off by on each joint."""
+    torque = signal.loaded.torque_nm
+    level = np.sqrt(np.mean(torque[signal.valid] ** 2, axis=0))
+    left = np.sqrt(np.maximum(fit.weight_1_nm**-2.0 - arm.noise_nm**2, 0.0))
+    share = np.divide(_LASTING * left, level, out=np.zeros_like(level), where=level > 0.0)
+    return np.asarray((share * torque)[None] * np.eye(level.size)[:, None, :])

@@ -17,12 +17,12 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
+from armload_identification.estimation.empty_arm.known_arm_signal import KnownArmSignal
 from armload_identification.estimation.friction_columns import FrictionDifference, load_column
 from armload_identification.estimation.least_squares import NOTHING_KNOWN, Estimate, Prior, estimate_reweighted
 from armload_identification.estimation.uncertainty import nuisance_deviation
 from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
-from armload_identification.signals.load_signal import LoadSignal
 
 CHANGES: Final = 3
 """Of a run's friction per joint: Coulomb, viscous, offset."""
@@ -48,13 +48,12 @@ def moving_weights(velocity_rad_s: FloatArray, body: BodyModel) -> FloatArray:
 
 
 def fit_on_known_arm(
-    signal: LoadSignal, regressor: FloatArray, chain: Chain, arm: KnownArm, prior: Prior | None = None
+    seen: KnownArmSignal, chain: Chain, arm: KnownArm, prior: Prior | None = None
 ) -> tuple[Estimate, FrictionDifference]:
     """Fit a payload to one run less its arm.
 
     Args:
-        signal: The run less the calibrated arm's torque, friction included.
-        regressor: (K, n, 10) of the payload.
+        seen: The run less the calibrated arm's torque, row by row.
         chain: The arm.
         arm: What is known of it.
         prior: What is known of the payload beforehand.
@@ -67,6 +66,7 @@ def fit_on_known_arm(
         EstimationError: too few samples, or no motion at all.
     """
     body, n = arm.fit.model, chain.n
+    signal, regressor = seen.signal, seen.regressor
     velocity = signal.states.velocity_rad_s
     direction = smooth_sign(velocity, body.reversal_speed_rad_s)
     empty = body.link_torque(chain, *signal.states)
@@ -74,7 +74,7 @@ def fit_on_known_arm(
     changes = own[:, None, :] * np.tile(np.eye(n), CHANGES)
     known = (prior or NOTHING_KNOWN).and_nuisance(np.zeros(CHANGES * n), arm.friction_spread.ravel())
     independent = np.sqrt(np.minimum(signal.interval_s / arm.correlation_s, 1.0))
-    weight = moving_weights(velocity, body) * independent
+    weight = moving_weights(velocity, body) * seen.onward * independent
     theta = np.zeros(10)
     for _ in range(_ITERATIONS):
         turned = np.sign(empty + regressor @ theta)

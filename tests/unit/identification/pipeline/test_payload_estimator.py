@@ -6,30 +6,11 @@ import numpy as np
 import pytest
 
 from armload_core import kernels
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
 
 pytestmark = pytest.mark.pure
-
-
-@pytest.fixture(scope="module")
-def calibration(pinocchio_arm):
-    trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
-    runs = [
-        MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
-        for load in (False, True)
-    ]
-    return calibrate_arm(
-        runs,
-        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
-        pinocchio_arm.chain,
-        pinocchio_arm.transmission,
-        robot="six",
-        armload_version="0",
-        configuration_sha256="c" * 64,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -104,28 +85,6 @@ def test_grasped_and_dropped(estimator, streams, pinocchio_arm):
     assert 0.0 < grasped - time_s[third] < 1.0
     assert 0.0 < dropped - time_s[2 * third] < 1.0
     assert abs(estimator.estimate().mass_kg) < 0.1
-
-
-@pytest.fixture(scope="module")
-def jerky(pinocchio_arm):
-    """From place to place and back to rest, accelerations that come and go at once; joints hold still in between."""
-    rng, cycle_s = np.random.default_rng(2), 0.01
-    states, here = [], np.zeros(6)
-    for _ in range(16):
-        way, half = rng.uniform(-0.6, 0.6, 6) - here, int(rng.integers(50, 80))
-        push = way / (half * cycle_s) ** 2
-        elapsed = np.arange(1, 2 * half + 1)[:, None] * cycle_s
-        second = np.where(elapsed <= half * cycle_s, push, -push)
-        first = np.cumsum(second, axis=0) * cycle_s
-        states.append((here + np.cumsum(first, axis=0) * cycle_s, first, second))
-        still = np.zeros((15, 6))
-        states.append((states[-1][0][-1] + still, still, still))
-        here = states[-1][0][-1]
-    q, dq, ddq = (np.vstack(part) for part in zip(*states, strict=True))
-    torque = pinocchio_arm.torque(q, dq, ddq, pinocchio_arm.payload)
-    noisy = torque + pinocchio_arm.noise_nm * rng.normal(size=q.shape)
-    current = noisy @ pinocchio_arm.transmission.coupling / pinocchio_arm.transmission.gain_nm_a
-    return np.arange(len(q)) * cycle_s, q + 2e-5 * rng.normal(size=q.shape), np.ascontiguousarray(current)
 
 
 def test_jerky_motion_from_place_to_place_is_no_change_of_payload(estimator, jerky, pinocchio_arm):

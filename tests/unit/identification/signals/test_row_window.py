@@ -1,0 +1,55 @@
+"""The window that rows of any motion are means over."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from armload_identification.signals.row_window import HALF_S, RowWindow
+
+pytestmark = pytest.mark.pure
+
+INTERVAL_S = 0.01
+
+
+@pytest.fixture
+def window():
+    return RowWindow.of(200, INTERVAL_S, 5)
+
+
+def test_a_row_is_the_mean_about_its_middle(window):
+    time_s = np.arange(200) * INTERVAL_S
+    values = np.stack([np.ones(200), 3.0 * time_s, np.cos(2.0 * np.pi * 25.0 * time_s)], axis=1)
+    rows = window.mean(values)[window.whole]
+    middle_s = time_s[window.middle[window.whole]]
+    np.testing.assert_allclose(rows[:, 0], 1.0)
+    np.testing.assert_allclose(rows[:, 1], 3.0 * middle_s)
+    # What is faster than the window is gone.
+    assert np.abs(rows[:, 2]).max() < 0.01
+    assert middle_s[0] >= HALF_S - INTERVAL_S
+    assert middle_s[-1] <= time_s[-1] - HALF_S + INTERVAL_S
+
+
+def test_rows_about_a_hole_and_at_the_ends_do_not_count(window):
+    valid = np.ones(200, dtype=bool)
+    np.testing.assert_array_equal(window.usable(valid), window.whole)
+    valid[100] = False
+    away = np.abs(window.middle - 100) * INTERVAL_S
+    np.testing.assert_array_equal(window.usable(valid), window.whole & (away >= HALF_S))
+
+
+def test_a_joint_that_turns_within_the_window_does_not_count(window):
+    time_s = np.arange(200) * INTERVAL_S
+    turning = np.stack([np.ones(200), np.where(time_s < 1.0, 1.0, -1.0), np.zeros(200)], axis=1)
+    onward = window.onward(turning)
+    np.testing.assert_allclose(onward[window.whole, 0], 1.0)
+    np.testing.assert_array_equal(onward[:, 2], 0.0)
+    assert onward[np.argmin(np.abs(window.middle - 100)), 1] == 0.0
+    np.testing.assert_allclose(onward[np.abs(window.middle - 100) * INTERVAL_S > HALF_S, 1], 1.0)
+
+
+def test_samples_further_apart_than_the_window_are_rows_themselves():
+    values = np.arange(7.0)
+    window = RowWindow.of(7, 0.2, 1)
+    np.testing.assert_array_equal(window.mean(values), values)
+    assert window.whole.all()
