@@ -263,7 +263,10 @@ def judge(tally: Tally, robot: Robot, calibration: ArmCalibration, payload: Cubo
         if label == "the whole carry":
             print(f"    {label}: {text}")
         elif not judged.any():
-            print(f"  - {what}: {text}: the payload hardly shows in the following error, nothing to judge")
+            print(
+                f"  - {what}: cannot be judged: {text}. The true payload's torque itself takes away less than "
+                f"{SHOWN:.0%} on every joint"
+            )
         else:
             reached = float((taken / ideal)[judged].min())
             tally.judge(what, f"{text}: {reached:.0%} on {np.count_nonzero(judged)} joints", reached >= REACHED)

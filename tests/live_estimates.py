@@ -4,14 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_estimator import LivePayload
+
+
+def sphere(mass_kg, center_m):
+    """A body about its centre of mass."""
+    return InertialParameters.from_center_of_mass(mass_kg, center_m, 0.004 * mass_kg * np.eye(3))
 
 
 def live_estimate(n, mass_kg, width_kg, center_m, time_s=0.0, **changes):
     """An estimate of an arm of n joints that has moved for long; its centre of mass is known within 5 mm."""
     plain = LivePayload(
         time_s=time_s,
-        theta=np.zeros(10),
+        theta=np.zeros(10) if not mass_kg > 0.0 else sphere(mass_kg, center_m).theta,
         values=np.array([mass_kg, *center_m]),
         half_width_95=np.array([width_kg, 0.005, 0.005, 0.005]),
         determined=np.ones(4, dtype=bool),
@@ -22,6 +28,6 @@ def live_estimate(n, mass_kg, width_kg, center_m, time_s=0.0, **changes):
         change_kg=0.0,
         contact=False,
         refused=0,
-        covariance=np.eye(10),
+        covariance=1e-4 * np.eye(10),
     )
     return replace(plain, **changes)

@@ -1,8 +1,9 @@
 """Feed-forward that follows what the arm is found to carry: a plug-in of the cycle around estimator and injection.
 
-Every cycle the estimator takes the feedback, which costs microseconds. Its estimate takes milliseconds and is made
-beside the cycle, every `LOOK_S`. Two estimates in a row that agree, and that no rule speaks against, are fed forward;
-the first doubt takes all torque away. A payload that changes is noticed in the cycle itself.
+Every cycle the estimator takes the feedback, which costs microseconds. Its estimate, and the possible body nearest to
+it, take tens of milliseconds and are made beside the cycle, every `LOOK_S`. Two estimates in a row that agree, and that
+no rule speaks against, are fed forward; the first doubt takes all torque away. A payload that changes is noticed in the
+cycle itself.
 
 How the torque gets there is the injection's (`FeedforwardPlugin`): its transition, the joints that were found usable,
 and the gate behind it.
@@ -23,6 +24,7 @@ from armload_controller.cycle.plugins import CycleStep
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, carried_body
 from armload_controller.feedforward.injection import FeedforwardPlugin
 from armload_core.arrays import FloatArray
+from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 from armload_identification.pipeline.payload_estimator import LivePayload, PayloadEstimator
 from armload_identification.pipeline.payload_identification import FLANGE
@@ -39,8 +41,24 @@ BETTER_M: Final = 0.01
 """An estimate replaces the one that is fed when it differs by this share of the mass, or by this length."""
 _MASS_AND_CENTER: Final = np.arange(10) < 4
 
-Beside = Callable[[Callable[[], LivePayload]], "Future[LivePayload]"]
-"""Has an estimate made beside the cycle."""
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What is made beside the cycle.
+
+    Attributes:
+        found: The estimate.
+        body: What is fed of it; None where it must not be.
+        doubt: Why it must not be; empty where it may.
+    """
+
+    found: LivePayload
+    body: InertialParameters | None
+    doubt: str = ""
+
+
+Beside = Callable[[Callable[[], Look]], "Future[Look]"]
+"""Has a look made beside the cycle."""
 
 
 class DecisionKind(StrEnum):
@@ -86,10 +104,10 @@ class Decision:
         return asdict(self) | {"center_of_mass_m": list(self.center_of_mass_m)}
 
 
-def at_once(estimate: Callable[[], LivePayload]) -> Future[LivePayload]:
-    """Make an estimate in the cycle: for simulations in virtual time, which are alike in every run."""
-    made: Future[LivePayload] = Future()
-    made.set_result(estimate())
+def at_once(look: Callable[[], Look]) -> Future[Look]:
+    """Look in the cycle: for simulations in virtual time, which are alike in every run."""
+    made: Future[Look] = Future()
+    made.set_result(look())
     return made
 
 
@@ -147,7 +165,7 @@ class PayloadAdaptation:
         self.decisions: list[Decision] = []
         self._estimated, self._rules, self._feedforward = estimated, rules, feedforward
         self._robot, self._n, self._beside, self._report = robot, n, beside, report
-        self._pending: Future[LivePayload] | None = None
+        self._pending: Future[Look] | None = None
         self._looked_s = -np.inf
         self._changes = 0
         self._fed: LivePayload | None = None
@@ -172,10 +190,10 @@ class PayloadAdaptation:
         self._estimated.on_cycle(step)
         time_s = step.feedback.time_s
         if self._pending is not None and self._pending.done():
-            found, self._pending = self._pending.result(), None
+            look, self._pending = self._pending.result(), None
             # An estimate from before a change is of another payload.
-            if found.changes == self._changes:
-                self._decide(time_s, found)
+            if look.found.changes == self._changes:
+                self._decide(time_s, look)
         changes = self._estimated.estimator.changes
         if changes != self._changes:
             self._changes = changes
@@ -184,13 +202,24 @@ class PayloadAdaptation:
                 self._drop(time_s, self._fed, "the payload has changed")
         if self._pending is None and time_s - self._looked_s >= LOOK_S:
             self._looked_s = time_s
-            self._pending = self._beside(self._estimated.estimator.estimate)
+            self._pending = self._beside(self._look)
         return self._feedforward.on_cycle(step)
 
-    def _decide(self, time_s: float, found: LivePayload) -> None:
+    def _look(self) -> Look:
+        """An estimate, and the possible body that would be fed; beside the cycle."""
+        found = self._estimated.estimator.estimate()
+        doubt = self._rules.why_not(found)
+        if doubt is not None:
+            return Look(found, None, doubt)
+        try:
+            return Look(found, carried_body(found))
+        except EstimationError:
+            return Look(found, None, "no possible body is near the estimate")
+
+    def _decide(self, time_s: float, look: Look) -> None:
         """What becomes of an estimate."""
-        why = self._rules.why_not(found)
-        if why is not None:
+        found, body, why = look.found, look.body, look.doubt
+        if body is None:
             self._agreed = None
             if self._fed is not None:
                 self._drop(time_s, found, why)
@@ -202,13 +231,13 @@ class PayloadAdaptation:
         if before is None or not _agree(before, found):
             return
         if self._fed is None:
-            self._feed(time_s, DecisionKind.FED, found)
+            self._feed(time_s, DecisionKind.FED, found, body)
         elif _better(self._fed, found):
-            self._feed(time_s, DecisionKind.REFINED, found)
+            self._feed(time_s, DecisionKind.REFINED, found, body)
 
-    def _feed(self, time_s: float, kind: DecisionKind, found: LivePayload) -> None:
-        """Hand an estimate to the injection, which judges it as any payload."""
-        self._feedforward.set_payload(_result(carried_body(found), self._robot, self._n), FEED_S)
+    def _feed(self, time_s: float, kind: DecisionKind, found: LivePayload, body: InertialParameters) -> None:
+        """Hand an estimate's body to the injection, which judges it as any payload."""
+        self._feedforward.set_payload(_result(body, self._robot, self._n), FEED_S)
         self._fed, self._refused = found, ""
         self._note(time_s, kind, found, "")
 

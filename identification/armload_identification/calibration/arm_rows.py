@@ -8,7 +8,7 @@ from 2.5 to 6 Hz and 10 or 20 rows per second move the gains by less than 0.1 %.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
 
@@ -74,6 +74,26 @@ class RunSignals:
     def peak_rad_s(self) -> FloatArray:
         """(n,) greatest speeds."""
         return np.asarray(np.abs(self.velocity_rad_s).max(axis=0))
+
+    def turned(self, axis: int, coupling: FloatArray, *, position: bool, effort: bool) -> RunSignals:
+        """The same run of an arm one of whose axes counts the other way.
+
+        Args:
+            axis: Which.
+            coupling: (n, n) C of the motors.
+            position: Whether its position is turned.
+            effort: Whether its effort is.
+        """
+        turn = np.ones(len(coupling))
+        turn[axis] = -1.0
+        joints = coupling * turn @ np.linalg.inv(coupling) if position else np.eye(turn.size)
+        return replace(
+            self,
+            position_rad=self.position_rad @ joints.T,
+            velocity_rad_s=self.velocity_rad_s @ joints.T,
+            acceleration_rad_s2=self.acceleration_rad_s2 @ joints.T,
+            effort_nm=self.effort_nm * turn if effort else self.effort_nm,
+        )
 
     def filtered(self, values: FloatArray) -> FloatArray:
         """(K, m) through the same low-pass as the run's signals."""

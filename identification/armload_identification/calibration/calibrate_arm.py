@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Final
 
@@ -11,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import (
     TURN_OVER,
     ArmCalibration,
@@ -58,6 +61,10 @@ _TRIED_SPACING: Final = 3
 _LITTLE: Final = 0.025
 """Geometric mean of the unexplained shares of all joints up to which an arm is mounted as entered. The UR10e has 0.017
 as it is, and 0.035 or more turned any other way."""
+_MUCH: Final = 0.2
+"""Unexplained share of one joint from which on some joint may count the other way: that leaves 0.28 or more."""
+_WHOLE: Final = "position and effort"
+_TURNED: Final = {_WHOLE: (True, True), "position": (True, False), "effort": (False, True)}
 _BETTER: Final = 0.3
 """By how much the logarithm of the joints' noise must be lower for another mounting to be believed."""
 
@@ -271,32 +278,68 @@ class _Calibration:
         # Loaded runs first: what they carry has weight that nobody can turn round.
         order = sorted(range(len(self._used)), key=lambda index: not self._used[index].mounting)[:_TRIED_RUNS]
 
-        def noise(chain: Chain) -> float:
+        def left(chain: Chain, turned: Callable[[RunSignals], RunSignals] = lambda run: run) -> FloatArray:
             rows = [
                 (
-                    self._rows_of(self._signals[index], self._used[index].mounting, chain, _TRIED_SPACING),
+                    self._rows_of(turned(self._signals[index]), self._used[index].mounting, chain, _TRIED_SPACING),
                     self._used[index].mounting,
                 )
                 for index in order
             ]
             fit = self._fitted(rows, chain, rough=True)
-            return float(np.mean(np.log(np.maximum(fit.noise_nm / fit.level_nm, 1e-9))))
+            return np.log(np.maximum(fit.noise_nm / fit.level_nm, 1e-9))
 
-        entered = noise(self._chain)
+        shares = left(self._chain)
+        entered = float(shares.mean())
         others = directions(self._chain.gravity_m_s2)
         if entered < np.log(_LITTLE):
             self._advance(2 * len(others))
             return
         found = {}
         for how, gravity in others.items():
-            found[how] = noise(Chain(self._chain.placement, self._chain.axis, self._chain.flange, gravity))
+            hung = Chain(self._chain.placement, self._chain.axis, self._chain.flange, gravity)
+            found[how] = float(left(hung).mean())
             self._advance(2)
         best = min(found, key=lambda how: found[how])
+        if found[best] >= np.log(_LITTLE) and shares.max() > np.log(_MUCH):
+            self._refuse_turned_joint(left, min(entered - _BETTER, found[best]))
         if found[best] < entered - _BETTER:
             raise EstimationError(
                 f"the arm is not mounted as its configuration says: the runs leave {np.exp(entered - found[best]):.1f} "
                 f"times less unexplained if it is mounted {best}. Correct gravity_m_s2 in the robot's configuration."
             )
+
+    def _refuse_turned_joint(
+        self, left: Callable[[Chain, Callable[[RunSignals], RunSignals]], FloatArray], most: float
+    ) -> None:
+        """Raise where less than that is left unexplained by an arm one of whose joints counts the other way."""
+        turned = {}
+        for axis, (what, (position, effort)) in product(
+            np.flatnonzero(self._peak > _UNMOVED_RAD_S).tolist(), _TURNED.items()
+        ):
+            turn = partial(
+                RunSignals.turned,
+                axis=axis,
+                coupling=self._transmission.coupling,
+                position=position,
+                effort=effort,
+            )
+            turned[axis, what] = float(left(self._chain, turn).mean())
+        if not turned:
+            return
+        joint, what = min(turned, key=lambda which: turned[which])
+        if turned[joint, what] >= most:
+            return
+        remedy = (
+            "Turn its axis in the robot's configuration"
+            if what == _WHOLE
+            else "Set the drive's polarity (607E) so that its position and its effort turn together"
+        )
+        raise EstimationError(
+            f"joint {joint + 1} counts the other way than its configuration says: the runs leave "
+            f"{np.exp(most - turned[joint, what]):.1f} times less unexplained with its {what} turned. {remedy}; where "
+            "armload only listens to a drive it cannot read which direction that turns."
+        )
 
     def _leave_out(self, worst: int, fit: ArmFit) -> None:
         """Leave a run out, and say what is wrong with it in the light of the others' fit."""

@@ -81,12 +81,12 @@ class LivePayload:
         """The possible body nearest to the estimate; for outside the loop, it takes some milliseconds.
 
         Returns:
-            None where the mass is not determined.
+            None where the arm may as well carry nothing.
 
         Raises:
             EstimationError: none was found.
         """
-        if not self.determined[0] or self.mass_kg <= _WEIGHTLESS_KG:
+        if not self.mass_kg > max(float(self.half_width_95[0]), _WEIGHTLESS_KG):
             return None
         root = np.asarray(np.linalg.cholesky(np.linalg.inv(self.covariance)).T)
         return nearest_possible(InertialParameters(self.theta), root)

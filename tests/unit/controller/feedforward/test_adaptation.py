@@ -18,6 +18,7 @@ from armload_controller.feedforward.adaptation import (
     LOOK_S,
     DecisionKind,
     EstimatorPlugin,
+    Look,
     PayloadAdaptation,
 )
 from armload_controller.feedforward.adaptation_rules import (
@@ -33,6 +34,8 @@ from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M
+from armload_identification.identification_errors import EstimationError
+from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
 from tests.live_estimates import live_estimate
 
@@ -106,6 +109,34 @@ def test_the_body_that_is_fed_is_possible_and_no_coordinate_is_a_guess():
     assert body.is_physical
     assert body.mass_kg == 2.0
     np.testing.assert_allclose(body.center_of_mass_m, [0.0, -0.03, 0.08])
+
+
+def test_an_estimate_that_no_body_can_have_is_fed_as_the_nearest_possible_one():
+    """A mass on a lever without the inertia that it has there: the nearest body has its mass nearer to the flange."""
+    estimate = found(center_m=(0.0, -0.15, 0.2))
+    impossible = estimate.theta.copy()
+    impossible[4:] = 0.0
+    estimate = replace(estimate, theta=impossible)
+    possible = estimate.possible_body()
+    body = carried_body(estimate)
+    assert possible.is_physical
+    assert body.mass_kg == possible.mass_kg
+    np.testing.assert_allclose(body.center_of_mass_m[1:], possible.center_of_mass_m[1:])
+    assert np.linalg.norm(body.center_of_mass_m) < 0.9 * np.linalg.norm(estimate.values[1:])
+
+
+def test_an_estimate_with_no_possible_body_near_is_refused_and_takes_the_torque_away():
+    class Lost(LivePayload):
+        def possible_body(self):
+            raise EstimationError("the search did not settle")
+
+    arm = Arm()
+    arm.run(CONFIRMED_S)
+    assert arm.kinds == [DecisionKind.FED]
+    arm.estimator.says = Lost(**vars(found()))
+    assert not arm.run(CONFIRMED_S).any()
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
+    assert "no possible body" in arm.adaptation.decisions[-1].reason
 
 
 class Estimated:
@@ -243,7 +274,7 @@ def test_an_estimate_from_before_a_change_is_not_fed():
         arm.run(LOOK_S)
     assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
     (open_, _) = made[-1]
-    open_.set_result(replace(found(), changes=1))
+    open_.set_result(Look(replace(found(), changes=1), carried_body(found())))
     arm.run(2.0 * LOOK_S)
     assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED], "one estimate of the new payload is not enough"
 

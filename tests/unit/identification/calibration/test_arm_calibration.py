@@ -26,6 +26,25 @@ WRONG = np.array([1.03, 0.96, 1.05, 0.97, 1.02, 0.98])
 LOAD_FRICTION = 0.06
 
 
+def test_a_joint_that_counts_the_other_way_is_named(pinocchio_arm):
+    """A drive whose polarity (607E) nobody could read: it only listens to another master's."""
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(3, period_s=10.0), True, seed=6, with_phase=False)
+    turn = np.where(np.arange(6) == 2, -1.0, 1.0)
+    turned = replace(run, position_rad=run.position_rad * turn, current_a=run.current_a * turn)
+    with pytest.raises(
+        EstimationError, match=r"joint 3 counts the other way.*position and effort turned\. Turn its axis"
+    ):
+        calibrate_arm(
+            [MountedRun(turned, "disc")],
+            {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
+            pinocchio_arm.chain,
+            pinocchio_arm.transmission,
+            robot="six",
+            armload_version="0",
+            configuration_sha256="c" * 64,
+        )
+
+
 def leaning(chain, tilt_rad):
     """The chain under gravity that leans by two angles."""
     size = np.linalg.norm(chain.gravity_m_s2)
