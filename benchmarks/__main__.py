@@ -15,9 +15,10 @@ from benchmarks import (
     regressor,
     startup,
     stops,
+    watching,
 )
 from benchmarks.peers import generated_code
 
 every = (startup, regressor, cycle, generated_code, stops, commissionings, false_alarms, excitation, following, reading)
-for benchmark in (*every, fleet, estimator_time):
+for benchmark in (*every, watching, fleet, estimator_time):
     benchmark.run()

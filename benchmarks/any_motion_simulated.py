@@ -132,11 +132,11 @@ def _seed(name: str, twin: Twin, seed: int) -> dict[str, list[Found]]:
     robot = load_robot(name)
     rng = np.random.default_rng([seed, ARMS.index(name), TWINS.index(twin)])
     gain_error = HARSH_GAIN_ERROR * rng.uniform(-1.0, 1.0, robot.n) if twin is Twin.HARSH else np.zeros(robot.n)
-    calibration = _calibration(robot, twin, rng, gain_error)
+    calibration = calibration_of(robot, twin, rng, gain_error)
     body = _shelf()[PAYLOADS[name][1]]
     spec = twin_spec(robot, twin, body.rigid_body())
     moved = streamed(spec, robot.drives.settings, point_to_point(robot, 1000 + seed, RUN_S))
-    loaded = as_recorded(moved, _scales(robot), rng, gain_error, f"loaded {seed}")
+    loaded = as_recorded(moved, scales_of(robot), rng, gain_error, f"loaded {seed}")
     found: dict[str, list[Found]] = {}
     truth = body.inertial()
     chain, known = calibration.level(robot.chain), calibration.known_arm(robot.chain)
@@ -152,7 +152,7 @@ def _seed(name: str, twin: Twin, seed: int) -> dict[str, list[Found]]:
             )
             for window in windows
         ]
-    time_s, position, effort = _signals(loaded)
+    time_s, position, effort = signals_of(loaded)
     found[f"{IN_THE_LOOP_S:g} s, loop"] = in_the_loop = []
     for start_s in np.arange(0.0, RUN_S - IN_THE_LOOP_S, IN_THE_LOOP_S):
         rows = (time_s >= start_s) & (time_s < start_s + IN_THE_LOOP_S)
@@ -164,9 +164,9 @@ def _seed(name: str, twin: Twin, seed: int) -> dict[str, list[Found]]:
     return found
 
 
-def _calibration(robot: Robot, twin: Twin, rng: np.random.Generator, gain_error: FloatArray) -> ArmCalibration:
+def calibration_of(robot: Robot, twin: Twin, rng: np.random.Generator, gain_error: FloatArray) -> ArmCalibration:
     """An arm from its commissioning and two runs of random motion."""
-    scales, weighed = _scales(robot), PAYLOADS[robot.name][0]
+    scales, weighed = scales_of(robot), PAYLOADS[robot.name][0]
     runs = [
         MountedRun(
             record(_period(robot.name, twin, role, what), scales, robot.excitations[role].periods, rng, gain_error),
@@ -175,7 +175,7 @@ def _calibration(robot: Robot, twin: Twin, rng: np.random.Generator, gain_error:
         for role, what in product(_ROLES, ("", weighed))
     ]
     runs += [
-        MountedRun(as_recorded(_empty(robot.name, twin, number), scales, rng, gain_error, f"empty {number}"), "")
+        MountedRun(as_recorded(empty_stream(robot.name, twin, number), scales, rng, gain_error, f"empty {number}"), "")
         for number in range(2)
     ]
     known = {weighed: WeighedPayload(_shelf()[weighed].mass_kg)}
@@ -186,7 +186,7 @@ def _alarms_of_an_hour(name: str, cold: float) -> int:
     """Changes that are noticed where nothing changes: the same motion, ever new noise, friction that settles."""
     robot = load_robot(name)
     rng, right = np.random.default_rng(5), np.zeros(robot.n)
-    calibration = _calibration(robot, Twin.NORMATIVE, rng, right)
+    calibration = calibration_of(robot, Twin.NORMATIVE, rng, right)
     setpoints = point_to_point(robot, 77, HOUR_S / PIECES)
     # One piece follows the other: its end is led back to its beginning.
     cycle = np.vstack(
@@ -200,7 +200,7 @@ def _alarms_of_an_hour(name: str, cold: float) -> int:
         elapsed_s = piece * lasts_s + np.arange(len(friction)) * moved.sample_s
         more = cold * (1.0 - np.log1p(elapsed_s / _WARMING_S) / np.log1p(HOUR_S / _WARMING_S))
         colder = replace(moved, axis_torque_nm=moved.axis_torque_nm + more[:, None] * friction)
-        time_s, position, effort = _signals(as_recorded(colder, _scales(robot), rng, right, f"piece {piece}"))
+        time_s, position, effort = signals_of(as_recorded(colder, scales_of(robot), rng, right, f"piece {piece}"))
         estimator.update_all(time_s + piece * lasts_s, position, effort)
     return estimator.changes
 
@@ -209,14 +209,14 @@ def _alarms_of_beginnings(name: str, cold: float) -> int:
     """Changes that are noticed in the first half minute of empty motions whose friction is another."""
     robot = load_robot(name)
     rng, right = np.random.default_rng(6), np.zeros(robot.n)
-    calibration = _calibration(robot, Twin.NORMATIVE, rng, right)
+    calibration = calibration_of(robot, Twin.NORMATIVE, rng, right)
     alarms = 0
     for number in range(BEGINNINGS):
-        moved = _empty(name, Twin.NORMATIVE, 5000 + number, BEGINNING_S)
+        moved = empty_stream(name, Twin.NORMATIVE, 5000 + number, BEGINNING_S)
         friction = cold * _friction_at_axes(robot, calibration, moved)
         colder = replace(moved, axis_torque_nm=moved.axis_torque_nm + friction)
         estimator = PayloadEstimator(calibration, robot.chain, robot.drives.transmission)
-        estimator.update_all(*_signals(as_recorded(colder, _scales(robot), rng, right, f"beginning {number}")))
+        estimator.update_all(*signals_of(as_recorded(colder, scales_of(robot), rng, right, f"beginning {number}")))
         alarms += estimator.changes
     return alarms
 
@@ -236,7 +236,7 @@ def _smooth(count: int) -> FloatArray:
     return np.asarray(u**3 * (10.0 - 15.0 * u + 6.0 * u * u))
 
 
-def _signals(run: Recording) -> tuple[FloatArray, FloatArray, FloatArray]:
+def signals_of(run: Recording) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Time, positions and efforts."""
     effort = run.current_a if run.torque_nm is None else run.torque_nm
     if effort is None:
@@ -245,7 +245,8 @@ def _signals(run: Recording) -> tuple[FloatArray, FloatArray, FloatArray]:
     return time_s, position, effort
 
 
-def _scales(robot: Robot) -> DriveScales:
+def scales_of(robot: Robot) -> DriveScales:
+    """Units and noise of an arm's drives."""
     return DriveScales.of(robot.drives.settings, robot.limits.torque_noise_nm, robot.n)
 
 
@@ -263,7 +264,7 @@ def _period(name: str, twin: Twin, role: str, what: str) -> SteadyPeriod:
 
 
 @cache
-def _empty(name: str, twin: Twin, number: int, lasts_s: float = EMPTY_S) -> Stream:
+def empty_stream(name: str, twin: Twin, number: int, lasts_s: float = EMPTY_S) -> Stream:
     """Random motion of the empty arm."""
     robot = load_robot(name)
     return streamed(twin_spec(robot, twin, None), robot.drives.settings, point_to_point(robot, number, lasts_s))

@@ -17,6 +17,7 @@ from mcap.stream_reader import StreamReader
 
 from armload_identification.recording.file_reading import read_recording
 
+WATCHED, CALIBRATION = "er50", "arm.calibration.toml"
 _RECORD = struct.Struct("<BQ")
 
 
@@ -47,8 +48,23 @@ def library(path: Path) -> None:
             pass
 
 
+def watch(path: Path) -> None:
+    """Watch what the arm carries, as `armload watch` does, by the calibration beside the recording."""
+    from armload_controller.analysis.payload_watch import PayloadWatch
+    from armload_controller.config.robot import load_robot
+
+    watching = PayloadWatch(load_robot(WATCHED), path.with_name(CALIBRATION))
+    for _ in watching.file(path):
+        pass
+
+
 if __name__ == "__main__":
-    ways: dict[str, Callable[[Path], object]] = {"bare": bare, "library": library, "armload": read_recording}
+    ways: dict[str, Callable[[Path], object]] = {
+        "bare": bare,
+        "library": library,
+        "armload": read_recording,
+        "watch": watch,
+    }
     way = ways[sys.argv[1]]
     begun_s = time.process_time()
     way(Path(sys.argv[2]))

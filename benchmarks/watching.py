@@ -1,0 +1,102 @@
+"""Watching a recording: time beside a bare read of the same file, and memory, in processes of their own.
+
+er50 moves from place to place at 250 Hz, ever the same two minutes; `armload watch` estimates every second what it
+carries. Of two lengths: what a row takes beyond the start of the program is the same, and so is the memory.
+
+    python -m benchmarks.watching [HOURS]        24 are a day: 21.6 million rows, 4 GB of disk, ten minutes
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from armload_controller.config.robot import Robot, load_robot
+from armload_controller.cycle.run_recorder import Recorder
+from armload_controller.motion.phase import Segment
+from armload_core.arrays import FloatArray
+from armload_drivers.servos import JointCommand, JointFeedback
+from armload_identification.files.calibration_file import write_calibration
+from benchmarks.any_motion_simulated import calibration_of, empty_stream, scales_of, signals_of
+from benchmarks.reading_probe import CALIBRATION, WATCHED
+from benchmarks.setups import Twin
+from benchmarks.streams import as_recorded
+
+HOURS: Final = 1.0
+"""Of `make bench`."""
+PART: Final = 0.25
+"""The shorter recording, of the longer."""
+MOST: Final = 3.0
+"""Times a bare read."""
+_HOUR_S: Final = 3600.0
+
+
+def run(hours: float = HOURS) -> None:
+    """Write two recordings, read and watch them, and print.
+
+    Args:
+        hours: Length of the longer one.
+    """
+    robot = load_robot(WATCHED)
+    rows = round(hours * _HOUR_S * robot.bus.cycle_hz)
+    print(f"Watching: {WATCHED} at {robot.bus.cycle_hz:g} Hz, at most {MOST:g} times a bare read", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        calibration = calibration_of(robot, Twin.NORMATIVE, np.random.default_rng(5), np.zeros(robot.n))
+        write_calibration(Path(folder) / CALIBRATION, calibration)
+        for count in (round(PART * rows), rows):
+            path = Path(folder) / "watched.mcap"
+            _write(path, robot, count)
+            size_mb = path.stat().st_size / 1e6
+            bare, watched = (_probe(how, path) for how in ("bare", "watch"))
+            ratio = watched["cpu_s"] / bare["cpu_s"]
+            print(
+                f"  {count / robot.bus.cycle_hz / _HOUR_S:5.2f} h, {count:,} rows, {size_mb:.0f} MB: bare "
+                f"{1e6 * bare['cpu_s'] / count:.2f} us a row, watched {1e6 * watched['cpu_s'] / count:.2f}, "
+                f"{ratio:.2f} x bare, {watched['peak_mb']:.0f} MB of memory",
+                flush=True,
+            )
+            path.unlink()
+    print(f"  {'met' if ratio <= MOST else 'NOT met'}")
+
+
+def _write(path: Path, robot: Robot, rows: int) -> None:
+    """A recording of the empty arm's motion, by the recorder itself."""
+    position, effort = _signals(robot)
+    nothing = np.zeros(robot.n)
+    with_current = robot.drives.settings.drives[0].feedback.name == "CURRENT"
+    state_word, missing = np.full(robot.n, 0x1637, np.uint16), np.zeros(robot.n, dtype=bool)
+    with Recorder(path, {}) as recorder:
+        for row in range(rows):
+            k = row % len(position)
+            current, torque = (effort[k], None) if with_current else (None, effort[k])
+            time_s = 100.0 + row / robot.bus.cycle_hz
+            feedback = JointFeedback(row, time_s, position[k], None, current, torque, state_word, missing)
+            command = JointCommand(position[k], nothing, nothing)
+            recorder.write(feedback, command, Segment.SLOW, (row + 1) / robot.bus.cycle_hz)
+
+
+def _signals(robot: Robot) -> tuple[FloatArray, FloatArray]:
+    """(K, n) positions and efforts of a motion that ends where it began."""
+    stream, rng = empty_stream(robot.name, Twin.NORMATIVE, 0), np.random.default_rng(1)
+    _, position, effort = signals_of(as_recorded(stream, scales_of(robot), rng, np.zeros(robot.n), "a minute"))
+    return np.vstack([position, position[::-1]]), np.vstack([effort, effort[::-1]])
+
+
+def _probe(how: str, path: Path) -> dict[str, float]:
+    """Read in a fresh process; its own figures."""
+    command = [sys.executable, "-m", "benchmarks.reading_probe", how, str(path)]
+    figures: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return figures
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("hours", nargs="?", type=float, default=HOURS)
+    run(parser.parse_args().hours)
