@@ -241,21 +241,24 @@ class FrictionColumns:
         Returns:
             (K, n, c).
         """
-        own = np.concatenate([self._load(theta), self._velocity], axis=1)
-        return np.asarray((own[:, None, :] * np.tile(np.eye(self._velocity.shape[1]), 2))[:, :, chosen])
+        own, n = np.concatenate([self._load(theta), self._velocity], axis=1), self._velocity.shape[1]
+        place = np.flatnonzero(chosen)
+        columns = np.zeros((len(own), n, place.size))
+        columns[:, place % n, np.arange(place.size)] = own[:, place]
+        return columns
 
-    def slope(self, theta: FloatArray, load: FloatArray) -> FloatArray:
-        """How load-dependent friction grows with the payload's parameters, mu s sgn(tau_link) Phi.
+    def growth(self, theta: FloatArray, load: FloatArray) -> FloatArray:
+        """How load-dependent friction grows with the torque of the payload, mu s sgn(tau_link).
 
         Args:
             theta: (10,) the payload that loads the gears.
             load: (n,) mu.
 
         Returns:
-            (K, n, 10).
+            (K, n).
         """
         turned = np.sign(self.empty_nm + self.regressor @ theta)
-        return np.asarray((load * self._direction * turned)[:, :, None] * self.regressor)
+        return np.asarray(load * self._direction * turned)
 
     def slope_of_empty(self, theta: FloatArray, load: FloatArray) -> FloatArray:
         """The same with the torque of the links, mu s (sgn tau_link,loaded - sgn tau_link,unloaded).

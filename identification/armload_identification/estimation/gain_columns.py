@@ -121,7 +121,7 @@ def fit_with_gains(
         if not suspects.any():
             break
         freed = [(_freed(covariance, axis), axis) for axis in range(len(assumed)) if suspects[axis]]
-        trials = [(system.solve_freed(free), free, axis) for free, axis in freed]
+        trials = [(system.solve_freed(free, found), free, axis) for free, axis in freed]
         excess = [system.excess(trial, free)[axis] for trial, free, axis in trials]
         worst = int(np.argmax(excess))
         if excess[worst] <= 1.0:
@@ -145,19 +145,23 @@ class _Found:
 
     Attributes:
         fit: The last step of it.
-        held: The same step with the gains held.
         coefficient: (2 n,) of friction.
         log_gain: (n,) e.
         signal: By these gains.
         known: Covariance of what was known of friction and gains, in the order of `fit`'s columns that it is about.
+        regressor: (K, n, p) that the last step was fitted with.
+        target_nm: (K, n) what it was fitted to.
+        noise_nm: (n,) by which noise.
     """
 
     fit: Estimate
-    held: Estimate
     coefficient: FloatArray
     log_gain: FloatArray
     signal: LoadSignal
     known: FloatArray
+    regressor: FloatArray
+    target_nm: FloatArray
+    noise_nm: FloatArray
 
 
 class _System:
@@ -181,44 +185,59 @@ class _System:
         self._worth_naming = np.maximum(_ASSUMED * transmission.deviation, _MATTERS)
         self._known_friction = np.flatnonzero(np.isfinite(friction.known_deviation[self._chosen]))
 
-    def solve_freed(self, covariance: FloatArray) -> _Found:
+    def solve_freed(self, covariance: FloatArray, start: _Found) -> _Found:
         """The same with noise of what a gain that is off no longer adds to."""
-        return self.solve(covariance, self._noise_of(self.solve(covariance).fit))
+        first = self.solve(covariance, start=start)
+        return self.solve(covariance, self._noise_of(first.fit), first)
 
-    def solve(self, covariance: FloatArray, noise_nm: FloatArray | None = None) -> _Found:
-        """Gauss and Newton, with a covariance of all log gains, by noise of the fit before unless another is given."""
+    def solve(self, covariance: FloatArray, noise_nm: FloatArray | None = None, start: _Found | None = None) -> _Found:
+        """Gauss and Newton, with a covariance of all log gains.
+
+        Args:
+            covariance: (n, n).
+            noise_nm: (n,) noise; that of the fit before unless another is given.
+            start: Another solution, close to which this one lies.
+        """
         noise = self._noise_nm if noise_nm is None else noise_nm
         transmission, axes = self._transmission, self._axes
-        theta, own = self._start.theta[:10], self._start.theta[10:]
-        log_gain = np.zeros(len(covariance))
+        before = self._start if start is None else start.fit
+        theta, own = before.theta[:10], before.theta[10 : self._first_gain]
+        log_gain = np.zeros(len(covariance)) if start is None else start.log_gain.copy()
         known = self._known(covariance)
         for _ in range(_ITERATIONS):
             changed = transmission.changed_by(log_gain)
             signal, columns = self._signal.with_torque_times(changed), self._columns.with_empty_times(changed)
             beside = columns.chosen(theta, self._chosen)
-            torque = columns.regressor @ theta + beside @ own
+            payload_nm = columns.regressor @ theta
             # An error that all gains share changes links, payload and their friction alike, and no data show it.
             load = self._coefficients(own)[: len(covariance)]
-            grown = columns.slope(theta, load)
+            growth = columns.growth(theta, load)
             of_links = columns.slope_of_empty(theta, load) * transmission.gain_shares(columns.empty_nm)[axes]
-            shares = (of_links - transmission.gain_shares(torque)[axes]).transpose(1, 2, 0)
-            everything = np.concatenate([columns.regressor + grown, beside, shares], axis=2)
-            target = signal.torque_nm + grown @ theta
+            shares = of_links - transmission.gain_shares(payload_nm + beside @ own)[axes]
+            everything = np.empty((*growth.shape, self._first_gain + axes.size))
+            np.multiply(columns.regressor, (1.0 + growth)[:, :, None], out=everything[:, :, :10])
+            everything[:, :, 10 : self._first_gain] = beside
+            everything[:, :, self._first_gain :] = shares.transpose(1, 2, 0)
+            target = signal.torque_nm + growth * payload_nm
             knowledge = self._equations(known, log_gain, everything.shape[2])
             fit = estimate(everything, target, signal.valid, noise, self._start.sample_weight, knowledge)
             theta, own, step = fit.theta[:10], fit.theta[10 : self._first_gain], fit.theta[self._first_gain :]
             if np.abs(step).max() < _SETTLED:
                 break
             log_gain[axes] += step
-        held = estimate(
-            everything[:, :, : self._first_gain],
-            target,
-            signal.valid,
-            noise,
+        return _Found(fit, self._coefficients(own), log_gain, signal, known, everything, target, noise)
+
+    def held(self, found: _Found) -> Estimate:
+        """The last step of a solution with the gains held where it found them."""
+        friction = self._known_friction.size
+        return estimate(
+            found.regressor[:, :, : self._first_gain],
+            found.target_nm,
+            found.signal.valid,
+            found.noise_nm,
             self._start.sample_weight,
-            self._equations(known[: self._known_friction.size, : self._known_friction.size], None, self._first_gain),
+            self._equations(found.known[:friction, :friction], None, self._first_gain),
         )
-        return _Found(fit, held, self._coefficients(own), log_gain, signal, known)
 
     def _noise_of(self, fit: Estimate) -> FloatArray:
         """(n,) deviation of each joint's torque in the band in which the payload moves; at least that of the start."""
@@ -273,7 +292,9 @@ class _System:
         assumed = np.asarray(self._transmission.deviation)
         deviation = self.by_others(found, before)[1]
         noticeable = np.maximum(self._worth_naming, _CONTRADICTS * deviation) + _NINE_OF_TEN * deviation
-        return GainFit(found.log_gain, half_width, contradicted, assumed, noticeable, slope, covariance, found.held)
+        return GainFit(
+            found.log_gain, half_width, contradicted, assumed, noticeable, slope, covariance, self.held(found)
+        )
 
     def _coefficients(self, own: FloatArray) -> FloatArray:
         """(2 n,) coefficients of friction from those that have columns."""

@@ -244,12 +244,20 @@ def _require_data(regressor: FloatArray, torque_nm: FloatArray, valid: NDArray[n
 
 
 def _triangles(regressor: FloatArray, torque_nm: FloatArray, weight: FloatArray) -> FloatArray:
-    """(n, p + 1, p + 1) per joint the triangle of its weighted rows, the target as last column."""
-    samples, joints, parameters = regressor.shape
-    rows = np.zeros((joints, max(samples, parameters + 1), parameters + 1))
-    np.multiply(regressor.transpose(1, 0, 2), weight.T[:, :, None], out=rows[:, :samples, :-1])
-    np.multiply(torque_nm.T, weight.T, out=rows[:, :samples, -1])
-    return np.asarray(np.linalg.qr(rows, mode="r"))
+    """(n, p + 1, p + 1) per joint the triangle of its weighted rows, the target as last column.
+
+    Most nuisance parameters are of one joint each, so that a joint's rows have few columns that are not zero.
+    """
+    _, joints, parameters = regressor.shape
+    triangles = np.zeros((joints, parameters + 1, parameters + 1))
+    for joint in range(joints):
+        place = np.append(np.flatnonzero(np.any(regressor[:, joint], axis=0)), parameters)
+        rows = np.empty((len(torque_nm), place.size))
+        np.multiply(regressor[:, joint, place[:-1]], weight[:, joint, None], out=rows[:, :-1])
+        np.multiply(torque_nm[:, joint], weight[:, joint], out=rows[:, -1])
+        own = np.asarray(np.linalg.qr(rows, mode="r"))
+        triangles[joint, : len(own), place] = own.T
+    return triangles
 
 
 def _used(valid: NDArray[np.bool_], torque_nm: FloatArray, sample_weight: FloatArray | None) -> FloatArray:
