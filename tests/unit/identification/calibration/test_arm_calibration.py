@@ -161,8 +161,7 @@ def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nom
     arm.payload = InertialParameters.from_center_of_mass(3.3, [0.08, 0.02, 0.10], 0.03 * np.eye(3))
     trajectory = arm.trajectory(6, period_s=10.0)
     loaded, unloaded = (
-        arm.run(trajectory, load, seed=70 + load, load_friction=LOAD_FRICTION, with_phase=False)
-        for load in (True, False)
+        arm.run(trajectory, load, seed=70 + load, load_friction=LOAD_FRICTION) for load in (True, False)
     )
     before = identify(loaded, unloaded, arm.chain, nominal)
     level, transmission = result.level(arm.chain), result.transmission(nominal)
