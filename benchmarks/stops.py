@@ -338,7 +338,7 @@ def _act(cause: Cause | None, control: MotionControl) -> Callable[[CycleStep], o
         Cause.PLUGIN_FAILED: raising(ZeroDivisionError("division by zero")),
         Cause.RECORDING: raising(RecordingFailed("run.mcap could not be written: no space left on device")),
         Cause.OFFSET: raising(OffsetRefused(("joint_3",), "joint_3: the sign is wrong")),
-        Cause.BLOCKED: raising(BlockedWay("joint_3 moved by 0.0200 rad while the arm got torque")),
+        Cause.BLOCKED: raising(BlockedWay("joint_3 moved by 0.0200 rad while the arm was being enabled")),
         Cause.TORQUE_REVERSED: raising(TorqueReversed("joint_3", "the sign of current or torque is wrong")),
     }
     return None if cause is None else acts.get(cause)

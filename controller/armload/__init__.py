@@ -1,4 +1,4 @@
-"""Find out what a robot arm is carrying, from the currents of its own motors.
+"""Identify what a robot arm is carrying from its motor currents.
 
     >>> import armload
     >>> loaded = armload.read_recording("runs/today/loaded_identification.mcap")

@@ -55,5 +55,6 @@ def missing_extra(error: ModuleNotFoundError) -> ExtraMissing | None:
 
 def _sentence(purpose: str, names: str, extra: Extra) -> str:
     return (
-        f"{purpose} needs {names}, which a plain installation leaves out. Install it: pip install 'armload[{extra}]'."
+        f"{purpose} needs {names}, which a plain installation does not include. Install it: pip install "
+        f"'armload[{extra}]'."
     )

@@ -137,7 +137,7 @@ class DeafMouth:
 def test_a_bus_is_opened_for_receiving_and_closed(robot, monkeypatch):
     opened = []
     monkeypatch.setattr(can, "Bus", lambda **kwargs: opened.append(DeafMouth()) or opened[-1])
-    with pytest.raises(UnsafeBus, match="give --interface and --channel"), heard_cycles(robot):
+    with pytest.raises(UnsafeBus, match="bus with --interface and --channel"), heard_cycles(robot):
         pass
     with heard_cycles(robot.with_bus("socketcan", "can0", None, None)) as cycles:
         assert next(cycles) is None
@@ -150,7 +150,7 @@ def test_scales_that_only_the_drives_know_are_asked_for(tmp_path):
     real, _, _ = text.partition("[simulation]")
     file.write_text(re.sub(r"(?s)\n\[excitation\].*?\n\[", "\n[", real).replace("counts_per_axis_turn", "#", 1))
     arm = load_robot(str(file)).with_bus("socketcan", "can0", None, None)
-    with pytest.raises(ConfigurationError, match=r"counts_per_axis_turn.*needed to listen"), heard_cycles(arm):
+    with pytest.raises(ConfigurationError, match=r"counts_per_axis_turn.*required for listening"), heard_cycles(arm):
         pass
 
 
@@ -203,12 +203,12 @@ def test_the_command_listens_and_records(robot, armload, tmp_path, monkeypatch, 
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["a.mcap", "--channel", "can0"], "belongs to a bus"),
+        (["a.mcap", "--channel", "can0"], "applies to a bus"),
         (["--load", "loaded"], "goes with --record"),
-        (["--follow"], "goes with a RECORDING"),
+        (["--follow"], "requires a RECORDING"),
         (["--record", "x.mcap", "--load", "heavy"], "expected unloaded or loaded"),
         (["--record", "x.mcap", "--for", "soon"], "expected a time such as 60s"),
-        (["--record", "x.mcap", "--interface", "socketcan", "--report", "x.html"], "needs a calibrated arm"),
+        (["--record", "x.mcap", "--interface", "socketcan", "--report", "x.html"], "requires a calibrated arm"),
     ],
 )
 def test_options_that_make_no_sense(armload, words, text):

@@ -53,7 +53,8 @@ SAFETY = {f"making sure that the drive {of.value.title}": of for of in Safety}
 STEPS = [
     "looking for the node", "identifying", "checking the mode", "reading the scaling", "setting the cycle",
     "looking for the objects of its PDOs", "mapping the receive PDO 1", "mapping the transmit PDO 1",
-    "switching unused PDOs off", "selecting the mode", *SAFETY, "setting the heartbeat to watch", "reading the name",
+    "switching unused PDOs off", "selecting the mode", *SAFETY, "configuring the heartbeat consumer",
+    "reading the name",
 ]  # fmt: skip
 LATER = ["presetting the target", "checking for faults"]
 HARMLESS = {"looking for the node", "reading the name"}
@@ -248,7 +249,7 @@ def test_one_drive_fewer_than_configured(fault_arm, arm_settings):
     with pytest.raises(ServoTimeout) as raised:
         arm.servos.connect()
     assert (raised.value.node_id, raised.value.joint) == (5, "joint_5")
-    assert "supplied and connected" in str(raised.value)
+    assert "connected, with this node id" in str(raised.value)
 
 
 def test_one_drive_more_than_configured(fault_arm, arm_settings):

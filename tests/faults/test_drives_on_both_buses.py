@@ -34,7 +34,7 @@ def test_a_drive_fault_in_motion_and_the_way_back(fault_arm):
     error = arm.failure(ServoFault)
     assert (error.node_id, error.joint) == (3, "joint_3")
     assert "0x2310 continuous overcurrent" in str(error)
-    assert "reset the fault by name" in str(error)
+    assert "then reset the fault" in str(error)
     with pytest.raises(ServoFault):
         arm.move(1)
     arm.comes_to_rest()
@@ -84,7 +84,7 @@ def test_a_drive_that_loses_its_supply(fault_arm):
     arm.drives.switch_off(5)
     error = arm.failure(ServoTimeout)
     assert (error.node_id, error.joint) == (5, "joint_5")
-    assert "supplied" in str(error)
+    assert "supply and cable" in str(error)
     arm.comes_to_rest()
 
 

@@ -138,7 +138,7 @@ def test_a_missing_node_is_named(virtual_arm, arm_settings):
     with pytest.raises(ServoTimeout) as raised:
         arm.servos.connect()
     assert (raised.value.node_id, raised.value.joint) == (5, "joint_5")
-    assert "supplied" in str(raised.value)
+    assert "connected, with this node id" in str(raised.value)
 
 
 def test_nodes_that_are_up_and_send_no_boot_up_message_are_asked(virtual_arm):

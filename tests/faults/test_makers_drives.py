@@ -124,7 +124,7 @@ REAL = {
     "roboteq with three objects in a PDO": Row(
         "roboteq_v80.eds",
         {"feedback": Effort.TORQUE},
-        reason="carries at most 2 objects, 3 are needed. Set pdo_objects_max = 2",
+        reason="carries at most 2 objects, 3 are required. Set pdo_objects_max = 2",
     ),
     "ros2's fake": Row(
         "ros2_fake_cia402_slave.eds",
@@ -222,7 +222,7 @@ WRITTEN = {
     "mapping fixed as needed": own(changes=fixed_mapping(RPDO, TPDO), expected=ways()),
     "mapping fixed otherwise": own(
         changes=fixed_mapping(RPDO[:2], TPDO),
-        reason=r"the mapping is fixed to 6040:0, 607A:0; needed are 6040:0, 607A:0, 60B2:0",
+        reason=r"the mapping is fixed to 6040:0, 607A:0; required are 6040:0, 607A:0, 60B2:0",
     ),
     "COB-IDs of node 1": own(changes=cob_ids("rw", "0x{base:X}+1"), expected=ways()),
     "COB-IDs fixed to node 1": own(
@@ -348,7 +348,7 @@ def test_a_device_type_is_reported_as_a_whole(drives_of):
 
 def test_a_device_type_that_is_no_drives_is_refused(fault_arm):
     """Its low 16 bits decide. The number is one that a real servo reports; it is no standard profile's."""
-    said = r"device type \(1000\) is 0x00220811: its low 16 bits, 0x0811, say device profile 2065; a CiA 402 drive has"
+    said = r"device type \(1000\) is 0x00220811: its low 16 bits, 0x0811, mean device profile 2065; a CiA 402 drive has"
     with pytest.raises(DescriptionError, match=said + ".*drives scan.*correct the file"):
         parse_description(eds(maker_drive(changes={"1000": {"DefaultValue": "0x00220811"}})).encode(), "written.eds")
     arm = fault_arm(traits={3: DriveTraits(device_type=0x0022_0811)})

@@ -35,7 +35,7 @@ def test_pair_b_is_weighed_and_its_garbage_is_counted(ur10e_identified):
     assert result.parameters.mass_kg == pytest.approx(WEIGHED_KG, rel=0.04)
     loaded, unloaded = result.sources
     assert loaded.rows_read == 6107
-    assert dict(loaded.reasons) == {"impossible value": 4, "time out of range": 5, "cut last row": 1}
+    assert dict(loaded.reasons) == {"impossible value": 4, "time out of range": 5, "truncated last row": 1}
     assert unloaded.rows_dropped == 0
     assert any("10 of 6107 rows dropped" in note for note in result.notes)
 

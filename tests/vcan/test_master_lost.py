@@ -308,6 +308,6 @@ def test_a_sync_from_another_computer_is_noticed_at_once(two_ends):
         sync.begin(link, CYCLE_S, 0)
         wait_for_syncs(sync, link, 40)
         other.send(can.Message(arbitration_id=SYNC, is_extended_id=False))
-        with pytest.raises(ForeignMaster, match="came in over the bus"):
+        with pytest.raises(ForeignMaster, match="was received from the bus"):
             wait_for_syncs(sync, link, 3)
         sync.end(link)

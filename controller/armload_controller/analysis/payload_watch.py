@@ -120,7 +120,7 @@ class PayloadWatch:
 
     def __init__(self, robot: MeasuredArm, calibration: FilePath | None = None, every_s: float = 1.0) -> None:
         used = arm_in_use(robot, calibration)
-        found, _ = used.calibrated("what an arm carries while it works shows with its calibration only")
+        found, _ = used.calibrated("identifying a payload during operation requires the arm's calibration")
         self._robot, self._every_s = robot, every_s
         self.calibration, self.effort = found, found.effort
         self._estimator = PayloadEstimator(found, robot.chain, robot.transmission)
@@ -165,13 +165,13 @@ class PayloadWatch:
         effort = block.torque_nm if self.effort is Effort.TORQUE else block.current_a
         if effort is None:
             raise RecordingError(
-                f"{path}: no {self.effort}, which the arm was calibrated with. Record it, or calibrate the arm with "
+                f"{path}: no {self.effort}, which the arm was calibrated with. Record it, or recalibrate the arm from "
                 "recordings like this one."
             )
         if block.position_rad.shape[1] != self._robot.chain.n:
             raise RecordingError(
-                f"{path}: the recording has {block.position_rad.shape[1]} joints, the robot has {self._robot.chain.n}. "
-                "Give the recording and the configuration of the same arm."
+                f"{path}: the recording has {block.position_rad.shape[1]} joints, the robot {self._robot.chain.n}. Use "
+                "a recording and a configuration of the same arm."
             )
         fresh = int(np.searchsorted(block.time_s, self._last_s, side="right"))
         time_s, position, measured = (

@@ -39,7 +39,7 @@ def drift(
         RunTableError: a table that makes no sense, or a table among recordings.
     """
     used = arm_in_use(robot, calibration)
-    known, _ = used.calibrated("runs are held against the arm's calibration")
+    known, _ = used.calibrated("comparing runs requires the arm's calibration")
     rows = _rows(paths)
     health: list[RunHealth] = []
     left_out: list[tuple[str, str]] = []
@@ -83,5 +83,10 @@ def _rows(paths: Sequence[Path]) -> list[tuple[TableRow, str | None]]:
     if not tables:
         return [(TableRow(path, "", None, None), None) for path in paths]
     if len(paths) > 1:
-        raise RunTableError(str(tables[0]), "", None, "a table of runs is given alone; add the recordings to it")
+        raise RunTableError(
+            str(tables[0]),
+            "",
+            None,
+            "a table of runs cannot be combined with recordings; add the recordings to the table",
+        )
     return [(row, row.mounting) for row in read_run_table(tables[0])]

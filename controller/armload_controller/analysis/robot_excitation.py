@@ -145,7 +145,7 @@ class DesignedExcitation:
         return (
             f"{result.criterion} cost {result.cost:.4g}, cond(Phi) {result.condition_number:.3g}, {result.rank} of 10 "
             f"parameters can be determined, {self.periods} periods of {result.trajectory.period_s:g} s\n"
-            f"within every limit at any time; nearest: {', '.join(nearest)}\n"
+            f"always within every limit; nearest: {', '.join(nearest)}\n"
             f"no point of the arm is faster than {self.speed_m_s:.2f} m/s; the slow round takes "
             f"{self.slow_round_s:.0f} s at {PLANNED_SPEED_M_S:.3f} m/s at most"
         )
@@ -175,11 +175,11 @@ def design(
 
     Args:
         robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
-        seed: Same seed, same excitation.
-        restarts: Random starts; the best one wins.
+        seed: Seed of the random starts; the same seed gives the same excitation.
+        restarts: Number of random starts; the best result is used.
         harmonics: Harmonics of the Fourier series.
         period_s: Duration of one period; "auto" is as fast as torque, following error and rates allow.
-        periods: Periods that a run records; if not given, 30 s and at least three.
+        periods: Periods that a run records; by default 30 s and at least three.
         criterion: One of `information.CRITERIA`.
         progress: Called with the number of starts that are done.
 
@@ -274,7 +274,7 @@ def _frequency(arm: Robot, period_s: float | Literal["auto"], harmonics: int) ->
         shortest_s = max(_SHORTEST_PERIOD_S, ceil(harmonics * _LEAST_CYCLES * cycle_s / step_s - 1e-9) * step_s)
         return PeriodRange(shortest_s, _LONGEST_PERIOD_S, step_s)
     if not 0.0 < period_s < inf:
-        raise UnstreamablePeriod(f"a period of {period_s:g} s: expected a time above 0")
+        raise UnstreamablePeriod(f"a period of {period_s:g} s: expected a duration above 0")
     if arm.has_bus:
         _require_streamable(period_s, harmonics, arm.bus.cycle_hz)
     return 1 / period_s
@@ -291,7 +291,7 @@ def _require_streamable(period_s: float, harmonics: int, cycle_hz: float) -> Non
         )
     if cycles < _LEAST_CYCLES * harmonics:
         raise UnstreamablePeriod(
-            f"harmonic {harmonics} of {period_s:g} s has {cycles / harmonics:.1f} setpoints a period at {cycle_hz:g} "
-            f"Hz, at least {_LEAST_CYCLES} are needed: give --period-s {_LEAST_CYCLES * harmonics / cycle_hz:g} or "
+            f"harmonic {harmonics} of {period_s:g} s has {cycles / harmonics:.1f} setpoints per period at {cycle_hz:g} "
+            f"Hz, at least {_LEAST_CYCLES} are required: give --period-s {_LEAST_CYCLES * harmonics / cycle_hz:g} or "
             "more, or fewer --harmonics"
         )

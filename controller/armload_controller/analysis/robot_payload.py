@@ -52,7 +52,7 @@ def read_run(
     Args:
         path: MCAP of armload, ROS 2 bag, CSV, Parquet, LeRobot data set or NumPy archive.
         robot: The arm it belongs to; its `[log]` says which columns of a table hold what.
-        columns: What the columns of a table hold, such as "time=0 position=1-6 current=7-12"; else `[log]` or the names
+        columns: Columns of a table, such as "time=0 position=1-6 current=7-12"; else `[log]` or the names
             of the header say it.
         effort: What the effort of a ROS message is, "torque" or "current".
         between_s: Times since the first row between which rows are used.
@@ -182,10 +182,11 @@ def identify_over_time(
     require_extra(Extra.IDENTIFY, "identifying a payload")
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
-    _, arm_alone = used.calibrated("what an arm carries from window to window needs its calibration")
+    _, arm_alone = used.calibrated("identification in windows requires the arm's calibration")
     if not every_s >= SHORTEST_WINDOW_S:
         raise EstimationError(
-            f"windows of {every_s:g} s: expected {SHORTEST_WINDOW_S:g} s or more; 10 to 20 s of brisk motion are good."
+            f"windows of {every_s:g} s: expected {SHORTEST_WINDOW_S:g} s or more; 10 to 20 s of fast motion are "
+            "recommended."
         )
     run = _run(arm, loaded)
     windows = identify_windows(run, used.chain, used.transmission, arm_alone, every_s)
@@ -225,7 +226,7 @@ def validate(
         >>> result.verdict.title
         'Right within the tolerance'
     """
-    require_extra(Extra.IDENTIFY, "judging a payload")
+    require_extra(Extra.IDENTIFY, "validating a payload")
     arm = _robot(robot)
     findings = Findings(arm, payload_of(payload, arm), ReportContent(), version("armload"))
     return _validated(findings, arm, arm_in_use(arm, calibration), (loaded, unloaded), tolerance)
@@ -254,7 +255,7 @@ def findings_from_files(
         PayloadFileError: the payload's file cannot be read, or it is not given in the flange frame.
         RecordingError: recordings that do not fit the arm or each other.
     """
-    require_extra(Extra.IDENTIFY, "judging a payload by recordings")
+    require_extra(Extra.IDENTIFY, "validating a payload from recordings")
     arm = _robot(robot)
     used = arm_in_use(arm, calibration)
     result = payload_of(payload, arm)
@@ -286,9 +287,9 @@ def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
     if not recorded or set(recorded) & set(arm.joint_names):
         return None
     return (
-        f"None of the recorded joints ({', '.join(recorded)}) is called as {arm.name} calls its own "
-        f"({', '.join(arm.joint_names)}), so they were taken in the order in which they were recorded. Check that, or "
-        "give the order with --joints."
+        f"None of the recorded joints ({', '.join(recorded)}) is a joint name of {arm.name} "
+        f"({', '.join(arm.joint_names)}), so they were used in the recorded order. Check this order, or specify it "
+        "with --joints."
     )
 
 
@@ -312,6 +313,6 @@ def payload_of(payload: PayloadResult | FilePath, arm: MeasuredArm) -> PayloadRe
             "payload" if isinstance(payload, PayloadResult) else str(payload),
             "payload.frame",
             result.frame,
-            f"expected {FLANGE!r}, the frame that the robot's kinematics end in",
+            f"expected {FLANGE!r}, the last frame of the robot's kinematics",
         )
     return result

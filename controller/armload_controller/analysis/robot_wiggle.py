@@ -129,8 +129,8 @@ class DesignedWiggle:
             f"{self.measured_s:.1f} s with ramps, show {self.arm.payloads.expected.mass_kg:g} kg to "
             f"{wiggle.half_width_kg:.3g} kg, {self.share:.1%} (95 %)\n"
             f"joints move by {way} degrees about {np.round(self.at_rad, 3).tolist()} rad\n"
-            f"limits, workspace and torque are kept at any time; no point of the arm is faster than "
-            f"{self.speed_m_s:.2f} m/s; the slow round before it takes {self.path.slow_round_s:.0f} s at "
+            f"limits, workspace and torque are always respected; no point of the arm is faster than "
+            f"{self.speed_m_s:.2f} m/s; the preceding slow round takes {self.path.slow_round_s:.0f} s at "
             f"{PLANNED_SPEED_M_S:.3f} m/s at most"
         )
 
@@ -165,7 +165,7 @@ def design_wiggle(
         BlockedWay: the way from the place onto the motion is not free.
     """
     used = arm_in_use(robot, calibration)
-    _, known = used.calibrated("what a motion will show follows from the arm's calibration")
+    _, known = used.calibrated("predicting what a motion will determine requires the arm's calibration")
     at = _place(robot, at_rad)
     envelope = _about(robot, at, within_rad, speed_m_s)
     cycle_s = 1.0 / robot.bus.cycle_hz if robot.has_bus else _WITHOUT_BUS_S
@@ -224,8 +224,8 @@ def _about(robot: Robot, at: FloatArray, within_rad: float, speed_m_s: float | N
     if outside.size:
         joint = int(outside[0])
         raise ExcitationError(
-            f"{robot.joint_names[joint]} stands at {at[joint]:.3f} rad; expected between {low[joint]:.3f} and "
-            f"{high[joint]:.3f}, {POSITION_MARGIN_RAD} rad from its limits, which motions keep"
+            f"{robot.joint_names[joint]} is at {at[joint]:.3f} rad; expected between {low[joint]:.3f} and "
+            f"{high[joint]:.3f}, {POSITION_MARGIN_RAD} rad from its limits, the margin that motions keep"
         )
     about = ExcitationLimits(
         np.maximum(low, at - within_rad),

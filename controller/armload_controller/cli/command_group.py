@@ -7,9 +7,11 @@ from typing import Any, Final
 from typer.core import TyperGroup
 
 _ENDED: Final = {
-    "calibrate-gains": "`armload calibrate ROBOT RUNS --output FILE` calibrates the gains, from any runs of which one "
-    "carries a weighed payload",
-    "identify-body": "`armload calibrate ROBOT RUNS --output FILE` identifies the body too, from any runs",
+    "calibrate-gains": (
+        "`armload calibrate ROBOT RUNS --output FILE` calibrates the gains from any runs, one of them with a weighed "
+        "payload"
+    ),
+    "identify-body": "`armload calibrate ROBOT RUNS --output FILE` also identifies the body, from any runs",
 }
 """What does the work of a command that is no longer there."""
 
@@ -32,5 +34,5 @@ class CommandGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command by its name; one that has ended names its successor."""
         if args and args[0] in _ENDED:
-            ctx.fail(f"{args[0]} is no longer there: {_ENDED[args[0]]}.")
+            ctx.fail(f"{args[0]} has been removed: {_ENDED[args[0]]}.")
         return super().resolve_command(ctx, args)

@@ -29,10 +29,10 @@ def given_arm(robot: str | None, urdf: Path | None, base: str | None, flange: st
 
     if urdf is not None:
         if robot is not None:
-            raise typer.BadParameter(f"ROBOT {robot!r} and --urdf {urdf} were given: give one of the two")
+            raise typer.BadParameter(f"ROBOT {robot!r} and --urdf {urdf} were given: give only one")
         return read_urdf_arm(urdf, base, flange)
     if base is not None or flange is not None:
-        raise typer.BadParameter("--base and --flange choose the arm in a URDF: give --urdf as well")
+        raise typer.BadParameter("--base and --flange select the arm in a URDF: give --urdf as well")
     if robot is None:
         raise typer.BadParameter("no arm: give ROBOT, a shipped robot or the path of its TOML, or --urdf arm.urdf")
     return load_robot(robot)

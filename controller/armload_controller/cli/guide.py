@@ -11,10 +11,10 @@ Ask = Callable[[str], str]
 Say = Callable[[str], None]
 
 CHOICES: Final = (
-    "try it: commission a simulated arm, nothing real moves (a minute)",
+    "try it: commission a simulated arm; nothing real moves (a minute)",
     "identify a payload from recordings that you have",
-    "set up an arm of your own, from its URDF or from questions",
-    "commission an arm that has a robot file",
+    "set up your own arm, from its URDF or by answering questions",
+    "commission an arm with an existing robot file",
 )
 _URDF: Final = ".urdf"
 
@@ -69,13 +69,13 @@ def _identify(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
 
 def _init(ask: Ask, say: Say) -> list[str]:
     """A URDF or none, and a file that is not there yet."""
-    urdf = _existing(ask, say, "URDF of the arm; empty: questions instead: ", optional=True)
+    urdf = _existing(ask, say, "URDF of the arm; empty to answer questions instead: ", optional=True)
     arm = [urdf, *_links(ask, say, urdf)] if urdf else []
     while True:
         output = ask("Robot file to write [my_arm.toml]: ").strip() or "my_arm.toml"
         if not Path(output).exists():
             break
-        say(f"  {output} exists: nothing is replaced, give another name")
+        say(f"  {output} exists and is not overwritten: give another name")
     return ["init", *arm, "--output", output]
 
 
@@ -90,8 +90,8 @@ def _links(ask: Ask, say: Say, urdf: str) -> list[str]:
             read_urdf_arm(urdf, base or None, flange or None)
         except ConfigurationError as error:
             say(f"  {error}")
-            base = ask("--base, the link that the arm begins at; empty: the root: ").strip()
-            flange = ask("--flange, the link that it ends at; empty: the only end: ").strip()
+            base = ask("--base, the first link of the arm; empty for the root: ").strip()
+            flange = ask("--flange, the last link of the arm; empty for the only end: ").strip()
         else:
             return [*(["--base", base] if base else []), *(["--flange", flange] if flange else [])]
 

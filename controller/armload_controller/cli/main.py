@@ -38,7 +38,7 @@ EXIT_USAGE = 2
 app = typer.Typer(
     name="armload",
     cls=CommandGroup,
-    help="Find out what a robot arm is carrying, from the currents of its own motors.",
+    help="Identify what a robot arm is carrying from its motor currents.",
     invoke_without_command=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # its boxes cut off the names of options where the console is narrow
@@ -78,7 +78,7 @@ def _options(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
-    """Find out what a robot arm is carrying, from the currents of its own motors."""
+    """Identify what a robot arm is carrying from its motor currents."""
     # The matrices are small, and an arm does not wait while threads wait for each other. The libraries read these
     # variables when they are loaded, which is later.
     for library in ("OPENBLAS", "MKL", "BLIS", "OMP"):

@@ -12,11 +12,11 @@ MaybeRobotArgument = Annotated[
     str | None, typer.Argument(metavar="[ROBOT]", help="A shipped robot, or the path of a robot's TOML; or --urdf.")
 ]
 UrdfOption = Annotated[
-    Path | None, typer.Option("--urdf", help="URDF of the arm, in place of ROBOT; recorded effort is joint torque.")
+    Path | None, typer.Option("--urdf", help="URDF of the arm, instead of ROBOT; recorded effort is joint torque.")
 ]
-BaseOption = Annotated[str | None, typer.Option("--base", help="Link that the arm begins at; the root if not given.")]
+BaseOption = Annotated[str | None, typer.Option("--base", help="First link of the arm; by default the root.")]
 FlangeOption = Annotated[
-    str | None, typer.Option("--flange", help="Link that it ends at; needed where the URDF leaves a choice.")
+    str | None, typer.Option("--flange", help="Last link of the arm; required if the URDF is ambiguous.")
 ]
 InterfaceOption = Annotated[
     str | None, typer.Option("--interface", help="python-can interface, instead of the configured one.")
@@ -27,24 +27,24 @@ CycleOption = Annotated[float | None, typer.Option("--cycle-hz", help="SYNC rate
 LoadedOption = Annotated[Path, typer.Option("--loaded", help="Recording with the payload: MCAP, ROS 2 bag, CSV, ...")]
 UnloadedOption = Annotated[Path, typer.Option("--unloaded", help="Recording of the same motion without it.")]
 SimulatedDrivesOption = Annotated[
-    bool, typer.Option("--simulated-drives", help="Drive simulated drives only; each node is asked who it is.")
+    bool, typer.Option("--simulated-drives", help="Use simulated drives only; the identity of each node is checked.")
 ]
 YesOption = Annotated[
     bool,
     typer.Option(
-        "--yes", help="Skip prompts. Never the slow round, nor the first question with a payload on a real arm."
+        "--yes", help="Skip prompts, but not the slow round, nor on a real arm the first question with a payload."
     ),
 ]
 CalibrationOption = Annotated[
     Path | None,
     typer.Option(
-        "--calibration", help="Calibration file of `armload calibrate`; else the one that the robot's file names."
+        "--calibration", help="Calibration file from `armload calibrate`; by default the one named in the robot's file."
     ),
 ]
 LiveOption = Annotated[
-    bool, typer.Option("--live", help="Show the arm while it moves, to Foxglove on this computer. Extra: live.")
+    bool, typer.Option("--live", help="Show the moving arm in Foxglove on this computer. Requires the extra live.")
 ]
 LiveAddressOption = Annotated[
     str | None,
-    typer.Option("--live-address", metavar="HOST:PORT", help="Show it there; 127.0.0.1:8765 if not given."),
+    typer.Option("--live-address", metavar="HOST:PORT", help="Address for --live; by default 127.0.0.1:8765."),
 ]

@@ -16,17 +16,20 @@ BetweenOption = Annotated[
     tuple[str, str] | None,
     typer.Option(
         metavar="BEGIN END",
-        help="Use the rows between two times since the first, such as 10s 1.5min; not of --validation.",
+        help="Use the rows between two times since the first row, such as 10s 1.5min; does not apply to --validation.",
     ),
 ]
 JointsOption = Annotated[
-    str | None, typer.Option(help="Which of the recorded joints are the arm's, such as 1-5,7; else by name, or all.")
+    str | None,
+    typer.Option(help="Which of the recorded joints are the arm's, such as 1-5,7; by default by name, or all."),
 ]
 ColumnsOption = Annotated[
     str | None,
-    typer.Option(help='What the columns of a table hold, such as "time=0 position=1-6 current=7-12", or by names.'),
+    typer.Option(help='Columns of a table, such as "time=0 position=1-6 current=7-12", or by names.'),
 ]
-EffortOption = Annotated[Effort, typer.Option(help="What the effort of a ROS message is: joint torque, motor current.")]
+EffortOption = Annotated[
+    Effort, typer.Option(help="Meaning of effort in a ROS message: joint torque or motor current.")
+]
 EpisodeOption = Annotated[
     str | None,
     typer.Option(
@@ -79,7 +82,7 @@ def _between(begin: str, end: str) -> tuple[float, float]:
     for text in (begin, end):
         match = _DURATION.fullmatch(text.strip())
         if match is None:
-            raise typer.BadParameter(f"--between: {text!r} is no time; write 10s, 1.5min, 500ms or 2h")
+            raise typer.BadParameter(f"--between: {text!r} is not a time; write 10s, 1.5min, 500ms or 2h")
         times.append(float(match[1]) * _SECONDS[match[2]])
     if times[1] <= times[0]:
         raise typer.BadParameter(f"--between: {begin} is not before {end}")
@@ -94,7 +97,7 @@ def _joints(text: str) -> tuple[int, ...]:
         first = int(match[1]) if match else 0
         last = int(match[2] or match[1]) if match else 0
         if not 1 <= first <= last:
-            raise typer.BadParameter(f"--joints: {part!r} is no joint and no range; write 1-5 or 1,2,4")
+            raise typer.BadParameter(f"--joints: {part!r} is neither a joint nor a range; write 1-5 or 1,2,4")
         chosen += range(first - 1, last)
     if len(set(chosen)) < len(chosen):
         raise typer.BadParameter(f"--joints: {text!r} names a joint twice")
@@ -107,7 +110,7 @@ def _episodes(text: str | None, count: int) -> list[int | None]:
         return [None] * count
     parts = text.split(",")
     if not all(part.strip().isdecimal() for part in parts):
-        raise typer.BadParameter(f"--episode: {text!r} is no number of an episode; write 3, or 3,4")
+        raise typer.BadParameter(f"--episode: {text!r} is not an episode number; write 3, or 3,4")
     if len(parts) not in {1, count}:
         raise typer.BadParameter(f"--episode: {len(parts)} numbers for {count} recordings; give one, or one for each")
     return [int(part) for part in (parts * count)[:count]]

@@ -125,7 +125,7 @@ class Screen:
             return self.console.input(question, markup=False)
         except EOFError as error:
             self.step("")
-            raise CommissioningError("no more answers: nothing was done") from error
+            raise CommissioningError("end of input: nothing was done") from error
 
     def confirm(self, question: str) -> bool:
         """Ask; no answer, as without a keyboard, is no."""

@@ -43,7 +43,7 @@ def read_profile(name: str, folder: Path, file: str, key: str) -> ProfileFile:
         path = folder / name
         if not name.endswith(_SUFFIX) or not path.is_file():
             raise ConfigurationError(
-                file, key, name, f"expected a shipped profile, {', '.join(shipped)}, or a TOML file beside this one"
+                file, key, name, f"expected a shipped profile, {', '.join(shipped)}, or a TOML file in the same folder"
             )
     return parse(read_text(path, ConfigurationError), path.name, ProfileFile, ConfigurationError)
 

@@ -106,7 +106,7 @@ class Robot:
             raise self.source.refused(
                 "robot.calibration",
                 name,
-                f"no such file beside {self.file}; make it with `armload calibrate`, or take the key out",
+                f"no such file beside {self.file}; create it with `armload calibrate`, or remove the key",
             )
         return path
 
@@ -145,8 +145,8 @@ class Robot:
         path, name = recording.source.path, recording.source.run().get("robot", self.name)
         if name != self.name:
             raise CommissioningError(
-                f"{path} was recorded on {name}, not on {self.name}: give the robot it was recorded on, or its "
-                "recordings"
+                f"{path} was recorded on {name}, not on {self.name}: give the robot it was recorded on, or recordings "
+                "of this robot"
             )
         if recording.torque_nm is None:
             self.drives.require_current_gains(str(path))
@@ -274,7 +274,7 @@ class Robot:
         self.strength.require_stated()
         if not self.has_workspace:
             raise self.source.refused(
-                "workspace", None, "a real arm is moved only where the file states what it must not touch"
+                "workspace", None, "a real arm is moved only if the file states what it must not touch"
             )
 
     def with_bus(
@@ -370,7 +370,7 @@ def _read_excitations(source: RobotSource) -> dict[str, Excitation]:
             excitation = read_excitation(source.folder / name)
         except IdentificationError as error:
             raise source.refused(
-                f"excitation.{role}", name, f"{error}. Make one with `armload design`, or leave [excitation] out"
+                f"excitation.{role}", name, f"{error}. Create one with `armload design`, or leave [excitation] out"
             ) from error
         if excitation.trajectory.n != source.n:
             raise source.refused(

@@ -43,7 +43,7 @@ class RobotDrives:
         drives = []
         for number, joint in enumerate(self.source.tables.joints, start=1):
             if joint.drive is None:
-                raise self.source.refused(f"joints[{number}].drive", None, "an arm on a bus needs one per joint")
+                raise self.source.refused(f"joints[{number}].drive", None, "an arm on a bus requires one per joint")
             limits = (joint.position_min_rad, joint.position_max_rad)
             described = self.descriptions.get(joint.name)
             drives.append(joint.drive.settings(joint.name, limits, joint.gear_ratio, described))
@@ -105,7 +105,7 @@ class RobotDrives:
             for key in ("gear_ratio", "torque_constant_nm_a"):
                 if getattr(joint, key) is None:
                     raise self.source.refused(
-                        f"joints[{number}].{key}", None, "needed to turn this joint's current into torque"
+                        f"joints[{number}].{key}", None, "required to convert this joint's current to torque"
                     )
             gains.append(float(joint.gear_ratio or 0) * float(joint.torque_constant_nm_a or 0))
         return Transmission(np.array(gains), self.coupling)
@@ -124,8 +124,8 @@ class RobotDrives:
                 raise self.source.refused(
                     f"joints[{number}].torque_constant_nm_a",
                     joint.torque_constant_nm_a,
-                    f"needed, with gear_ratio: {recording} holds motor currents, and this joint is configured as one "
-                    "whose torque is reported",
+                    f"required, with gear_ratio: {recording} contains motor currents, but this joint is configured to "
+                    "report torque",
                 )
 
     @staticmethod
@@ -169,9 +169,10 @@ class RobotDrives:
                 raise self.source.refused(
                     f"joints[{number}].drive.identity",
                     None,
-                    "a real arm is moved only where the file says who its drives are: give vendor_id and product_code "
-                    "(`armload drives scan` shows them). Where `armload simulate` answers on that bus, say so with "
-                    "--simulated-drives",
+                    "a real arm is moved only if the file states the identity of its drives: give vendor_id and "
+                    "product_code "
+                    "(`armload drives scan` shows them). If the drives on that bus are those of `armload simulate`, "
+                    "add --simulated-drives",
                 )
 
     def require_scales(self) -> None:
@@ -186,7 +187,7 @@ class RobotDrives:
                 raise self.source.refused(
                     f"joints[{number}].drive.{missing}",
                     None,
-                    "needed to listen: nothing is asked of drives that another master drives. It is in the drive's "
+                    "required for listening: drives under another master are not queried. The drive holds it in "
                     "608F and 6091, 6076, 6075; its manufacturer's tool shows them",
                 )
 

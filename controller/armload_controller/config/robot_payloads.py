@@ -33,7 +33,7 @@ class RobotPayloads:
         """
         table = self.source.tables.expected_payload
         if table is None:
-            raise self.source.refused("expected_payload", None, "needed to design an excitation")
+            raise self.source.refused("expected_payload", None, "required to design an excitation")
         return table.inertial()
 
     @property
@@ -50,7 +50,7 @@ class RobotPayloads:
         """
         heaviest = self.heaviest_if_stated
         if heaviest is None:
-            raise self.source.refused("heaviest_payload", None, "needed to know what the arm may have to carry")
+            raise self.source.refused("heaviest_payload", None, "required: the payload that the arm may have to carry")
         return heaviest
 
     @property
@@ -87,6 +87,6 @@ class RobotPayloads:
                 raise self.source.refused(
                     key,
                     f"{torque[weakest]:.0f} N m on {self.source.joint_names[weakest]}",
-                    "expected a payload that this joint can hold, "
+                    "expected a payload that this joint can carry, "
                     f"torque_max_nm = {torque_max_nm[weakest]:g}: less mass or a shorter lever",
                 )

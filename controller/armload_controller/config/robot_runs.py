@@ -62,7 +62,12 @@ def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int]
     """
     tables = [path for path in paths if is_run_table(path)]
     if tables and len(paths) > 1:
-        raise RunTableError(str(tables[0]), "", None, "a table of runs is given alone; add the recordings to it")
+        raise RunTableError(
+            str(tables[0]),
+            "",
+            None,
+            "a table of runs cannot be combined with recordings; add the recordings to the table",
+        )
     rows = read_run_table(tables[0]) if tables else tuple(TableRow(path, "", None, None) for path in paths)
     runs, left_out = [], []
     for done, row in enumerate(rows, 1):
@@ -105,7 +110,7 @@ def _mounting_of(recording: Recording) -> str:
         str(recording.source.path),
         "",
         None,
-        "the recording does not say what the arm carried; give a table of runs (CSV) with the columns recording, "
+        "the recording does not state what the arm carried; give a table of runs (CSV) with the columns recording, "
         "mounting, mass_kg",
     )
 

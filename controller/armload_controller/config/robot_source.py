@@ -57,8 +57,8 @@ class RobotSource:
             raise self.refused(
                 "bus",
                 None,
-                "this robot is known from logs only, for `armload identify`. To move it give [bus] and every joint its "
-                "[joints.drive]: `armload init` with --scan, --description or --simulated writes them",
+                "this robot is known from logs only, for `armload identify`. To move it, add [bus] and a "
+                "[joints.drive] for every joint: `armload init` with --scan, --description or --simulated writes them",
             )
         return self.tables.bus
 

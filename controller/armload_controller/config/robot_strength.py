@@ -66,8 +66,8 @@ class RobotStrength:
                     )
             return TorqueLimits.from_body(chain, body, payload, usable)
         self._require_shares(
-            "needed to design an excitation: the share of torque_max_nm that the arm's own links, rotor and "
-            "friction take at most; or a [body] in its place"
+            "required to design an excitation: the greatest fraction of torque_max_nm that the arm's own links, rotor "
+            "and friction need; or a [body] instead"
         )
         return TorqueLimits.from_share(chain, self._shares, payload, usable)
 
@@ -120,8 +120,8 @@ class RobotStrength:
                 raise self.source.refused(
                     f"joints[{i + 1}].drive.max_torque_permille",
                     joint.drive.max_torque_permille,
-                    f"that is {allowed_nm[i]:g} N m, expected more than the {itself_nm[i]:g} N m that the arm "
-                    "itself and its friction take of this axis",
+                    f"that is {allowed_nm[i]:g} N m, expected more than the {itself_nm[i]:g} N m that the arm itself "
+                    "and its friction require on this axis",
                 )
         return limits.of_axes(self.coupling, left_nm)
 
@@ -132,10 +132,12 @@ class RobotStrength:
             ConfigurationError: naming the first key that is missing.
         """
         self._require_shares(
-            "a real arm is moved only where its joints are known to be strong enough: give it, or a [body]"
+            "a real arm is moved only if its joints are known to be strong enough: give it, or a [body]"
         )
         if self.payloads.heaviest_if_stated is None:
-            raise self.source.refused("heaviest_payload", None, "needed to know what a real arm may have to carry")
+            raise self.source.refused(
+                "heaviest_payload", None, "required: the payload that a real arm may have to carry"
+            )
 
     @property
     def _torque_max_nm(self) -> FloatArray:

@@ -112,7 +112,7 @@ class UrdfArm:
         if recording.torque_nm is None:
             raise RecordingError(
                 f"{recording.source.path}: no joint torque, only motor currents, and a URDF has no torque constants. "
-                "Make a robot file with `armload init` and give its joints gear_ratio and torque_constant_nm_a."
+                "Create a robot file with `armload init` and give its joints gear_ratio and torque_constant_nm_a."
             )
         if recording.joint_names:
             recording = recording.named_joints(self.joint_names)
@@ -192,7 +192,7 @@ def _base(tree: UrdfTree, base: str | None) -> str:
     roots = [link for link in tree.links if link not in tree.above]
     if len(roots) != 1:
         raise ConfigurationError(
-            str(tree.path), "root link", roots, "one link without a parent; or name one with --base"
+            str(tree.path), "root link", roots, "exactly one link without a parent; or name one with --base"
         )
     return roots[0]
 
@@ -221,7 +221,7 @@ def _flange(tree: UrdfTree, flange: str | None, base: str) -> str:
             str(tree.path),
             "chain",
             None,
-            f"at least {FEWEST_JOINTS} revolute joints in a row from {base!r}; begin elsewhere with --base",
+            f"at least {FEWEST_JOINTS} revolute joints in a row from {base!r}; choose another start with --base",
         )
     candidates = [link for at in longest.values() for link in at]
     if len(longest) == 1:
@@ -229,7 +229,7 @@ def _flange(tree: UrdfTree, flange: str | None, base: str) -> str:
         if len(candidates) == 1 or standard:
             return standard[0] if standard else candidates[0]
     raise ConfigurationError(
-        str(tree.path), "--flange", None, f"needed, because several links could be it: {', '.join(candidates)}"
+        str(tree.path), "--flange", None, f"required, because several links are possible: {', '.join(candidates)}"
     )
 
 
@@ -274,7 +274,7 @@ def _require_supported(path: Path, moving: Sequence[UrdfJoint], base: str, flang
                 str(path),
                 f"joint {joint.name}, mimic",
                 joint.mimics,
-                "a joint with a motor of its own; choose another chain with --base and --flange",
+                "a joint with its own motor; choose another chain with --base and --flange",
             )
         if not joint.turns:
             raise ConfigurationError(

@@ -158,7 +158,7 @@ def _parsed(path: Path, data: bytes) -> ElementTree.Element:
             str(path), "XML", str(error), "a URDF; expand a xacro file first: `xacro arm.urdf.xacro > arm.urdf`"
         ) from error
     if root.tag != "robot":
-        raise ConfigurationError(str(path), "root element", root.tag, "<robot>, as every URDF has")
+        raise ConfigurationError(str(path), "root element", root.tag, "<robot>, as in every URDF")
     macros = [element.tag for element in root.iter() if "ros.org/wiki/xacro" in element.tag]
     if macros:
         raise ConfigurationError(
@@ -193,10 +193,12 @@ def _above(path: Path, joints: tuple[UrdfJoint, ...], links: Mapping[str, Elemen
                 str(path),
                 f"joint {joint.name}, child",
                 joint.child,
-                f"a link without a parent; {above[joint.child].name} is its parent already: a chain has no loops",
+                f"a link without a parent; {above[joint.child].name} is already its parent: a chain has no loops",
             )
         for link in (joint.parent, joint.child):
             if link not in links:
-                raise ConfigurationError(str(path), f"joint {joint.name}, link", link, "one of the file's <link>s")
+                raise ConfigurationError(
+                    str(path), f"joint {joint.name}, link", link, "one of the <link> elements in the file"
+                )
         above[joint.child] = joint
     return above

@@ -184,8 +184,8 @@ class FeedbackTruth:
             return
         if ((word & self._required) != self._required).any():
             for bit, kind, what in (
-                (_VOLTAGE, VoltageLost, "the power stage has lost its voltage (statusword bit 4)"),
-                (_REMOTE, RemoteLost, "the drive takes no commands from the bus any more (statusword bit 9)"),
+                (_VOLTAGE, VoltageLost, "the power stage has lost its supply voltage (statusword bit 4)"),
+                (_REMOTE, RemoteLost, "the drive no longer accepts commands from the bus (statusword bit 9)"),
             ):
                 lost = (self._required & ~word & bit) != 0
                 if lost.any():
@@ -260,7 +260,7 @@ class FeedbackTruth:
             joint = int(np.argmax(self._unchanged_way / self._frozen_rad))
             raise PositionFrozen(
                 self._names[joint],
-                f"the position has not changed by a count while its setpoints moved by "
+                f"the position has not changed by a single count while its setpoints moved by "
                 f"{self._unchanged_way[joint]:.3f} rad",
             )
 

@@ -140,7 +140,7 @@ class FollowingMonitor:
 
     def _count(self, feedback: JointFeedback, error_rad: FloatArray) -> None:
         if feedback.time_s <= self._last_s:
-            raise StaleFeedback(f"feedback of cycle {feedback.cycle} came again")
+            raise StaleFeedback(f"feedback of cycle {feedback.cycle} was repeated")
         self._cycles += 1
         self._duration_s += feedback.time_s - self._last_s
         self._missing += feedback.missing

@@ -47,8 +47,8 @@ def tuned_for_cycles(report: Callable[[str], None]) -> Iterator[None]:
         stack.callback(_quiet_interpreter())
         if refused:
             report(
-                f"not permitted: {', '.join(refused)}. The cycle runs without and may be late more often; give the "
-                "process CAP_SYS_NICE and CAP_IPC_LOCK, or raise rtprio and memlock in limits.conf"
+                f"not permitted: {', '.join(refused)}. The cycle runs without this and may be late more often; give "
+                "the process CAP_SYS_NICE and CAP_IPC_LOCK, or raise rtprio and memlock in limits.conf"
             )
         yield
 

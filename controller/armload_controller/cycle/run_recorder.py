@@ -185,7 +185,7 @@ class Recorder:
             RecordingFailed: it was removed, or its folder was.
         """
         if os.fstat(self._file.fileno()).st_nlink == 0:
-            raise RecordingFailed(f"{self._partial} was removed while it was written")
+            raise RecordingFailed(f"{self._partial} was removed while it was being written")
 
     def _flush_to_disk(self) -> None:
         """What has the name of a whole run is on the disk."""

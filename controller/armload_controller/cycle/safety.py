@@ -134,9 +134,7 @@ DECISIONS: dict[Cause, Decision] = {
     Cause.PLUGIN_TOO_SLOW: Decision(_ALONG, "make it faster, move its work to another process, or lower --cycle-hz"),
     Cause.RECORDING: Decision(_ALONG, "free disk space, or choose another --output"),
     Cause.LIMIT: Decision(_QUICK, "correct the excitation or the limits in the configuration"),
-    Cause.DEVIATION: Decision(
-        _QUICK, "the reference asks for more than the joints' limits allow: design a slower excitation"
-    ),
+    Cause.DEVIATION: Decision(_QUICK, "the reference exceeds the joints' limits: design a slower excitation"),
     Cause.FOLLOWING_ERROR: Decision(
         _QUICK, "look for a collision, an engaged brake, a wrong gear ratio or too small a following error window"
     ),
@@ -154,7 +152,7 @@ DECISIONS: dict[Cause, Decision] = {
     ),
     Cause.VOLTAGE: Decision(_QUICK, "check the drive's power supply and its safe-torque-off"),
     Cause.REMOTE: Decision(_QUICK, "set the drive to remote control: another panel or program has taken it over"),
-    Cause.INTERNAL_LIMIT: Decision(_QUICK, "look at the drive's own limits of position, speed and torque"),
+    Cause.INTERNAL_LIMIT: Decision(_QUICK, "check the drive's own limits of position, speed and torque"),
     Cause.DRIVE_LAG: Decision(
         _QUICK, "look for a collision, an engaged brake, or too small a window (6065) in the drive"
     ),

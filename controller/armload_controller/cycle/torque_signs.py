@@ -85,15 +85,15 @@ class TorqueSigns:
             if np.ptp(torque[:, joint]) <= 1e-9 * np.abs(torque[:, joint]).max():
                 raise TorqueMissing(
                     self._names[joint],
-                    f"current or torque stayed at {torque[0, joint]:.1f} N m in the whole slow round",
+                    f"current or torque stayed at {torque[0, joint]:.1f} N m during the whole slow round",
                 )
             speed = velocity[:, joint]
             friction, error = _friction(weight[:, joint], speed, torque[:, joint])
             if friction < -SURE * error:
                 raise TorqueReversed(
                     self._names[joint],
-                    f"torque falls by {-2.0 * friction:.1f} N m where the motion turns from backwards to forwards, "
-                    "friction makes it rise: the sign of current or torque is wrong",
+                    f"torque falls by {-2.0 * friction:.1f} N m when the motion reverses from negative to positive, "
+                    "but friction makes it rise: the sign of current or torque is wrong",
                 )
 
 

@@ -78,10 +78,10 @@ def _comment(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
         "Torque reported at no load, N m:": body.offset_nm,
     }
     if possible.exact:
-        fit = "The links are near to rods, and have the torque of the identified base parameters."
+        fit = "The links resemble rods, and give the torque of the identified base parameters."
     else:
         fit = (
-            "No links that can exist have the identified base parameters: these are the nearest, off by "
+            "No physically possible links have the identified base parameters: these are the nearest, off by "
             f"{possible.off:.2f} standard deviations (RMS), at random states by N m (RMS, joint by joint): "
             f"{_numbers(np.round(possible.left_nm, 6))}."
         )

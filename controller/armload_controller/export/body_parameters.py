@@ -14,7 +14,7 @@ PARAMETERS = (
     *((f"i{a}{b}", "kg.m2", f"-int {a} {b} dm about the centre of mass") for a, b in ("xy", "xz", "yz")),
 )
 """Name, unit and meaning of the payload's parameters."""
-FRICTION = "the friction that the payload causes in the gears, which is added to its torque"
+FRICTION = "friction that the payload causes in the gears, added to its torque"
 """What a calibrated arm's parameter `friction` is a share of."""
 TRANSITION_S = 0.5
 """Start value: the time that a change of the payload takes."""

@@ -193,16 +193,17 @@ def _contract(subject: ExportSubject) -> list[str]:
     """What a caller needs to know."""
     joints = ", ".join(f"[{i}] {name}" for i, name in enumerate(subject.joint_names))
     return [
-        "Torque that the payload requires of the joints, gravity included: what the joints must give for it on top of "
-        "what the empty arm needs.",
+        "Torque that the payload requires of the joints, gravity included: the joint torque needed in addition to that "
+        "of the empty arm.",
         f"Joints, from the base to the flange: {joints}.",
         "q_rad, dq_rad_s, ddq_rad_s2: joint positions in rad, velocities in rad/s, accelerations in rad/s2, with the "
         "zeros and directions of the robot's configuration.",
-        "torque_nm: N m at the joints, positive along the joint's positive direction. Gear ratios and coupled motors "
-        "are not in it: the motors' torques are the transposed coupling times these, over the gear ratios.",
+        "torque_nm: N m at the joints, positive along the joint's positive direction. Gear ratios and motor coupling "
+        "are not included: the motors' torques are the transposed coupling times these, divided by the gear ratios.",
         f"Gravity in the base frame: {', '.join(exact(g) for g in subject.chain.gravity_m_s2)} m/s2.",
-        "Nothing here allocates or locks, and what has no state is callable from any thread. torque_nm may be one of "
-        "the inputs. What is not a number goes through: a loop must check what it is given.",
+        "Nothing here allocates or locks; functions without a state may be called from any thread. torque_nm may be "
+        "one of "
+        "the inputs. NaN is passed through: the control loop must check its inputs.",
     ]
 
 

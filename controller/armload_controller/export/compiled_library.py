@@ -63,6 +63,7 @@ def _compiler(file: str) -> list[str]:
         return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
     raise ExportError(
         file,
-        "holds a compiled library, and there is no C compiler. Install one (Debian, Ubuntu: apt install gcc) or PyPI's "
+        "holds a compiled library, but no C compiler was found. Install one (Debian, Ubuntu: apt install gcc) or "
+        "PyPI's "
         "(pip install ziglang)",
     )

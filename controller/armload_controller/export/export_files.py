@@ -54,9 +54,9 @@ def _holds(path: Path, content: bytes) -> bool:
     try:
         there = path.read_bytes() if path.exists() else None
     except OSError as problem:
-        raise ExportError(str(path), f"is there already and cannot be read: {problem.strerror}") from problem
+        raise ExportError(str(path), f"already exists and cannot be read: {problem.strerror}") from problem
     if there is None:
         return False
     if there != content:
-        raise ExportError(str(path), "is there already with another content; remove it, or give another --output")
+        raise ExportError(str(path), "already exists with different content; remove it, or give another --output")
     return True

@@ -98,8 +98,8 @@ def _description(subject: ExportSubject) -> tuple[str, ...]:
         provenance(subject),
         f"The robot's file: sha256 {subject.robot_sha256}.",
         f"Joints, from the base to the flange: {joints}; with the zeros and directions of the robot's file.",
-        "Torque that the payload requires of the joints, gravity included: what the joints must give for it on top of "
-        "what the empty arm needs. Centre of mass in the flange frame, inertia about the centre of mass.",
+        "Torque that the payload requires of the joints, gravity included: the joint torque needed in addition to that "
+        "of the empty arm. Centre of mass in the flange frame, inertia about the centre of mass.",
         complete_inertia(subject.payload, TENSOR).statement,
     )
 
@@ -108,7 +108,7 @@ def _offsets(subject: ExportSubject) -> dict[str, str]:
     """Pins for the drives, and what is written to them; nothing where 60B2 is not known."""
     if subject.permille_per_nm is None:
         return {"offset_pin": "", "offsets": ""}
-    text = "torque offset (60B2) of the drive of axis #, in whole per mille of its rated torque"
+    text = "torque offset (60B2) of the drive of axis #, in integer per mille of its rated torque"
     lines = []
     for axis, row in enumerate(subject.permille_per_nm):
         terms = (f"{exact(value)} * *__comp_inst->tau[{joint}]" for joint, value in enumerate(row) if value != 0.0)
@@ -127,12 +127,12 @@ def _wiring(subject: ExportSubject, prefix: str, component: str) -> str:
         "drives, CiA 402 over EtherCAT (lcec). HALFILE in the machine's INI file, after the file that adds "
         "lcec.write-all as the last function of servo-thread.",
         f"In ethercat-conf.xml each drive is a slave named as its joint ({', '.join(slaves)}) on master 0, and one of "
-        f"the PDOs that it receives has {entry}",
-        "LinuxCNC's joints 0, 1, ... must be those of the robot's file, with its zeros and directions, in degrees. The "
-        "per mille are those of the rated torques and the coupling in the robot's file.",
-        f"Before motion, standing: setp {unit}.gain 0.1, enable, and look whether the drives' actual torque changes by "
-        "what is added, in sign and size. Then set lag to the time by which the servos follow what is commanded: "
-        "joint.N.f-error over joint.N.vel-cmd at constant speed.",
+        f"its RxPDOs has {entry}",
+        "LinuxCNC's joints 0, 1, ... must be those of the robot's file, with its zeros and directions, in degrees. Per "
+        "mille values use the rated torques and the coupling in the robot's file.",
+        f"Before any motion, at standstill: setp {unit}.gain 0.1, enable, and check that the drives' actual torque "
+        "changes by the added torque, in sign and magnitude. Then set lag to the servos' delay: joint.N.f-error "
+        "divided by joint.N.vel-cmd at constant speed.",
     )
     lines = comment(paragraphs, "#")
     lines += [

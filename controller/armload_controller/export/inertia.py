@@ -54,12 +54,12 @@ class WrittenInertia:
             return "Inertia: measured; all elements written here are determined."
         if self.source is InertiaSource.MODEL:
             return (
-                f"Inertia: NOT DETERMINED by the measurement: {names}. Written for them are the numbers of the model "
-                "that completes the measured ones to a body that can exist. They are no measurement."
+                f"Inertia: NOT DETERMINED by the measurement: {names}. For these, the values of the model that "
+                "completes the measured ones to a physically possible body are written. They are not measurements."
             )
         return (
-            f"Inertia: NOT DETERMINED by the measurement: {names}. Written is zero, which this controller takes for a "
-            "point mass."
+            f"Inertia: NOT DETERMINED by the measurement: {names}. Zero is written, which this controller interprets "
+            "as a point mass."
         )
 
 

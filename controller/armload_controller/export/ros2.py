@@ -44,7 +44,7 @@ def _xacro(subject: ExportSubject) -> str:
         *xml_comment(
             subject,
             f"Include the file and call {name} with parent, the link whose frame is the flange of the robot's "
-            "configuration; prefix goes before the names of link and joint.",
+            "configuration; prefix is prepended to the names of link and joint.",
         ),
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">',
         f'  <xacro:macro name="{name}" params="parent prefix:=\'\'">',

@@ -29,8 +29,8 @@ def export_urdf(subject: ExportSubject) -> dict[str, str]:
     """
     lines = xml_comment(
         subject,
-        "The inertial element of a link whose frame is the flange of the robot's configuration. A link has only one: "
-        "where the flange's link has one already, take the payload as a link of its own (armload export, format ros2).",
+        "The inertial element of a link whose frame is the flange of the robot's configuration. A link can have only "
+        "one: if the flange's link already has one, add the payload as a separate link (armload export, format ros2).",
     )
     lines += inertial_lines(subject)
     return {f"{subject.identifier}_payload_inertial.xml": "\n".join(lines) + "\n"}

@@ -45,10 +45,10 @@ def load_data(subject: ExportSubject) -> tuple[str, str, str]:
     """What load data of any controller begin with: provenance, the frame, and what the load is."""
     return (
         provenance(subject),
-        f"Frame: the flange of {subject.robot}'s configuration, taken to be the flange frame of the robot's own "
-        "controller, z out of the flange; check that x and y agree too.",
-        "Load: what was mounted between the empty and the loaded run. A tool that was on the flange in both is not in "
-        "it and must be added.",
+        f"Frame: the flange of {subject.robot}'s configuration, assumed to be the flange frame of the robot's own "
+        "controller, with z pointing out of the flange; check that x and y also agree.",
+        "Load: everything mounted between the empty and the loaded run. A tool that was on the flange in both runs is "
+        "not included and must be added.",
     )
 
 

@@ -63,13 +63,14 @@ class DeclaredMass:
     def __post_init__(self) -> None:
         if not 0.0 <= self.least_kg < self.most_kg:
             raise AdaptationRefused(
-                f"expected mass {self.least_kg:g}..{self.most_kg:g} kg: give a range such as 0..3, the lesser one first"
+                f"expected mass {self.least_kg:g}..{self.most_kg:g} kg: give a range such as 0..3, the smaller value "
+                "first"
             )
         if self.most_kg > self.greatest_kg:
             raise AdaptationRefused(
-                f"expected mass up to {self.most_kg:g} kg: torque follows an estimate up to {RATED_SHARE:.0%} of the "
-                f"rated {self.rated_kg:g} kg only, {self.greatest_kg:g} kg. Identify such a payload, and feed its file "
-                "forward"
+                f"expected mass up to {self.most_kg:g} kg: adaptive torque is limited to {RATED_SHARE:.0%} of the "
+                f"rated {self.rated_kg:g} kg, {self.greatest_kg:g} kg. Identify such a payload, and use its file for "
+                "the feed-forward"
             )
 
     @property
@@ -99,7 +100,7 @@ class AdaptationRules:
             found: The estimate.
         """
         if found.contact:
-            return "something pushes against the arm"
+            return "there is an external force on the arm"
         mass, width = found.mass_kg, float(found.half_width_95[0])
         if not width <= MASS_WITHIN * mass:
             return "the mass is not known well enough"
@@ -112,7 +113,7 @@ class AdaptationRules:
             return f"the centre of mass is further than {REACH_M:g} m from the flange"
         far = np.flatnonzero(friction_change_nm(found, self._speed) > FAR * self._usual_nm)
         if far.size:
-            return f"the friction of {self._joint_names[int(far[0])]} is far from the calibration's"
+            return f"the friction of {self._joint_names[int(far[0])]} is far from the calibrated value"
         return None
 
 

@@ -89,7 +89,7 @@ class OffsetVerdict:
         """
         wrong = np.flatnonzero(self.wrong)
         if wrong.size or not self.usable.any():
-            found = [self._account(int(i)) for i in wrong] or ["no joint's answer stands out from the noise"]
+            found = [self._account(int(i)) for i in wrong] or ["no joint's response exceeds the noise"]
             raise OffsetRefused(
                 tuple(self.joint_names[i] for i in wrong),
                 "torque offset at standstill: " + "; ".join(found) + ". No torque is added",
@@ -100,13 +100,13 @@ class OffsetVerdict:
         """What is wrong with one joint, and what to look at."""
         gain = self.gain[joint]
         if abs(gain) <= TOLERANCE:
-            what = "the servo balances it, or the drive does not take it: sign and scale cannot be determined"
+            what = "the servo compensates for it, or the drive ignores it: sign and scale cannot be determined"
         elif gain < 0:
             what = "the sign is wrong: check polarity (607E) and the direction of the axis"
         else:
             what = "the scale is wrong: check rated torque (6076) and gear ratio"
         return (
-            f"{self.joint_names[joint]} was given {self.tried_nm[joint]:.1f} N m and answered with "
+            f"{self.joint_names[joint]} was commanded {self.tried_nm[joint]:.1f} N m and responded with "
             f"{100 * gain:.0f} % of it, 100 +-{100 * TOLERANCE:.0f} expected; {what}"
         )
 

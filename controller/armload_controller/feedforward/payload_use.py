@@ -17,11 +17,14 @@ def another_arms(payload: PayloadResult, chain: Chain, robot: str) -> str | None
     """
     known = payload.provenance
     if known.robot and known.robot != robot:
-        return f"identified on the robot {known.robot!r}, not on {robot!r}; identify it on this arm, or name the other"
+        return (
+            f"identified on the robot {known.robot!r}, not on {robot!r}; identify it on this arm, or name the other "
+            "robot"
+        )
     if known.kinematics_sha256 and known.kinematics_sha256 != chain.kinematics_sha256:
         return (
-            f"identified on {robot} with other [kinematics] than its file has now: the flange may be elsewhere; "
-            "identify it again"
+            f"identified on {robot} with [kinematics] that differ from those in its file now: the flange may be "
+            "elsewhere; identify it again"
         )
     return None
 
@@ -59,6 +62,6 @@ def why_not_usable(payload: PayloadResult, chain: Chain, robot: str, use: str) -
     if payload.model.margin < SMALLEST_MARGIN:
         return (
             f"no body has these parameters: margin {payload.model.margin:.3g}, at least {SMALLEST_MARGIN:g} is "
-            "needed. Identify it again"
+            "required. Identify it again"
         )
     return None

@@ -33,8 +33,8 @@ def runs_of(folder: Path) -> list[ArmRun]:
     rows = latest_rows(folder, _COLUMNS)
     if not rows:
         raise FleetError(
-            f"{folder}: no rows there; `armload fleet identify JOBS --output {folder}` makes them, and writes them in "
-            "parts while it runs"
+            f"{folder}: no rows there; `armload fleet identify JOBS --output {folder}` creates them, and writes them "
+            "in parts while it runs"
         )
     return [
         ArmRun(

@@ -55,7 +55,7 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
         for loaded, stars in there:
             if lines.setdefault(loaded, entry.line) != entry.line:
                 raise ConfigurationError(
-                    str(table), f"line {entry.line}, loaded", loaded, f"line {lines[loaded]} names it already"
+                    str(table), f"line {entry.line}, loaded", loaded, f"line {lines[loaded]} already names it"
                 )
             files = {_LOADED: look(loaded)}
             for name in RECORDINGS[1:]:
@@ -83,7 +83,8 @@ def _partner(entry: TableEntry, name: str, stars: tuple[str, ...], table: Path) 
             str(table),
             f"line {entry.line}, {name}",
             entry.recordings[name],
-            f"expected at most as many * as in loaded, {entry.recordings[_LOADED]}: each stands for the same text",
+            f"expected at most as many * as in loaded, {entry.recordings[_LOADED]}: each takes the text that the one "
+            "in loaded matched",
         )
     return _placed(filled, table)
 

@@ -74,13 +74,13 @@ def _entry(line: CsvLine, source: str) -> TableEntry:
     """One line."""
     for name in REQUIRED:
         if not line.text(name):
-            raise ConfigurationError(source, f"line {line.number}, {name}", None, "expected a text")
+            raise ConfigurationError(source, f"line {line.number}, {name}", None, "expected text")
     if bool(line.text("validation_loaded")) != bool(line.text("validation_unloaded")):
         raise ConfigurationError(
             source,
             f"line {line.number}, validation_loaded",
             None,
-            "a validation is a loaded and an unloaded run; give both",
+            "a validation requires a loaded and an unloaded run; give both",
         )
     return TableEntry(
         line=line.number,

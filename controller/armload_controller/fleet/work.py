@@ -89,7 +89,7 @@ def _changed(robot: str) -> int:
         return 0
     if not path.is_file():
         shipped = ", ".join(shipped_robots())
-        raise FileNotFoundError(f"{robot} is not there, and no shipped robot has that name: {shipped}")
+        raise FileNotFoundError(f"{robot} does not exist, and no shipped robot has that name: {shipped}")
     return path.stat().st_mtime_ns
 
 

@@ -109,7 +109,7 @@ class Workforce:
             future = next(under_way)
             job = given.pop(future.key.removeprefix("armload-"))
             if future.cancelled():
-                raise FleetError(f"the scheduler at {self._scheduler} was lost; run again to do what is left")
+                raise FleetError(f"the scheduler at {self._scheduler} was lost; run again to process the rest")
             yield row_of(future, job)
             future.release()
             hand_out(1)
@@ -121,7 +121,7 @@ class Workforce:
             there: dict[str, str] = self._client.run(_ready)
         except Exception as trouble:
             raise FleetError(
-                f"the workers cannot run armload ({trouble}); install armload {own} where they run"
+                f"the workers cannot run armload ({trouble}); install armload {own} in their environment"
             ) from trouble
         if problem := version_problem(own, set(there.values()), self._scheduler):
             raise FleetError(problem)
@@ -138,7 +138,7 @@ def version_problem(own: str, there: set[str], scheduler: str | None) -> str:
     if not there:
         return f"the scheduler at {scheduler} has no workers; start some: dask worker {scheduler}"
     if others := there - {own}:
-        return f"workers have armload {', '.join(sorted(others))}, this is {own}; install the same everywhere"
+        return f"workers have armload {', '.join(sorted(others))}, this is {own}; install the same version everywhere"
     return ""
 
 
@@ -184,8 +184,7 @@ def row_of(future: Any, job: Job) -> Row:
         row: Row = future.result()
         return row
     text = (
-        "the worker died of it, as often as it was tried: more than "
-        f"{MEMORY_BYTES // 2**20} MiB of memory, or killed from outside"
+        f"the worker died at every attempt: more than {MEMORY_BYTES // 2**20} MiB of memory, or killed from outside"
         if isinstance(problem, KilledWorker)
         else f"{type(problem).__name__}: {problem}"
     )

@@ -156,8 +156,8 @@ class CheckedPath:
         joint = int(moved.argmax())
         if not moved[joint] <= SAG_RAD:
             raise BlockedWay(
-                f"{constraints.limits.joint_names[joint]} moved by {moved[joint]:.4f} rad while the arm got torque, "
-                f"{SAG_RAD} rad allowed: the way that was checked begins elsewhere"
+                f"{constraints.limits.joint_names[joint]} moved by {moved[joint]:.4f} rad while the arm was being "
+                f"enabled, {SAG_RAD} rad allowed: the checked path starts elsewhere"
             )
         line = LinePath.within(position_rad, stood_rad, constraints.limits, constraints.points)
         leg = plan_approach(line, constraints.limits)

@@ -96,8 +96,8 @@ def torque_objection(
         weakest = int(np.argmax(share))
         if not share[weakest] <= 1.0:
             return (
-                f"asks {needed[weakest]:.0f} N m of {owner}{names[weakest]}, which has "
-                f"{torque.available_nm[weakest]:.0f} N m for it"
+                f"requires {needed[weakest]:.0f} N m of {owner}{names[weakest]}, which has "
+                f"{torque.available_nm[weakest]:.0f} N m available"
             )
     return None
 

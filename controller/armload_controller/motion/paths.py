@@ -145,7 +145,7 @@ def bound_phase(path: FourierTrajectory, limits: MotionLimits) -> PhaseLimits:
     if acceleration <= 0 or jerk <= 0:
         joint = limits.joint_names[int(np.argmin(np.where(moving, spare, np.inf)))]
         raise InfeasibleMotion(
-            f"{joint}: the excitation leaves no acceleration for getting onto it: design it with at most 90 % of "
+            f"{joint}: the excitation leaves no acceleration for its run-in: design it with at most 90 % of "
             "the joint's acceleration_max_rad_s2"
         )
     return PhaseLimits(acceleration, jerk)

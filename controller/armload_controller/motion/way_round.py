@@ -55,7 +55,7 @@ def find_way(
     straight = objection(start_rad, goal_rad)
     if straight is None:
         return (goal_rad,)
-    for where, at in (("the arm, where it stands,", start_rad), ("the path, where it begins,", goal_rad)):
+    for where, at in (("the arm, at its present position,", start_rad), ("the path, at its start,", goal_rad)):
         stands = objection(at, at)
         if stands is not None:
             raise BlockedWay(f"{where} {stands}")
@@ -75,7 +75,10 @@ def find_way(
             free |= {(a, b), (b, a)}
         else:
             return tuple(nodes[node] for node in way[1:])
-    raise BlockedWay(f"the straight way {straight}; {checked} stretches over {VIA_POINTS} via points lead no way round")
+    raise BlockedWay(
+        f"the straight path {straight}; no path round it was found among {checked} segments over {VIA_POINTS} via "
+        "points"
+    )
 
 
 def _shortest(time_s: FloatArray) -> list[int] | None:

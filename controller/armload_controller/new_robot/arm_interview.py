@@ -49,7 +49,7 @@ class _Interview:
             low, high = self.numbers(question, 2)
             if low < high:
                 return np.array([low, high])
-            self._say(f"  {low:g} is not below {high:g}: the least comes first")
+            self._say(f"  {low:g} is not below {high:g}: give the lower value first")
 
     def positive(self, question: str) -> float:
         """A number above zero; an empty answer leaves it open."""
@@ -95,8 +95,8 @@ def interviewed(ask: Ask, say: Callable[[str], None]) -> ArmDraft:
         rows, flange, chain = _kinematics(talk, convention, joints)
         if isinstance(chain, Chain):
             break
-        say(f"  {chain}; once more")
-    say("What each joint may do, in rad, rad/s and N m; an empty answer leaves speed or torque open.")
+        say(f"  {chain}; try again")
+    say("Limits of each joint, in rad, rad/s and N m; leave speed or torque empty to fill it in later.")
     limits = []
     for joint in range(1, joints + 1):
         low, high = talk.ordered(f"Joint {joint}, least and greatest position: ")

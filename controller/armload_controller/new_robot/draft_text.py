@@ -121,8 +121,8 @@ def draft_file(
     file = DraftedFile()
     file.add(
         f"# Drafted by `armload init` from {arm.source}.",
-        "# `# assumed`: nothing says so; a careful value to begin with, check it.",
-        f"# {HOLE}: only you or the manufacturer can know it; the file is refused until it is there.",
+        "# `# assumed`: no source; a cautious initial value, check it.",
+        f"# {HOLE}: only you or the manufacturer can know this; the file is refused until it is filled in.",
         "",
     )
     _robot(file, arm, payload_kg)
@@ -159,11 +159,11 @@ def _robot(file: DraftedFile, arm: ArmDraft, payload_kg: float | None) -> None:
         "rated_payload_kg",
         np.nan if payload_kg is None else payload_kg,
         "robot",
-        "the most it may carry, tool included",
+        "maximum payload, including the tool",
     )
     gravity = array(np.round(arm.chain.gravity_m_s2, 9) + 0.0)
-    file.add(f"gravity_m_s2 = {gravity}  # assumed: the arm stands upright; another mounting changes this", "")
-    file.unchecked.append(f"gravity: {gravity} m/s2 in the base frame, an arm that stands upright")
+    file.add(f"gravity_m_s2 = {gravity}  # assumed: the arm is upright; change it for any other mounting", "")
+    file.unchecked.append(f"gravity: {gravity} m/s2 in the base frame, for an upright arm")
 
 
 def _kinematics(file: DraftedFile, arm: ArmDraft) -> None:
@@ -181,7 +181,7 @@ def _payload(file: DraftedFile, payload_kg: float | None) -> None:
         return
     body = cube(payload_kg)
     file.add(
-        "# The payload that excitations are designed for and must be safe with. Another one that is heavier goes into",
+        "# The payload that excitations are designed for and must be safe with. If a heavier one is possible, add",
         "# [heaviest_payload], with the same keys.",
         "[expected_payload]",
         *(f"{line}  # assumed" if "mass_kg" not in line else line for line in body_lines(body)),
@@ -197,7 +197,7 @@ def _workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf
         return '"tool"' if index == n + 1 else str(index)
 
     file.add(
-        "# What the arm must not touch. Spheres in the joint frames, 0 the base's, the tool's in the flange frame.",
+        "# What the arm must not touch. Spheres in the joint frames (0: base); the tool's in the flange frame.",
         "[workspace]",
         f"keep_m = {number(KEEP_M)}  # assumed: clearance to everything",
         "spheres = [",
@@ -220,7 +220,7 @@ def _workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf
     if workspace.apart:
         file.add("apart = [", *(f"    [{link(a)}, {link(b)}]," for a, b in workspace.apart), "]")
     if urdf is not None and workspace.meshes:
-        file.add(f"urdf = {text(urdf)}  # its meshes are checked as well")
+        file.add(f"urdf = {text(urdf)}  # its meshes are also checked")
         if workspace.touching:
             file.add(
                 "urdf_touching = [  # neighbours whose shapes touch in nearly every pose",
@@ -236,9 +236,7 @@ def _workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf
         }
         file.add("half_spaces = [", f"    {inline(row)},  # assumed: at the height of the root", "]")
     file.add("")
-    file.unchecked.append(
-        "surroundings: a floor at the height of the root, and nothing else; add tables, walls, fences"
-    )
+    file.unchecked.append("surroundings: only a floor at the height of the root; add tables, walls, fences")
     low = [str(index) for index in range(1, n + 1) if index not in workspace.above_floor]
     if low:
         file.unchecked.append(
@@ -249,10 +247,12 @@ def _workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf
         file.unchecked.append(f"shape of link {numbers}: a sphere of {BARE_RADIUS_M:g} m around its origin")
     if workspace.overlapping and not workspace.meshes:
         pairs = ", ".join(f"{link(a)} and {link(b)}" for a, b in workspace.overlapping)
-        file.unchecked.append(f"links that nothing keeps apart, their spheres overlap in most poses: {pairs}")
+        file.unchecked.append(
+            f"pairs of links not checked for collision, because their spheres overlap in most poses: {pairs}"
+        )
     if workspace.meshes and workspace.touching:
         pairs = ", ".join(f"{a} and {b}" for a, b in workspace.touching)
-        file.unchecked.append(f"meshes that may touch, as their convex hulls do in most poses: {pairs}")
+        file.unchecked.append(f"pairs of meshes that may touch, because their convex hulls do in most poses: {pairs}")
     if workspace.why_no_meshes:
         file.unchecked.append(f"meshes are not checked: {workspace.why_no_meshes}")
 
@@ -264,7 +264,7 @@ def _whole_body(links: Sequence[InertialParameters | None]) -> list[InertialPara
 
 
 def _body(file: DraftedFile, arm: ArmDraft, links: Sequence[InertialParameters]) -> None:
-    file.add("# The arm itself, for the torque that a motion takes.")
+    file.add("# The arm itself, for the torque that a motion requires.")
     assumed = set()
     for joint, link in enumerate(links):
         coulomb, comment = _coulomb(arm, joint)
@@ -279,9 +279,9 @@ def _body(file: DraftedFile, arm: ArmDraft, links: Sequence[InertialParameters])
             f"viscous_nm_s_rad = {number(max(viscous, 0.0))}",
             "",
         )
-    file.unchecked.append("rotor inertias: none; motions take more torque than the file says")
+    file.unchecked.append("rotor inertias: none; motions require more torque than computed from this file")
     if assumed:
-        file.unchecked.append(f"friction: {FRICTION_SHARE:.0%} of a joint's greatest torque where none is given")
+        file.unchecked.append(f"friction: {FRICTION_SHARE:.0%} of a joint's maximum torque if none is given")
 
 
 def _coulomb(arm: ArmDraft, joint: int) -> tuple[float, str]:
@@ -308,10 +308,10 @@ def _bus(file: DraftedFile, name: str, bus: BusDraft | None, *, twin: bool) -> N
             "drives and arm are simulated, with assumed friction, rotors and noise: nothing real moves"
         )
     elif bus is None:
-        file.add("# To move this arm over CANopen, take away the # in front of [bus] and of every [joints.drive].")
+        file.add("# To move this arm over CANopen, remove the # in front of [bus] and of every [joints.drive].")
         lines = [f"# {line}" for line in lines]
         file.unchecked.append(
-            "drives: a template in comments; `armload init --scan INTERFACE:CHANNEL` or --description x.eds fills it"
+            "drives: a template in comments; `armload init --scan INTERFACE:CHANNEL` or --description x.eds fills it in"
         )
     else:
         file.unchecked.append(f"drives: {bus.source}; the order of the nodes is assumed, lowest at the base")
@@ -324,11 +324,12 @@ def _joint(file: DraftedFile, arm: ArmDraft, joint: int, *, has_body: bool) -> N
     speed, torque = float(arm.velocity_max_rad_s[joint]), float(arm.torque_max_nm[joint])
     endless = ""
     if np.isinf(lower) or np.isinf(upper):
-        lower, upper, endless = -3.14159, 3.14159, "assumed: it turns without end, its cables may not"
-        file.unchecked.append(f"{arm.joint_names[joint]}: turns without end; one turn is assumed")
+        lower, upper, endless = -3.14159, 3.14159, "assumed: the joint is continuous, but its cables may limit it"
+        file.unchecked.append(f"{arm.joint_names[joint]}: continuous; a range of one turn is assumed")
     if joint == 0:
         file.add(
-            "# Where recordings hold motor currents, every [[joints]] also needs gear_ratio (motor turns per axis turn)"
+            "# If recordings contain motor currents, every [[joints]] also requires gear_ratio (motor turns per axis "
+            "turn)"
         )
         file.add("# and torque_constant_nm_a (of the motor, N m per ampere).")
     file.add("[[joints]]", f"name = {text(arm.joint_names[joint])}")
@@ -340,14 +341,14 @@ def _joint(file: DraftedFile, arm: ArmDraft, joint: int, *, has_body: bool) -> N
     file.value("jerk_max_rad_s3", JERK_PER_ACCELERATION * acceleration, where, "assumed")
     file.value("torque_max_nm", torque, where)
     if not has_body:
-        file.add(f"arm_torque_share = {BODY_SHARE}  # assumed: what the arm itself takes of its torque")
+        file.add(f"arm_torque_share = {BODY_SHARE}  # assumed: fraction of its torque that the arm itself requires")
     file.value("torque_noise_nm", NOISE_SHARE * torque, where, "assumed: one raw sample at 100 Hz")
     if joint == 0:
         file.unchecked.append(
             f"accelerations (full speed after {FULL_SPEED_AFTER_S:g} s), jerks and the noise of the torque"
         )
         if not has_body:
-            file.unchecked.append(f"what the arm itself takes of its joints' torque: {BODY_SHARE:.0%}")
+            file.unchecked.append(f"fraction of the joints' torque that the arm itself requires: {BODY_SHARE:.0%}")
     file.add("")
 
 
@@ -367,20 +368,19 @@ def _drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusDraf
     add("feedback", None if known.feedback is None else text(known.feedback), '"torque" (6077) or "current" (6078)')
     permille = known.max_torque_permille
     add("max_torque_permille", None if permille is None else str(permille), "6072, per mille of the rated torque")
-    add("following_error_rad", "0.1", "assumed: further off, the drive stops")
+    add("following_error_rad", "0.1", "assumed: beyond this the drive stops")
     add("has_brake", None, "true or false")
     if known.torque_offset is False:
         add("torque_offset", "false", "no 60B2: no feed-forward")
     if known.missing:
         listed = ", ".join(text(name) for name in known.missing)
         lines.append(
-            f"# accept_missing = [{listed}]  # it has no object for these: read drivers/SAFETY.md before you accept it"
+            f"# accept_missing = [{listed}]  # the drive has no object for these: read drivers/SAFETY.md before "
+            "accepting this"
         )
         if joint == 0:
             file.unchecked.append(f"the drives lack objects that safety rests on: {', '.join(known.missing)}")
-    lines.append(
-        "# counts_per_axis_turn, rated_torque_nm, rated_current_a: read from the drive where they are left out"
-    )
+    lines.append("# counts_per_axis_turn, rated_torque_nm, rated_current_a: read from the drive if omitted")
     if known.feedback == "current":
         file.holes += [f"{where}.gear_ratio", f"{where}.torque_constant_nm_a"]
         lines[:0] = [

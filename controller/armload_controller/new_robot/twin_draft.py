@@ -29,7 +29,7 @@ def twin_bus(name: str) -> list[str]:
     Args:
         name: Of the robot.
     """
-    return ["[bus]", 'interface = "virtual"  # nothing real', f"channel = {text(f'armload-{name}')}"]
+    return ["[bus]", 'interface = "virtual"  # no real bus', f"channel = {text(f'armload-{name}')}"]
 
 
 def twin_drive(arm: ArmDraft, joint: int) -> list[str]:
@@ -72,8 +72,8 @@ def twin_simulation(
         acceleration_rad_s2: (n,) greatest acceleration.
     """
     lines = [
-        "# The simulated arm: the truth, which the identification has to find and never reads. The links are the",
-        "# URDF's, all else is assumed.",
+        "# The simulated arm: the true parameters, which the identification must find and never reads. The links are",
+        "# the URDF's, everything else is assumed.",
         "[simulation]",
         "seed = 1",
         'payload = "cube"',

@@ -87,7 +87,7 @@ def workspace_of_urdf(arm: UrdfArm, draft: ArmDraft, tool: Sphere) -> WorkspaceD
     ]
     workspace = workspace_of_spheres(draft, found, tool, floor_m=-float(base.translation[2]))
     if not np.allclose(base.homogeneous, np.eye(4), atol=1e-9):
-        return replace(workspace, why_no_meshes=f"the arm begins at {arm.base}, which is not the URDF's root")
+        return replace(workspace, why_no_meshes=f"the arm begins at {arm.base}, which is not the root of the URDF")
     try:
         meshes = Meshes(Path(arm.file), arm.chain, arm.joint_names, KEEP_M)
     except ModelError as error:

@@ -85,11 +85,11 @@ def adapted_run(
 
     session.run(
         path,
-        "torque that follows the payload",
+        "adaptive payload torque",
         plugins=[checked],
         before=before,
-        warning=f"Torque for up to {declared.most_kg:g} kg will be added while the arm moves, as it finds out what it "
-        "carries, and taken away again. ",
+        warning=f"Torque for up to {declared.most_kg:g} kg will be added while the arm moves, following the estimated "
+        "payload, and removed again. ",
     )
     return AdaptedRun(verdicts[0], tuple(adaptation.decisions))
 
@@ -102,8 +102,8 @@ def required_calibration(used: ArmInUse) -> ArmCalibration:
     """
     if used.calibration is None:
         raise CommissioningError(
-            "--adapt follows the estimate of a calibrated arm: calibrate it once with `armload calibrate` and give "
-            "that file as --calibration"
+            "--adapt requires a calibrated arm: calibrate it once with `armload calibrate` and give that file as "
+            "--calibration"
         )
     return used.calibration
 

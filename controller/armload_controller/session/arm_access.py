@@ -61,8 +61,8 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
     robot.require_complete_for_real_arm()
     if not attended:
         raise UnsafeBus(
-            f"bus {robot.bus.interface}:{robot.bus.channel}: a real arm is moved only with somebody at a terminal, "
-            "--yes or not. Run the command where its input is a terminal, within reach of the emergency stop"
+            f"bus {robot.bus.interface}:{robot.bus.channel}: a real arm is moved only with an operator at a terminal, "
+            "even with --yes. Run the command from a terminal, within reach of the emergency stop"
         )
 
 

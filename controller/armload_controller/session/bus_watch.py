@@ -44,7 +44,7 @@ def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
     """
     if robot.bus.interface == VIRTUAL:
         raise UnsafeBus(
-            "an arm is watched by its RECORDING, or on its bus: give --interface and --channel, such as "
+            "give a RECORDING, or watch the arm's bus with --interface and --channel, such as "
             "--interface socketcan --channel can0"
         )
     robot.drives.require_scales()
@@ -106,7 +106,7 @@ class BusWatch:
             kind = "current" if with_current else "torque"
             raise CommissioningError(
                 f"{robot.file}: the drives report {kind}, but the arm was calibrated "
-                f"with {payload.effort}. Calibrate it with recordings of this bus (`armload watch --record`)"
+                f"with {payload.effort}. Calibrate it from recordings of this bus (`armload watch --record`)"
             )
         self._payload, self._recorder, self._every_s, self._clock = payload, recorder, every_s, clock
         self._n = robot.n

@@ -109,8 +109,9 @@ def _record(
         summary = session.run(path, f"{session.load}: {role}", recorder=recorder)
         if recorder.measured_rows < round(path.excitation.trajectory.period_s / session.servos.cycle_s):
             raise CommissioningError(
-                f"{session.load}: {role}: no whole period was run at full speed, and only such periods are measured. "
-                "Run the same command again, and take the speed back to 100 % (key +) before the slow round ends."
+                f"{session.load}: {role}: no complete period was run at full speed, and only such periods are "
+                "measured. Run the same command again, and set the speed back to 100 % (key +) before the slow round "
+                "ends."
             )
         return summary
 
@@ -177,5 +178,5 @@ def require_recordings(directory: Path, load: Load) -> None:
     if missing:
         path = recording_path(directory, load, missing[0])
         raise CommissioningError(
-            f"{path} is missing: make it with `armload commission ... --runs {load} --output {directory}`"
+            f"{path} is missing: create it with `armload commission ... --runs {load} --output {directory}`"
         )

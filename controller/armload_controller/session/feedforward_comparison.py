@@ -43,7 +43,7 @@ _STEP_S = 1e-3
 class Measure(StrEnum):
     """What is compared of the following error."""
 
-    ADDED = "what the payload adds to the following error"
+    ADDED = "following error due to the payload"
     TORQUES = "following error beyond the servo's lag"
 
 
@@ -145,7 +145,9 @@ class FollowingRecorder:
             CommissioningError: nothing was; the run was not at full speed.
         """
         if not self._phase:
-            raise CommissioningError("no cycle at full speed: nothing to compare. Run without pause and override")
+            raise CommissioningError(
+                "no cycle at full speed: nothing to compare. Run without pausing or reducing the speed"
+            )
         return FollowingRun(np.array(self._phase), np.array(self._error))
 
 

@@ -147,15 +147,15 @@ def _installed(robot: Robot, name: str) -> EntryPoint:
         return found[0]
     if found:
         packages = " and ".join(sorted(_package(entry) for entry in found))
-        raise robot.source.refused(_key(name), {}, f"{packages} both bring a plug-in of this name: uninstall one")
+        raise robot.source.refused(_key(name), {}, f"{packages} both provide a plug-in with this name: uninstall one")
     close = difflib.get_close_matches(name, {entry.name for entry in entries}, n=1)
     meant = f" Did you mean {close[0]}?" if close else ""
     names = ", ".join(sorted(f"{entry.name} ({_package(entry)})" for entry in entries)) or "none"
     raise robot.source.refused(
         _key(name),
         {},
-        f"no plug-in of this name is installed.{meant} Installed are: {names}. Install its package where armload "
-        "is, or take the table out",
+        f"no plug-in with this name is installed.{meant} Installed are: {names}. Install its package in armload's "
+        "environment, or remove the table",
     )
 
 
@@ -170,7 +170,7 @@ def _made(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, obj
         table = entry.load()
     except Exception as problem:
         why = f"{type(problem).__name__}: {problem}"
-        raise robot.source.refused(key, {}, f"{whose} cannot be loaded: {why}. Install that package anew") from problem
+        raise robot.source.refused(key, {}, f"{whose} cannot be loaded: {why}. Reinstall that package") from problem
     if not (isinstance(table, type) and issubclass(table, PluginTable)):
         raise robot.source.refused(key, {}, f"{whose} is {table!r}, expected a class derived from armload.PluginTable")
     try:
@@ -181,7 +181,7 @@ def _made(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, obj
         raise
     except Exception as problem:
         why = f"{type(problem).__name__}: {problem}"
-        raise robot.source.refused(key, {}, f"{whose} could not make its plug-in: {why}") from problem
+        raise robot.source.refused(key, {}, f"{whose} could not create its plug-in: {why}") from problem
     if not callable(getattr(watcher, "on_cycle", None)):
         raise robot.source.refused(key, {}, f"{whose} made {watcher!r}, expected an object with on_cycle(step)")
     return watcher

@@ -67,7 +67,7 @@ class ClientPace:
         if waiting + size > self._limits.waiting_bytes:
             return f"more than {self._limits.waiting_bytes / 1e6:.2g} MB waited for it"
         if now_s - self._moved_s > self._limits.stalled_s:
-            return f"it took nothing for {self._limits.stalled_s:g} s"
+            return f"it read nothing for {self._limits.stalled_s:g} s"
         return None
 
 

@@ -191,7 +191,9 @@ def shown_live(operator: Operator, robot: Robot, address: LiveAddress | None) ->
             host = f"[{address.host}]" if ":" in address.host else address.host
             operator.display.step(f"live: in Foxglove, open a connection to ws://{host}:{port}")
             if not address.loopback:
-                operator.display.step("warning: whoever reaches this computer can watch the arm; nobody can command it")
+                operator.display.step(
+                    "warning: anyone who can connect to this computer can watch the arm, but not command it"
+                )
             view = LiveView(ours, operator.display)
             yield replace(operator, display=view, watching=(*operator.watching, view))
             view.show_warnings()
@@ -222,7 +224,7 @@ def _port_of(link: socket.socket, address: LiveAddress) -> int:
     try:
         answer = link.recv(LIMIT_BYTES)
     except TimeoutError as error:
-        raise CommissioningError(f"the live view did not start within {_START_S:g} s: go on without --live") from error
+        raise CommissioningError(f"the live view did not start within {_START_S:g} s: run without --live") from error
     problem = "its process ended" if not answer else orjson.loads(answer).get("problem")
     if problem is not None:
         raise CommissioningError(

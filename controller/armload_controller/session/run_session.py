@@ -212,8 +212,10 @@ class RunSession:
         display, consent = self._operator.display, self._operator.consent
 
         def go_round(via_points_rad: FloatArray) -> None:
-            points = "1 via point" if len(via_points_rad) == 1 else f"{len(via_points_rad)} via points"
-            display.step(f"{name}: the straight way to its start is not free: the arm goes round, by {points}")
+            points = "1 point" if len(via_points_rad) == 1 else f"{len(via_points_rad)} points"
+            display.step(
+                f"{name}: the straight path to its start is blocked: the arm goes round the obstacle, via {points}"
+            )
             if recorder is not None:
                 recorder.attach(WAY_ROUND_ATTACHMENT, json.dumps({"via_points_rad": via_points_rad.tolist()}))
 
@@ -221,8 +223,8 @@ class RunSession:
             if not self._moved:
                 consent.require(
                     self.servos,
-                    f"First motion {self.load}: the arm will go to the start of the excitation and round it once, "
-                    "slowly. Is the workspace clear and the emergency stop at hand?",
+                    f"First motion {self.load}: the arm will move slowly to the start of the excitation and once along "
+                    "it. Is the workspace clear and the emergency stop at hand?",
                     always=self.load is Load.LOADED,
                 )
                 self._moved = True
@@ -233,10 +235,10 @@ class RunSession:
             except FeedbackError as error:
                 raise MotionError(stop_message(error), ()) from error
             self._rounded.add(path)
-        added = "" if before is None else " with torque added to the drives' own"
+        added = "" if before is None else " with added torque"
         consent.require(
             self.servos,
-            f"{name}: the slow round is over, the drives are off. {warning}Run it at full speed{added}?",
+            f"{name}: the slow round is complete, the drives are off. {warning}Run it at full speed{added}?",
             always=bool(warning),
         )
         with display.track(f"{name} run", BAR) as progress:

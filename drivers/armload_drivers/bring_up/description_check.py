@@ -37,9 +37,9 @@ def _unmappable(described: DeviceDescription, direction: PdoDirection, entry: En
     """Why a PDO could not carry an object; empty where it could."""
     found = described.find(entry)
     if found is None:
-        return f"{described.source} has no {entry}, which a PDO is to carry"
+        return f"{described.source} has no {entry}, which a PDO must carry"
     if not direction.carries(found.mappable):
-        return f"{described.source} lets no PDO carry {entry}"
+        return f"{described.source} does not allow {entry} to be mapped to a PDO"
     if found.bits is not None and found.bits != entry.type.bits:
         return f"{described.source} gives {entry} {found.bits} bits instead of {entry.type.bits}"
     return ""

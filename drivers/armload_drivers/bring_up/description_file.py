@@ -18,9 +18,11 @@ def read_description(path: Path) -> DeviceDescription:
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):  # opening a pipe waits for a writer, and a device may have no end
-            raise DescriptionError(path.name, "", "", "no regular file; give an EDS or DCF file")
+            raise DescriptionError(path.name, "", "", "not a regular file; give an EDS or DCF file")
         if status.st_size > LARGEST_BYTES:
-            raise DescriptionError(path.name, "", "", f"larger than {LARGEST_BYTES} bytes; this is no EDS or DCF file")
+            raise DescriptionError(
+                path.name, "", "", f"larger than {LARGEST_BYTES} bytes; this is not an EDS or DCF file"
+            )
         data = path.read_bytes()
     except OSError as error:
         raise DescriptionError(path.name, "", "", f"cannot be read: {error.strerror}") from error

@@ -106,10 +106,10 @@ class DriveSetup(DriveDialogue):
                 self.settings.node_id,
                 self.settings.joint,
                 "looking for the node",
-                f"no answer within {wait_s} s; only simulated drives are allowed, so nothing is reset that has not "
-                "shown to be one",
-                "Is the simulated drive there, supplied and connected, with this node id? One that was stopped by NMT "
-                "answers nothing: start the simulation anew",
+                f"no answer within {wait_s} s; only simulated drives are allowed, so no node is reset that has not "
+                "identified itself as one",
+                "Is the simulated drive running and connected, with this node id? One that was stopped by NMT does not "
+                "answer: restart the simulation",
             )
 
     def require_alive(self) -> None:
@@ -143,10 +143,8 @@ class DriveSetup(DriveDialogue):
         if not od.is_drive(device_type):
             raise self._wrong(
                 od.no_drive(device_type),
-                "Where another kind of device has this node id, correct node_id: `armload drives scan` lists all. "
-                "Where it is the drive, its firmware does not say that it keeps to CiA 402: ask its manufacturer for "
-                "one that "
-                "does",
+                "If another kind of device has this node id, correct node_id: `armload drives scan` lists all. If it "
+                "is the drive, its firmware does not declare CiA 402: ask its manufacturer for one that does",
             )
         self._identity = found = Identity(
             self._sdo.read(od.VENDOR_ID),
@@ -163,7 +161,7 @@ class DriveSetup(DriveDialogue):
                 text = "nothing" if is_ is None else f"0x{is_:08X}"
                 raise self._wrong(
                     f"{what} (1018) is {text} instead of 0x{should:08X}",
-                    "Is this the arm that the configuration describes? Then correct its identity there",
+                    "If this is the arm that the configuration describes, correct the identity there",
                 )
         return found
 
@@ -303,7 +301,7 @@ class DriveSetup(DriveDialogue):
             if bits is None:
                 raise self._wrong(f"the drive has no {entry}", self._instead_of(entry))
             if bits != entry.type.bits:
-                remedy = "The configuration expects another type: see the manufacturer's manual"
+                remedy = "The configuration expects another data type: see the manufacturer's manual"
                 if entry.key == od.TORQUE_OFFSET.key:
                     remedy = f"Set torque_offset_bits = {bits}"
                 raise self._wrong(f"{entry} has {bits} bits instead of {entry.type.bits}", remedy)
@@ -317,7 +315,7 @@ class DriveSetup(DriveDialogue):
                 return f'It has {other}: set feedback = "{name}"'
         if entry in {od.TORQUE_ACTUAL, od.CURRENT_ACTUAL}:
             return "Name the manufacturer's object for current or torque: effort_object"
-        return "A joint needs it: another mode or another drive is required"
+        return "A joint requires it: use another mode or another drive"
 
     def _select_mode(self) -> None:
         """Write 6060 and wait for 6061."""

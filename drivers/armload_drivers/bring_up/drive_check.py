@@ -27,7 +27,7 @@ from armload_drivers.cia402.state_machine import POWERED, State
 from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import ServoError, WrongDevice
 
-_AT_WORK = "Another master is at work: end it first"
+_AT_WORK = "Another master is active: stop it first"
 
 
 class Verdict(Enum):
@@ -107,7 +107,7 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
         for setup, is_known in zip(setups, known, strict=True)
     ]
     if not all(sound):
-        what = "needs the scale of every drive, and not all are in order"
+        what = "requires the scale of every drive, and not all drives have passed"
         rows += [_row(setup, "safety", Verdict.NOT_DONE, what) for setup in setups]
         return ArmCheck((*_by_joint(rows, arm), *strangers))
     units = ArmUnits(arm_with(arm, setups), [setup.report().polarity for setup in setups])
@@ -180,7 +180,7 @@ def _name_it(found: Identity) -> str:
         if value is not None
     )
     return (
-        "a real drive that the configuration does not name is not written to. If it is this arm's, name it: "
+        "a real drive that the configuration does not name is not written to. If it belongs to this arm, name it: "
         f"identity = {{ {identity} }}"
     )
 
@@ -250,7 +250,7 @@ def reset(
     cause = setup.read_fault()
     node = f"{joint} (node {setup.settings.node_id})"
     if not is_simulation(found) and not consent(
-        f"{node} is in FAULT: {cause}. Is the cause gone, and is it to be reset?"
+        f"{node} is in FAULT: {cause}. Has the cause been removed, and should the fault be reset?"
     ):
         return None
     return setup.reset_fault()

@@ -98,7 +98,7 @@ class DriveDialogue:
         self._sdo.step = "looking for the fault"
         state = self.read_state()
         if state is not State.FAULT:
-            raise self._sdo.failure(f"the drive is in {state.title}", "There is nothing to reset")
+            raise self._sdo.failure(f"the drive is in {state.title}", "No reset is required")
         return self._read_cause()
 
     def _read_cause(self) -> str:
@@ -119,7 +119,7 @@ class DriveDialogue:
                 self.settings.joint,
                 "enabling",
                 f"the drive is in FAULT: {self._read_cause()}",
-                "Remove the cause, then reset the fault by name (`armload drives reset`) and enable anew",
+                "Remove the cause, then reset the fault (`armload drives reset`) and enable again",
             )
 
     def refusal(self, what: str, remedy: str) -> ServoError:
@@ -140,7 +140,7 @@ class DriveDialogue:
 
     def watch_master(self, *, on: bool) -> None:
         """Have the drive watch the master's heartbeat, or not."""
-        self._sdo.step = "setting the heartbeat to watch"
+        self._sdo.step = "configuring the heartbeat consumer"
         watch = master_watch(self._master_node_id, self._arm.heartbeat_s) if on else 0
         try:
             self._sdo.write_if_there(od.HEARTBEAT_CONSUMER, watch)
@@ -164,7 +164,7 @@ class DriveDialogue:
             machine.receive(self._sdo.read(od.STATUSWORD), 0.0)
             machine.request_fault_reset()
         except (StatuswordError, TransitionError) as error:
-            raise self._sdo.failure(str(error), "There is nothing to reset") from error
+            raise self._sdo.failure(str(error), "No reset is required") from error
         begun_s = time.monotonic()
         while machine.state is State.FAULT and time.monotonic() - begun_s < self._timeouts.fault_reset_s:
             self._sdo.write(od.CONTROLWORD, machine.controlword(time.monotonic() - begun_s))

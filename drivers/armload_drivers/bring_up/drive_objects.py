@@ -69,7 +69,7 @@ class DriveObjects:
         if refused is None:
             return f"{name} reads {found} after {value} was written"
         if refused.abort_code == READ_ONLY:
-            return f"{name} is {found}, cannot be written, and is to be {value}"
+            return f"{name} is {found}, cannot be written, and must be {value}"
         return f"{name} is {found}, and {value} was refused (0x{refused.abort_code:08X})"
 
 
@@ -88,7 +88,9 @@ def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
         sdo.write(od.SYNC_COB_ID, od.SYNC_DEFAULT_COB_ID)
     counter = sdo.read_if_there(od.SYNC_COUNTER_OVERFLOW)
     if counter is None and arm.sync_counter:
-        raise sdo.failure("the drive knows no SYNC counter (1019)", "Set sync_counter = 0 in the configuration")
+        raise sdo.failure(
+            "the drive does not support a SYNC counter (1019)", "Set sync_counter = 0 in the configuration"
+        )
     if counter is not None and counter != arm.sync_counter:
         sdo.write_if_there(od.CYCLE_PERIOD_US, 0)
         sdo.write(od.SYNC_COUNTER_OVERFLOW, arm.sync_counter)
@@ -109,5 +111,5 @@ def _set_interpolation(drive: DriveObjects, cycle_s: float) -> None:
         period_s = found * 10.0**power
         remedy = f"Set cycle_hz = {1 / period_s:g}" if period_s > 0 else "Set it with the manufacturer's tool"
         raise sdo.failure(
-            f"the drive interpolates over {period_s:g} s (60C2) and does not take the cycle of {cycle_s:g} s", remedy
+            f"the drive interpolates over {period_s:g} s (60C2) and does not accept the cycle of {cycle_s:g} s", remedy
         )

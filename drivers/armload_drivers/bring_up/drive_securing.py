@@ -36,7 +36,7 @@ def _try(drive: DriveObjects, way: Way, of: Safety, values: SafetyValues) -> str
         return reason
     settings = settings_of(way, of, values.drive)
     if way.by_vendor and not settings:
-        return "the configuration names no object of the manufacturer's (vendor_settings)"
+        return "the configuration names no manufacturer-specific object (vendor_settings)"
     for setting in settings:
         reason = drive.hold(setting.entry, setting.wanted(values))
         if not reason:
@@ -59,12 +59,12 @@ def require_safety(drive: DriveObjects, values: SafetyValues, findings: tuple[Sa
     settings = values.drive
     reasons = "; ".join(f"{finding.of.key}: {finding.of.value.lost} ({finding.found})" for finding in refused)
     remedies = ". ".join(dict.fromkeys(finding.of.value.remedy for finding in refused if finding.of.value.remedy))
-    drive.sdo.step = "judging what the drive lacks"
+    drive.sdo.step = "checking the safety properties"
     raise MissingSafety(
         settings.node_id,
         settings.joint,
         drive.sdo.step,
         f"the drive lacks what safety rests on: {reasons}",
-        f"{remedies}. Where the arm stops by other means that you have tried, say so: "
+        f"{remedies}. If the arm stops by other means that you have tested, accept this: "
         f"{acceptance(tuple(finding.of for finding in refused), settings)}",
     )

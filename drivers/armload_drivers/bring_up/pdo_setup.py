@@ -39,8 +39,8 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
     if not free and present != word:
         raise sdo.failure(
             f"{cob_id} is 0x{present:08X}, which is not this node's 0x{word:08X}, and cannot be written",
-            "Give the COB-IDs of this node with the manufacturer's tool, or give the drive the node id that they "
-            "belong to",
+            "Set the COB-IDs of this node with the manufacturer's tool, or give the drive the node id that they belong "
+            "to",
         )
     wanted = [
         (direction.map_entry(number, position), entry.mapping) for position, entry in enumerate(layout.entries, start=1)
@@ -52,7 +52,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
     kind = direction.type_entry(number)
     if sdo.read(kind) != od.PDO_SYNCHRONOUS and not _write(sdo, kind, od.PDO_SYNCHRONOUS):
         raise sdo.failure(
-            f"{kind} is {sdo.read(kind)} and cannot be written; {od.PDO_SYNCHRONOUS} is needed (with every SYNC)",
+            f"{kind} is {sdo.read(kind)} and cannot be written; {od.PDO_SYNCHRONOUS} is required (with every SYNC)",
             "Set it with the manufacturer's tool",
         )
     if free:
@@ -86,8 +86,8 @@ def _map(sdo: SdoChannel, entry: Entry, value: int, needed: int) -> bool:
             raise
         most = entry.subindex - 1
         raise sdo.failure(
-            f"a PDO of this drive carries at most {most} objects, {needed} are needed",
-            f"Set pdo_objects_max = {most}: what has no room travels in a second PDO",
+            f"a PDO of this drive carries at most {most} objects, {needed} are required",
+            f"Set pdo_objects_max = {most}: the rest is sent in a second PDO",
         ) from refusal
 
 
@@ -102,8 +102,8 @@ def _fixed(sdo: SdoChannel, layout: PdoLayout) -> ServoError:
     there = ", ".join(f"{word >> 16:04X}:{word >> 8 & 0xFF}" for word in _mapped(sdo, layout.direction, layout.number))
     needed = ", ".join(f"{entry.index:04X}:{entry.subindex}" for entry in layout.entries)
     return sdo.failure(
-        f"the mapping is fixed to {there or 'nothing'}; needed are {needed}",
-        "A drive whose mapping is fixed can be used only where it carries these objects in this order",
+        f"the mapping is fixed to {there or 'nothing'}; required are {needed}",
+        "A drive with a fixed mapping can be used only if it carries these objects in this order",
     )
 
 

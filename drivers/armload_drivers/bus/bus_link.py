@@ -172,7 +172,7 @@ class BusLink:
         self.error_frames += 1
         if message.arbitration_id & _BUS_OFF:
             raise BusError(
-                "the controller is bus-off: it does not send any more. Check wiring, termination and bit rate, "
+                "the controller is bus-off and no longer sends. Check wiring, termination and bit rate, "
                 "then restart the interface"
             )
         if message.arbitration_id & _RESTARTED:

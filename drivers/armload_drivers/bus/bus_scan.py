@@ -69,6 +69,6 @@ def require_no_strangers(link: BusLink, arm: ArmSettings, wait_s: float) -> None
                 "no configured joint",
                 "looking for other drives",
                 f"a CiA 402 drive that the configuration does not name; it names {len(arm.drives)}",
-                "Is this the right arm, with all its joints configured? A drive that belongs to something else on "
-                "the bus goes into other_nodes",
+                "Is this the right arm, with all its joints configured? List drives on the bus that do not belong to "
+                "it in other_nodes",
             )

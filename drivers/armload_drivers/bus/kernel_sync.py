@@ -222,14 +222,14 @@ class BcmSync:
             self._start(link)
             if not self._await(link):
                 self._waiting = False
-                raise BusError("no SYNC came back from the bus. Is the interface up? Has its queue room?")
+                raise BusError("no SYNC came back from the bus. Is the interface up? Is its transmit queue full?")
         self._cycles += 1
         if not self._reported and (how := self._other_producer()):
             # Reported once, so that the arm can still be stopped and disabled while the other producer is active.
             self._reported = True
             raise ForeignMaster(
-                f"{how}: another node produces SYNC as well (COB-ID 0x080). End the other program, or take its device "
-                "off the bus"
+                f"{how}: another node also produces SYNC (COB-ID 0x080). Stop the other program, or disconnect its "
+                "device"
             )
         time_s = self._clock() if self._used_s is None else self._used_s
         skipped = 0 if before_s is None else max(0, round((time_s - before_s) / self._cycle_s) - 1)
@@ -265,21 +265,21 @@ class BcmSync:
     def _other_producer(self) -> str:
         """How another SYNC producer was detected, in words; empty where there is none."""
         if self._came_in:
-            return "SYNC came in over the bus"
+            return "a SYNC was received from the bus"
         if self._cycles % _COUNT_EVERY == 0:
             # What was heard is looked at first: the kernel may send one more meanwhile, and never one less.
             heard, sent = self._heard, self._producer.count()
             if sent is None:
                 return self._too_dense()
             if heard > sent:
-                return f"{heard} SYNCs came and the kernel has sent {sent} for this master"
+                return f"{heard} SYNCs were received, but the kernel has sent {sent} for this master"
         return ""
 
     def _too_dense(self) -> str:
         """Whether SYNC comes more often than the kernel lets it leave, in words."""
         rhythm = self._rhythm
         if len(rhythm) == _RHYTHM and rhythm[-1] - rhythm[0] < _SHORTEST_RHYTHM * (_RHYTHM - 1) * self._cycle_s:
-            return "SYNC comes more often than this master lets it leave"
+            return "SYNC is more frequent than this master sends it"
         return ""
 
     def _take_sync(self, link: BusLink) -> None:

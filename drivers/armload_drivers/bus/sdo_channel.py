@@ -70,7 +70,7 @@ class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
             raise
         if sdo_request[0] >> 5 in _INITIATE and answer[1:4] != bytes(sdo_request[1:4]):
             raise SdoCommunicationError(
-                f"answered for object {answer[2]:02X}{answer[1]:02X}:{answer[3]}; another SDO client is at work"
+                f"answered for object {answer[2]:02X}{answer[1]:02X}:{answer[3]}; another SDO client is active"
             )
         return answer
 
@@ -153,7 +153,7 @@ class SdoChannel:
                 return None
             raise
         if len(data) != entry.type.bits // 8:
-            raise self.failure(f"reading {entry}: {len(data)} bytes are no REAL32", "See the drive's manual")
+            raise self.failure(f"reading {entry}: {len(data)} bytes are not a REAL32", "See the drive's manual")
         (value,) = struct.unpack("<f", data)
         return float(value)
 
@@ -223,7 +223,7 @@ class SdoChannel:
                 self._joint,
                 self.step,
                 f"{verb} {entry} was refused with 0x{error.code:08X}, {text}",
-                "The drive does not support this, or not in its present state; see its manual",
+                "The drive does not support this, at least not in its present state; see its manual",
                 error.code,
             ) from error
         except _NoAnswer as error:

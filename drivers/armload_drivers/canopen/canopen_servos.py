@@ -314,13 +314,13 @@ class CanopenServos:
     def _require(self, phase: _Phase) -> None:
         """Requires the given phase."""
         if self._phase is not phase:
-            raise StateError(f"the servos are {self._phase.name.lower()}, this needs them {phase.name.lower()}")
+            raise StateError(f"the servos are {self._phase.name.lower()}, but must be {phase.name.lower()} for this")
 
     @property
     def _cycle(self) -> CanopenCycle:
         """The cycle, which there is from `connect` on."""
         if self._running is None:
-            raise StateError("the servos are new: connect them first")
+            raise StateError("the servos are not connected: connect them first")
         return self._running
 
     def _require_connected(self) -> None:
@@ -352,7 +352,7 @@ class CanopenServos:
         try:
             self.disable()
         except DriverError as again:
-            error.add_note(f"Disabling again failed as well: {again}")
+            error.add_note(f"Disabling also failed: {again}")
 
     def _silence(self) -> None:
         """Last resort: end PDO communication, whereupon drives do what 6007 says."""

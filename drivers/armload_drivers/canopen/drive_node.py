@@ -183,7 +183,7 @@ class DriveNode:
         try:
             self.machine.request(goal)
         except TransitionError as error:
-            raise self._error(step, str(error), "Disable the arm, and enable it anew") from error
+            raise self._error(step, str(error), "Disable the arm, and enable it again") from error
 
     def prepare(self, now_s: float) -> can.Message:
         """RPDO of this cycle."""
@@ -265,21 +265,21 @@ class DriveNode:
         if self.booted:
             self.lost = True
             return self._error(
-                step, "the drive has rebooted by itself", "Check its supply; then connect and enable anew"
+                step, "the drive has rebooted by itself", "Check its supply; then reconnect and enable again"
             )
         if self._missing > self._max_missing:
             self.lost = True
             return self._timeout(
                 step,
                 f"no feedback for {self._missing} cycles",
-                f"Is the drive supplied and its cable sound? Allowed are {self._max_missing} (max_missing_cycles)",
+                f"Check the drive's supply and cable. Allowed are {self._max_missing} (max_missing_cycles)",
             )
         if now_s - self._heard_s > self.heartbeat_limit_s:
             self.lost = True
             return self._timeout(
                 step,
                 f"no heartbeat for {now_s - self._heard_s:.3f} s",
-                "Is the drive supplied and its cable sound?",
+                "Check the drive's supply and cable",
             )
         if self._nmt_state not in _IN_ORDER:
             self.lost = True
@@ -287,24 +287,24 @@ class DriveNode:
             return self._error(
                 step,
                 f"the drive has left OPERATIONAL, it is in {name}",
-                "Is another master on the bus? Has the drive missed the heartbeat?",
+                "Is there another master on the bus? Has the drive missed the heartbeat?",
             )
         if must_follow and self.machine.state is not _ENABLED:
             return self._error(
                 step,
                 f"the drive has left OPERATION ENABLED, it is in {self._state_text}",
-                "Was its enabling input or the emergency stop used? Then disable and enable anew",
+                "If its enable input or the emergency stop was used, disable and enable again",
             )
         return None
 
     def not_in_time(self, step: str, limit_s: float, now_s: float) -> ServoTimeout:
         """Error about a state that was not reached."""
-        goal = "the state asked for" if self.machine.goal is None else self.machine.goal.title
+        goal = "the requested state" if self.machine.goal is None else self.machine.goal.title
         return self._timeout(
             step,
             f"{goal} and standstill not reached within {limit_s} s, the drive has been in {self._state_text} "
             f"for {now_s - self.machine.since_s:.2f} s",
-            "Are its power stage supplied, its safe-torque-off closed and its brake able to open?",
+            "Is its power stage supplied, safe torque off inactive, and its brake able to release?",
         )
 
     def gone(self, step: str) -> ServoTimeout:
@@ -313,7 +313,7 @@ class DriveNode:
         return self._timeout(
             step,
             f"no feedback for {self._missing} cycles",
-            f"Is the drive supplied and its cable sound? Allowed are {self._max_missing} (max_missing_cycles)",
+            f"Check the drive's supply and cable. Allowed are {self._max_missing} (max_missing_cycles)",
         )
 
     def _fault(self, step: str) -> ServoFault | None:
@@ -326,7 +326,7 @@ class DriveNode:
             self.settings.joint,
             step,
             f"the drive reports a fault: {cause}; it is in {self._state_text}",
-            "Remove the cause, then reset the fault by name and enable anew",
+            "Remove the cause, then reset the fault (`armload drives reset`) and enable again",
         )
 
     def is_still(self, moved_counts: int) -> bool:

@@ -15,7 +15,7 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.object_dictionary import NmtCommand
 
 _NAMES = {command.value: command.name.replace("_", " ").lower() for command in NmtCommand}
-_REMEDY = "Two masters cannot share an arm: end the other program, or take its device off the bus"
+_REMEDY = "Two masters cannot share an arm: stop the other program, or disconnect its device"
 
 
 class ForeignTraffic:
@@ -39,7 +39,7 @@ class ForeignTraffic:
         link.subscribe(od.NMT_COB_ID, self._take_nmt)
         self._accuse(link, od.HEARTBEAT_BASE + master_node_id, f"uses this master's node id {master_node_id}")
         if not sync_is_ours:
-            self._accuse(link, od.SYNC_DEFAULT_COB_ID, "produces SYNC as well")
+            self._accuse(link, od.SYNC_DEFAULT_COB_ID, "also produces SYNC")
         for node in nodes:
             self._accuse(link, node.message.arbitration_id, f"sends setpoints to {node.settings.joint}")
             if node.offset_message is not None:

@@ -105,7 +105,7 @@ class TorqueRemoval:
                     raise
                 node.lost = True
             if keeping:
-                error.add_note("By SDO the drive says that it has no torque: its feedback in the cycle is not true.")
+                error.add_note("By SDO the drive reports that it has no torque: its feedback in the cycle is wrong.")
                 return error
         return None
 

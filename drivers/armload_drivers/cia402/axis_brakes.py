@@ -24,5 +24,5 @@ def axis_moves(drive: DriveSettings, moved_rad: float) -> AxisMoves:
         drive.joint,
         "removing torque",
         f"the axis has moved by {moved_rad:.3f} rad within {HOLDING_WATCH_S} s of losing its torque: {why}",
-        "Keep clear of the arm, and support it before anybody goes near",
+        "Keep clear of the arm, and support it before anyone approaches it",
     )

@@ -90,6 +90,6 @@ def require_room(arm: ArmSettings) -> BusLoad:
     else:
         remedy = f"no cycle rate fits at {arm.bitrate} bit/s; raise the bit rate"
     raise BusOverload(
-        f"{len(arm.drives)} drives at {1 / arm.cycle_s:.0f} Hz load the bus with up to {load.share:.0%}, allowed "
-        f"are {arm.max_bus_load:.0%}: {remedy}"
+        f"{len(arm.drives)} drives at {1 / arm.cycle_s:.0f} Hz load the bus by up to {load.share:.0%}, the limit is "
+        f"{arm.max_bus_load:.0%}: {remedy}"
     )

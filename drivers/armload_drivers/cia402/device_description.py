@@ -159,7 +159,7 @@ def parse_description(data: bytes, source: str) -> DeviceDescription:
         DescriptionError: they are no description of a CiA 402 drive.
     """
     if len(data) > LARGEST_BYTES:
-        raise DescriptionError(source, "", "", f"larger than {LARGEST_BYTES} bytes; this is no EDS or DCF file")
+        raise DescriptionError(source, "", "", f"larger than {LARGEST_BYTES} bytes; this is not an EDS or DCF file")
     return _Reader(source).read(data)
 
 
@@ -185,7 +185,7 @@ class _Reader:
             raise DescriptionError(self._source, "", "", "no section describes an object; is it an EDS or DCF file?")
         self._check_lists()
         if CONTROLWORD.key not in objects:
-            raise DescriptionError(self._source, "6040", "", "no controlword: this device is no CiA 402 drive")
+            raise DescriptionError(self._source, "6040", "", "no controlword: this device is not a CiA 402 drive")
         profile = objects.get(DEVICE_TYPE.key)
         if profile is not None and profile.value is not None:
             number = profile.value.constant
@@ -194,11 +194,12 @@ class _Reader:
                     self._source,
                     "1000",
                     "DefaultValue",
-                    f"{no_drive(number)}. Where the drive reads otherwise (`armload drives scan`), correct the file",
+                    f"{no_drive(number)}. If the drive itself reports otherwise (`armload drives scan`), correct the "
+                    "file",
                 )
         info = self._sections.get("deviceinfo", {})
         if not info:
-            self._warn("DeviceInfo", "", "missing, so that the identity is not known")
+            self._warn("DeviceInfo", "", "missing, so the identity is unknown")
         commissioning = self._sections.get("devicecomissioning", self._sections.get("devicecommissioning", {}))
         if self._unlisted:
             self._warnings.append(f"{self._source}: {self._unlisted} more warnings of this kind")
@@ -231,7 +232,7 @@ class _Reader:
             return data.decode("utf-8-sig")
         except UnicodeDecodeError as error:
             line = data.count(b"\n", 0, error.start) + 1
-            self._warn("(file)", f"line {line}", "bytes that are no UTF-8, read as Latin-1")
+            self._warn("(file)", f"line {line}", "bytes that are not UTF-8, read as Latin-1")
             return data.decode("latin-1")
 
     def _split(self, text: str) -> None:
@@ -246,9 +247,9 @@ class _Reader:
                 name, closed, _ = stripped[1:].partition("]")
                 title = name.strip()
                 if not closed:
-                    self._warn(_shown(title)[1:-1], f"line {number}", "section without its closing bracket")
+                    self._warn(_shown(title)[1:-1], f"line {number}", "section without a closing bracket")
                 if title.lower() in self._sections:
-                    self._warn(_shown(title)[1:-1], f"line {number}", "section again; the two are joined")
+                    self._warn(_shown(title)[1:-1], f"line {number}", "repeated section; the two are merged")
                 section = self._sections.setdefault(title.lower(), {})
                 continue
             key, equals, value = stripped.partition("=")
@@ -257,7 +258,7 @@ class _Reader:
                 self._warn(_shown(title)[1:-1], f"line {number}", f"not understood: {_shown(stripped)}")
                 continue
             if key in section:
-                self._warn(_shown(title)[1:-1], _shown(key)[1:-1], "given again; the last one counts")
+                self._warn(_shown(title)[1:-1], _shown(key)[1:-1], "repeated key; the last one counts")
             section[key] = value.strip()
 
     # Numbers -------------------------------------------------------------------------------------------------
@@ -285,7 +286,7 @@ class _Reader:
         """A number without `$NODEID`."""
         number = self._number(section, values, key)
         if number is not None and number.node_ids:
-            self._warn(section, key, "depends on the node id, which makes no sense here")
+            self._warn(section, key, "depends on the node id, which is not possible here")
             return None
         return None if number is None else number.constant
 
@@ -301,7 +302,7 @@ class _Reader:
         """Node id of a DCF."""
         number = self._plain("DeviceComissioning", commissioning, "NodeID")
         if number is not None and not 1 <= number <= 127:
-            self._warn("DeviceComissioning", "NodeID", f"{number} is no node id")
+            self._warn("DeviceComissioning", "NodeID", f"{number} is not a node id")
             return None
         return number
 
@@ -341,7 +342,7 @@ class _Reader:
     ) -> None:
         """An array described by its first element."""
         if not 0 < count <= _MOST_SUBS:
-            self._warn(title, "CompactSubObj", f"{count} is no count of sub-indices")
+            self._warn(title, "CompactSubObj", f"{count} is not a valid number of sub-indices")
             return
         count_of = {
             "parametername": "highest sub-index",
@@ -370,7 +371,9 @@ class _Reader:
             for name in ("LowLimit", "HighLimit", key)
         )
         if index == HEARTBEAT_CONSUMER.index and sub and greatest is not None and greatest.constant < 1 << 16:
-            self._warn(title, "HighLimit", f"{greatest.constant} leaves no room for a node id, and is ignored")
+            self._warn(
+                title, "HighLimit", f"{greatest.constant} is too large for a node id to be added, and is ignored"
+            )
             greatest = None
         return DescribedObject(
             index=index,
@@ -416,8 +419,8 @@ class _Reader:
                 name = f"{index:04x}"
                 listed.add(name)
                 if name not in self._sections:
-                    self._warn(title, key, f"object {_shown(name)} is listed and not described")
+                    self._warn(title, key, f"object {_shown(name)} is listed but not described")
         for name in self._sections:
             match = _OBJECT.fullmatch(name)
             if match and match[2] is None and listed and name not in listed:
-                self._warn(match[1].upper(), "", "described and in no list")
+                self._warn(match[1].upper(), "", "described but not listed")

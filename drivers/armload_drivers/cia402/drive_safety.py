@@ -235,7 +235,7 @@ class Safety(Enum):
     )
     MASTER_LOST = SafetyProperty(
         "stops when its master is lost",
-        "what the drive does when it loses its master is not known",
+        "the drive's reaction to the loss of its master is unknown",
         "Set its reaction to a lost heartbeat with the manufacturer's tool; pull the bus cable in slow motion: it must "
         "stop",
         (
@@ -277,7 +277,7 @@ class Safety(Enum):
     )
     QUICK_STOP = SafetyProperty(
         "slows down on a quick stop, and the axis is held",
-        "how the drive carries out a quick stop is not known",
+        "the drive's quick stop behaviour is unknown",
         "Look up in its manual what a quick stop does, or set it with the manufacturer's tool; then try one in slow "
         "motion",
         (
@@ -297,7 +297,7 @@ class Safety(Enum):
     )
     FAULT_REACTION = SafetyProperty(
         "slows down on a fault before its torque is removed",
-        "how the drive stops after a fault is not known",
+        "the drive's reaction to a fault is unknown",
         "Look up in its manual how it stops after a fault, or set it with the manufacturer's tool",
         (
             Way(

@@ -71,7 +71,7 @@ _CODES = {
     0x8100: "communication",
     0x8110: "CAN overrun, frames lost",
     0x8120: "CAN in error passive mode",
-    0x8130: "life guard or heartbeat error: the drive no longer hears its master",
+    0x8130: "life guard or heartbeat error: the drive no longer receives its master's heartbeat",
     0x8140: "recovered from bus-off",
     0x8141: "recovered from bus-off",
     0x8150: "CAN identifier collision",

@@ -189,7 +189,7 @@ def no_drive(device_type: int) -> str:
     profile = device_type & 0xFFFF
     known = f", {_OTHER_PROFILES[profile]}" if profile in _OTHER_PROFILES else ""
     return (
-        f"device type (1000) is 0x{device_type:08X}: its low 16 bits, 0x{profile:04X}, say device profile {profile}"
+        f"device type (1000) is 0x{device_type:08X}: its low 16 bits, 0x{profile:04X}, mean device profile {profile}"
         f"{known}; a CiA 402 drive has 0x0192 there, 402"
     )
 

@@ -77,7 +77,7 @@ def _received(bus: FrameSource) -> can.Message | None:
 
 def _what_is_missing(arm: OverheardArm, patience_s: float, *, frames: bool) -> str:
     """Why there is no cycle, and what to look at."""
-    begin = f"nothing of the arm could be followed within {patience_s:g} s: "
+    begin = f"no cycle of the arm was received within {patience_s:g} s: "
     if not frames:
         return begin + "the bus is silent. Is its master running, and are interface, channel and bit rate right?"
     silent = [
@@ -87,9 +87,11 @@ def _what_is_missing(arm: OverheardArm, patience_s: float, *, frames: bool) -> s
     ]
     if silent:
         return begin + (
-            f"no feedback as it is configured from {', '.join(silent)}. Are the drives operational, are node_id, "
-            "feedback and effort_object those of this arm, and does its master map statusword, position and effort?"
+            f"no feedback as configured from {', '.join(silent)}. Check that the drives are operational, that node_id, "
+            "feedback and effort_object are those of this arm, and that its master maps statusword, position and effort"
         )
     if not arm.syncs:
-        return begin + "there is feedback, but no SYNC (COB-ID 0x080). Drives that send by themselves are not followed."
-    return begin + "no cycle was complete: feedback of some joint comes only now and then"
+        return (
+            begin + "there is feedback, but no SYNC (COB-ID 0x080). Drives that send asynchronously are not supported."
+        )
+    return begin + "no cycle was complete: feedback of some joint arrives only occasionally"

@@ -120,7 +120,7 @@ class FakeServos:
             StateError: Connected already.
         """
         if self._life is not _Life.CLOSED:
-            raise StateError("the servos are connected already; close them first")
+            raise StateError("the servos are already connected; close them first")
         self._begin_s = self._plant.time_s
         self._cycle = 0
         self._missed[:] = 0
@@ -133,7 +133,7 @@ class FakeServos:
             StateError: Not connected, or enabled.
         """
         if self._life is not _Life.CONNECTED:
-            raise StateError("the servos must be connected and disabled to say where they stand")
+            raise StateError("the servos must be connected and disabled to report their position")
         raw = self._reported(self._plant.sample(self.cycle_s))
         return self._units.joint_position_rad(raw.position_counts)
 

@@ -257,7 +257,7 @@ def _check(spec: PlantSpec) -> None:
         _check_array(name, value, shape)
     _check_pose("flange", spec.flange)
     if abs(np.linalg.det(spec.coupling)) < 1e-6:
-        raise SimulationError("coupling has no inverse: every motor must move a joint of its own")
+        raise SimulationError("coupling has no inverse: every motor must move a different joint")
     if not spec.friction_scale >= 0.0:
         raise SimulationError(f"friction_scale is {spec.friction_scale}; it must not be negative")
     for joint in spec.joints:
@@ -274,7 +274,7 @@ def _check_changes(changes: tuple[PayloadChange, ...]) -> None:
     for change in changes:
         if not before_s < change.time_s < math.inf:
             raise SimulationError(
-                f"the payload changes at {change.time_s} s, after {before_s} s; times must be above zero and rise"
+                f"the payload changes at {change.time_s} s, after {before_s} s; times must be above zero and increasing"
             )
         before_s = change.time_s
         if change.payload is not None:
@@ -330,12 +330,12 @@ def _check_pose(name: str, pose: FloatArray) -> None:
     rotation = pose[:3, :3]
     rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) and np.linalg.det(rotation) > 0.0
     if not rigid or not np.allclose(pose[3], [0.0, 0.0, 0.0, 1.0]):
-        raise SimulationError(f"{name} is no rotation with a translation")
+        raise SimulationError(f"{name} is not a rotation with a translation")
 
 
 def _check_array(name: str, value: FloatArray, shape: tuple[int, ...]) -> None:
     """Refuse a wrong shape and numbers that are none."""
     if value.shape != shape:
-        raise SimulationError(f"{name} has the shape {value.shape}; it must be {shape}")
+        raise SimulationError(f"{name} has shape {value.shape}; it must be {shape}")
     if not np.all(np.isfinite(value)):
-        raise SimulationError(f"{name} holds a number that is not finite")
+        raise SimulationError(f"{name} contains a number that is not finite")

@@ -188,7 +188,7 @@ class ArmPlant:
             SimulationError: The target is not a finite number.
         """
         if not math.isfinite(position_rad):
-            raise SimulationError(f"{self._spec.joints[axis].name}: the target {position_rad} is no position")
+            raise SimulationError(f"{self._spec.joints[axis].name}: the target {position_rad} is not a finite position")
         self._ramp(axis, position_rad, over_s)
 
     def slow_down(self, axis: int, over_s: float) -> None:
@@ -218,7 +218,7 @@ class ArmPlant:
             SimulationError: The torque is not a finite number.
         """
         if not math.isfinite(torque_nm):
-            raise SimulationError(f"{self._spec.joints[axis].name}: the offset {torque_nm} is no torque")
+            raise SimulationError(f"{self._spec.joints[axis].name}: the offset {torque_nm} is not a finite torque")
         self._state[kernels.SERVO_OFFSET, axis] = torque_nm
 
     def set_powered(self, axis: int, on: bool) -> None:
@@ -279,7 +279,7 @@ class ArmPlant:
         worst = int(np.argmax(np.where(np.isfinite(speed), np.abs(speed), np.inf)))
         raise SimulationError(
             f"the simulated arm has diverged at {self.time_s:.3f} s: {self._spec.joints[worst].name} turns "
-            f"at {speed[worst]:.3g} rad/s. Look for an inertia or a gear that is far too small."
+            f"at {speed[worst]:.3g} rad/s. Look for an inertia or a gear ratio that is far too small."
         )
 
 

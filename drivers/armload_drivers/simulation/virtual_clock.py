@@ -47,9 +47,9 @@ class VirtualClock:
         """
         why = self._end()
         if why:
-            raise SimulationError(f"the simulated drives do not act any more: {why}")
+            raise SimulationError(f"the simulated drives no longer act: {why}")
 
 
 def _no_follower() -> str:
     """The follower of a clock that has none."""
-    return "there are none"
+    return "none are running"

@@ -55,7 +55,7 @@ def compile_extension(folder: Path, flags: tuple[str, ...] = (), include: Path =
     """
     if not (include / "Python.h").is_file():
         raise SystemExit(
-            f"armload's kernels are compiled for this Python, and its headers are missing: no Python.h in {include}. "
+            f"armload's kernels are compiled for this Python, but its headers are missing: no Python.h in {include}. "
             "Install them (Debian, Ubuntu: apt install python3-dev)."
         )
     fresh = folder / f".{EXTENSION}.{os.getpid()}"
@@ -84,7 +84,8 @@ def compiler() -> list[str]:
         # without a target zig compiles for the processor at hand
         return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
     raise SystemExit(
-        "armload's kernels are written in C, and there is no C compiler. Install one (Debian, Ubuntu: apt install gcc) "
+        "armload's kernels are written in C, but no C compiler was found. Install one (Debian, Ubuntu: apt install "
+        "gcc) "
         "or PyPI's (pip install ziglang)."
     )
 

@@ -55,7 +55,7 @@ def _build_wheel(processor: str, tree: Path, headers: Path, folder: Path) -> Non
     audit = json.loads(_run("-m", "auditwheel", "show", "--json", str(wheel)))
     required = re.fullmatch(rf"manylinux_(\d+)_(\d+)_{processor}", audit["overall_tag"])
     if required is None or tuple(map(int, required.groups())) > GLIBC or audit["unsupported_isa"]:
-        raise SystemExit(f"{wheel} does not run on every {platform}: auditwheel says {json.dumps(audit, indent=2)}")
+        raise SystemExit(f"{wheel} does not run on every {platform}: auditwheel reports {json.dumps(audit, indent=2)}")
     sys.stdout.write(f"{wheel}: {wheel.stat().st_size / 1e6:.1f} MB, requires no more than {audit['overall_tag']}\n")
 
 

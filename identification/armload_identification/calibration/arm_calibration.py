@@ -163,7 +163,7 @@ class ArmCalibration:
         days = self.days
         when = "" if not days else f" of {days[0]}" if len(days) == 1 else f" from {days[0]} to {days[-1]}"
         count = len(self.runs)
-        scale = "scale by a weighed payload" if self.scale_weighed else "scale of the nominal gains"
+        scale = "scale from a weighed payload" if self.scale_weighed else "scale from the nominal gains"
         return f"{count} run{'' if count == 1 else 's'}{when}, {scale}"
 
     def deviation(self, name: str) -> FloatArray:
@@ -364,13 +364,13 @@ class ArmCalibration:
         """
         if chain.n != self.n or kinematics_sha256(chain) != self.kinematics_sha256:
             raise ModelError(
-                "the calibration belongs to an arm of other kinematics, or of the same one mounted differently "
+                "the calibration belongs to an arm with different kinematics, or to this arm mounted differently "
                 "(gravity_m_s2). Give the calibration of this arm, or calibrate it with `armload calibrate`."
             )
         if not np.allclose(coupling, self.body.coupling, atol=1e-9):
             raise ModelError(
-                "the calibration belongs to motors that are coupled differently. "
-                "Calibrate again with this configuration."
+                "the calibration belongs to an arm with different motor coupling. Calibrate again with this "
+                "configuration."
             )
 
 

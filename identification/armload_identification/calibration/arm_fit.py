@@ -204,9 +204,9 @@ class _Fitter:
         if rough:
             return self._result(_STEPS)
         raise EstimationError(
-            f"the calibration does not settle after {_STEPS} steps (the unknowns still move by {moved:.2g} standard "
-            f"deviations); {of.size} unknowns, {len(self._runs)} runs. Add runs of "
-            "other motions."
+            f"the calibration does not converge within {_STEPS} steps (the unknowns still change by {moved:.2g} "
+            "standard "
+            f"deviations); {of.size} unknowns, {len(self._runs)} runs. Add runs with other motions."
         )
 
     def _step(self) -> float:

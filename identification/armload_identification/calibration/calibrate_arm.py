@@ -231,7 +231,7 @@ class _Calibration:
         for index in reversed(range(len(torque))):
             if torque[index] is not keep:
                 kept, other = ("torque", "current") if keep else ("current", "torque")
-                reason = f"it holds {other}, most runs hold {kept}; calibrate the two apart"
+                reason = f"it contains {other}, most runs contain {kept}; calibrate the two separately"
                 self._left_out.append((self._name(self._used[index]), reason))
                 del self._used[index], self._signals[index]
 
@@ -269,8 +269,8 @@ class _Calibration:
         if rows < _ROWS_PER_UNKNOWN * unknowns:
             raise EstimationError(
                 f"the runs are too short to calibrate the arm: {rows} independent rows of joints in motion for "
-                f"{unknowns} unknowns, at least {_ROWS_PER_UNKNOWN * unknowns} are needed. Give longer excitations, or "
-                "more runs."
+                f"{unknowns} unknowns, at least {_ROWS_PER_UNKNOWN * unknowns} are required. Use longer excitations, "
+                "or more runs."
             )
 
     def _refuse_other_mounting(self) -> None:
@@ -305,8 +305,8 @@ class _Calibration:
             self._refuse_turned_joint(left, min(entered - _BETTER, found[best]))
         if found[best] < entered - _BETTER:
             raise EstimationError(
-                f"the arm is not mounted as its configuration says: the runs leave {np.exp(entered - found[best]):.1f} "
-                f"times less unexplained if it is mounted {best}. Correct gravity_m_s2 in the robot's configuration."
+                f"the arm is not mounted as in its configuration: the residual is {np.exp(entered - found[best]):.1f} "
+                f"times smaller if it is mounted {best}. Correct gravity_m_s2 in the robot's configuration."
             )
 
     def _refuse_turned_joint(
@@ -366,9 +366,9 @@ class _Calibration:
             deviation = HALVES / np.sqrt(information)
             if abs(payload.mass_kg - others_kg) > _DISAGREES * float(np.hypot(deviation, np.sqrt(scale))):
                 warnings.append(
-                    f"mounting '{name}': {payload.mass_kg:.3f} kg was entered, everything else says "
-                    f"{others_kg:.3f} +- {2.0 * deviation:.3f} kg ({payload.mass_kg / others_kg - 1.0:+.1%}). Weigh it "
-                    "again, or look which weighed mass is the wrong one."
+                    f"mounting '{name}': {payload.mass_kg:.3f} kg was entered, all other data give {others_kg:.3f} +- "
+                    f"{2.0 * deviation:.3f} kg ({payload.mass_kg / others_kg - 1.0:+.1%}). Weigh it again, or find out "
+                    "which weighed mass is wrong."
                 )
         return warnings
 
@@ -380,8 +380,8 @@ class _Calibration:
             joint = int(np.argmax(far))
             if far[joint] > _FAR:
                 warnings.append(
-                    f"{self._name(used)}: the friction of joint {joint + 1} lies {far[joint]:.0f} "
-                    "standard deviations from that of the other runs: a cold gear, or another gain on that day."
+                    f"{self._name(used)}: the friction of joint {joint + 1} is {far[joint]:.0f} standard deviations "
+                    "from that of the other runs: a cold gear, or a different gain on that day."
                 )
         return warnings
 
@@ -394,8 +394,8 @@ class _Calibration:
             return []
         joints = ", ".join(f"{joint + 1} ({share[joint]:.0%})" for joint in doubtful)
         return [
-            f"on motions other than these, the predicted torque of joint {joints} may be off by as much (95 %): add "
-            "runs of other motions, above all where payloads are to be identified without an unloaded run."
+            f"for other motions, the error of the predicted torque of joint {joints} may be this large (95 %): add "
+            "runs with other motions, especially if payloads will be identified without an unloaded run."
         ]
 
     def _named(self, fit: ArmFit, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
@@ -472,11 +472,11 @@ class _Calibration:
         still: NDArray[np.intp] = np.flatnonzero(self._peak <= _UNMOVED_RAD_S)
         if still.size:
             joints = ", ".join(str(joint + 1) for joint in still)
-            warnings.append(f"joint {joints} never moves: gain and friction are as they were assumed.")
+            warnings.append(f"joint {joints} never moves: gain and friction are as assumed.")
         if not any(name in fit.unknowns.mountings for name in self._weighed):
             warnings.append(
-                "no payload was weighed: the gains are known relative to each other, their common scale is the "
-                "nominal gains'. Add a run with a weighed payload and its mass_kg."
+                "no payload was weighed: only the ratios of the gains are identified, their common scale is that of "
+                "the nominal gains. Add a run with a weighed payload and its mass_kg."
             )
         return warnings
 

@@ -105,7 +105,7 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
         best, text = payload
     if best < max(_EXPLAINED * float(off[worst]), CONTRADICTS):
         return f"{start}; it fits if {text}"
-    return f"{start}, and no simple mistake explains it: another arm, or damaged signals"
+    return f"{start}, and no simple mistake explains this: a different arm, or damaged signals"
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,13 +204,13 @@ def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float 
             velocity_rad_s=sign * run.velocity_rad_s,
             acceleration_rad_s2=sign * run.acceleration_rad_s2,
         )
-        yield _trial(arm, turned, arm.chain, mounting), f"the position of joint {joint + 1} counts the other way"
+        yield _trial(arm, turned, arm.chain, mounting), f"the position of joint {joint + 1} is inverted"
         both = replace(turned, effort_nm=sign * run.effort_nm)
-        text = f"position and effort of joint {joint + 1} count the other way"
+        text = f"position and effort of joint {joint + 1} are inverted"
         yield _trial(arm, both, arm.chain, mounting), text
     for how, gravity in directions(arm.chain.gravity_m_s2).items():
         mounted = Chain(arm.chain.placement, arm.chain.axis, arm.chain.flange, gravity)
-        yield _trial(arm, run, mounted, mounting), f"the arm hung {how} in this run"
+        yield _trial(arm, run, mounted, mounting), f"the arm was mounted {how} in this run"
 
 
 def _payload_text(theta: FloatArray, mounting: str, mass_kg: float | None, elsewhere: FloatArray | None) -> str:

@@ -139,8 +139,8 @@ def run_health(
         if signals.from_torque is not (calibration.effort is Effort.TORQUE):
             held = "torque" if signals.from_torque else "current"
             raise RecordingError(
-                f"{name}: it holds {held}, and the calibration is one of {calibration.effort}. Record "
-                f"{calibration.effort}, or calibrate with such recordings."
+                f"{name}: it contains {held}, but the calibration is for {calibration.effort}. Record "
+                f"{calibration.effort}, or calibrate from such recordings."
             )
         fit = _RunFit(signals, calibration, chain, mounting)
         return fit.health(name, recorded or _began(recording), calibration)
@@ -163,7 +163,7 @@ class _RunFit:
         self._apart_s = float(np.median(np.diff(self.rows.time_s))) if len(self.rows.time_s) > 1 else np.inf
         self.moved = np.count_nonzero(self.rows.weight > MOVING, axis=0) >= _LEAST_ROWS
         if not self.moved.any():
-            raise EstimationError(f"{signals.name}: no joint moves for long enough to show gain or friction")
+            raise EstimationError(f"{signals.name}: no joint moves long enough to determine gain or friction")
         self.x = np.zeros(of.size)
         self.x[of.log_h] = np.log(calibration.nominal / calibration.gain_nm_a)
         self.x[of.links] = body.links.ravel()[base]

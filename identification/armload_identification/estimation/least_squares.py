@@ -80,7 +80,7 @@ class Estimate:
         residual_nm: (N, n) torque minus prediction, unweighted.
         residual_rms_nm: (n,) its RMS over the samples used, as they were weighted.
         covariance: (p, p) if the residual were white with the given noise; infinite directions are left out.
-        iterations: Solutions until the weights settled; 1 with given weights.
+        iterations: Iterations until the weights converged; 1 with given weights.
     """
 
     theta: FloatArray
@@ -228,18 +228,18 @@ def _require_data(regressor: FloatArray, torque_nm: FloatArray, valid: NDArray[n
     if torque_nm.shape != (samples, joints) or valid.shape != (samples,) or noise_nm.shape != (joints,):
         raise EstimationError(
             f"regressor {regressor.shape}, torque {torque_nm.shape}, valid {valid.shape} and noise "
-            f"{noise_nm.shape} do not fit; expected (N, n, p), (N, n), (N,), (n,)"
+            f"{noise_nm.shape} do not match; expected (N, n, p), (N, n), (N,), (n,)"
         )
     if used * joints <= parameters:
         raise EstimationError(
-            f"{used} samples of {joints} joints are too few for {parameters} parameters. Record a longer run."
+            f"{used} samples of {joints} joints are not enough for {parameters} parameters. Record a longer run."
         )
     if not (np.isfinite(regressor[valid]).all() and np.isfinite(torque_nm[valid]).all()):
-        raise EstimationError("the regressor or the torque holds numbers that are not finite. Clean the recording.")
+        raise EstimationError("the regressor or the torque contains numbers that are not finite. Clean the recording.")
     if not (np.isfinite(noise_nm).all() and noise_nm.max() > 0.0):
         raise EstimationError(
             f"the noise per joint is {noise_nm.tolist()} N m; expected finite numbers, not all of them 0. "
-            "Check that the torque columns hold measurements."
+            "Check that the torque columns contain measurements."
         )
 
 

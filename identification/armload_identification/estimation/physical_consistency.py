@@ -76,8 +76,8 @@ def make_physical(fit: Estimate) -> PhysicalEstimate:
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
         raise EstimationError(
-            f"the estimated mass is {plain.mass_kg:.3g} kg, and no body has that. Check that the loaded and the "
-            "unloaded recording are not exchanged, and the sign of the currents."
+            f"the estimated mass is {plain.mass_kg:.3g} kg, which is physically impossible. Check that the loaded and "
+            "the unloaded recording are not exchanged, and the sign of the currents."
         )
     if plain.margin >= WRITTEN_MARGIN and fit.rank == fit.theta.size:
         return PhysicalEstimate(plain, changed=False, cost=0.0, plain_margin=plain.margin)

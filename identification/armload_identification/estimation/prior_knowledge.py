@@ -81,8 +81,8 @@ class KnownPayload:
             _require_known(f"centre of mass's {axis}", "m", coordinate)
         if self.symmetric and np.any([np.any(coordinate) for coordinate in self.center_of_mass_m[:2]]):
             raise ModelError(
-                f"the known centre of mass is {_plain(self.center_of_mass_m)} m, and a body that is symmetric about "
-                "the flange axis has x and y of 0. Leave one of the two out."
+                f"the known centre of mass is {_plain(self.center_of_mass_m)} m, but a body that is symmetric about "
+                "the flange axis has x = y = 0. Give only one of the two."
             )
 
     @property

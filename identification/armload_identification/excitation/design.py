@@ -37,7 +37,7 @@ class DesignResult:
         rank: Directions of the ten that the arm can show; below ten some parameters stay undetermined.
         margins: Room to every limit, at any time.
         restart_costs: (restarts,) the criterion of each start's result, inf where it found none within the limits.
-        history: Criterion per iteration of the start that won; the early ones may be outside the limits.
+        history: Criterion per iteration of the best start; the early ones may be outside the limits.
         seed: What the starts were drawn from.
     """
 
@@ -160,7 +160,7 @@ def _best(
         refused = f"; the nearest one {nearest.problem}"
     raise ExcitationError(
         f"none of {len(ended)} starts ended with a motion that determines the payload within all limits{refused}; "
-        "widen the limits or the workspace, or give more restarts"
+        "widen the limits or the workspace, or increase the number of restarts"
     )
 
 
@@ -178,7 +178,7 @@ def _attempts(
             yield futures[future], future.result()
     except BrokenExecutor as error:
         raise ExcitationError(
-            "a process that ran a start was ended from outside, perhaps for lack of memory; design again"
+            "a worker process of the design was killed, perhaps for lack of memory; run the design again"
         ) from error
     finally:
         for future in futures:

@@ -205,7 +205,7 @@ class Envelope:
             kind = ("range", "speed", "acceleration", "jerk")[row // self.n]
             return f"exceeds the {kind} of joint {row % self.n + 1} by {excess:.1%}"
         if row < clearance:
-            return f"takes {excess:.1%} more torque than joint {(row - torque) % self.n + 1} may use"
+            return f"requires {excess:.1%} more torque than joint {(row - torque) % self.n + 1} may use"
         if row < speed:
             part, other = self.workspace.between[row - clearance]
             return f"brings {part} {excess * CLEARANCE_SCALE_M:.3f} m too close to {other}"

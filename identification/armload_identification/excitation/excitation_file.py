@@ -172,7 +172,7 @@ def write_excitation(path: Path, excitation: Excitation) -> None:
 
 def _margin_lines(margins: LimitMargins) -> list[str]:
     """`[margins]`, rounded down to six digits."""
-    rows = ["# room left at any time, within what the design may use of each limit", "[margins]"]
+    rows = ["# minimum margins, within the part of each limit that the design may use", "[margins]"]
     rows += [f"{name} = [{', '.join(_rounded_down(v) for v in getattr(margins, name))}]" for name in _MARGINS]
     for key in _NAMED:
         if room := getattr(margins, key):

@@ -85,14 +85,14 @@ class FourierTrajectory:
         for name in ("offset_rad", "sin_rad", "cos_rad"):
             array = np.array(getattr(self, name), dtype=np.float64)
             if not np.all(np.isfinite(array)):
-                raise ModelError(f"{name} holds a number that is not finite: {array.tolist()}")
+                raise ModelError(f"{name} contains a number that is not finite: {array.tolist()}")
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         shape = self.sin_rad.shape
         fits = len(shape) == 2 and shape[1] > 0 and self.cos_rad.shape == shape
         if not fits or self.offset_rad.shape != shape[:1]:
             raise ModelError(
-                f"offset_rad has the shape {self.offset_rad.shape}, sin_rad {shape}, cos_rad "
+                f"offset_rad has shape {self.offset_rad.shape}, sin_rad {shape}, cos_rad "
                 f"{self.cos_rad.shape}; expected (n,), (n, H), (n, H)"
             )
         omega = 2.0 * np.pi * self.base_frequency_hz * np.arange(1, self.harmonics + 1)

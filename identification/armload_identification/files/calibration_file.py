@@ -188,7 +188,8 @@ def format_calibration(result: ArmCalibration) -> str:
     array, text, body = toml_text.array, toml_text.text, result.body
     unit = "N m per A of motor current" if result.effort is Effort.CURRENT else "N m per N m that a drive reports"
     lines = [
-        f"# Axis torque behind the gear: {unit}. Residual and effort are in N m by the nominal gains.",
+        f"# Axis torque on the output side of the gear: {unit}. Residual and effort are in N m, with the nominal "
+        "gains.",
         "[arm]",
         f"robot = {text(result.robot)}",
         f"kinematics_sha256 = {text(result.kinematics_sha256)}",
@@ -201,7 +202,7 @@ def format_calibration(result: ArmCalibration) -> str:
         f"half_width_95 = {array(result.gain_half_width_95)}",
         f"nominal = {array(result.nominal)}",
         "",
-        "# The drift is one standard deviation of what a run's friction differs by from that of the others.",
+        "# The drift is the standard deviation of friction between runs.",
         "[friction]",
         f"coulomb_nm = {array(body.coulomb_nm)}",
         f"viscous_nm_s_rad = {array(body.viscous_nm_s_rad)}",
@@ -212,7 +213,7 @@ def format_calibration(result: ArmCalibration) -> str:
         f"viscous_drift_nm_s_rad = {array(result.drift[1])}",
         f"offset_drift_nm = {array(result.drift[2])}",
         "",
-        "# Base parameters: their sum is the arm's torque, the single numbers are no link's mass or inertia.",
+        "# Base parameters: together they give the arm's torque; single numbers are not the mass or inertia of a link.",
         "# Per link in its joint frame: m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the origin.",
         "[body]",
         f"links = {array(body.links)}",
@@ -365,5 +366,5 @@ def _require_width(source: str, written: FloatArray, wanted: FloatArray) -> None
             source,
             "gains.half_width_95",
             written.tolist(),
-            f"expected what [uncertainty] gives, {wanted.round(6).tolist()}; calibrate again instead of editing",
+            f"expected the value from [uncertainty], {wanted.round(6).tolist()}; calibrate again instead of editing",
         )

@@ -144,8 +144,8 @@ class _PayloadFile(Table):
             raise BadValue(
                 "model",
                 self.model.model_dump(),
-                "expected a body that some mass distribution can have: the margin of its pseudo-inertia is "
-                f"{margin:.3g}, and at least {SMALLEST_MARGIN:g} is needed",
+                f"expected a physically possible body: the margin of its pseudo-inertia is {margin:.3g}, at least "
+                f"{SMALLEST_MARGIN:g} is required",
             )
         return self
 
@@ -162,12 +162,10 @@ class _PayloadFile(Table):
         for section, entries in sections:
             for (key, value), determined in zip(_named(entries), flags, strict=True):
                 if value is None and determined:
-                    raise BadValue(f"{section}.{key}", None, "it is required, because [determined] has it as true")
+                    raise BadValue(f"{section}.{key}", None, "it is required, because it is true in [determined]")
                 if value is not None and not determined:
                     found = np.asarray(value).tolist()
-                    raise BadValue(
-                        f"{section}.{key}", found, "expected no entry: [determined] says that it is not determined"
-                    )
+                    raise BadValue(f"{section}.{key}", found, "expected no entry: it is false in [determined]")
         return self
 
     @model_validator(mode="after")
@@ -223,7 +221,7 @@ def format_payload(result: PayloadResult) -> str:
         *_entries(ranges, result.determined),
         "",
         *_known_range_lines(result.known_range),
-        "# Complete and physically possible; where a value is not determined, this is no measurement.",
+        "# Complete and physically possible; values that are not determined are not measurements.",
         "[model]",
         f"mass_kg = {values[0]}",
         f"center_of_mass_m = [{', '.join(values[1:4])}]",
@@ -307,7 +305,7 @@ def _known_range_lines(known: FloatArray | None) -> list[str]:
     if known is None:
         return []
     there = np.isfinite(known[:, 0])
-    heading = ["# Known beforehand, and narrower than what the data alone say.", "[known_range]"]
+    heading = ["# Prior knowledge, narrower than the interval from the data alone.", "[known_range]"]
     return [*heading, *_entries(_pairs(known), there), ""]
 
 

@@ -110,5 +110,5 @@ def _require_agreement(rows: list[TableRow], source: str) -> None:
                 source,
                 f"mass_kg of mounting '{row.mounting}'",
                 row.mass_kg,
-                f"expected {weighed[row.mounting]:g} as in another row; another payload needs another name",
+                f"expected {weighed[row.mounting]:g} as in another row; a different payload requires a different name",
             )

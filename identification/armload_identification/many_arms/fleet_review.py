@@ -270,7 +270,7 @@ def _changes(figure: FigureReview) -> list[Suspicion]:
         off, level = (scale * (figure.center + value) for value in (float(chart.values[run]), usual))
         text = (
             f"{figure.quantity} was {_number(off, level)} {unit} on {figure.recorded[run]:%Y-%m-%d}, "
-            f"{_number(level, off)} {unit} in the runs beside it"
+            f"{_number(level, off)} {unit} in the neighbouring runs"
         )
         found.append(Suspicion(Cause.OUTLIER, figure.quantity, min(size, _GREATEST), text.replace("  ", " ")))
     return found

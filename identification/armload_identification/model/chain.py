@@ -174,7 +174,7 @@ class Chain:
             ModelError: not 1 to n.
         """
         if not 1 <= joints <= self.n:
-            raise ModelError(f"head of {joints} joints asked of a chain of {self.n}; expected 1 to {self.n}")
+            raise ModelError(f"head of {joints} joints requested from a chain of {self.n}; expected 1 to {self.n}")
         return Chain(self.placement[:joints], self.axis[:joints], np.eye(4), self.gravity_m_s2)
 
     def forward(self, q: ArrayLike) -> FloatArray:
@@ -273,9 +273,9 @@ def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatA
         raise ModelError(f"{name} is not an array of numbers: {error}") from error
     wanted = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ")"
     if array.ndim != len(shape) or any(s is not None and s != a for s, a in zip(shape, array.shape, strict=True)):
-        raise ModelError(f"{name} has the shape {array.shape}; expected {wanted}")
+        raise ModelError(f"{name} has shape {array.shape}; expected {wanted}")
     if not np.all(np.isfinite(array)):
-        raise ModelError(f"{name} holds a number that is not finite: {array.tolist()}")
+        raise ModelError(f"{name} contains a number that is not finite: {array.tolist()}")
     return array
 
 
@@ -289,7 +289,8 @@ def _require_poses(poses: FloatArray) -> None:
         i = int(np.argmin(proper))
         name = "flange" if i == len(poses) - 1 else f"placement of joint {i + 1}"
         raise ModelError(
-            f"{name} is no pose: {poses[i].tolist()}; expected a right-handed rotation, a position and the row 0 0 0 1"
+            f"{name} is not a pose: {poses[i].tolist()}; expected a right-handed rotation, a position and the row 0 0 "
+            "0 1"
         )
 
 

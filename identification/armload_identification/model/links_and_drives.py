@@ -78,6 +78,6 @@ def require_finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> None:
     """
     array = np.asarray(value)
     if array.shape != shape:
-        raise ModelError(f"{name} of the body has the shape {array.shape}; expected {shape}")
+        raise ModelError(f"{name} of the body has shape {array.shape}; expected {shape}")
     if not np.isfinite(array).all():
-        raise ModelError(f"{name} of the body holds a number that is not finite: {array.tolist()}")
+        raise ModelError(f"{name} of the body contains a number that is not finite: {array.tolist()}")

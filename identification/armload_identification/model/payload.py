@@ -62,7 +62,7 @@ class InertialParameters:
         inertia = np.asarray(inertia_kg_m2, dtype=np.float64)
         if center.shape != (3,) or inertia.shape != (3, 3):
             raise ModelError(
-                f"centre of mass has the shape {center.shape}, inertia {inertia.shape}; expected (3,) and (3, 3)"
+                f"centre of mass has shape {center.shape}, inertia {inertia.shape}; expected (3,) and (3, 3)"
             )
         if not np.abs(inertia - inertia.T).max() <= 1e-9 * np.abs(inertia).max():  # nor where it holds a nan
             raise ModelError(f"inertia {inertia.tolist()} is not symmetric")
@@ -81,7 +81,7 @@ class InertialParameters:
         """
         matrix = np.asarray(pseudo_inertia, dtype=np.float64)
         if matrix.shape != (4, 4):
-            raise ModelError(f"pseudo-inertia has the shape {matrix.shape}; expected (4, 4)")
+            raise ModelError(f"pseudo-inertia has shape {matrix.shape}; expected (4, 4)")
         sigma = matrix[:3, :3]
         inertia = np.trace(sigma) * np.eye(3) - sigma
         return cls(np.concatenate([[matrix[3, 3]], matrix[:3, 3], _six(inertia)]))
@@ -161,7 +161,7 @@ class InertialParameters:
         """
         matrix = np.asarray(pose, dtype=np.float64)
         if matrix.shape != (4, 4):
-            raise ModelError(f"pose has the shape {matrix.shape}; expected (4, 4)")
+            raise ModelError(f"pose has shape {matrix.shape}; expected (4, 4)")
         return InertialParameters.from_pseudo_inertia(matrix @ self.pseudo_inertia @ matrix.T)
 
 

@@ -107,7 +107,7 @@ def link_regressor(chain: Chain, link: int, q: ArrayLike, dq: ArrayLike, ddq: Ar
         ModelError: a shape that does not fit, or no such link.
     """
     if not 1 <= link <= chain.n:
-        raise ModelError(f"link {link} asked of a chain of {chain.n}; expected 1 to {chain.n}")
+        raise ModelError(f"link {link} requested from a chain of {chain.n}; expected 1 to {chain.n}")
     return _regressor(chain, link, q, dq, ddq)
 
 
@@ -168,7 +168,7 @@ def _states(
     for name, state in (("q", position), ("dq", velocity), ("ddq", acceleration)):
         if state.ndim not in (1, 2) or state.shape[-1] != chain.n or state.shape != shape:
             raise ModelError(
-                f"{name} has the shape {state.shape}, q has {shape}; expected one shape (N, {chain.n}) or ({chain.n},)"
+                f"{name} has shape {state.shape}, q has {shape}; expected one shape (N, {chain.n}) or ({chain.n},)"
             )
     rows = (-1, chain.n)
     return (position.reshape(rows), velocity.reshape(rows), acceleration.reshape(rows)), len(shape) == 1

@@ -100,8 +100,8 @@ def identify_windows(
     check_joints(loaded, chain.n)
     if loaded.average is not None:
         raise RecordingError(
-            f"{loaded.source.path}: so long a run along an excitation is reduced to its average period while it is "
-            "read, which has no windows. Give a part of it."
+            f"{loaded.source.path}: a run of this length along an excitation is reduced to its average period while it "
+            "is read, which has no windows. Select a part of it."
         )
     check_run(loaded, transmission)
     with threadpool_limits(1):
@@ -119,8 +119,8 @@ def identify_windows(
             windows.append(Window(start_s, end_s, found, ""))
     if not windows:
         raise RecordingError(
-            f"{loaded.source.path}: the arm moves for {lasts_s:.1f} s, expected one window of {every_s:g} s "
-            "or more. Give shorter windows."
+            f"{loaded.source.path}: the arm moves for {lasts_s:.1f} s, expected at least one window of "
+            f"{every_s:g} s. Use shorter windows."
         )
     return tuple(windows)
 

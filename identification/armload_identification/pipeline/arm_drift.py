@@ -158,7 +158,7 @@ def _findings(drift: ArmDrift) -> list[Finding]:
                 level = float(chart.level[run]) if np.isfinite(chart.level[run]) else 0.0
                 off = float(chart.values[run])
                 said = _said(drift, figure, joint, off - level)
-                text = f"joint {joint + 1}: {said} than in the runs beside it, in {drift.when(int(run))} alone"
+                text = f"joint {joint + 1}: {said} than in the neighbouring runs, in {drift.when(int(run))} alone"
                 found.append(Finding(joint, figure, int(run), True, level, off, text))
     return sorted(found, key=lambda one: (one.alone, one.run, one.joint))
 
@@ -171,4 +171,4 @@ def _said(drift: ArmDrift, figure: Figure, joint: int, change: float) -> str:
         return f"friction is {abs(change):.3g} N m ({share:.0%}) {word}"
     if figure is Figure.GAIN:
         return f"the gain is {abs(change):.2%} {word}"
-    return f"what stays unexplained is {np.exp(abs(change)):.2g} times {word}"
+    return f"the residual is {np.exp(abs(change)):.2g} times {word}"

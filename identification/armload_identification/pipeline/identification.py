@@ -186,5 +186,5 @@ def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
     when = ", ".join(f"{moment:.1f}" for moment in signal.time_s[struck & ~np.roll(struck, 1)])
     return [
         f"{np.count_nonzero(struck) * signal.interval_s:.1f} s of the motion were left out, from {when} s on: "
-        "several joints are far off there at once, as after a blow to the arm."
+        "several joints have large residuals there at once, as after an impact on the arm."
     ]

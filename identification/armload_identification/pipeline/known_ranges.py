@@ -22,7 +22,7 @@ _IN_UNIT: Final = (1.0, 1e3, 1e3, 1e3)
 _NORMAL_95: Final = 1.959964
 _BLIND_WIDTHS: Final = 10.0
 """Standard deviation of what the data say nothing about, in widths of its range: within the range all is as likely."""
-_REMEDY: Final = "Correct the range or leave it out, or check that the recordings are of this payload."
+_REMEDY: Final = "Correct or omit the range, or check that the recordings are of this payload."
 
 
 def within_ranges(
@@ -46,7 +46,7 @@ def within_ranges(
     interval = found.uncertainty.interval_95[:4]
     for quantity in _which((interval[:, 1] < limits[:, 0]) | (interval[:, 0] > limits[:, 1])):
         raise EstimationError(
-            f"the {_NAMES[quantity]} was known to be {_range(quantity, limits)}, and by the data it is "
+            f"the {_NAMES[quantity]} was given as {_range(quantity, limits)}, but from the data it is "
             f"{_range(quantity, interval)} (95 %). {_REMEDY}"
         )
     binds = _beyond(interval, limits)
@@ -56,11 +56,11 @@ def within_ranges(
     ranged = np.isfinite(limits[:, 0])
     if contradicted(mean[ranged], covariance[np.ix_(ranged, ranged)], limits[ranged]):
         said = " and ".join(
-            f"the {_NAMES[i]} was known to be {_range(i, limits)} and is {_range(i, interval)}" for i in _which(ranged)
+            f"the {_NAMES[i]} was given as {_range(i, limits)} and is {_range(i, interval)}" for i in _which(ranged)
         )
         raise EstimationError(
-            f"the ranges that were known do not go together by the data: {said} (95 %), and no payload within all of "
-            f"them explains the torque. {_REMEDY}"
+            f"the given ranges together contradict the data: {said} (95 %), and no payload within all of them explains "
+            f"the torque. {_REMEDY}"
         )
     result = identified(known.prior_within(*truncated_moments(mean, covariance, limits)))
     binds |= _beyond(result.uncertainty.interval_95[:4], limits)
@@ -68,7 +68,7 @@ def within_ranges(
     ends[:4][binds] = limits[binds]
     uncertainty = replace(result.uncertainty, limits=ends)
     notes = [
-        f"the range known of the {_NAMES[i]}, {_range(i, limits)}, binds: without it the 95 % interval is "
+        f"the given range of the {_NAMES[i]}, {_range(i, limits)}, is active: without it the 95 % interval is "
         f"{_range(i, interval)}, with it {_range(i, uncertainty.interval_95)}."
         for i in _which(binds)
     ]

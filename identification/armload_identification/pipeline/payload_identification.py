@@ -95,10 +95,10 @@ def _require_symmetric(found: Identification) -> None:
     center, half_width = found.uncertainty.values[1:3], found.uncertainty.half_width_95[1:3]
     if (np.abs(center) > _CONTRADICTS * half_width).any():
         raise EstimationError(
-            "the payload was called symmetric about the flange axis, and by the data its centre of mass lies "
+            "the payload was declared symmetric about the flange axis, but from the data its centre of mass lies "
             f"{1e3 * center[0]:+.1f} and {1e3 * center[1]:+.1f} mm off that axis (95 %: "
-            f"+-{1e3 * half_width[0]:.1f} and {1e3 * half_width[1]:.1f} mm). Leave the symmetry out, or "
-            "check the flange's frame."
+            f"+-{1e3 * half_width[0]:.1f} and {1e3 * half_width[1]:.1f} mm). Omit the symmetry, or check the flange "
+            "frame."
         )
 
 
@@ -118,14 +118,14 @@ def _identified(
     if unloaded is None:
         if known_arm is None:
             raise EstimationError(
-                "no unloaded recording was given, and the arm's own torque is not known: it is many times the "
-                "payload's. Record the same excitation without the payload and give that file as --unloaded, or "
+                "no unloaded recording was given, and the arm's own torque, which is many times the payload's, is "
+                "unknown. Record the same excitation without the payload and give that file as --unloaded, or "
                 "calibrate the arm once with `armload calibrate` and give that file as --calibration."
             )
         if estimator is not Estimator.FRICTION:
             raise EstimationError(
-                f"the estimator '{estimator}' is for the difference of two runs; with a calibration alone there is one "
-                "only. Leave --estimator out, or give an unloaded recording."
+                f"the estimator '{estimator}' requires the difference of two runs, but there is only one run, with a "
+                "calibration. Omit --estimator, or give an unloaded recording."
             )
         return identify_alone(loaded, chain, transmission, known_arm, prior)
     check_pair(loaded, unloaded, transmission)

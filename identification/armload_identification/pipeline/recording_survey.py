@@ -138,7 +138,7 @@ def _missing(recording: Recording, moves: bool, interval_s: float) -> tuple[str,
     if not moves:
         missing.append("motion: no joint moves")
     if interval_s * _SLOWEST_HZ > 1.0:
-        missing.append(f"rows: {1.0 / interval_s:.3g} per second are few, {_SLOWEST_HZ:g} or more are usual")
+        missing.append(f"rows: {1.0 / interval_s:.3g} per second, {_SLOWEST_HZ:g} or more are recommended")
     if recording.source.truncated:
-        missing.append("its end: the file is cut short")
+        missing.append("its end: the file is truncated")
     return tuple(missing)

@@ -113,12 +113,12 @@ def shortest_wiggle(
     if not np.isfinite(best_kg):
         why = f"; {refused}" if refused else ""
         raise ExcitationError(
-            f"no motion about this place keeps all limits{why}. Give another place or a smaller amplitude"
+            f"no motion about this position respects all limits{why}. Choose another position or a smaller amplitude"
         )
     raise ExcitationError(
-        f"no motion of {LONGEST_S:g} s within these limits shows the mass to {wanted_kg:.3g} kg (95 %); the best one "
-        f"shows it to {best_kg:.3g} kg. Allow a greater amplitude or more speed, ask for less, or calibrate the arm "
-        "with more runs"
+        f"no motion of {LONGEST_S:g} s within these limits determines the mass to {wanted_kg:.3g} kg (95 %); the best "
+        f"one determines it to {best_kg:.3g} kg. Allow a larger amplitude or more speed, relax the requirement, or "
+        "calibrate the arm with more runs"
     )
 
 

@@ -78,9 +78,9 @@ def columns_by_name(path: Path, names: Sequence[str]) -> CsvColumns:
     positions = found.get("position_rad", {})
     joints = sorted(positions, key=lambda joint: (isinstance(joint, str), joint if isinstance(joint, int) else 0))
     if not times or len(joints) < _NEEDED:
-        what = "no column of the time" if not times else "no positions of two or more joints"
+        what = "no time column" if not times else "no positions of two or more joints"
         raise RecordingError(
-            f"{path}: {what} can be recognised in the header {', '.join(names)}. Say what the columns hold: "
+            f"{path}: {what} can be recognised in the header {', '.join(names)}. Specify the columns: "
             '--columns "time=0 position=1-6 current=7-12", or a [log] table in the robot\'s file.'
         )
     chosen: dict[str, list[str]] = {}
@@ -93,7 +93,7 @@ def columns_by_name(path: Path, names: Sequence[str]) -> CsvColumns:
         if double is not None:
             raise RecordingError(
                 f"{path}: {' and '.join(name for name, _ in double)} could both be the {quantity} of one joint. "
-                'Say which: --columns "time=... position=...", or a [log] table in the robot\'s file.'
+                'Specify which: --columns "time=... position=...", or a [log] table in the robot\'s file.'
             )
         chosen[quantity] = [column[0][0] for column in columns]
         scales[quantity] = columns[0][0][1]

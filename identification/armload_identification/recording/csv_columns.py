@@ -64,12 +64,12 @@ def parse_columns(text: str) -> CsvColumns:
         key, equals, value = part.partition("=")
         if key not in _KEYS or not equals or not value or key in found:
             raise RecordingError(
-                f"columns: {part!r} cannot be understood. Write each of {', '.join(_KEYS)} once, such as "
+                f"columns: {part!r} is invalid. Write each of {', '.join(_KEYS)} once, such as "
                 '"time=0 position=1-6 current=7-12" or "time=t position=q1-6 torque=tau1-6".'
             )
         found[key] = [column for item in value.split(",") for column in _expanded(item)]
     if len(found.get("time", ())) != 1 or "position" not in found:
-        raise RecordingError(f"columns: {text!r} lacks one column of the time, or the positions.")
+        raise RecordingError(f"columns: {text!r} lacks the time column or the positions.")
     lengths = {key: len(columns) for key, columns in found.items() if key != "time"}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{count} of {key}" for key, count in lengths.items())
@@ -86,5 +86,5 @@ def _expanded(item: str) -> list[int | str]:
         return [int(item) if item.isdecimal() and len(item) <= 4 else item]
     stem, first, last = match[1], int(match[2][:6]), int(match[3][:6])
     if not first <= last < first + _MOST_COLUMNS:
-        raise RecordingError(f"columns: the range {item!r} goes nowhere; expected the smaller number first.")
+        raise RecordingError(f"columns: the range {item!r} is empty; expected the smaller number first.")
     return [f"{stem}{number}" if stem else number for number in range(first, last + 1)]

@@ -110,7 +110,7 @@ class GarbageFilter:
         listed = ", ".join(f"{count} {reason}" for reason, count in reasons.items()) or "no row dropped"
         raise RecordingError(
             f"{self.path}: {kept} usable rows of {rows_read} ({listed}), expected {_SHORTEST_ROWS} or more. "
-            "Check that the file is complete and that the columns are the right ones."
+            "Check that the file is complete and that the columns are correct."
         )
 
     def _judged(self, left: int) -> RowBlock:
@@ -150,7 +150,7 @@ class GarbageFilter:
         if self._with_effort and {"current_a", "torque_nm"} <= set(self._absent):
             raise RecordingError(
                 f"{self.path}: the recording has neither motor current nor joint torque. "
-                "Nothing can be identified without one of them; record 6078 or 6077, or correct the column map."
+                "Identification requires one of them; record 6078 or 6077, or correct the column map."
             )
         refuse_degrees(self.path, rows.position_rad)
 
@@ -258,8 +258,8 @@ def refuse_degrees(path: Path, position: FloatArray) -> None:
     if finite.size and np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max() > _LARGEST_ANGLE_RAD:
         raise RecordingError(
             f"{path}: joint positions reach {np.abs(np.percentile(finite, [5.0, 95.0], axis=0)).max():.0f}, "
-            f"expected radians within +-{_LARGEST_ANGLE_RAD:.0f}. They look like degrees: convert them, or name the "
-            "columns of a table so (q1_deg)."
+            f"expected radians within +-{_LARGEST_ANGLE_RAD:.0f}. They look like degrees: convert them, or add the "
+            "unit to the column names of a table (q1_deg)."
         )
 
 
@@ -279,8 +279,9 @@ def refuse_time_unit(path: Path, interval_s: float) -> None:
     unit = next((name for name, second in _TIME_UNITS.items() if low <= interval_s * second <= high), None)
     advice = "Check the column of the time stamps." if unit is None else f"They look like {unit}: convert them."
     raise RecordingError(
-        f"{path}: the time stamps are {interval_s:.3g} apart, expected seconds, from {_SHORTEST_INTERVAL_S:g} to "
-        f"{_LONGEST_INTERVAL_S:g} apart. {advice}"
+        f"{path}: the interval of the time stamps is {interval_s:.3g}, expected seconds, from {_SHORTEST_INTERVAL_S:g} "
+        "to "
+        f"{_LONGEST_INTERVAL_S:g}. {advice}"
     )
 
 
@@ -303,13 +304,13 @@ def refuse_mixed_units(path: Path, time_s: FloatArray, position: FloatArray, vel
     for unit, second in _TIME_UNITS.items():
         if 0.8 < ratio / second < 1.25:
             raise RecordingError(
-                f"{path}: the positions change {ratio:.3g} times as fast as the velocities say. "
-                f"The time stamps look like {unit}: convert them to seconds."
+                f"{path}: the positions change {ratio:.3g} times as fast as the velocities indicate. The time stamps "
+                f"look like {unit}: convert them to seconds."
             )
     degree = np.pi / 180.0
     if 0.8 < ratio * degree < 1.25 or 0.8 < ratio / degree < 1.25:
         wrong = "positions" if ratio > 1.0 else "velocities"
         raise RecordingError(
-            f"{path}: the positions change {ratio:.3g} times as fast as the velocities. "
-            f"The {wrong} look like degrees: convert them to radians."
+            f"{path}: the positions change {ratio:.3g} times as fast as the velocities indicate. The {wrong} look like "
+            "degrees: convert them to radians."
         )

@@ -98,11 +98,11 @@ def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
         if reader is None:
             continue
         if options.episode is not None and factory is not open_parquet:
-            raise RecordingError(f"{path}: has no episodes, as LeRobot's data sets have. Leave --episode out.")
+            raise RecordingError(f"{path}: has no episodes, unlike a LeRobot data set. Omit --episode.")
         return reader
     raise RecordingError(
-        f"{path}: a {'folder' if path.is_dir() else 'file'} of no known format. Give a recording made by armload, a "
-        "ROS 2 bag (folder, .db3 or .mcap), or a table with names of its columns (.csv, .parquet, .npz)."
+        f"{path}: a {'folder' if path.is_dir() else 'file'} of unknown format. Give a recording made by armload, a ROS "
+        "2 bag (folder, .db3 or .mcap), or a table with column names (.csv, .parquet, .npz)."
     )
 
 

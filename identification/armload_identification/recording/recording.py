@@ -144,13 +144,13 @@ class Recording(RowBlock):
         if not self.joint_names:
             raise RecordingError(
                 f"{self.source.path}: the recording does not name its joints, so they cannot be matched by name. "
-                "Give them in the order of the arm, or a recording with joint names."
+                "Put them in the order of the arm, or give a recording with joint names."
             )
         absent = [name for name in names if name not in self.joint_names]
         if absent:
             raise RecordingError(
                 f"{self.source.path}: no joint named {', '.join(absent)}; the recording has "
-                f"{', '.join(self.joint_names)}. Give the recording and the description of the same arm."
+                f"{', '.join(self.joint_names)}. Use a recording and a description of the same arm."
             )
         ignored = tuple(name for name in self.joint_names if name not in names)
         run = self.joints([self.joint_names.index(name) for name in names])
@@ -258,8 +258,8 @@ def check_joints(recording: Recording, n: int) -> None:
     """
     if recording.n != n:
         raise RecordingError(
-            f"{recording.source.path}: the recording has {recording.n} joints, the robot has {n}. "
-            "Give the recording and the configuration of the same arm."
+            f"{recording.source.path}: the recording has {recording.n} joints, the robot {n}. Use a recording and a "
+            "configuration of the same arm."
         )
 
 
@@ -278,10 +278,10 @@ def _require_shapes(name: str, arrays: Mapping[str, FloatArray]) -> None:
     """Raise unless the arrays are of one run."""
     position = arrays["position_rad"]
     if position.ndim != 2 or not position.size:
-        raise RecordingError(f"{name}: position_rad has the shape {position.shape}; expected (N, n), a row per sample")
+        raise RecordingError(f"{name}: position_rad has shape {position.shape}; expected (N, n), a row per sample")
     for key, values in arrays.items():
         expected = position.shape[:1] if key in {"time_s", "phase_s"} else position.shape
         if values.shape != expected:
             raise RecordingError(
-                f"{name}: {key} has the shape {values.shape}; expected {expected}, as position_rad has {position.shape}"
+                f"{name}: {key} has shape {values.shape}; expected {expected}, as position_rad has {position.shape}"
             )

@@ -178,7 +178,7 @@ def _payload_rows(calibration: ArmCalibration) -> list[tuple[str, str, str, str]
 def _run_row(calibration: ArmCalibration, run: CalibratedRun) -> _RunRow:
     """How a run fits."""
     ratio = run.residual_rms_nm / np.maximum(calibration.noise_nm, np.finfo(float).tiny)
-    struck = f", {run.struck} left out as blows" if run.struck else ""
+    struck = f", {run.struck} left out as impacts" if run.struck else ""
     return _RunRow(
         name=run.name,
         day=run.recorded[:10],

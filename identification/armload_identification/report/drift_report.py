@@ -74,6 +74,6 @@ def write_drift_report(
             ),
             warming=None
             if warming is None
-            else Markup(inline_svg(warm_up_drawing(warming, names), "warm-up", "Friction against the time at work.")),
+            else Markup(inline_svg(warm_up_drawing(warming, names), "warm-up", "Friction against time in operation.")),
         ),
     )

@@ -7,8 +7,8 @@ from armload_identification.pipeline.payload_validation import Validation
 from armload_identification.verdict.agreement import Outcome
 
 _MEASURE_AGAIN = (
-    "Measure again with more motion: an excitation of armload design, more of its periods, the arm faster, and gravity "
-    "turned through the payload by moving the wrist."
+    "Measure again with more motion: use an excitation from armload design, more of its periods, a faster motion, and "
+    "move the wrist so that the direction of gravity in the payload changes."
 )
 
 
@@ -23,17 +23,20 @@ def next_steps(payload: PayloadResult, validation: Validation | None) -> tuple[s
     if outcome is Outcome.WRONG:
         return (
             "Do not use this payload.",
-            "Was the same tool mounted, in the same way, in all loaded runs? Then record again and identify anew.",
+            "Was the same tool mounted, in the same way, in all loaded runs? Then record and identify again.",
             "If the same joints disagree again, calibrate the arm with a weighed payload: armload calibrate.",
         )
     if not payload.feedforward_ready:
         return ("Do not use this payload yet: mass or centre of mass is not determined.", _MEASURE_AGAIN)
-    use = "Enter it at the robot's controller (armload export), or add it in a loop of your own (PayloadFeedforward)."
+    use = (
+        "Enter it at the robot's controller (armload export), or add it in your own control loop (PayloadFeedforward)."
+    )
     if outcome is Outcome.RIGHT:
         return (use,)
     if outcome is Outcome.CANNOT_TELL:
-        return ("Use it with care: nothing contradicts it, and nothing confirms it.", _MEASURE_AGAIN)
+        return ("Use it with care: it is neither contradicted nor confirmed.", _MEASURE_AGAIN)
     return (
-        "Before you rely on it, record another motion with and without the payload and give both with --validation.",
+        "Before relying on it, record another motion with and without the payload and give both recordings with "
+        "--validation.",
         use,
     )

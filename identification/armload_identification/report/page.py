@@ -41,6 +41,5 @@ def write_page(path: Path, page: str) -> None:
         replace_file(path, page)
     except OSError as problem:
         raise ReportError(
-            f"{path}: the report cannot be written ({problem.strerror}). Name a file in a folder that exists and "
-            "may be written to."
+            f"{path}: the report cannot be written ({problem.strerror}). Choose a file in an existing, writable folder."
         ) from problem

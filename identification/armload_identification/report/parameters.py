@@ -117,7 +117,7 @@ def headline(payload: PayloadResult) -> str:
     ]
     unknown = [axis for axis, there in zip(_AXES, known, strict=True) if not there]
     center = f"Its centre of mass lies at {listed(known_parts)} in the {payload.frame} frame." if known_parts else ""
-    missing = f"Where it lies along {listed(unknown)} is not determined." if known_parts and unknown else ""
+    missing = f"Its position along {listed(unknown)} is not determined." if known_parts and unknown else ""
     if not known_parts:
         missing = "Its centre of mass is not determined."
     return " ".join(part for part in (mass, center, missing) if part)

@@ -70,7 +70,7 @@ def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
     text = None if source is None else source.attachments.get(EXCITATION_ATTACHMENT)
     span = f"{numeral(signal.time_s[-1] + signal.interval_s, 1)}{NO_BREAK}s"
     if text is None:
-        return f"The motion lasts {span}; the recording does not say how it was planned."
+        return f"The motion lasts {span}; the recording does not contain how it was planned."
     excitation = parse_excitation(text)
     trajectory = excitation.trajectory
     planned = (
@@ -92,7 +92,7 @@ def _slow_round(source: RecordingSource | None) -> str:
     if not isinstance(lasted_s, float) or not isinstance(speed_m_s, float):
         return ""
     return (
-        f" The slow round before it took {numeral(lasted_s, 0)}{NO_BREAK}s; no point of the arm was planned faster "
+        f" The preceding slow round took {numeral(lasted_s, 0)}{NO_BREAK}s; no point of the arm was planned faster "
         f"than {numeral(speed_m_s, 3)}{NO_BREAK}m/s."
     )
 
@@ -103,8 +103,10 @@ def _way_round(source: RecordingSource | None) -> str:
     if text is None:
         return ""
     count = len(json.loads(text)["via_points_rad"])
-    points = "via point" if count == 1 else "via points"
-    return f" The straight way to its start was not free: the arm went round, by {count}{NO_BREAK}{points}."
+    points = "point" if count == 1 else "points"
+    return (
+        f" The straight path to its start was blocked: the arm went round the obstacle, via {count}{NO_BREAK}{points}."
+    )
 
 
 def comparison_sentence(signal: LoadSignal) -> str:
@@ -115,7 +117,7 @@ def comparison_sentence(signal: LoadSignal) -> str:
     """
     if not signal.periods[1]:
         return (
-            "The torque of the payload is that of the loaded run minus that of the arm, as its calibration has it. "
+            "The torque of the payload is that of the loaded run minus that of the arm according to its calibration. "
             f"The noise is from {signal.noise_source}."
         )
     difference = (
@@ -130,8 +132,8 @@ def comparison_sentence(signal: LoadSignal) -> str:
         )
     apart = f"{numeral(abs(signal.shift_s), 3)}{NO_BREAK}s"
     return difference + (
-        f"The runs have no period in common, so they were laid over each other by position, which puts {apart} between "
-        f"their clocks, and nothing was averaged. The noise is from {signal.noise_source}."
+        f"The runs have no common period, so they were aligned by position, with an offset of {apart} between their "
+        f"clocks, and nothing was averaged. The noise is from {signal.noise_source}."
     )
 
 

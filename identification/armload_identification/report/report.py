@@ -134,7 +134,8 @@ def _notes(payload: PayloadResult, fit: Identification | None) -> Iterator[str]:
     if not payload.feedforward_ready:
         unknown = [name for name, there in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not there]
         yield (
-            f"Do not feed this payload forward: that needs mass and centre of mass, and {', '.join(unknown)} "
+            "Do not use this payload for feed-forward: this requires mass and centre of mass, and "
+            f"{', '.join(unknown)} "
             "is not determined."
         )
     if fit is not None:
@@ -206,9 +207,9 @@ def _facts(identification: Identification) -> tuple[tuple[str, str], ...]:
         ("Samples", f"{used} of {signal.valid.size}, every {numeral(1e3 * signal.interval_s, 2)}{NO_BREAK}ms"),
         ("Rank", f"{fit.rank} of {fit.theta.size}"),
         ("Condition number of the whitened regressor, SI units", numeral(fit.condition_number, 1)),
-        ("Solutions until the weights settled", str(fit.iterations)),
+        ("Iterations until the weights converged", str(fit.iterations)),
         (
-            "Standard deviation each joint was weighted with, N m",
+            "Standard deviation used to weight each joint, N m",
             ", ".join(f"{1.0 / weight:.3g}" for weight in fit.weight_1_nm),
         ),
     )

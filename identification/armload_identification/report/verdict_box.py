@@ -39,7 +39,7 @@ def verdict_box(validation: Validation | None, names: Sequence[str]) -> VerdictB
         return VerdictBox(
             "missing",
             "Not validated",
-            "No second pair of runs was given, so nothing says how well this payload predicts another motion.",
+            "No second pair of runs was given, so it is unknown how well this payload predicts another motion.",
         )
     outcome = validation.outcome
     return VerdictBox(

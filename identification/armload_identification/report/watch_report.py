@@ -98,7 +98,7 @@ def write_watch_report(path: Path, history: WatchHistory) -> None:
     Raises:
         ReportError: the file cannot be written.
     """
-    title = "Mass that the arm carried over time, with its 95 % interval, and what happened."
+    title = "Mass that the arm carried over time, with its 95 % interval, and events."
     drawing = Markup(watch_svg(history, "mass", title))
     far = [joint for joint in history.joints if abs(joint.friction_nm) > 3.0 * joint.usual_nm]
     write_page(path, rendered(_TEMPLATE, history=history, drawing=drawing, far=far))

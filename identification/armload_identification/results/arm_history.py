@@ -16,7 +16,7 @@ from armload_identification.results.payload_text import plain_table
 
 _PICTURE_DPI: Final = 130
 _COLD_S: Final = 60.0
-HEADINGS: Final = ("joint", "friction N m", "less the calibration's", "gain", "unexplained", "warming up N m")
+HEADINGS: Final = ("joint", "friction N m", "minus the calibration's", "gain", "unexplained", "warming up N m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +47,18 @@ class ArmHistory:
     def advice(self) -> str:
         """What to do."""
         if self.drift.out_of_date:
-            return "Find out what was changed on the arm, and calibrate it again with runs since then."
+            return "Find out what changed on the arm, and calibrate it again from runs since then."
         if any(not found.alone for found in self.drift.findings):
             return (
-                "The calibration holds: friction is fitted with every payload. Look for new grease, a dragging brake "
-                "or wear."
+                "The calibration is still valid: friction is fitted with every payload. Look for new grease, a "
+                "dragging brake or wear."
             )
         if self.drift.findings:
-            return "Single runs are off: a blow, a cold arm, another payload than said. The calibration holds."
-        return "The calibration holds."
+            return (
+                "Single runs are off: an impact, a cold arm, or a payload other than stated. The calibration is still "
+                "valid."
+            )
+        return "The calibration is still valid."
 
     def rows(self) -> list[tuple[str, ...]]:
         """Per joint the present levels; empty where the runs do not show one."""

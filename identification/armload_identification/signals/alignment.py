@@ -80,7 +80,7 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
             break
     if best is None:
         raise RecordingError(
-            f"{elapsed.size} samples over {elapsed[-1]:.3g} s are too few to fit a motion. Record a longer run."
+            f"{elapsed.size} samples over {elapsed[-1]:.3g} s are not enough to fit a motion. Record a longer run."
         )
     return MeasuredMotion(best[2], float(time_s[0]), float(elapsed[-1]), best[1], best[3])
 
@@ -126,7 +126,7 @@ def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
         common = grid[(grid <= first.duration_s) & (grid + shift_s >= 0.0) & (grid + shift_s <= second.duration_s)]
         if common.size * step_s < 1.0:
             raise RecordingError(
-                "the loaded and the unloaded run share no motion. Record the same excitation in both runs."
+                "the loaded and the unloaded run have no common motion. Record the same excitation in both runs."
             )
         ahead = first.spline(common) - second.spline(common + shift_s)
         speed = speed_of_second(common + shift_s)

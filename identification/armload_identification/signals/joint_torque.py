@@ -53,7 +53,7 @@ class Transmission:
         coupling = np.array(self.coupling, dtype=np.float64)
         if gain.ndim != 1 or coupling.shape != (gain.size, gain.size):
             raise ModelError(
-                f"gains have the shape {gain.shape} and the coupling {coupling.shape}; expected (n,) and (n, n)"
+                f"gains have shape {gain.shape} and the coupling {coupling.shape}; expected (n,) and (n, n)"
             )
         if not (np.isfinite(gain).all() and (gain > 0.0).all()):
             raise ModelError(f"gains are {gain.tolist()} N m/A; expected numbers above 0")
@@ -70,11 +70,11 @@ class Transmission:
             deviation = np.where(calibrated, 0.0, NOMINAL_DEVIATION)
         if calibrated.shape != gain.shape or deviation.shape != gain.shape:
             raise ModelError(
-                f"{calibrated.size} marks of calibration and {deviation.size} deviations for {gain.size} gains; "
+                f"{calibrated.size} calibration flags and {deviation.size} deviations for {gain.size} gains; "
                 "expected one per gain"
             )
         if not (np.isfinite(deviation).all() and (deviation >= 0.0).all()):
-            raise ModelError(f"the gains' relative deviations are {deviation.tolist()}; expected numbers from 0 on")
+            raise ModelError(f"the gains' relative deviations are {deviation.tolist()}; expected numbers of at least 0")
         if covariance.size == 0:
             covariance = np.diag(deviation**2)
         torque_gain = np.array(self.torque_gain, dtype=np.float64)
@@ -82,7 +82,7 @@ class Transmission:
             torque_gain = np.ones(gain.size)
         if covariance.shape != coupling.shape or torque_gain.shape != gain.shape:
             raise ModelError(
-                f"the gains' covariance has the shape {covariance.shape}, and there are {torque_gain.size} gains of "
+                f"the gains' covariance has shape {covariance.shape}, and there are {torque_gain.size} gains of "
                 f"reported torque for {gain.size} axes; expected (n, n) and one per axis"
             )
         if not (np.isfinite(torque_gain).all() and (torque_gain > 0.0).all()):

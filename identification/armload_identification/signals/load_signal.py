@@ -175,8 +175,8 @@ def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmissi
     """
     if loaded.n != unloaded.n:
         raise RecordingError(
-            f"{loaded.source.path} has {loaded.n} joints, {unloaded.source.path} has {unloaded.n}. "
-            "Give two runs of the same arm."
+            f"{loaded.source.path} has {loaded.n} joints, {unloaded.source.path} has {unloaded.n}. Use two runs of the "
+            "same arm."
         )
     for run in (loaded, unloaded):
         require_motion(run)
@@ -248,9 +248,9 @@ def _shift_by_phase(one: Recording, two: Recording) -> float | None:
     begin, end = max(one.phase_s[0], two.phase_s[0]), min(one.phase_s[-1], two.phase_s[-1])
     if end - begin < _SHORTEST_S:
         short = min((one, two), key=lambda run: float(run.phase_s[-1]) if run.phase_s is not None else 0.0)
-        cut = ": the file is cut short" if short.source.truncated else ""
+        cut = ": the file is truncated" if short.source.truncated else ""
         raise RecordingError(
-            f"{one.source.path} and {two.source.path} share {max(end - begin, 0.0):.2g} s of their excitation, as "
+            f"{one.source.path} and {two.source.path} share {max(end - begin, 0.0):.2g} s of their excitation, because "
             f"{short.source.path} ends there{cut}. Record that run again."
         )
     phase = np.linspace(begin, end, 100)
@@ -288,9 +288,10 @@ def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
     one, two = loaded.excitation.trajectory, unloaded.excitation.trajectory
     if not _equal(one, two):
         raise RecordingError(
-            f"{loaded.source.path} and {unloaded.source.path} were sent along different excitations "
-            f"({one.harmonics} harmonics of {one.base_frequency_hz:g} Hz and {two.harmonics} of "
-            f"{two.base_frequency_hz:g} Hz). The difference of two runs needs the same motion: pair the right files."
+            f"{loaded.source.path} and {unloaded.source.path} followed different excitations ({one.harmonics} "
+            f"harmonics of {one.base_frequency_hz:g} Hz and {two.harmonics} of "
+            f"{two.base_frequency_hz:g} Hz). The difference of two runs requires the same motion: use a matching pair "
+            "of files."
         )
 
 
@@ -312,9 +313,9 @@ def _require_same_path(loaded: Recording, unloaded: Recording, one: Motion, two:
     worst = int(np.argmax(mismatch / allowed))
     if mismatch[worst] > allowed[worst]:
         raise RecordingError(
-            f"{loaded.source.path} and {unloaded.source.path} are not of the same trajectory: laid over each other "
-            f"as well as they fit, joint {worst + 1} differs by {mismatch[worst]:.3g} rad RMS, allowed is "
-            f"{allowed[worst]:.3g} rad. Pair two runs of one motion and check the order of the joints; or calibrate "
+            f"{loaded.source.path} and {unloaded.source.path} are not of the same trajectory: at their best alignment, "
+            f"joint {worst + 1} differs by {mismatch[worst]:.3g} rad RMS, {allowed[worst]:.3g} rad is allowed. Use two "
+            "runs of the same motion and check the order of the joints; or calibrate "
             "the arm (`armload calibrate`): then the loaded run alone is enough, whatever its motion."
         )
     return mismatch

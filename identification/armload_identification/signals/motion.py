@@ -267,7 +267,7 @@ class TimedRun:
             raise RecordingError(
                 f"{self.run.source.path}: {self.run.size} rows, mostly {interval_s:.3g} s apart, in "
                 f"{end_s - start_s:.3g} s: most of the motion is missing. "
-                "Record it again, or give a part without holes."
+                "Record it again, or select a part without gaps."
             )
         elapsed = start_s + np.arange(int((end_s - start_s) / interval_s), dtype=np.float64) * interval_s
         velocity = self.path.spline.derivative()(elapsed)
@@ -338,8 +338,8 @@ def _moving_part(run: Recording) -> Recording:
     if run.phase_s is None:
         return run
     if np.count_nonzero(np.isfinite(run.phase_s)) < 2:
-        cut = ": the file is cut short" if run.source.truncated else ""
+        cut = ": the file is truncated" if run.source.truncated else ""
         raise RecordingError(
-            f"{run.source.path}: the recording ends before the periods of its excitation begin{cut}. Record it again."
+            f"{run.source.path}: the recording ends before the periods of its excitation start{cut}. Record it again."
         )
     return run.rows(np.isfinite(run.phase_s))

@@ -27,7 +27,7 @@ def require_regular(path: Path) -> None:
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(mode):
-        raise OSError(errno.EINVAL, "a pipe or device, no regular file", str(path))
+        raise OSError(errno.EINVAL, "a pipe or device, not a regular file", str(path))
 
 
 def read_whole(path: Path, largest_bytes: int = LARGEST_BYTES) -> bytes:
@@ -44,7 +44,7 @@ def read_whole(path: Path, largest_bytes: int = LARGEST_BYTES) -> bytes:
     with path.open("rb") as file:
         data = file.read(largest_bytes + 1)
     if len(data) > largest_bytes:
-        raise OSError(errno.EFBIG, f"larger than {largest_bytes} bytes, so not a file of this kind", str(path))
+        raise OSError(errno.EFBIG, f"larger than {largest_bytes} bytes, so it is not a file of this kind", str(path))
     return data
 
 

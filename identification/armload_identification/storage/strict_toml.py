@@ -33,8 +33,8 @@ _WANTED = {
     "model_type": "expected a table",
     "dict_type": "expected a table",
     "list_type": "expected a list",
-    "string_type": "expected a text in quotes",
-    "string_too_short": "expected a text that is not empty",
+    "string_type": "expected text in quotes",
+    "string_too_short": "expected text that is not empty",
     "bool_type": "expected true or false",
     "int_type": "expected a whole number",
     "float_type": "expected a number",
@@ -94,7 +94,7 @@ def read_text(path: Path, error: FileErrorClass) -> str:
         raise error(str(path), "", None, f"cannot be read: {problem.strerror}") from problem
     except UnicodeDecodeError as problem:
         raise error(
-            str(path), "", None, f"cannot be read: no UTF-8, {problem.reason} at byte {problem.start}"
+            str(path), "", None, f"cannot be read: not UTF-8, {problem.reason} at byte {problem.start}"
         ) from problem
 
 
@@ -144,11 +144,11 @@ def toml_values(content: str, source: str, error: FileErrorClass) -> dict[str, A
     try:
         return tomllib.loads(content)
     except tomllib.TOMLDecodeError as problem:
-        raise error(source, "", None, f"no TOML: {problem}") from problem
+        raise error(source, "", None, f"not valid TOML: {problem}") from problem
     except RecursionError:
-        raise error(source, "", None, "no TOML that can be read: its values are nested too deeply") from None
+        raise error(source, "", None, "not valid TOML: its values are nested too deeply") from None
     except ValueError as problem:  # an integer of more digits than Python converts
-        raise error(source, "", None, f"no TOML that can be read: {str(problem).partition(';')[0]}") from problem
+        raise error(source, "", None, f"not valid TOML: {str(problem).partition(';')[0]}") from problem
 
 
 def validated(
@@ -184,7 +184,7 @@ def _number_rows(value: object) -> NDArray[np.float64]:
     rows = value if isinstance(value, list) else []
     wide = {len(row) if isinstance(row, list) and all(_is_finite(v) for v in row) else 0 for row in rows}
     if len(wide) != 1 or 0 in wide:
-        raise BadValue("", value, "expected lists of finite numbers, all of one length")
+        raise BadValue("", value, "expected lists of finite numbers, all of the same length")
     return np.array(value, dtype=np.float64)
 
 
@@ -228,10 +228,10 @@ def _explained(problem: ValidationError, tables: type[Table], within: str) -> tu
         found, expected = None, _required(first["loc"], tables)
         stranger = _near_missing(first, tables)
         if stranger is not None:
-            expected += f"; {stranger} is there, which is unknown: rename it"
+            expected += f"; {stranger} is an unknown key: rename it"
             more -= 1
     elif first["type"] == "extra_forbidden":
-        expected = "unknown, there is no such key" + _near_unknown(first["loc"], tables)
+        expected = "unknown key" + _near_unknown(first["loc"], tables)
     else:
         expected = _wanted(first)
     if more:

@@ -58,7 +58,7 @@ def compare(payload: PayloadResult, cad: PayloadResult) -> Comparison:
             "CAD file",
             "payload.frame",
             cad.frame,
-            f"expected {payload.frame!r}, the frame of the identified payload: both must be in one frame",
+            f"expected {payload.frame!r}, the frame of the identified payload: both must be in the same frame",
         )
     estimate, truth = in_papers_convention(payload.model), in_papers_convention(cad.model)
     off = np.abs(estimate - truth)

@@ -64,6 +64,6 @@ def friction_notes(change: FloatArray) -> tuple[str, ...]:
         return ()
     joints = ", ".join(f"{joint + 1} ({change[joint]:.0f} standard deviations)" for joint in far)
     return (
-        f"The friction of joint {joints} lies far outside what it varied by when the arm was calibrated: a cold arm, "
-        "another lubricant, or another gain. Warm the arm up, or calibrate it again with a run of today.",
+        f"The friction of joint {joints} is far outside its variation in the calibration: a cold arm, a different "
+        "lubricant, or a changed gain. Warm the arm up, or calibrate it again with a current run.",
     )

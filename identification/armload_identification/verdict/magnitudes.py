@@ -87,10 +87,12 @@ def _refuse_positions(run: Recording, position: FloatArray, arm: ArmMagnitudes) 
         degrees = wide & (reach / _DEGREE < bound + _OUTSIDE_RAD)
     for joint in np.flatnonzero(degrees | (beyond > np.maximum(_OUTSIDE_RAD, 0.1 * np.nan_to_num(width, posinf=0.0)))):
         question = (
-            "The positions look like degrees: convert them, or name the columns of a table so (q1_deg)."
+            "The positions look like degrees: convert them, or add the unit to the column names of a table (q1_deg)."
             if degrees[joint]
-            else "Is this a recording of another arm, or are its joints in another order or their zeros elsewhere? "
-            "Give the file of the arm that it was recorded on, or correct the range."
+            else (
+                "Is this a recording of another arm, or with a different joint order or zero position? Give the file "
+                "of the arm that it was recorded on, or correct the range."
+            )
         )
         raise RecordingError(
             f"{run.source.path}: {arm.joint_names[joint]} goes from {low[joint]:.3g} to {high[joint]:.3g}, its range "
@@ -133,12 +135,13 @@ def _refuse_scale(
     guess = "Is this a recording of this arm, in N m or A?"
     if scale < _WEAK:
         guess = (
-            "The torques look like those of the motors, in front of the gears: multiply them by the gear ratio, or "
+            "The torques look like those of the motors, on the input side of the gears: multiply them by the gear "
+            "ratio, or "
             "correct gear_ratio and torque_constant_nm_a."
         )
     elif _MILLI[0] <= scale <= _MILLI[1]:
         guess = "Torques look like N mm, or currents like milliampere: convert them to N m or A."
     raise RecordingError(
-        f"{run.source.path}: the torque of {arm.joint_names[joint]} is {scale:.2g} times what the arm's links weigh on "
-        f"it. {guess}"
+        f"{run.source.path}: the torque of {arm.joint_names[joint]} is {scale:.2g} times the torque of the links' "
+        f"weight. {guess}"
     )

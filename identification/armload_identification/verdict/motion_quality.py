@@ -73,9 +73,9 @@ class MotionQuality:
         moves = self.moving_s >= _COUNTS_S
         if np.count_nonzero(moves) >= min(_LEAST_JOINTS, moves.size):
             return
-        seen = f"only {_joints(moves)} moves" if moves.any() else "the arm stands still, or nearly so"
+        seen = f"only {_joints(moves)} moves" if moves.any() else "the arm is at rest, or nearly so"
         raise EstimationError(
-            f"{name}: {seen}, and friction at rest hides what an arm carries. To weigh the payload, {self.missing}."
+            f"{name}: {seen}, and friction at rest hides the payload. To determine the payload, {self.missing}."
         )
 
     def undetermined(self, name: str, mass_kg: float, half_width_kg: float) -> EstimationError:
@@ -88,8 +88,8 @@ class MotionQuality:
         """
         remedy = self.missing or "record a longer run"
         return EstimationError(
-            f"{name}: the mass is not determined, it comes out as {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. Either "
-            f"nothing is mounted, or the motion shows too little: {remedy}."
+            f"{name}: the mass is not determined: the estimate is {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. Either "
+            f"nothing is mounted, or the motion is insufficient: {remedy}."
         )
 
 

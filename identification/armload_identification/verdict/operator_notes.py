@@ -83,9 +83,11 @@ def _on_recordings(runs: Sequence[Recording]) -> list[str]:
             listed = ", ".join(f"{count} {reason}" for reason, count in source.reasons.items())
             notes.append(f"{name} recording: {source.rows_dropped} of {source.rows_read} rows dropped ({listed}).")
         if source.truncated:
-            notes.append(f"{name} recording: the file ends early; what came before was used.")
+            notes.append(f"{name} recording: the file is truncated; everything before that was used.")
         if source.ignored_joints:
-            notes.append(f"{name} recording: not of this arm, and ignored: {', '.join(source.ignored_joints)}.")
+            notes.append(
+                f"{name} recording: ignored, because not part of this arm: {', '.join(source.ignored_joints)}."
+            )
     return notes
 
 
@@ -95,8 +97,9 @@ def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
     if not transmission.calibrated.any():
         allowed = _DEVIATIONS_95 * transmission.deviation.max()
         return [
-            "Drive gains are nominal: an error that all of them share is an error of the same size in the mass. The "
-            f"intervals allow for {allowed:.0%} (95 %) on each joint. Calibrate them with a weighed payload: "
+            "Drive gains are nominal: a common relative error of the gains gives the same relative error of the mass. "
+            "The "
+            f"intervals allow for {allowed:.0%} (95 %) on each joint. Calibrate the gains with a weighed payload: "
             "`armload calibrate`."
         ]
     return [
@@ -115,8 +118,8 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
         off, low, high = (f"{np.expm1(value):+.1%}" for value in (size, size - half_width, size + half_width))
         allowed = _DEVIATIONS_95 * gains.assumed_deviation[joint]
         notes.append(
-            f"The data contradict the drive gain of joint {joint + 1}: by the other joints it is {off} off "
-            f"(95 %: {low} to {high}), where {allowed:.1%} were allowed for. It was estimated with the payload. "
+            f"The data contradict the drive gain of joint {joint + 1}: according to the other joints it is {off} off "
+            f"(95 %: {low} to {high}), more than the assumed {allowed:.1%}. It was estimated with the payload. "
             "Check its torque constant and gear ratio, or calibrate the arm: `armload calibrate`."
         )
     hidden = np.flatnonzero(~gains.contradicted & (gains.noticeable > _UNJUDGED))
@@ -135,15 +138,15 @@ def _on_signal(signal: LoadSignal) -> list[str]:
     if lossy.size:
         listed = ", ".join(f"{joint + 1} ({signal.smoothing_loss[joint]:.0%})" for joint in lossy)
         notes.append(
-            f"Smoothing took more than {SMOOTHING_LOSS_LIMIT:.0%} of the signal of joint {listed}: "
-            "it is mostly noise, or sampled too slowly."
+            f"Smoothing removed more than {SMOOTHING_LOSS_LIMIT:.0%} of the signal of joint {listed}: it is mostly "
+            "noise, or sampled too slowly."
         )
     if (~signal.valid).any():
-        notes.append(f"{np.count_nonzero(~signal.valid)} of {signal.valid.size} samples are holes and were not used.")
+        notes.append(f"{np.count_nonzero(~signal.valid)} of {signal.valid.size} samples are in gaps and were not used.")
     if signal.periodic and 0 < min(count for count in signal.periods if count) < _FEW_PERIODS:
         notes.append(
-            "A run holds one period only, so that its noise was taken from the signal above the motion's band "
-            "and nothing shows whether the periods repeat each other. Record three or more."
+            "A run contains only one period, so its noise was taken from the signal above the motion's band, and the "
+            "repeatability of the periods is unknown. Record three or more."
         )
     return notes
 
@@ -154,23 +157,24 @@ def _on_result(
     notes = []
     if friction is not None and friction.load_joints.any():
         listed = ", ".join(f"{j + 1} ({friction.load[j]:.3f})" for j in np.flatnonzero(friction.load_joints))
-        notes.append(f"Load-dependent friction was found, and taken out, on joint {listed}.")
+        notes.append(f"Load-dependent friction was found, and compensated, on joint {listed}.")
     if friction is not None and friction.viscous_joints.any():
         listed = ", ".join(
             f"{j + 1} ({friction.viscous_nm_s_rad[j]:+.2g} N m s/rad)" for j in np.flatnonzero(friction.viscous_joints)
         )
-        notes.append(f"Viscous friction changed between the runs, and this was taken out, on joint {listed}.")
+        notes.append(f"Viscous friction changed between the runs, and this was compensated, on joint {listed}.")
     if fit.rank < fit.theta.size:
         notes.append(
-            f"The motion determines {fit.rank} of {fit.theta.size} directions of the parameters; the rest was "
-            "chosen as a compact body and is marked as not determined."
+            f"The motion determines {fit.rank} of {fit.theta.size} parameter directions; the rest was chosen as for a "
+            "compact body and is marked as not determined."
         )
     if physical.changed and physical.plain_margin <= 0.0:
         notes.append("The plain estimate is physically impossible; the nearest possible one is reported.")
     if not uncertainty.determined[:4].any():
         notes.append(
             "Not even the mass is determined: the motion is too small or too slow, the runs are too short, or the "
-            "payload is too light for the noise. Design an excitation with `armload design` and record more periods."
+            "payload is too light compared with the noise. Design an excitation with `armload design` and record more "
+            "periods."
         )
     elif uncertainty.undetermined_names:
         notes.append("Not determined by these data: " + ", ".join(uncertainty.undetermined_names) + ".")

@@ -91,8 +91,8 @@ def with_gains(known: Known, gain: FloatArray, covariance: FloatArray) -> Known:
     was = known.covariance
     if was.gain_nm_a.shape != gain.shape:
         raise ModelError(
-            f"the payload's file has the gains of {was.gain_nm_a.size} axes, the calibration those of {gain.size}; "
-            "identify the payload again with the calibration"
+            f"the payload's file has the gains of {was.gain_nm_a.size} axes, the calibration has {gain.size}; identify "
+            "the payload again with the calibration"
         )
     moved = was.gain_slope @ np.log(gain / was.gain_nm_a)
     body = known.parameters

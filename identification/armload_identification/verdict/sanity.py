@@ -76,7 +76,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
     still = np.flatnonzero(moves & (np.ptp(measured, axis=0) == 0.0))
     if still.size:
         raise RecordingError(
-            f"{run.source.path}: joint {still[0] + 1} moves, but its current or torque is always "
+            f"{run.source.path}: joint {still[0] + 1} moves, but its current or torque is constant at "
             f"{measured[0, still[0]]:g}. Check the mapping of its 6077 or 6078, or the column map."
         )
     _refuse_saturation(run, measured, moves)
@@ -88,8 +88,8 @@ def check_run(run: Recording, transmission: Transmission) -> None:
     if moves.any() and work.sum() < _FEEDS_ENERGY * turned_over.sum():
         joints = ", ".join(str(joint + 1) for joint in np.flatnonzero(moves & (work.sum(axis=0) < 0.0)))
         raise RecordingError(
-            f"{run.source.path}: the motors gain energy on the whole, on joint {joints}, where friction should cost "
-            "it. The sign of the current or torque is flipped: correct it in the configuration or the log."
+            f"{run.source.path}: the motors of joint {joints} absorb energy overall, although friction should "
+            "dissipate it. The sign of the current or torque is flipped: correct it in the configuration or the log."
         )
 
 
@@ -105,8 +105,8 @@ def _refuse_long_means(run: Recording) -> None:
         hours = (run.time_s[-1] - run.time_s[0]) / 3600.0
         raise RecordingError(
             f"{run.source.path}: {hours:.1f} h without a known excitation were reduced to means over "
-            f"{1e3 * mean_s:.0f} ms, which takes about {100.0 * lost:.0f} % from the motion's amplitude. "
-            "Give a part of it, such as --between 0s 600s."
+            f"{1e3 * mean_s:.0f} ms, which reduces the motion's amplitude by about {100.0 * lost:.0f} %. Select a part "
+            "of it, such as --between 0s 600s."
         )
 
 
@@ -116,9 +116,9 @@ def _refuse_saturation(run: Recording, measured: FloatArray, moves: NDArray[np.b
     stays = (repeats.at_bound >= _STAYS) & (repeats.at_bound >= _RATHER_THAN_CHANCE * repeats.elsewhere)
     for joint in np.flatnonzero(moves & stays):
         raise RecordingError(
-            f"{run.source.path}: joint {joint + 1} stays at its greatest value of {repeats.bound[joint]:.4g} for "
-            f"{repeats.at_bound[joint] + 1:.0f} samples in a row: the drive or the measurement is saturated, and the "
-            "torque beyond is lost. Record a slower run, or raise the drive's current limit."
+            f"{run.source.path}: joint {joint + 1} stays at its maximum of {repeats.bound[joint]:.4g} for "
+            f"{repeats.at_bound[joint] + 1:.0f} samples in a row: the drive or the measurement is saturated, so the "
+            "true torque is unknown. Record a slower run, or raise the drive's current limit."
         )
 
 
@@ -172,10 +172,10 @@ def explain_negative_mass(mass_kg: float, half_width_kg: float) -> EstimationErr
     """
     if abs(mass_kg) <= half_width_kg:
         return EstimationError(
-            f"the two runs do not differ by a payload: the mass comes out as {mass_kg:.3g} kg +- "
+            f"the two runs do not differ by a payload: the estimated mass is {mass_kg:.3g} kg +- "
             f"{half_width_kg:.2g} kg. Check that the payload was mounted in the loaded run."
         )
     return EstimationError(
-        f"the mass comes out negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. The loaded and the unloaded "
+        f"the estimated mass is negative, {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. The loaded and the unloaded "
         "recording are exchanged: exchange them."
     )

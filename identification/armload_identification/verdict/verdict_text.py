@@ -52,21 +52,21 @@ def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
     match agreement.outcome:
         case Outcome.RIGHT:
             if agreement.differs:
-                return [found, "The difference is more than chance, but it stays within the tolerance."]
+                return [found, "The difference is statistically significant, but within the tolerance."]
             return [found]
         case Outcome.WRONG:
             return [
                 _what_is_off(agreement),
                 found,
-                "Chance makes such a difference in fewer than 1 of 100 comparisons "
+                "A difference this large occurs by chance in fewer than 1 of 100 comparisons "
                 f"(F {agreement.statistic:.1f}, limit {agreement.critical:.1f}).",
             ]
         case Outcome.CANNOT_TELL:
             share = agreement.noticeable_kg / agreement.judged_kg
             return [
                 found,
-                "That does not contradict the payload, but it is too uncertain to confirm it: the smallest error that "
-                f"would show is {agreement.noticeable_kg:.2g} kg ({share:.1%}) of mass or "
+                "This does not contradict the payload, but is too uncertain to confirm it: the smallest error that "
+                f"would be detected is {agreement.noticeable_kg:.2g} kg ({share:.1%}) of mass or "
                 f"{1e3 * agreement.noticeable_m:.2g} mm of the centre of mass, {_direction(agreement)}.",
             ]
 
@@ -83,7 +83,7 @@ def _what_is_off(agreement: Agreement) -> str:
         moved = ", ".join(f"{-1e3 * difference[1 + i]:+.1f} mm in {_AXES[i]}" for i in np.flatnonzero(beyond[1:]))
         whose = "its" if off else "the payload's"
         off.append(f"{whose} centre of mass is off by {moved}")
-    text = " and ".join(off) or "mass and centre of mass together do not fit, though either alone might"
+    text = " and ".join(off) or "mass and centre of mass together do not match, though either alone might"
     return f"{text[0].upper()}{text[1:]}."
 
 
@@ -129,8 +129,8 @@ def _joints(verdict: PayloadVerdict, names: Sequence[str]) -> list[str]:
     odd = verdict.of_measured.disagree
     if odd.any():
         text.append(
-            "The joints also contradict each other, whatever the payload. Measured torque over what fits all joints "
-            f"best: {_listed(verdict.of_measured, odd, names)}. Check the drive gain there."
+            "The joints also contradict each other, whatever the payload. Measured torque relative to the best fit of "
+            f"all joints: {_listed(verdict.of_measured, odd, names)}. Check the drive gain there."
         )
     return text
 
@@ -147,28 +147,31 @@ def _remedy(remedy: Remedy, agreement: Agreement, names: Sequence[str]) -> list[
     text = []
     if np.isfinite(remedy.length.factor):
         text.append(
-            f"Identification and validation runs of {max(remedy.length.factor, 1.1):.1f} times the length would show "
-            "an error of the tolerance."
+            f"Identification and validation runs of {max(remedy.length.factor, 1.1):.1f} times the length would detect "
+            "an error equal to the tolerance."
         )
     elif remedy.length.gains_limit:
-        return ["Longer runs would not show it, the drive gains are too uncertain: calibrate them."]
+        return ["Longer runs would not detect it, because the drive gains are too uncertain: calibrate them."]
     else:
         return [
-            f"No run would show it: what two mountings and the servos' sag do, {1e3 * FLOOR[0]:.0f} g and "
-            f"{1e3 * FLOOR[1]:.0f} mm (one standard deviation), is too much for this tolerance."
+            f"No run would detect it: the variation between mountings and the servos' sag, {1e3 * FLOOR[0]:.0f} g and "
+            f"{1e3 * FLOOR[1]:.0f} mm (one standard deviation), is too large for this tolerance."
         ]
     if remedy.mass_limits:
         text.append(
             f"The mass shows best on {names[remedy.mass_joint]}: a motion that holds the payload far from that axis, "
-            "at right angles to gravity, shows it sooner."
+            "perpendicular to gravity, needs less time."
         )
     if remedy.center_limits:
         direction = _direction(agreement).removeprefix("along ")
         if remedy.level_share < _LEVEL:
-            text.append(f"The motion hardly ever turns {direction} level, where gravity would show it: add such poses.")
+            text.append(
+                f"The motion hardly ever brings {direction} to the horizontal, where gravity shows it best: add such "
+                "poses."
+            )
         else:
             text.append(
-                f"That direction shows best on {names[remedy.center_joint]}: more motion of the wrist that turns it "
-                "level and back shows it sooner."
+                f"That direction shows best on {names[remedy.center_joint]}: with more wrist motion that turns it to "
+                "the horizontal and back, less time is needed."
             )
     return text

@@ -64,14 +64,14 @@ def commission(
     cycle_hz: CycleOption = None,
     simulated_drives: SimulatedDrivesOption = False,
     runs: Annotated[
-        Runs, typer.Option(help="One half at a time; 'loaded' takes up the recordings that 'unloaded' left.")
+        Runs, typer.Option(help="Run one half at a time; 'loaded' continues with the recordings of 'unloaded'.")
     ] = Runs.BOTH,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Folder for the results; runs/ROBOT-TIME if not given."),
+        typer.Option("--output", "-o", help="Folder for the results; by default runs/ROBOT-TIME."),
     ] = None,
     mass_kg: Annotated[
-        float | None, typer.Option(help="The payload was weighed: its mass is known, and sets the scale of the gains.")
+        float | None, typer.Option(help="Mass of the payload, if it was weighed; it sets the scale of the gains.")
     ] = None,
     calibration: CalibrationOption = None,
     yes: YesOption = False,
@@ -80,10 +80,11 @@ def commission(
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
-    """Run the arm empty and loaded, identify the payload, judge it, report. Exit status 3: the payload is wrong.
+    """Run the arm empty and loaded, identify and validate the payload, write a report. Exit status 3: payload wrong.
 
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque; a second signal stops it at once.
-    What a shell has it ignore (SIGINT in a script's background job, SIGHUP under nohup) stays ignored, SIGTERM never.
+    Signals that the shell has set to be ignored (SIGINT in a script's background job, SIGHUP under nohup) stay ignored,
+    except SIGTERM.
     """
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.screen import Screen
@@ -108,7 +109,7 @@ def commission(
         require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     if runs is Runs.LOADED:
         if output is None:
-            raise CommissioningError("--runs loaded needs --output: the folder that --runs unloaded recorded into")
+            raise CommissioningError("--runs loaded requires --output: the folder used by --runs unloaded")
         require_recordings(directory, Load.UNLOADED)
     make_folder(directory)
     control = MotionControl()
@@ -117,7 +118,7 @@ def commission(
         todo = [load for load in halves[runs] if missing_roles(directory, load)]
         if not todo and (runs is Runs.UNLOADED or all((directory / n).exists() for n in (PAYLOAD_NAME, REPORT_NAME))):
             raise CommissioningError(
-                f"{directory} holds these recordings already, none is overwritten: choose another --output"
+                f"{directory} already contains these recordings, which are never overwritten: choose another --output"
             )
         plan = _Plan(arm, directory, now, simulated_drives, yes, mass_kg, shown)
         _record(plan, screen, control, halves[runs], todo)
@@ -182,7 +183,7 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
         operator = stack.enter_context(shown_live(Operator(screen, control, consent), arm, plan.live))
         for load in halves:
             if load not in todo:
-                screen.step(f"{load}: recorded already in {directory}, taken up")
+                screen.step(f"{load}: already recorded in {directory}, used")
                 continue
             if load is Load.LOADED and len(halves) > 1:
                 _mount(arm, screen, consent, arm.bus.interface == VIRTUAL)
@@ -199,7 +200,7 @@ def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) 
     elif not consent.given and not consent.ask(
         "The drives are off, the brakes are on. Is the payload mounted and the workspace clear?"
     ):
-        raise CommissioningError("not confirmed: nothing was moved with the payload. Go on later with --runs loaded")
+        raise CommissioningError("not confirmed: nothing was moved with the payload. Continue later with --runs loaded")
 
 
 def _show_half(screen: Screen, directory: Path, *, as_json: bool) -> None:
@@ -218,7 +219,7 @@ def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
     skipped = sum(summary.skipped for summary in summaries)
     return (
         f"{load}: {motion_s:.0f} s of motion in {wall_s:.0f} s ({motion_s / wall_s:.1f} times real time), "
-        f"{missing} feedbacks missing, {skipped} cycles skipped"
+        f"{missing} feedback frames missing, {skipped} cycles skipped"
     )
 
 
@@ -270,7 +271,7 @@ def _calibrate(arm: Robot, directory: Path, runs: Sequence[Recording]) -> list[s
     try:
         result = calibrate_from_runs(arm, runs_as_recorded(runs))
     except (EstimationError, RunTableError) as problem:
-        return [f"warning: no calibration of the arm: {problem}"]
+        return [f"warning: no calibration was written: {problem}"]
     write_calibration(path, result)
     notes = (*(f"left out: {name}: {reason}" for name, reason in result.left_out), *result.warnings)
     return [

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 EXIT_WRONG = 1
 
-drives = typer.Typer(cls=CommandGroup, help="Look at the drives on a bus. Nothing is energised.", no_args_is_help=True)
+drives = typer.Typer(cls=CommandGroup, help="Inspect the drives on a bus. Nothing is energised.", no_args_is_help=True)
 
 
 @drives.command("scan")
@@ -38,7 +38,7 @@ def scan_command(
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of the bus in bit/s.")] = 1_000_000,
     as_json: JsonOption = False,
 ) -> None:
-    """Who is on the bus: identity, modes, and what safety would miss. Only reads."""
+    """List the drives on the bus: identity, modes, and missing safety properties. Only reads."""
     from armload_controller.cli.output.drive_result_tables import found_table
     from armload_controller.cli.output.result_documents import nodes_document
     from armload_controller.cli.screen import Screen
@@ -47,7 +47,7 @@ def scan_command(
     from armload_drivers.bring_up.inspection import find_nodes
 
     if interface == VIRTUAL:
-        raise UnsafeBus("a virtual bus has no node outside this process: give the interface of a real one")
+        raise UnsafeBus("a virtual bus has no nodes outside this process: give the interface of a real bus")
     screen = Screen(as_json=as_json)
     with open_bus(interface, channel, bitrate) as bus:
         found = find_nodes(bus)
@@ -68,7 +68,7 @@ def check_command(
     cycle_hz: CycleOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Everything of bring-up short of enabling, and what safety rests on. Resets and configures the nodes it knows."""
+    """Perform bring-up short of enabling, and check the safety properties. Resets and configures the arm's nodes."""
     from armload_controller.cli.output.drive_result_tables import check_table, safety_table
     from armload_controller.cli.output.result_documents import checks_document
     from armload_controller.cli.screen import Screen
@@ -100,10 +100,10 @@ def show_command(
     interface: InterfaceOption = None,
     channel: ChannelOption = None,
     bitrate: BitrateOption = None,
-    once: Annotated[bool, typer.Option("--once", help="One table instead of a new one every second.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Print one table instead of a new one every second.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """State, position and effort of every drive, and the load of the bus, until Ctrl-C. Only reads."""
+    """Show state, position and effort of every drive, and the bus load, until Ctrl-C. Only reads."""
     from armload_controller.cli.output.drive_result_tables import bus_line, status_table
     from armload_controller.cli.output.result_documents import status_document
     from armload_controller.cli.screen import Screen
@@ -128,13 +128,13 @@ def show_command(
 @drives.command("reset")
 def reset_command(
     robot: RobotArgument,
-    joint: Annotated[str, typer.Argument(metavar="JOINT", help="Name of the joint, as the configuration has it.")],
+    joint: Annotated[str, typer.Argument(metavar="JOINT", help="Name of the joint, as in the configuration.")],
     interface: InterfaceOption = None,
     channel: ChannelOption = None,
     bitrate: BitrateOption = None,
-    yes: Annotated[bool, typer.Option("--yes", help="The cause is gone: do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="The cause has been removed: do not ask.")] = False,
 ) -> None:
-    """Reset the fault of one drive, once its cause is gone. Asks on a real arm. Nothing is enabled."""
+    """Reset the fault of one drive, once its cause is removed. On a real arm, asks first. Nothing is enabled."""
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_drivers.bring_up.drive_check import reset

@@ -48,27 +48,34 @@ PERIODS = 1
 def feedforward(
     robot: RobotArgument,
     payload: Annotated[
-        Path | None, typer.Argument(metavar="PAYLOAD", help="Payload file (TOML) to feed forward; none with --adapt.")
+        Path | None,
+        typer.Argument(metavar="PAYLOAD", help="Payload file (TOML) to feed forward; omitted with --adapt."),
     ] = None,
     compare: Annotated[
-        bool, typer.Option("--compare", help="Run one trajectory without and with; else only try the torque offset.")
+        bool,
+        typer.Option(
+            "--compare",
+            help="Run one trajectory without and with feed-forward; by default only the torque offset is tried.",
+        ),
     ] = False,
     adapt: Annotated[
         bool,
-        typer.Option("--adapt", help="Run with torque that follows what the calibrated arm finds out that it carries."),
+        typer.Option(
+            "--adapt", help="Adapt the torque to the payload that is estimated during the run; requires a calibration."
+        ),
     ] = False,
     expect: Annotated[
-        str | None, typer.Option(metavar="KG..KG", help="With --adapt: what it may carry, such as 0..3.")
+        str | None, typer.Option(metavar="KG..KG", help="With --adapt: range of the possible payload, such as 0..3.")
     ] = None,
     decisions: Annotated[
-        Path, typer.Option(help="With --adapt: every decision, a line of JSON each; lines are added to what is there.")
+        Path, typer.Option(help="With --adapt: log of every decision, one line of JSON each; lines are appended.")
     ] = Path("adaptation.jsonl"),
     excitation: Annotated[
-        Path | None, typer.Option(help="Trajectory to run; the robot's validation excitation if not given.")
+        Path | None, typer.Option(help="Trajectory to run; by default the robot's validation excitation.")
     ] = None,
     calibration: CalibrationOption = None,
     mounted: Annotated[
-        str | None, typer.Option("--mounted", help="Payload on the simulated flange, by its name in the configuration.")
+        str | None, typer.Option("--mounted", help="Payload on the simulated flange, named as in the configuration.")
     ] = None,
     picture: Annotated[Path, typer.Option(help="Picture of the comparison, .svg or .png.")] = Path("feedforward.svg"),
     interface: InterfaceOption = None,
@@ -81,13 +88,13 @@ def feedforward(
     live_address: LiveAddressOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Add a payload's torque to the drives' own (60B2), after trying it at standstill; compare with the arm's as well.
+    """Add a payload's torque to that of the drives (60B2), after a trial at standstill; --compare shows the effect.
 
-    With a calibration of the arm, torque is scaled to what its drives make of it, and the comparison has two runs more:
-    with the friction that the payload causes in the gears, and with all of the arm's own torque.
+    With a calibration of the arm, torque is scaled by the calibrated gains, and the comparison has two more runs: with
+    the friction that the payload causes in the gears, and with all of the arm's own torque.
 
-    With --adapt no payload is given: what the arm carries is estimated while it moves, and fed forward as long as
-    nothing speaks against it. On a real arm this takes consent of its own, whatever --yes says.
+    With --adapt no payload is given: the payload is estimated while the arm moves, and fed forward as long as all
+    conditions are met. On a real arm this requires separate consent, even with --yes.
 
     Ctrl-C, SIGTERM and a lost terminal bring the arm to rest and remove its torque, as for `commission`.
     """
@@ -212,11 +219,13 @@ def require_one_kind(payload: Path | None, expect: str | None, *, adapt: bool, c
         BadParameter: naming it.
     """
     if adapt and payload is not None:
-        raise typer.BadParameter("takes no PAYLOAD: what the arm carries is estimated", param_hint="--adapt")
+        raise typer.BadParameter("takes no PAYLOAD: the payload is estimated", param_hint="--adapt")
     if adapt and compare:
-        raise typer.BadParameter("goes with a PAYLOAD, not with --adapt", param_hint="--compare")
+        raise typer.BadParameter("requires a PAYLOAD and cannot be combined with --adapt", param_hint="--compare")
     if adapt and expect is None:
-        raise typer.BadParameter("needed with --adapt: what the arm may carry, such as 0..3", param_hint="--expect")
+        raise typer.BadParameter(
+            "required with --adapt: the range of the possible payload, such as 0..3", param_hint="--expect"
+        )
     if not adapt and expect is not None:
         raise typer.BadParameter("goes with --adapt", param_hint="--expect")
     if not adapt and payload is None:
@@ -262,7 +271,9 @@ def _adapt(
     try:
         log = decisions.open("a", encoding="utf-8")
     except OSError as error:
-        raise CommissioningError(f"{decisions}: {error.strerror}: choose a --decisions that can be written") from error
+        raise CommissioningError(
+            f"{decisions}: {error.strerror}: choose a --decisions file that can be written"
+        ) from error
 
     def report(decision: Decision) -> None:
         log.write(json.dumps({"robot": arm.name, **decision.to_dict()}) + "\n")
@@ -350,8 +361,10 @@ def _account(verdict: OffsetVerdict) -> str:
         if usable
     ]
     left = [name for name, usable in zip(verdict.joint_names, verdict.usable, strict=True) if not usable]
-    text = f"torque offset tried at standstill, answered with: {', '.join(used)}"
-    return text + (f"; no torque is added on {', '.join(left)}: too little weight, or an uneven answer" if left else "")
+    text = f"torque offset trial at standstill, response: {', '.join(used)}"
+    return text + (
+        f"; no torque is added on {', '.join(left)}: the weight is too small, or the response is uneven" if left else ""
+    )
 
 
 def comparison_table(comparison: Comparison) -> Table:
@@ -373,7 +386,7 @@ def comparison_table(comparison: Comparison) -> Table:
     table.caption = "* carries the payload's weight"
     if comparison.measure is Measure.TORQUES:
         table.caption += (
-            ". What follows from the commanded motion alone, the servo's lag, is taken off every run; what is left is "
-            "due to torque (weight, inertia, friction) and to an uneven cycle"
+            ". The part that follows from the commanded motion alone, the servo's lag, is subtracted from every run; "
+            "the rest is due to torque (weight, inertia, friction) and cycle jitter"
         )
     return table

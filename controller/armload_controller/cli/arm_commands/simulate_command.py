@@ -29,8 +29,8 @@ def simulate(
     payload: Annotated[
         str | None,
         typer.Option(
-            help="A payload named under simulation.payloads, a payload file (.toml), or 'none'; the configured one if "
-            "not given."
+            help="A payload named under simulation.payloads, a payload file (.toml), or 'none'; by default the "
+            "configured one."
         ),
     ] = None,
     payload_at: Annotated[
@@ -38,8 +38,8 @@ def simulate(
         typer.Option(
             "--payload-at",
             metavar="TIME=PAYLOAD",
-            help="Mount another payload, or 'none', this long after the first SYNC, whether the arm moves or not, such "
-            "as 10s=tool.toml; may be given several times.",
+            help="Mount another payload, or 'none', at this time after the first SYNC, whether or not the arm is "
+            "moving, such as 10s=tool.toml; may be given several times.",
         ),
     ] = None,
     description: Annotated[
@@ -51,10 +51,10 @@ def simulate(
     ] = None,
     write_eds: Annotated[
         Path | None,
-        typer.Option("--write-eds", help="Write an EDS file per joint into this folder, for other masters, and end."),
+        typer.Option("--write-eds", help="Write an EDS file per joint into this folder, for other masters, and exit."),
     ] = None,
 ) -> None:
-    """Serve simulated CiA 402 drives with an arm behind them, until Ctrl-C."""
+    """Serve simulated CiA 402 drives and their simulated arm, until Ctrl-C."""
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.arm_access import drives_alone

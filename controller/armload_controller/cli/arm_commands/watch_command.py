@@ -31,7 +31,7 @@ def watch(
     robot: RobotArgument,
     recording: Annotated[
         Path | None,
-        typer.Argument(metavar="[RECORDING]", help="Recording, finished or still growing; without it the arm's bus."),
+        typer.Argument(metavar="[RECORDING]", help="Recording, finished or still growing; by default the arm's bus."),
     ] = None,
     calibration: CalibrationOption = None,
     interface: InterfaceOption = None,
@@ -39,7 +39,7 @@ def watch(
     bitrate: BitrateOption = None,
     record: Annotated[
         Path | None,
-        typer.Option("--record", help="Record what is heard on the bus (.mcap); needs no calibration."),
+        typer.Option("--record", help="Record the data received on the bus (.mcap); needs no calibration."),
     ] = None,
     load: Annotated[
         str | None,
@@ -49,15 +49,15 @@ def watch(
         str | None, typer.Option("--for", metavar="TIME", help="On a bus: end after this time, such as 60s.")
     ] = None,
     follow: Annotated[
-        bool, typer.Option("--follow", help="Wait for more of a recording, until it is finished or Ctrl-C.")
+        bool, typer.Option("--follow", help="Continue to read a growing recording, until it is finished or Ctrl-C.")
     ] = False,
     every_s: Annotated[float, typer.Option(min=0.1, help="Time between two lines in s.")] = 1.0,
     report: ReportOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show what a calibrated arm carries while another program moves it: mass, interval, grasped, dropped, contact.
+    """Show what a calibrated arm carries while another program moves it: mass, interval, and events such as grasped.
 
-    On the arm's bus armload only listens and never sends. --record keeps what is heard, --report draws it.
+    On the arm's bus armload only listens and never sends. --record saves the received data, --report draws them.
     """
     from importlib.metadata import version
 
@@ -71,11 +71,11 @@ def watch(
     of_bus = {"--interface": interface, "--channel": channel, "--record": record, "--load": load, "--for": for_s}
     if recording is not None and any(value is not None for value in of_bus.values()):
         given = ", ".join(name for name, value in of_bus.items() if value is not None)
-        raise typer.BadParameter("belongs to a bus, and a RECORDING is given as well", param_hint=given)
+        raise typer.BadParameter("applies to a bus and cannot be combined with a RECORDING", param_hint=given)
     if load is not None and record is None:
         raise typer.BadParameter("goes with --record", param_hint="--load")
     if follow and recording is None:
-        raise typer.BadParameter("goes with a RECORDING; a bus is followed anyway", param_hint="--follow")
+        raise typer.BadParameter("requires a RECORDING; a bus is always followed", param_hint="--follow")
     if report is not None:
         require_drawable(report)
     screen = Screen(as_json=as_json)
@@ -115,7 +115,9 @@ def _diary(arm: Robot, payload: PayloadWatch | None, watched: str) -> WatchDiary
     from armload_controller.analysis.watch_history import WatchDiary
 
     if payload is None:
-        raise typer.BadParameter("needs a calibrated arm; another is only recorded", param_hint="--report")
+        raise typer.BadParameter(
+            "requires a calibrated arm; without a calibration the arm is only recorded", param_hint="--report"
+        )
     return WatchDiary(arm, payload, watched, version("armload"))
 
 

@@ -19,7 +19,8 @@ def calibrate(
         list[Path],
         typer.Argument(
             metavar="RUNS...",
-            help="A table of runs (CSV: recording, mounting, mass_kg, payload), or recordings that say what they carry",
+            help="A table of runs (CSV: recording, mounting, mass_kg, payload), or recordings that contain what the "
+            "arm carried",
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Calibration file (TOML) to write.")],
@@ -28,9 +29,9 @@ def calibrate(
 ) -> None:
     """Calibrate an arm from all its runs: gains, body and friction, with intervals.
 
-    Runs of any motions and days, unloaded and loaded. A weighed payload (mass_kg in the table) sets the scale of the
-    gains; leave the mass of the others empty. Runs with one and the same payload, mounted once, share the name in the
-    column mounting. Runs that cannot be used or contradict the others are left out and named.
+    Runs of any motion and from any day, unloaded and loaded. A weighed payload (mass_kg in the table) sets the scale of
+    the gains; leave the mass of the others empty. Runs with the same payload, mounted once, share a name in the column
+    mounting. Runs that cannot be used or that contradict the others are left out and reported.
     """
     from armload_controller.analysis.robot_calibration import calibrate_from_files
     from armload_controller.cli.output.calibration_tables import gains_table, runs_table

@@ -16,14 +16,14 @@ def compare(
     cad: Annotated[Path, typer.Argument(metavar="CAD", help="Payload file with the true values (TOML).")],
     calibration: Annotated[
         Path | None,
-        typer.Option("--calibration", help="Calibration file of the arm: what its gains make of the payload."),
+        typer.Option("--calibration", help="Calibration file of the arm; its gains are applied to the payload."),
     ] = None,
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
     """Compare a payload with CAD: the verdict, and relative errors in the paper's convention.
 
-    The verdict is on mass and centre of mass; with a calibration, on what they are with its gains.
+    The verdict covers mass and centre of mass; with a calibration, as they are with its gains.
     """
     from armload_controller.cli.output.cad_table import comparison_table
     from armload_controller.cli.output.result_documents import comparison_document
@@ -40,7 +40,7 @@ def compare(
     result = compare_payloads(estimate, truth)
     screen = Screen(as_json=as_json)
     screen.table(comparison_table(result))
-    screen.result("inertia about the frame's origin, products as the paper has them: ixy = +int xy dm")
+    screen.result("inertia about the frame's origin, products as in the paper: ixy = +int xy dm")
     judged = known_payload(estimate)
     if calibration is not None:
         arm = read_calibration(calibration)

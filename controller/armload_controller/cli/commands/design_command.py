@@ -52,50 +52,58 @@ class CriterionName(StrEnum):
 def design(
     context: typer.Context,
     robot: RobotArgument,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Excitation file to write; a picture goes beside it.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Excitation file to write; a picture is written to the same folder.")
+    ],
     purpose: Annotated[
         Purpose,
         typer.Option(
             "--for",
-            help="payload: an excitation for two runs, empty and loaded. any-motion: the shortest motion about a place "
-            "that shows what a calibrated arm carries.",
+            help="payload: an excitation for two runs, empty and loaded. any-motion: the shortest motion about a "
+            "position that determines the payload of a calibrated arm.",
         ),
     ] = Purpose.PAYLOAD,
     at_rad: Annotated[
         str | None,
         typer.Option(
-            metavar="'Q1 Q2 ...'", help="any-motion: where the arm stands; else the middle of its excitation."
+            metavar="'Q1 Q2 ...'", help="any-motion: position of the arm; by default the middle of its excitation."
         ),
     ] = None,
-    within_deg: Annotated[float, typer.Option(help="any-motion: what no joint leaves that place by.")] = 5.0,
+    within_deg: Annotated[
+        float, typer.Option(help="any-motion: greatest deviation of any joint from that position.")
+    ] = 5.0,
     mass_within: Annotated[
         float,
-        typer.Option(min=0.001, max=1.0, help="any-motion: half width of the mass' 95 % interval, as a share."),
+        typer.Option(
+            min=0.001, max=1.0, help="any-motion: half width of the mass's 95 % interval, as a fraction of the mass."
+        ),
     ] = 0.02,
     speed_m_s: Annotated[
-        float | None, typer.Option(min=0.01, help="any-motion: what no point of the arm exceeds, such as 0.25.")
+        float | None, typer.Option(min=0.01, help="any-motion: speed limit for all points of the arm, such as 0.25.")
     ] = None,
     calibration: CalibrationOption = None,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same excitation.")] = 1,
-    restarts: Annotated[int, typer.Option(min=1, max=MOST_RESTARTS, help="Random starts; the best one wins.")] = 8,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the random starts; the same seed gives the same excitation.")
+    ] = 1,
+    restarts: Annotated[
+        int, typer.Option(min=1, max=MOST_RESTARTS, help="Number of random starts; the best result is used.")
+    ] = 8,
     harmonics: Annotated[int, typer.Option(min=1, max=MOST_HARMONICS, help="Harmonics of the Fourier series.")] = 5,
     period_s: Annotated[
         str,
-        typer.Option(help="Duration of one period in s, or auto: as fast as torque, following error and rates allow."),
+        typer.Option(help="Duration of one period in s, or auto: as short as torque, following error and rates allow."),
     ] = "10",
     periods: Annotated[
         int | None,
-        typer.Option(
-            min=1, max=MOST_PERIODS, help="Periods that a run records; if not given, 30 s and at least three."
-        ),
+        typer.Option(min=1, max=MOST_PERIODS, help="Periods that a run records; by default 30 s and at least three."),
     ] = None,
-    criterion: Annotated[CriterionName, typer.Option(help="What to optimise.")] = CriterionName.A_OPTIMAL,
+    criterion: Annotated[CriterionName, typer.Option(help="Criterion to optimise.")] = CriterionName.A_OPTIMAL,
     as_json: JsonOption = False,
 ) -> None:
-    """Design an excitation for a robot's expected payload, at any time within all limits and clear of all obstacles.
+    """Design an excitation for a robot's expected payload, always within all limits and clear of all obstacles.
 
-    With --for any-motion: the shortest motion, of some degrees about the place where the arm stands, that shows what a
-    calibrated arm carries.
+    With --for any-motion: the shortest motion, of a few degrees about the arm's position, that determines the payload
+    of a calibrated arm.
     """
     from armload_controller.analysis.robot_excitation import UnstreamablePeriod
     from armload_controller.analysis.robot_excitation import design as design_excitation
@@ -107,7 +115,8 @@ def design(
     screen = Screen(as_json=as_json)
     if not arm.has_workspace:
         screen.step(
-            f"note: {arm.file} has no [workspace]: nothing keeps this motion from the floor or from the arm itself"
+            f"note: {arm.file} has no [workspace]: collisions with the floor and between parts of the arm are not "
+            "checked"
         )
     _require_fitting(context, purpose)
     if purpose is Purpose.ANY_MOTION:
@@ -160,7 +169,7 @@ def _require_fitting(context: typer.Context, purpose: Purpose) -> None:
         for name in names:
             given = context.get_parameter_source(name)
             if of is not purpose and given is not None and given.name == "COMMANDLINE":
-                raise typer.BadParameter(f"goes with --for {of}", param_hint=f"--{name.replace('_', '-')}")
+                raise typer.BadParameter(f"requires --for {of}", param_hint=f"--{name.replace('_', '-')}")
 
 
 def _radians(degrees: float) -> float:
@@ -189,5 +198,5 @@ def _period(text: str) -> float | Literal["auto"]:
     except ValueError:
         seconds = 0.0
     if not 0.0 < seconds < float("inf"):
-        raise typer.BadParameter(f"{text!r} is no period: give seconds above 0, or auto")
+        raise typer.BadParameter(f"{text!r} is not a period: give a number of seconds above 0, or auto")
     return seconds

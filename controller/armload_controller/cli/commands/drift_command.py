@@ -22,7 +22,7 @@ def drift(
         list[Path],
         typer.Argument(
             metavar="RUNS...",
-            help="Recordings of any motions, or a table of them (CSV: recording, mounting, mass_kg, recorded)",
+            help="Recordings of any motion, or a table of them (CSV: recording, mounting, mass_kg, recorded)",
         ),
     ],
     calibration: CalibrationOption = None,
@@ -32,10 +32,10 @@ def drift(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Watch a calibrated arm's friction, gains and residual over days: what changed, and since when.
+    """Monitor a calibrated arm's friction, gains and residual over days: what changed, and since when.
 
-    Runs of any motions, empty or with any payload; a payload that is not known is fitted. Recordings that do not say
-    when they began are taken in their order, or a table gives the column recorded.
+    Runs of any motion, empty or with any payload; an unknown payload is fitted. Recordings without a start time are
+    used in the given order, or give a table with the column recorded.
     """
     from armload_controller.analysis.robot_drift import drift as drift_of
     from armload_controller.cli.output.drift_output import show_drift

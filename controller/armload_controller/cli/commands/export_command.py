@@ -34,22 +34,24 @@ def export(
     ],
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", help="Folder, or a file where the format has one; an existing file is kept."),
+        typer.Option(
+            "--output", "-o", help="Folder, or a file if the format has only one; an existing file is not overwritten."
+        ),
     ] = Path(),
     single: Annotated[
-        bool, typer.Option("--float", help="With --format c: single precision, with its error stated.")
+        bool, typer.Option("--float", help="With --format c: single precision; the header states the error.")
     ] = False,
     calibration: CalibrationOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a payload as C source, an FMU, URDF, ROS 2 files or the load data of a robot controller.
+    """Export a payload as C source, an FMU, URDF, ROS 2 files or the load data of a robot controller.
 
-    A calibration file instead of a payload is the arm itself, as URDF: links that can exist, with the torque of the
-    identified base parameters. With a calibration of the arm the C source, the FMU and LinuxCNC's component have the
-    payload's friction in the gears too, and the C source the recursive estimator.
+    Given a calibration file instead of a payload, the arm itself is exported as URDF: physically possible links that
+    give the torque of the identified base parameters. With --calibration, the C source, the FMU and the LinuxCNC
+    component include the payload's friction in the gears, and the C source also the recursive estimator.
     """
     if single and export_format is not ExportFormat.C:
-        raise typer.BadParameter(f"is for --format c alone, not for {export_format}", param_hint="--float")
+        raise typer.BadParameter(f"can only be used with --format c, not with {export_format}", param_hint="--float")
     from armload_controller.analysis.arm_in_use import arm_in_use
     from armload_controller.cli.output.result_documents import export_document
     from armload_controller.cli.screen import Screen
@@ -80,9 +82,9 @@ def export(
     notes = [single_precision_error(subject).statement] if single else []
     unknown = [name for name, known in zip(PARAMETER_NAMES, result.determined, strict=True) if not known]
     if unknown:
-        notes.append(f"not determined: {', '.join(unknown)}; the exported text says what is written for them")
+        notes.append(f"not determined: {', '.join(unknown)}; the exported file states what is written for them")
     if result.provenance.configuration_sha256 != arm.sha256:
-        notes.append(f"{payload} was identified with another configuration than {arm.name}'s")
+        notes.append(f"{payload} was identified with a configuration other than that of {arm.name}")
     for note in notes:
         screen.step(f"note: {note}")
     if as_json:
@@ -105,11 +107,11 @@ def _export_arm(arm: Robot, file: Path, output: Path, screen: Screen, *, as_json
     files = write_files(arm_urdf(arm, calibration, possible, made_from), output)
     for path, written in files.items():
         screen.result(f"{'written' if written else 'unchanged'}: {path}")
-    notes = ["URDF has no rotors and no friction that grows with the load; the comment in the file has them"]
+    notes = ["URDF cannot describe rotors and load-dependent friction; the comment in the file contains them"]
     if not possible.exact:
         off = ", ".join(f"{value:.2g}" for value in possible.left_nm)
         notes.append(
-            "no links that can exist have the identified parameters; those written differ by "
+            "no physically possible links have the identified parameters; those written differ by "
             f"{possible.off:.2f} standard deviations, {off} N m RMS"
         )
     for note in notes:

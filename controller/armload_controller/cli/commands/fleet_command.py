@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally
 
-fleet = typer.Typer(cls=CommandGroup, help="Identify and judge the recordings of many arms.", no_args_is_help=True)
+fleet = typer.Typer(cls=CommandGroup, help="Identify and assess the recordings of many arms.", no_args_is_help=True)
 
 TableArgument = Annotated[
     Path, typer.Argument(metavar="JOBS", help="Table of jobs (CSV: arm, robot, loaded, unloaded, calibration, ...).")
@@ -23,17 +23,17 @@ TableArgument = Annotated[
 OutputOption = Annotated[Path, typer.Option("--output", "-o", help="Folder of the rows (Parquet, one folder per day).")]
 SchedulerOption = Annotated[
     str | None,
-    typer.Option(help="Address of a Dask scheduler, such as tls://host:8786; else processes of this machine."),
+    typer.Option(help="Address of a Dask scheduler, such as tls://host:8786; by default processes on this machine."),
 ]
 WorkersOption = Annotated[
-    int | None, typer.Option(min=1, help="Processes of this machine; as many as it has cores if not given.")
+    int | None, typer.Option(min=1, help="Number of processes on this machine; by default the number of cores.")
 ]
-_CLAIM = "run of `armload fleet`"
+_CLAIM = "`armload fleet` run"
 
 
 @fleet.callback()
 def _group() -> None:
-    """Identify and judge the recordings of many arms."""
+    """Identify and assess the recordings of many arms."""
 
 
 @fleet.command("identify")
@@ -44,9 +44,9 @@ def identify_command(
     workers: WorkersOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Identify every recording of the table that there is no row of yet.
+    """Identify every recording of the table that has no row yet.
 
-    A recording that is refused is a row with the reason. A second run does what is new, has changed or has failed.
+    A refused recording gets a row with the reason. A second run processes only what is new, has changed or has failed.
     """
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
@@ -63,7 +63,7 @@ def identify_command(
         listing, jobs = new_jobs(table, store)
         for remark in listing.remarks:
             screen.step(f"warning: {remark}")
-        screen.step(f"{len(listing.jobs)} recordings, {len(listing.jobs) - len(jobs)} of them done before")
+        screen.step(f"{len(listing.jobs)} recordings, {len(listing.jobs) - len(jobs)} of them processed before")
         if not jobs:
             tally = FleetTally.before(listing, jobs)
         else:
@@ -74,7 +74,7 @@ def identify_command(
                 ):
                     tally = do_jobs(listing, jobs, store, force.rows, progress)
             except KeyboardInterrupt:
-                screen.step("stopped: rows that were done are kept, and the same command does the others")
+                screen.step("stopped: finished rows are kept, and the same command processes the rest")
                 raise
     _show(screen, tally, output, as_json=as_json)
 
@@ -83,14 +83,15 @@ def identify_command(
 def watch_command(
     table: TableArgument,
     output: OutputOption,
-    every_s: Annotated[float, typer.Option(min=1.0, help="Time between two looks at the table's files in s.")] = 60.0,
+    every_s: Annotated[float, typer.Option(min=1.0, help="Time between two checks of the table's files in s.")] = 60.0,
     scheduler: SchedulerOption = None,
     workers: WorkersOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Identify what is new, again and again, until Ctrl-C.
+    """Identify new recordings repeatedly, until Ctrl-C.
 
-    A recording is taken once it has stayed as it is between two looks: until then it may still be written.
+    A recording is processed once it has not changed between two checks, because until then it may still be being
+    written.
     """
     from time import sleep
 
@@ -112,7 +113,7 @@ def watch_command(
                 if isinstance(found, FleetTally):
                     _show(screen, found, output, as_json=as_json)
                 else:
-                    screen.step(f"warning: {found}; nothing is done until that is corrected")
+                    screen.step(f"warning: {found}; nothing is processed until this is corrected")
     except KeyboardInterrupt:
         screen.step("no longer watched")
 
@@ -121,11 +122,11 @@ def watch_command(
 def report_command(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the rows.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Report (HTML) to write; FOLDER/report.html if not given.")
+        Path | None, typer.Option("--output", "-o", help="Report (HTML) to write; by default FOLDER/report.html.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Judge the arms of a fleet: payload, gains and friction over time, the most suspicious first."""
+    """Assess the arms of a fleet: payload, gains and friction over time, the most suspicious first."""
     from importlib.metadata import version
 
     from armload_identification.extras import Extra, require_extra
@@ -154,7 +155,9 @@ def report_command(
 def _require_one(scheduler: str | None, workers: int | None) -> None:
     """Refuse workers of this machine beside a scheduler, which has its own."""
     if scheduler is not None and workers is not None:
-        raise typer.BadParameter("goes without --scheduler, which has workers of its own", param_hint="--workers")
+        raise typer.BadParameter(
+            "cannot be combined with --scheduler, which has its own workers", param_hint="--workers"
+        )
 
 
 def _show(screen: Screen, tally: FleetTally, output: Path, *, as_json: bool) -> None:

@@ -51,22 +51,24 @@ def identify(
     validation: ValidationOption = None,
     calibration: CalibrationOption = None,
     mass_kg: Annotated[
-        str | None, typer.Option(metavar="KG", help="The mass is known, 2.1, or lies in a range, 1..3.")
+        str | None, typer.Option(metavar="KG", help="Known mass, such as 2.1, or a range, such as 1..3.")
     ] = None,
     center_of_mass_m: Annotated[
         tuple[str, str, str] | None,
         typer.Option(
             metavar="X Y Z",
-            help="The centre of mass is known in the flange frame; each a number or a range, such as 0 0 0.05..0.1.",
+            help="Known centre of mass in the flange frame; each a number or a range, such as 0 0 0.05..0.1.",
         ),
     ] = None,
     symmetric: Annotated[
         bool, typer.Option("--symmetric", help="The payload is symmetric about the flange axis, z.")
     ] = False,
-    cad: Annotated[Path | None, typer.Option(help="Payload file with CAD values, believed within --cad-share.")] = None,
+    cad: Annotated[
+        Path | None, typer.Option(help="Payload file with CAD values, used with the uncertainty --cad-share.")
+    ] = None,
     cad_share: Annotated[
         float,
-        typer.Option(help="Standard deviation of the CAD values: share of the mass, of 0.1 m, of m (0.1 m)^2."),
+        typer.Option(help="Standard deviation of the CAD values, as a fraction of the mass, of 0.1 m, of m (0.1 m)^2."),
     ] = 0.05,
     columns: ColumnsOption = None,
     effort: EffortOption = Effort.TORQUE,
@@ -76,21 +78,26 @@ def identify(
     estimator: Annotated[
         Estimator,
         typer.Option(
-            help="How to fit. ols: all joints alike, as in the paper. wls: by each joint's noise. robust: by each "
-            "joint's residual, reversals and outliers weigh less. friction: by each joint's residual, reversals weigh "
-            "less, and load-dependent friction and changes of viscous friction are fitted where the data justify them."
+            help="Estimator. ols: all joints weighted equally, as in the paper. wls: weighted by each joint's noise. "
+            "robust: weighted by each joint's residual, less at reversals and for outliers. friction: weighted by each "
+            "joint's residual, less at reversals; load-dependent friction and changes of viscous friction are fitted "
+            "if the data justify it."
         ),
     ] = Estimator.FRICTION,
     tolerance: ToleranceOption = TOLERANCE,
     every: Annotated[
         str | None,
-        typer.Option(metavar="TIME", help="Payload by windows of this length, such as 10s, with a calibrated arm."),
+        typer.Option(
+            metavar="TIME",
+            help="Identify the payload in windows of this length, such as 10s; requires a calibrated arm.",
+        ),
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option(help="Mass over the windows as a picture (.png, .svg) to write, with --every.")
+        Path | None, typer.Option(help="With --every: picture (.png, .svg) of the mass over time to write.")
     ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Replace the file of another payload, or another file, at --output.")
+        bool,
+        typer.Option("--force", help="Overwrite an existing file of another payload, or any other file, at --output."),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -111,7 +118,9 @@ def identify(
         symmetric
         or any(given is not None for given in (unloaded, output, report, validation, mass_kg, center_of_mass_m, cad))
     ):
-        raise typer.BadParameter("goes with --loaded, --calibration, --picture and --json alone", param_hint="--every")
+        raise typer.BadParameter(
+            "can only be combined with --loaded, --calibration, --picture and --json", param_hint="--every"
+        )
     if picture is not None and every is None:
         raise typer.BadParameter("needs --every", param_hint="--picture")
     arm = given_arm(robot, urdf, base, flange)

@@ -26,29 +26,34 @@ _ROLES = ("identification", "validation")
 
 
 def init(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Robot file (TOML) to write; excitations beside it.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", help="Robot file (TOML) to write; the excitations are written to the same folder."
+        ),
+    ],
     urdf: Annotated[
         Path | None, typer.Argument(metavar="[URDF]", help="URDF of the arm; without one, questions at the terminal.")
     ] = None,
     base: BaseOption = None,
     flange: FlangeOption = None,
-    name: Annotated[str | None, typer.Option("--name", help="Name of the robot, in place of the URDF's.")] = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name of the robot, instead of the URDF's.")] = None,
     payload_kg: Annotated[
-        float | None, typer.Option("--payload-kg", min=1e-3, help="The most that the arm may carry, tool included.")
+        float | None, typer.Option("--payload-kg", min=1e-3, help="Maximum payload of the arm, including the tool.")
     ] = None,
     scan: Annotated[
         str | None,
-        typer.Option("--scan", metavar="INTERFACE:CHANNEL", help="Take the drives that answer on a bus. Only reads."),
+        typer.Option("--scan", metavar="INTERFACE:CHANNEL", help="Use the drives that answer on this bus. Only reads."),
     ] = None,
     bitrate: Annotated[int, typer.Option("--bitrate", help="Bit rate of that bus in bit/s.")] = 1_000_000,
     description: Annotated[Path | None, typer.Option("--description", help="EDS or DCF file of the drives.")] = None,
     simulated: Annotated[
-        bool, typer.Option("--simulated", help="With a simulated twin of the arm, to try a commissioning of it.")
+        bool, typer.Option("--simulated", help="Add a simulated twin of the arm, to try a commissioning.")
     ] = False,
     restarts: Annotated[int, typer.Option(min=1, help="Random starts of each excitation's design.")] = 8,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a first robot file, complete but for what nothing can know, and design its two excitations."""
+    """Write a first robot file, complete except for values that only you can know, and design its two excitations."""
     from armload_controller.cli.output.result_documents import init_document
     from armload_controller.cli.screen import Screen
     from armload_controller.control_errors import CommissioningError, ConfigurationError
@@ -58,9 +63,9 @@ def init(
     screen = Screen(as_json=as_json)
     require_folder(output)
     if output.exists():
-        raise CommissioningError(f"{output} exists, and nothing is replaced: choose another --output")
+        raise CommissioningError(f"{output} exists and is not overwritten: choose another --output")
     if urdf is None and not attended():
-        raise ConfigurationError("command line", "URDF", None, "needed where there is no terminal to ask at")
+        raise ConfigurationError("command line", "URDF", None, "required if there is no terminal to ask at")
     if payload_kg is None and attended():
         payload_kg = _asked_payload(screen)
     arm, workspace, meshes = _arm(screen, urdf, base, flange, payload_kg, output)
@@ -128,7 +133,7 @@ def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> 
     if has_drives:
         raise ConfigurationError("command line", "--simulated", None, "without --scan and --description")
     if payload_kg is None:
-        raise ConfigurationError("command line", "--payload-kg", None, "needed for what the simulated arm carries")
+        raise ConfigurationError("command line", "--payload-kg", None, "required: the payload of the simulated arm")
     limits = (*arm.torque_max_nm, *arm.velocity_max_rad_s, *arm.position_min_rad)
     if None in arm.links or any(isnan(value) for value in limits):
         raise ConfigurationError(
@@ -139,7 +144,7 @@ def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> 
 def _asked_payload(screen: Screen) -> float | None:
     """What the operator says the arm may carry; None where that is left open."""
     while True:
-        answer = screen.ask("The most that the arm may carry, tool included, in kg; empty leaves it open: ").strip()
+        answer = screen.ask("Maximum payload of the arm, including the tool, in kg; empty to fill in later: ").strip()
         if not answer:
             return None
         try:
@@ -170,7 +175,7 @@ def _arm(
     arm = draft_of_urdf(found)
     screen.step(f"{urdf}: {arm.n} joints from {found.base} to {found.flange}: {', '.join(arm.joint_names)}")
     if found.other_joints:
-        screen.step(f"not of the arm, and taken as fixed: {', '.join(found.other_joints)}")
+        screen.step(f"not part of the arm, and assumed fixed: {', '.join(found.other_joints)}")
     tool = tool_sphere(arm.n, payload_kg)
     try:
         return arm, workspace_of_urdf(found, arm, tool), path_beside(urdf, output)
@@ -198,7 +203,7 @@ def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, outpu
         interface, channel = bus_address(scan)
         with open_bus(interface, channel, bitrate) as bus:
             drives = drives_found(find_nodes(bus), n, described)
-        return BusDraft(drives, interface, channel, bitrate, beside, f"as they answered on {scan}")
+        return BusDraft(drives, interface, channel, bitrate, beside, f"found on {scan}")
     if described is None:
         return None
     drives = nodes_described(described, n)
@@ -229,7 +234,9 @@ def _designed(
                     excitations.append(design(str(output), seed=seed, restarts=restarts, progress=done))
         except ExcitationError as error:
             if box is not found.boxes[-1]:
-                screen.step("none found in this part of the joints' ranges: trying a narrower one, clear of everything")
+                screen.step(
+                    "none found in this part of the joints' ranges: trying a narrower one that is clear of everything"
+                )
             problem = str(error)
             continue
         paths = [output.with_name(f"{output.stem}_{role}.toml") for role in _ROLES]
@@ -251,7 +258,7 @@ def _write(output: Path, text: str) -> None:
 def _show_open_points(screen: Screen, drafted: DraftedFile) -> None:
     """What could not be known."""
     if drafted.holes:
-        screen.step("to be filled in, the file is refused until then:")
+        screen.step("to be filled in; the file is refused until then:")
         for place in drafted.holes:
             screen.step(f"  {place}")
     screen.step("assumed, to be checked:")
@@ -266,5 +273,5 @@ def _next_step(output: Path, drafted: DraftedFile, *, has_bus: bool, designed: b
     if not designed:
         return f"`armload design {output} --seed 1 --output {output.stem}_identification.toml`"
     if not has_bus:
-        return f"recordings of your own with `armload identify {output} ...`, or the drives in {output}"
+        return f"use your own recordings with `armload identify {output} ...`, or fill in the drives in {output}"
     return f"`armload drives check {output}`"

@@ -19,19 +19,22 @@ from armload_controller.cli.recording_options import (
 )
 from armload_identification.recording.reading_options import Effort
 
-recordings = typer.Typer(cls=CommandGroup, help="Look at recordings.", no_args_is_help=True)
+recordings = typer.Typer(cls=CommandGroup, help="Inspect recordings.", no_args_is_help=True)
 
 
 @recordings.callback()
 def _group() -> None:
-    """Look at recordings."""
+    """Inspect recordings."""
 
 
 @recordings.command("show")
 def show_command(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording: MCAP, ROS 2 bag, CSV, Parquet, NPZ.")],
     other: Annotated[
-        Path | None, typer.Argument(metavar="[OTHER]", help="Another one: do the two fit as loaded and unloaded run?")
+        Path | None,
+        typer.Argument(
+            metavar="[OTHER]", help="A second recording, to check whether the two fit as loaded and unloaded run."
+        ),
     ] = None,
     columns: ColumnsOption = None,
     effort: EffortOption = Effort.TORQUE,
@@ -40,7 +43,7 @@ def show_command(
     episode: EpisodeOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show joints, rate, holes, range and motion of a recording, and what is missing to identify a payload."""
+    """Show joints, rate, gaps, range and motion of a recording, and what is missing to identify a payload."""
     from armload_controller.cli.output.recording_output import joint_table, pair_text, recording_document, survey_text
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import chosen_joints

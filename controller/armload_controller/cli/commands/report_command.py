@@ -27,7 +27,7 @@ def report(
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
-    """Write the report of a payload file, with what recordings show of it. Exit status 3: the payload is wrong."""
+    """Write the report of a payload file and its recordings. Exit status 3: the payload is wrong."""
     from armload_controller.analysis.robot_payload import findings_from_files
     from armload_controller.cli.screen import Screen
 

@@ -35,7 +35,7 @@ def validate(
         list[str],
         typer.Argument(
             metavar="[ROBOT] PAYLOAD",
-            help="A shipped robot, or the path of a robot's TOML; left out with --urdf. Then the payload file (TOML).",
+            help="A shipped robot, or the path of a robot's TOML; omitted with --urdf. Then the payload file (TOML).",
         ),
     ],
     loaded: LoadedOption,
@@ -53,7 +53,7 @@ def validate(
     tolerance: ToleranceOption = TOLERANCE,
     as_json: JsonOption = False,
 ) -> None:
-    """Judge a payload file by identifying it again. Exit status 3: wrong; 4: these runs cannot tell."""
+    """Validate a payload file by identifying the payload again. Exit status 3: wrong; 4: these runs cannot tell."""
     from armload_controller.analysis import robot_payload
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot_recordings import read_of

@@ -17,7 +17,9 @@ def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
     current = result.effort is Effort.CURRENT
     title = "Torque per ampere of motor current" if current else "Torque per N m that the drive reports"
     unit = "N m/A" if current else ""
-    table = Table(title=f"{title}, behind the gear, and friction per torque carried (mu)", title_justify="left")
+    table = Table(
+        title=f"{title}, output side of the gear, and friction per transmitted torque (mu)", title_justify="left"
+    )
     table.add_column("joint")
     for column in (f"nominal {unit}".strip(), "calibrated", "95 % +-", "change", "mu", "95 % +-", "unexplained"):
         table.add_column(column, justify="right")
@@ -37,7 +39,7 @@ def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
             f"{left[j]:.1%}",
         )
     if not result.determined.all():
-        table.caption = "in brackets: not determined, as assumed or hardly better"
+        table.caption = "in brackets: not determined, or hardly better than assumed"
         table.caption_justify = "left"
     return table
 
@@ -47,7 +49,7 @@ def runs_table(result: ArmCalibration) -> Table:
     table = Table(title="Runs used; off 1 is like the others", title_justify="left")
     for column in ("run", "carried"):
         table.add_column(column)
-    for column in ("off", "worst joint", "greatest influence", "blows left out"):
+    for column in ("off", "worst joint", "greatest influence", "impacts left out"):
         table.add_column(column, justify="right")
     found = {payload.mounting: payload for payload in result.payloads}
     for run in result.runs:

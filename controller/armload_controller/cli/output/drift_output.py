@@ -37,7 +37,7 @@ def show_drift(
     for name, reason in history.left_out:
         screen.step(f"left out: {name}: {reason}")
     if not history.drift.began:
-        screen.step("note: not every recording says when it began, so they are taken in their order")
+        screen.step("note: not every recording has a start time, so they are used in the given order")
     if report is not None:
         history.report(report)
         screen.step(f"written: {report}")

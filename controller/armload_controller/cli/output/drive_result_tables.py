@@ -19,12 +19,12 @@ _COLOURS = {Verdict.OK: "green", Verdict.MISSING: "yellow", Verdict.WRONG: "red"
 def found_table(found: list[FoundNode]) -> Table:
     """One row per node."""
     table = Table(title="nodes on the bus")
-    for heading in ("node", "device", "vendor", "product", "revision", "modes", "lacks for safety"):
+    for heading in ("node", "device", "vendor", "product", "revision", "modes", "missing safety properties"):
         table.add_column(heading)
     for node in found:
         kind = node.name or "CiA 402 drive"
         if not node.is_drive:
-            kind = f"{node.name or 'unnamed'}, no CiA 402 drive: device type {_hexadecimal(node.device_type)}"
+            kind = f"{node.name or 'unnamed'}, not a CiA 402 drive: device type {_hexadecimal(node.device_type)}"
         identity = node.identity
         numbers = (identity.vendor_id, identity.product_code, identity.revision)
         modes = " ".join(MODE_NAMES.get(mode, str(mode)) for mode in node.modes)
@@ -40,7 +40,7 @@ def _hexadecimal(number: int | None) -> str:
 
 def check_table(rows: Sequence[Check]) -> Table:
     """One row per step and joint."""
-    table = Table(title="bring-up, short of enabling")
+    table = Table(title="bring-up short of enabling")
     for heading in ("joint", "node", "step", "", "what"):
         table.add_column(heading, overflow="fold")
     for row in rows:

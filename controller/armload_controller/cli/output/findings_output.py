@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 ReportOption = Annotated[Path | None, typer.Option("--report", help="Report (HTML) to write.")]
 ValidationOption = Annotated[
     tuple[Path, Path] | None,
-    typer.Option(metavar="LOADED UNLOADED", help="Recordings of another motion, to judge the payload by."),
+    typer.Option(metavar="LOADED UNLOADED", help="Recordings of another motion, to validate the payload."),
 ]
 
 

@@ -20,11 +20,11 @@ def tally_text(tally: FleetTally) -> str:
         tally: What came of it.
     """
     if not tally.done:
-        return f"nothing new: {_counted(tally.skipped, 'recording')} done before"
+        return f"nothing new: {_counted(tally.skipped, 'recording')} processed before"
     counts = ", ".join(f"{tally.outcomes[outcome.value]} {outcome.value}" for outcome in RowOutcome)
     return (
         f"{_counted(tally.done, 'recording')} in {tally.wall_s:.1f} s, {tally.per_second:.2f}/s, "
-        f"{tally.cpu_s / tally.done:.2f} s of CPU each: {counts}; {tally.skipped} done before"
+        f"{tally.cpu_s / tally.done:.2f} s of CPU each: {counts}; {tally.skipped} processed before"
     )
 
 
@@ -51,12 +51,12 @@ def suspicion_lines(review: FleetReview) -> list[str]:
     """
     suspicious = [arm for arm in review.arms if arm.suspicions]
     if not suspicious:
-        return [f"nothing is suspicious about {_counted(len(review.arms), 'arm')}"]
+        return [f"no suspicion about {_counted(len(review.arms), 'arm')}"]
     shown = [
         f"{number:3}. {arm.arm}: {arm.suspicions[0].text} ({arm.deviations:.0f} standard deviations)"
         for number, arm in enumerate(suspicious[:_MOST_LINES], 1)
     ]
-    return [f"to be looked at: {len(suspicious)} of {_counted(len(review.arms), 'arm')}", *shown]
+    return [f"to be inspected: {len(suspicious)} of {_counted(len(review.arms), 'arm')}", *shown]
 
 
 def fleet_report_document(review: FleetReview, page: Path) -> dict[str, Any]:

@@ -13,7 +13,8 @@ import typer
 from armload_controller.cli.printable_text import printable
 
 JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print the result as JSON (controller/JSON.md), all else to standard error.")
+    bool,
+    typer.Option("--json", help="Print the result as JSON (controller/JSON.md), everything else to standard error."),
 ]
 
 

@@ -54,10 +54,10 @@ def require_replaceable(file: Path, payload: PayloadResult) -> None:
         there = read_payload(file)
     except PayloadFileError as problem:
         raise CommissioningError(
-            f"{file} is there already and is no payload file ({problem}): give another --output, or --force"
+            f"{file} already exists and is not a payload file ({problem}): give another --output, or --force"
         ) from problem
     if not set(payload.provenance.recordings_sha256.values()) <= set(there.provenance.recordings_sha256.values()):
-        made_from = ", ".join(there.provenance.recordings_sha256) or "recordings that it does not name"
+        made_from = ", ".join(there.provenance.recordings_sha256) or "unnamed recordings"
         raise CommissioningError(
             f"{file} holds another payload ({there.model.mass_kg:.3f} kg, from {made_from}): give another --output, or "
             "--force to replace it"
@@ -73,4 +73,4 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise CommissioningError(f"{folder} cannot be made: {error.strerror}; choose another output") from error
+        raise CommissioningError(f"{folder} cannot be created: {error.strerror}; choose another output") from error

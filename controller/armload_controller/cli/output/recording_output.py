@@ -52,12 +52,12 @@ def joint_table(facts: RecordingSurvey) -> Table:
 def pair_text(surveys: Sequence[RecordingSurvey], problem: str | None) -> str:
     """Whether two recordings fit, or what one of them lacks."""
     if len(surveys) > 1:
-        return f"no pair: {problem}" if problem else "the two are of one motion: identify takes them as a pair"
+        return f"not a pair: {problem}" if problem else "both are of the same motion: identify can use them as a pair"
     if surveys[0].missing:
-        return "not enough to identify a payload from, see above"
+        return "not sufficient to identify a payload, see above"
     return (
-        "to identify a payload there must be a second run of the same motion, one with and one without the payload, "
-        "or a calibrated arm (armload calibrate)"
+        "identifying a payload requires a second run of the same motion, one with and one without the payload, or a "
+        "calibrated arm (armload calibrate)"
     )
 
 

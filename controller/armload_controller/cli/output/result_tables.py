@@ -62,7 +62,7 @@ def possibility(identification: Identification) -> str:
             f"plain estimate: {plain.mass_kg:.4g} kg, physically impossible; "
             f"reported: the nearest possible body, {identification.parameters.mass_kg:.4g} kg"
         )
-    return "the estimate is physically possible as it is"
+    return "the estimate is physically possible"
 
 
 def _error(index: int, value: float, truth: float) -> str:

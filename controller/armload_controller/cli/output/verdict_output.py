@@ -21,7 +21,7 @@ ToleranceOption = Annotated[
     typer.Option(
         "--tolerance",
         metavar="SHARE M",
-        help="By how much the payload may be off: share of its mass, and distance of its centre of mass in m.",
+        help="Permitted error of the payload: fraction of its mass, and distance of its centre of mass in m.",
     ),
 ]
 

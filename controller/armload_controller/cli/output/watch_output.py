@@ -70,7 +70,7 @@ def moment_table(moment: WatchedMoment, robot: str, joint_names: Sequence[str]) 
     table.add_column("joint")
     table.add_column("moved s", justify="right")
     table.add_column("")
-    table.add_column("answers missing", justify="right")
+    table.add_column("feedback frames missing", justify="right")
     found, bus = moment.payload, moment.bus
     moving_s = np.zeros(len(joint_names)) if found is None else found.moving_s
     missing = (0,) * len(joint_names) if bus is None else bus.missing
@@ -86,13 +86,13 @@ def moment_text(moment: WatchedMoment) -> str:
     at = f"{moment.time_s:10.1f} s  "
     if bus is not None and bus.silent_s > _SILENT_S:
         return f"{at}the bus has been silent for {bus.silent_s:.0f} s"
-    lost = "" if bus is None or not any(bus.missing) else f"  {sum(bus.missing)} answers missing"
+    lost = "" if bus is None or not any(bus.missing) else f"  {sum(bus.missing)} feedback frames missing"
     if bus is not None and not bus.enabled:
         return f"{at}the drives are not enabled{lost}"
     if found is None:
         return f"{at}{0 if bus is None else bus.cycles} cycles{lost}"
     if found.moving_s.max() < SHOWN_S:
-        return f"{at}nothing to be seen yet: the joints have moved for {found.moving_s.max():.1f} s at most{lost}"
+        return f"{at}no estimate yet: the joints have moved for {found.moving_s.max():.1f} s at most{lost}"
     mass = f"{found.mass_kg:7.3f} +- {found.half_width_95[0]:.3f} kg"
     if not found.determined[1:].any():
         return at + mass + lost

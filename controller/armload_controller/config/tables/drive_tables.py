@@ -101,7 +101,8 @@ class EffortObjectTable(Table):
     def _one_scale(self) -> EffortObjectTable:
         if (self.a_per_unit is None) == (self.nm_per_unit is None):
             raise ValueError(
-                "give one scale: a_per_unit (motor current) or nm_per_unit (torque at the axis, behind the gear)"
+                "give one scale: a_per_unit (motor current) or nm_per_unit (torque at the axis, on the output side of "
+                "the gear)"
             )
         return self
 
@@ -128,7 +129,7 @@ class VendorSettingTable(Table):
     def _fits(self) -> VendorSettingTable:
         least, greatest = _NUMBER_TYPES[self.type].bounds
         if not least <= self.value <= greatest:
-            raise BadValue("value", self.value, f"expected {least} to {greatest}, what {self.type} holds")
+            raise BadValue("value", self.value, f"expected {least} to {greatest}, the range of {self.type}")
         if self.meets not in SAFETY_KEYS:
             raise BadValue("meets", self.meets, f"expected one of {', '.join(SAFETY_KEYS)}")
         return self

@@ -121,12 +121,12 @@ class RobotFile(Table):
     def _joints_are_told_apart(self) -> RobotFile:
         names = [joint.name for joint in self.joints]
         if len(set(names)) != self.n:
-            raise BadValue("joints", names, "every joint needs a name of its own")
+            raise BadValue("joints", names, "every joint needs its own name")
         nodes = [joint.drive.node_id for joint in self.joints if joint.drive is not None]
         if self.bus is not None and len(set(nodes)) != len(nodes):
             shared = next(node for node in nodes if nodes.count(node) > 1)
             both = " and ".join(j.name for j in self.joints if j.drive is not None and j.drive.node_id == shared)
-            raise BadValue("joints.drive.node_id", shared, f"{both} share it; give each its own")
+            raise BadValue("joints.drive.node_id", shared, f"{both} share it; give each a different one")
         return self
 
     @model_validator(mode="after")
@@ -174,6 +174,6 @@ class RobotFile(Table):
             raise BadValue(
                 "workspace.floor_height_m",
                 self.workspace.floor_height_m,
-                "a floor needs gravity, to know where up is; or give a half-space in its place",
+                "a floor requires gravity, which defines the vertical; or give a half-space instead",
             )
         return self

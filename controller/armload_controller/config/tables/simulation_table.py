@@ -80,7 +80,7 @@ class SimulationTable(Table):
                 raise BadValue(
                     "simulation.start_position_rad",
                     start,
-                    f"{joint.name} may stand between {joint.position_min_rad} and {joint.position_max_rad}",
+                    f"{joint.name} must be between {joint.position_min_rad} and {joint.position_max_rad}",
                 )
         if self.payload not in self.payloads:
             raise BadValue("simulation.payload", self.payload, f"expected one of {', '.join(sorted(self.payloads))}")

@@ -22,7 +22,7 @@ def _link(value: object) -> object:
     """One message for whatever is no link."""
     if value == "tool" or (isinstance(value, int) and not isinstance(value, bool) and value >= 0):
         return value
-    raise ValueError('0 for the base, the number of a joint for the link that turns with it, or "tool"')
+    raise ValueError('0 for the base, the number of a joint for the link that it moves, or "tool"')
 
 
 Link = Annotated[_LinkName, PlainValidator(_link)]

@@ -93,13 +93,13 @@ def variables(subject: ExportSubject) -> list[FmuVariable]:
         (name, unit, f"payload: {text}", value)
         for (name, unit, text), value in zip(PARAMETERS, body_values(subject), strict=True)
     ]
-    text = "time that a change of the payload takes; longer where torque would change too fast"
+    text = "transition time of a change of the payload; longer if torque would change too fast"
     parameters.append(("transition", "s", text, TRANSITION_S))
     if subject.calibration is not None:
         parameters.append(("friction", "1", f"share of {FRICTION}", 1.0))
     found += [FmuVariable(name, "parameter", "tunable", unit, text, value) for name, unit, text, value in parameters]
     for i, joint in enumerate(subject.joint_names, 1):
-        text = f"torque that {joint} must give for the payload"
+        text = f"torque that the payload requires of {joint}"
         found.append(FmuVariable(f"tau[{i}]", "output", "continuous", "N.m", text))
     return [replace(variable, description=printable(variable.description)) for variable in found]
 
@@ -145,7 +145,7 @@ def units(parent: ElementTree.Element) -> None:
 def log_and_experiment(parent: ElementTree.Element) -> None:
     """The category of messages, and how the FMU is simulated where nobody says otherwise."""
     categories = ElementTree.SubElement(parent, "LogCategories")
-    ElementTree.SubElement(categories, "Category", name="logStatusError", description="why a call was refused")
+    ElementTree.SubElement(categories, "Category", name="logStatusError", description="reason why a call was refused")
     ElementTree.SubElement(parent, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")
 
 
@@ -155,13 +155,13 @@ def documentation(subject: ExportSubject) -> str:
         provenance(subject),
         f"The robot's file: sha256 {subject.robot_sha256}.",
         complete_inertia(subject.payload, TENSOR).statement,
-        "Torque that the payload requires of the joints, gravity included: what the joints must give for it on top of "
-        "what the empty arm needs. Positions, velocities, accelerations and torques are the joints', with the zeros "
-        "and directions of the robot's configuration; gear ratios and coupled motors are not in it.",
+        "Torque that the payload requires of the joints, gravity included: the joint torque needed in addition to that "
+        "of the empty arm. Positions, velocities, accelerations and torques are the joints', with the zeros "
+        "and directions of the robot's configuration; gear ratios and motor coupling are not included.",
         f"Gravity in the base frame: {', '.join(exact(g) for g in subject.chain.gravity_m_s2)} m/s2.",
-        "tau at the end of a step is that of the inputs at its beginning. The payload's parameters hold at once where "
-        "they are set before the simulation begins, and are reached without a step after the time transition where "
-        "they are changed while it runs. Steps may vary; a change takes all of its steps to be as long as the first.",
+        "tau at the end of a step corresponds to the inputs at its beginning. Payload parameters set before the "
+        "simulation starts apply at once; if they are changed while it runs, they are reached smoothly after the time "
+        "transition. The step size may vary; during a change, all steps are assumed to be as long as the first.",
     )
     head = f'<head><meta charset="utf-8"><title>{model_name(subject)}</title></head>'
     lines = [f"<p>{escape(printable(paragraph))}</p>" for paragraph in paragraphs]

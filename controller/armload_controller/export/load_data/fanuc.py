@@ -46,10 +46,10 @@ def export_fanuc(subject: ExportSubject) -> dict[str, str]:
     inertia = inertia_or_point_mass(subject.payload, MOMENTS)
     lines = heading(
         subject,
-        "To be typed into MOTION / PAYLOAD SET. Compare the units in brackets with those on the screen before. "
+        "Enter these values in MOTION / PAYLOAD SET. First compare the units in brackets with those on the screen. "
         "Center: centre of mass. Inertia: about axes through the centre of mass, parallel to the faceplate's; the "
-        "screen has no place for products of inertia, they are left out. Unit and axes of the inertia are known from "
-        "users' comparisons, not from the vendor's manual.",
+        "screen has no fields for products of inertia, so they are omitted. Unit and axes of the inertia are taken "
+        "from users' comparisons, not from the vendor's manual.",
         inertia.statement,
         "#",
     )

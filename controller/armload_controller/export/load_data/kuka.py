@@ -50,7 +50,7 @@ def export_kuka(subject: ExportSubject) -> dict[str, str]:
         "Rz(A) Ry(B) Rx(C). J: principal moments of inertia about the centre of mass in kg m2.",
         inertia.statement,
         ";",
-        "For $config.dat; put the number of your tool in the brackets.",
+        "For $config.dat; put your tool number in the brackets.",
     )
     lines.append(
         f"LOAD_DATA[1]={{M {positional(body.mass_kg)},CM {{X {x},Y {y},Z {z},A {a},B {b},C {c}}},"

@@ -42,11 +42,11 @@ def export_yaskawa(subject: ExportSubject) -> dict[str, str]:
     lines = heading(
         subject,
         "weight: kg. com: centre of mass in mm. moi: Ixx, Iyy, Izz in kg m2 about axes through the centre of mass, "
-        "parallel to the flange's; the format has no place for products of inertia, they are left out.",
+        "parallel to the flange's; the format has no fields for products of inertia, so they are omitted.",
         inertia.statement,
         "//",
-        "The tool centre point is not part of this preset and is filled in as zero: set your own. An earlier "
-        "preset of the same id must be deleted on the pendant first.",
+        "The tool centre point is not part of this preset and is set to zero: enter your own. An earlier preset with "
+        "the same id must be deleted on the pendant first.",
     )
     lines += [
         "{",

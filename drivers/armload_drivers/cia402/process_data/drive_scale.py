@@ -104,7 +104,7 @@ def _agree(what: str, key: str, reported: list[float], configured: float | None,
     if configured is not None:
         if reported and not any(math.isclose(value, configured, rel_tol=tolerance) for value in reported):
             raise CommandError(
-                f"the drive reports {what} = {shown}, the configuration {configured:.6g}: one of the two is wrong, and "
+                f"the drive reports {what} = {shown}, the configuration {configured:.6g}: one of them is wrong, and "
                 "the arm would move by the wrong amount"
             )
         return configured
@@ -112,7 +112,6 @@ def _agree(what: str, key: str, reported: list[float], configured: float | None,
         return reported[0]
     if reported:
         raise CommandError(
-            f"the drive reports {what} = {shown}, depending on which side of the gear is meant: give {key} in the "
-            "configuration"
+            f"the drive reports {what} = {shown}, depending on the side of the gear: give {key} in the configuration"
         )
     raise CommandError(f"neither the drive nor the configuration gives {what}: give {key} in the configuration")

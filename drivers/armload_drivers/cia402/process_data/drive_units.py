@@ -90,13 +90,13 @@ class AxisUnits:
             CommandError: the scale is neither configured nor read from the drive yet.
         """
         if drive.counts_per_rad is None or drive.rated_torque_nm is None:
-            raise CommandError(f"{drive.joint}: the drive's scale is not known before it is connected")
+            raise CommandError(f"{drive.joint}: the drive's scale is unknown until it is connected")
         position_sign = -1.0 if polarity & POLARITY_POSITION else 1.0
         torque_sign = -1.0 if polarity & POLARITY_TORQUE else 1.0
         rated = drive.rated_torque_nm
         if drive.feedback is EffortFeedback.CURRENT:
             if drive.rated_current_a is None and drive.vendor_effort is None:
-                raise CommandError(f"{drive.joint}: the motor's rated current is not known before it is connected")
+                raise CommandError(f"{drive.joint}: the motor's rated current is unknown until it is connected")
             rated = math.nan if drive.rated_current_a is None else drive.rated_current_a
         per_unit = 1e-3 * rated if drive.vendor_effort is None else drive.vendor_effort.per_unit
         return cls(
@@ -180,8 +180,8 @@ class ArmUnits:
         if not self._all_take_offset and permille[~self._takes_offset].any():
             without = [j for j, takes in zip(self._joints, self._takes_offset, strict=True) if not takes]
             raise CommandError(
-                f"the drives of {', '.join(without)} take no torque offset (60B2); run without feed-forward "
-                "or leave these joints out of it"
+                f"the drives of {', '.join(without)} do not accept a torque offset (60B2); run without feed-forward or "
+                "exclude these joints"
             )
         return RawAxes(counts.astype(np.int64).tolist(), permille.astype(np.int64).tolist())
 
@@ -205,13 +205,15 @@ class ArmUnits:
             raise CommandError(f"{what}s of shape {values.shape} for {len(self._joints)} joints")
         joint = int(np.abs(values).argmax())  # NaN is the greatest to argmax
         if not abs(values.item(joint)) < math.inf:
-            raise CommandError(f"{self._joints[joint]}: {what} {values[joint]} is no number; nothing was sent")
+            raise CommandError(
+                f"{self._joints[joint]}: {what} {values[joint]} is not a finite number; nothing was sent"
+            )
         raw: FloatArray = np.rint(axis_from_joint.dot(values))
         axis = int(np.abs(raw).argmax())
         if not abs(raw.item(axis)) <= limit:
             raise CommandError(
-                f"{self._joints[axis]}: {what} is {raw[axis]:.0f} in drive units, outside +-{limit}. The "
-                "setpoint is wrong or the scaling in the configuration is; nothing was sent"
+                f"{self._joints[axis]}: {what} is {raw[axis]:.0f} in drive units, outside +-{limit}. Either the "
+                "setpoint or the scaling in the configuration is wrong; nothing was sent"
             )
         return raw
 

@@ -113,7 +113,7 @@ def _require_number(described: DeviceDescription, found: DescribedObject, known:
     least_bits = known.type.bits if known is not None and known.key in _OWN else 1
     if found.bits is None or found.bits < least_bits:
         title = f"{found.index:04X}" + (f"sub{found.subindex}" if found.subindex else "")
-        what = f"an integer of {least_bits} bits at least" if least_bits > 1 else "an integer"
+        what = f"an integer of at least {least_bits} bits" if least_bits > 1 else "an integer"
         raise DescriptionError(described.source, title, "DataType", f"expected {what}: {found.name or 'no name'}")
 
 

@@ -106,7 +106,7 @@ class SimulatedDrives:
             StateError: they are on already.
         """
         if self._started:
-            raise StateError("the simulated drives are running already")
+            raise StateError("the simulated drives are already running")
         self._started = True
         if self._virtual is not None:
             self._start_in_lockstep(self._virtual)

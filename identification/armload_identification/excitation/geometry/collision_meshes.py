@@ -154,8 +154,8 @@ class Meshes:
                 apart = np.linalg.norm(np.cross(data.oMi[i + 1].translation - poses[i, :3, 3], axis))
                 if np.abs(direction - axis).max() > _SAME_DIRECTION or apart > _SAME_LINE_M:
                     raise ModelError(
-                        f"{file}: {name} turns about another line than [kinematics] says, {apart:.3f} m away; both "
-                        "must have the same base frame, the same zeros and the same directions"
+                        f"{file}: {name} turns about an axis that differs from the one in [kinematics], {apart:.3f} m "
+                        "away; both must have the same base frame, zeros and directions"
                     )
 
     def _make_solid(self, file: Path, body: Any) -> None:

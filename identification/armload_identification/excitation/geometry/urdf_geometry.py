@@ -63,7 +63,7 @@ def load_urdf_geometry(file: Path, joint_names: Collection[str]) -> UrdfGeometry
         model = pin.buildModelFromXML(text)
         geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION)
     except (ValueError, RuntimeError) as error:
-        raise ModelError(f"{file}: {error}. Expected a URDF with its meshes beside it") from error
+        raise ModelError(f"{file}: {error}. Expected a URDF with its meshes in the same folder") from error
     return UrdfGeometry(pin, coal, model, geometry, connected)
 
 
@@ -103,6 +103,6 @@ def _mesh_file(file: Path, name: str) -> Path:
     found = next((place for place in places if place.is_file()), None)
     if found is None:
         raise ModelError(
-            f"{file}: the mesh {name} was not found beside it or in a folder above. Put the package's folder there"
+            f"{file}: the mesh {name} was not found in its folder or in a parent folder. Put the package's folder there"
         )
     return found.resolve()

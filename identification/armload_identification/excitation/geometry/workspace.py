@@ -104,7 +104,7 @@ class Workspace:
         between: (K,) the part of the arm that each clearance belongs to, and what it is a distance from, in words.
 
     Raises:
-        ModelError: a link that the arm does not have, a size not above 0, a normal that is no unit vector, an
+        ModelError: a link that the arm does not have, a size not above 0, a normal that is not a unit vector, an
             obstacle or a pair without any sphere that it could meet.
     """
 
@@ -137,7 +137,9 @@ class Workspace:
         between += [(a, self._part(b)) for a, b in pairs]
         for name in {o.name for o in self._obstacles} | {f"{self._link(a)} to {self._link(b)}" for a, b in self.apart}:
             if name not in names:
-                raise ModelError(f"workspace: nothing can ever touch {name!r}; give the links named there a sphere")
+                raise ModelError(
+                    f"workspace: {name!r} has no effect, because the links named there have no spheres; add spheres"
+                )
         planes = np.array([[*h.normal, h.offset_m] for h in self.half_spaces]).reshape(-1, 4)
         boxes = np.array([[*b.pose[:3, :3].ravel(), *b.pose[:3, 3], *(0.5 * b.size_m)] for b in self.boxes])
         packed = (
@@ -299,4 +301,4 @@ class Workspace:
                 raise ModelError(f"workspace: {box.name!r} has the size {box.size_m.tolist()} m; expected above 0")
         for half_space in self.half_spaces:
             if abs(np.linalg.norm(half_space.normal) - 1.0) > _UNIT_TOLERANCE:
-                raise ModelError(f"workspace: normal of {half_space.name!r} is no unit vector")
+                raise ModelError(f"workspace: normal of {half_space.name!r} is not a unit vector")

@@ -85,7 +85,7 @@ class CsvReader:
         separators = np.array([line.count(",") for line in lines], dtype=np.int64)
         whole = separators == layout.expected - 1
         cut = bool(last and lines and separators[-1] < layout.expected - 1)
-        account.leave_out(int(cut), "cut last row")
+        account.leave_out(int(cut), "truncated last row")
         account.leave_out(int(np.count_nonzero(~whole)) - int(cut), "wrong number of columns")
         table, unreadable = _numbers([line for line, good in zip(lines, whole, strict=True) if good], layout.wanted)
         account.leave_out(unreadable, "not a number")
@@ -98,8 +98,8 @@ class _Layout:
     def __init__(self, path: Path, given: CsvColumns | None, header: list[str] | None, lines: list[str]) -> None:
         if given is None and header is None:
             raise RecordingError(
-                f"{path}: the table has no header line, so what its columns hold is not known. "
-                'Say it: --columns "time=0 position=1-6 current=7-12", or a [log] table in the robot\'s file.'
+                f"{path}: the table has no header line, so its columns are unknown. "
+                'Specify them: --columns "time=0 position=1-6 current=7-12", or a [log] table in the robot\'s file.'
             )
         columns = given or columns_by_name(path, header or [])
         self.joint_names = columns.joint_names
@@ -113,8 +113,8 @@ class _Layout:
         needed = max(max(indices) for indices in groups.values()) + 1
         if lines and needed > self.expected:
             raise RecordingError(
-                f"{path}: the rows have {self.expected} columns, but the column map asks for column {needed - 1}. "
-                "Correct the column numbers (they begin at 0) or give the right file."
+                f"{path}: the rows have {self.expected} columns, but the column map refers to column {needed - 1}. "
+                "Correct the column numbers (starting at 0) or give the right file."
             )
         self.wanted = [index for indices in groups.values() for index in indices]
         edges = np.cumsum([0, *(len(indices) for indices in groups.values())])
@@ -153,7 +153,7 @@ def _indices(path: Path, quantity: str, wanted: Sequence[int | str], header: lis
         elif header is None:
             raise RecordingError(
                 f"{path}: there is no header line, so the column '{column}' for {quantity} cannot be found. "
-                "Give column numbers, beginning at 0."
+                "Give column numbers, starting at 0."
             )
         elif column not in header:
             raise RecordingError(

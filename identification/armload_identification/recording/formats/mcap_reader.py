@@ -90,7 +90,7 @@ class McapReader:
             others = f"; it has {', '.join(sorted(table.other_topics))}" if table.other_topics else ""
             raise RecordingError(
                 f"{self._path}: no usable message on {TOPIC}, so nothing was recorded{others}. "
-                "Record the run again; the drives must reach operation first."
+                "Record the run again; the drives must be enabled first."
             )
         account.joint_names = _joint_names(self.attachments.get(RUN_ATTACHMENT, "{}"), table.n)
 
@@ -114,7 +114,7 @@ class McapReader:
                     yield _RECORD.pack(opcode, len(content)) + content
                 elif opcode == Opcode.DATA_END:
                     if DataEnd.read(_stream(content)).data_section_crc not in {0, checksum}:
-                        raise ValueError("the check sum of its data section is wrong")
+                        raise ValueError("the checksum of its data section is wrong")
                 else:
                     ended = True
             end = file.read(len(MAGIC))
@@ -247,7 +247,7 @@ class _Table:
     def _row(self, message: bytes) -> FloatArray | None:
         """Numbers of a message; none where its feedback is missing."""
         if not self.n:
-            raise ValueError("no message with positions came before")
+            raise ValueError("no earlier message has positions")
         content = orjson.loads(message)
         row: list[float | None] = [content[key] for key in _SCALARS]
         for name in self._names:
@@ -268,7 +268,7 @@ class _Table:
         opcode, length = _RECORD.unpack_from(records, at)
         end = start + length
         if end > len(records):
-            raise ValueError("a record is longer than the chunk that it is in")
+            raise ValueError("a record is longer than its chunk")
         if opcode == Opcode.CHANNEL:
             channel = Channel.read(ReadDataStream(BytesIO(records[start:end])))
             if channel.topic == TOPIC:
@@ -298,7 +298,7 @@ def _attached(path: Path) -> Iterator[tuple[str, str]]:
             attachment = Attachment.read(_stream(content))
             checksum = int.from_bytes(content[-_CHECKSUM_BYTES:], "little")
             if checksum not in {0, zlib.crc32(content[:-_CHECKSUM_BYTES])}:
-                raise ValueError(f"the check sum of {attachment.name} is wrong")
+                raise ValueError(f"the checksum of {attachment.name} is wrong")
             yield attachment.name, attachment.data.decode("utf-8", errors="replace")
 
 
@@ -339,18 +339,18 @@ def _unpacked(content: bytes) -> bytes:
         raise ValueError(f"a chunk of {size} bytes, at most {_MOST_BYTES} are possible")
     if chunk.compression == "zstd":
         if zstandard.frame_content_size(chunk.data) not in {-1, size}:
-            raise ValueError("a chunk does not have the size that it states")
+            raise ValueError("a chunk does not have its stated size")
         records = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
     elif chunk.compression == "lz4":
         records = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
     elif chunk.compression == "":
         records = chunk.data
     else:
-        raise ValueError(f"a chunk is compressed with {chunk.compression!r}, which is not known")
+        raise ValueError(f"a chunk is compressed with {chunk.compression!r}, which is not supported")
     if len(records) != size:
-        raise ValueError("a chunk does not have the size that it states")
+        raise ValueError("a chunk does not have its stated size")
     if chunk.uncompressed_crc not in {0, zlib.crc32(records)}:
-        raise ValueError("the check sum of a chunk is wrong")
+        raise ValueError("the checksum of a chunk is wrong")
     return bytes(records)
 
 

@@ -64,7 +64,7 @@ class NumpyReader:
             raise RecordingError(
                 f"{path}: no array {' and no array '.join(absent)}; the archive has "
                 f"{', '.join(sorted(there)) or 'none'}. "
-                "Save them by these names: np.savez(path, time_s=..., position_rad=..., torque_nm=...)."
+                "Save them with these names: np.savez(path, time_s=..., position_rad=..., torque_nm=...)."
             )
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
@@ -88,7 +88,7 @@ class NumpyReader:
         for quantity, (found, _) in kinds.items():
             expected = shape[:1] if quantity == "time_s" else shape
             if len(shape) != 2 or not 1 <= shape[1] <= _MOST_JOINTS or found != expected:
-                raise ValueError(f"{self._arrays[quantity]} has the shape {found}, position {shape}; expected (N, n)")
+                raise ValueError(f"{self._arrays[quantity]} has shape {found}, position {shape}; expected (N, n)")
         if self._named:
             with archive.open(f"{_JOINT_NAMES}.npy") as stream:
                 names = np.lib.format.read_array(stream, allow_pickle=False)
@@ -108,8 +108,8 @@ class NumpyReader:
 
     def _damaged(self, error: Exception) -> RecordingError:
         return RecordingError(
-            f"{self._path}: no archive of arrays that fit each other: {error}. "
-            "Save it as np.savez(path, time_s=..., position_rad=..., torque_nm=...)."
+            f"{self._path}: not an archive of consistent arrays: {error}. Save it as np.savez(path, time_s=..., "
+            "position_rad=..., torque_nm=...)."
         )
 
 

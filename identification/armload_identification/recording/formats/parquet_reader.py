@@ -135,8 +135,9 @@ class ParquetReader:
                     episodes.update(batch.column(0).unique().to_pylist())
         if self._episode is None and len(episodes) > 1:
             raise RecordingError(
-                f"{self._path}: {len(episodes)} episodes ({_numbered(episodes)}), each of which is a recording of its "
-                "own. Choose one for each recording, such as --episode 3, or --episode 3,4 for loaded and unloaded."
+                f"{self._path}: {len(episodes)} episodes ({_numbered(episodes)}), each of which is a separate "
+                "recording. Choose one for each recording, such as --episode 3, or --episode 3,4 for loaded and "
+                "unloaded."
             )
         if self._episode is not None and self._episode not in episodes:
             there = f"there are {_numbered(episodes)}" if episodes else f"no column {_EPISODE}"
@@ -144,7 +145,7 @@ class ParquetReader:
 
     def _damaged(self, error: Exception) -> RecordingError:
         reason = " ".join(str(error).split())[:200]
-        return RecordingError(f"{self._path}: the table cannot be read: {reason}. Copy it again, or write it anew.")
+        return RecordingError(f"{self._path}: the table cannot be read: {reason}. Copy it again, or rewrite it.")
 
 
 def _numbered(episodes: set[int]) -> str:
@@ -162,7 +163,7 @@ def _described(folder: Path) -> tuple[Mapping[str, Any], list[Path]]:
         raise RecordingError(f"{folder / INFO}: cannot be read: {error}. Copy the data set again.") from error
     files = sorted((folder / "data").glob("chunk-*/file-*.parquet"))
     if not files or not isinstance(info, dict):
-        raise RecordingError(f"{folder}: no data/chunk-*/file-*.parquet, as LeRobot's data sets of version 3 have.")
+        raise RecordingError(f"{folder}: no data/chunk-*/file-*.parquet, as in LeRobot data sets of version 3.")
     return info, files
 
 

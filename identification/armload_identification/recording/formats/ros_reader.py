@@ -153,7 +153,7 @@ class RosReader:
         if not groups:
             others = ", ".join(sorted({connection.msgtype for connection in reader.connections})) or "nothing"
             raise RecordingError(
-                f"{self._path}: the bag has no positions of joints; it has {others}. "
+                f"{self._path}: the bag has no joint positions; it has {others}. "
                 f"Record a topic of one of these types: {', '.join(_TYPES)}."
             )
         wanted = set(self._options.joint_names)
@@ -226,7 +226,7 @@ class RosReader:
         except (*_BROKEN, OSError) as error:
             raise RecordingError(
                 f"{self._path}: the bag cannot be read: {_short(error)}. Copy it again from where it was recorded, or "
-                "make its index anew: ros2 bag reindex."
+                "rebuild its index: ros2 bag reindex."
             ) from error
 
 
@@ -283,7 +283,7 @@ def _bag_of(path: Path) -> Path:
     if len(files) != 1:
         raise RecordingError(
             f"{path}: the folder has no {METADATA} and {len(files)} storage files ({' or '.join(STORAGE_SUFFIXES)}). "
-            "Make its index anew: ros2 bag reindex; or give one of its files."
+            "Rebuild its index: ros2 bag reindex; or give one of its files."
         )
     return files[0]
 

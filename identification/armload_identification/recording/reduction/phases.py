@@ -136,8 +136,8 @@ def require_even(path: Path, uneven_s: float, rate: float, period_s: float) -> N
     """
     if rate <= 0.0 or uneven_s > _UNEVEN * period_s:
         raise RecordingError(
-            f"{path}: the phase is up to {uneven_s:.3g} s off an even advance, allowed is "
-            f"{_UNEVEN * period_s:.3g} s. The run was paused or changed its speed within the periods: record it again."
+            f"{path}: the phase is up to {uneven_s:.3g} s off a uniform advance, {_UNEVEN * period_s:.3g} s is "
+            "allowed. The run was paused or changed its speed within the periods: record it again."
         )
 
 

@@ -22,9 +22,9 @@ _ROW_IN: Final = 1.25
 _ENDS_IN: Final = 0.6
 _COLUMNS: Final = 3
 _HEADINGS: Final = {
-    Figure.FRICTION: "friction less the calibration's, N m",
-    Figure.GAIN: "gain against the calibration's, %",
-    Figure.RESIDUAL: "unexplained over the calibration's",
+    Figure.FRICTION: "change of friction from the calibration, N m",
+    Figure.GAIN: "change of gain from the calibration, %",
+    Figure.RESIDUAL: "residual relative to the calibration's",
 }
 
 
@@ -100,5 +100,5 @@ def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Drawing:
             axes.set_title(f"{joint + 1} {names[joint]}", fontsize=7.5)
             axes.set_ylabel("friction, N m")
             axes.yaxis.set_major_locator(ticks(4))
-            axes.set_xlabel("minutes at work")
+            axes.set_xlabel("minutes in operation")
         return drawing

@@ -30,6 +30,6 @@ def write_figure(path: Path, figure: Figure, dpi: float) -> None:
         replace_file(path, drawn.getvalue())
     except OSError as problem:
         raise ReportError(
-            f"{path}: the picture cannot be written ({problem.strerror}). Name a file in a folder that exists and may "
-            "be written to."
+            f"{path}: the picture cannot be written ({problem.strerror}). Choose a file in an existing, writable "
+            "folder."
         ) from problem

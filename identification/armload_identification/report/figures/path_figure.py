@@ -192,10 +192,10 @@ def _use(axes: Axes, trajectory: FourierTrajectory, envelope: Envelope, names: t
     axes.set_yticks(range(len(names)), names)
     axes.tick_params(length=0.0)
     axes.grid(visible=False)
-    axes.set_title("used of each limit at most, %")
+    axes.set_title("maximum use of each limit, %")
     if room.clearance_m:
         nearest = sorted(room.clearance_m.items(), key=lambda item: item[1])[:_NEAREST]
-        text = "clearance at least, m\n" + "\n".join(f"{name}: {value:.3f}" for name, value in nearest)
+        text = "minimum clearance, m\n" + "\n".join(f"{name}: {value:.3f}" for name, value in nearest)
         axes.set_xlabel(text, loc="left", linespacing=1.4)
 
 
@@ -203,7 +203,7 @@ def _history(axes: Axes, excitation: Excitation) -> None:
     """The criterion over the iterations."""
     if excitation.history:
         axes.semilogy(np.arange(1, len(excitation.history) + 1), excitation.history, color=COLORS[0])
-        axes.set_xlabel("iteration of the start that won")
+        axes.set_xlabel("iteration of the best start")
     cost = excitation.design.get("cost")
-    final = f", {cost:.4g} in the end" if isinstance(cost, float) else ""
+    final = f", finally {cost:.4g}" if isinstance(cost, float) else ""
     axes.set_title(f"{excitation.design.get('criterion', 'criterion')}{final}")

@@ -141,7 +141,7 @@ def test_on_a_terminal_there_is_one_table_and_events_above_it(robot, calibration
     text = shown.file.getvalue()
     assert "grasped (+" in text
     assert moment_text(moments[-1]).strip() in text
-    assert text.count("answers missing") >= len(moments), "the table is drawn anew"
+    assert text.count("feedback frames missing") >= len(moments), "the table is drawn anew"
     lines = Console(width=200, file=StringIO())
     screen.console = lines
     with shown_moments(screen, "six", robot.joint_names, as_json=False) as show:

@@ -51,7 +51,7 @@ def test_a_recording_that_does_not_say_what_it_carried_is_named(ur10e, tmp_path)
 def test_a_table_among_recordings_is_refused(ur10e, tmp_path):
     table = tmp_path / "runs.csv"
     table.write_text("recording,mounting,mass_kg\na.csv,,\n")
-    with pytest.raises(RunTableError, match="a table of runs is given alone"):
+    with pytest.raises(RunTableError, match="a table of runs cannot be combined"):
         read_runs(ur10e, [table, tmp_path / "log.csv"])
 
 
@@ -125,7 +125,7 @@ def test_recordings_that_say_what_they_carry_need_no_table(calibrated):
 def test_the_report_shows_gains_runs_and_where_they_are_from(calibrated):
     page = calibrated[0].with_name("arm.html").read_text()
     arm = read_calibration(calibrated[0])
-    assert "4 runs of 2026-03-01, scale by a weighed payload" in page
+    assert "4 runs of 2026-03-01, scale from a weighed payload" in page
     assert "6 of 6 gains are determined" in page
     assert all(f"{gain:.2f}"[:5] in page for gain in arm.gain_nm_a)
     assert all(f"{name}</th>" in page for name in ("joint_1", "joint_6"))
@@ -153,7 +153,7 @@ def test_the_next_payload_of_an_arm_is_known_better(calibrated, today):
     assert width[1] < 0.6 * width[0]
     low, high = second.intervals["mass"]
     assert low < 9.814 < high
-    assert "are from arm.calibration.toml: 4 runs of 2026-03-01, scale by a weighed payload" in second.notes[0]
+    assert "are from arm.calibration.toml: 4 runs of 2026-03-01, scale from a weighed payload" in second.notes[0]
     assert set(second.payload.provenance.calibration_sha256) == {"arm.calibration.toml"}
 
 
@@ -245,12 +245,12 @@ def test_a_wiggle_is_designed_about_the_place_where_the_arm_stands(armload, cali
     ("words", "message"),
     [
         (["--for", "any-motion"], "armload calibrate"),
-        (["--for", "any-motion", "--restarts", "2"], "--restarts: goes with --for payload"),
-        (["--mass-within", "0.1"], "--mass-within: goes with --for any-motion"),
+        (["--for", "any-motion", "--restarts", "2"], "--restarts: requires --for payload"),
+        (["--mass-within", "0.1"], "--mass-within: requires --for any-motion"),
         (["--for", "any-motion", "--within-deg", "0"], "expected above 0"),
         (["--for", "any-motion", "--at-rad", "0 x"], "expected one position in rad per joint"),
         (["--for", "any-motion", "--at-rad", "0 0 0", "CALIBRATION"], "expected 6 positions in rad"),
-        (["--for", "any-motion", "--at-rad", "0 0 0 0 0 9", "CALIBRATION"], "joint_6 stands at 9.000 rad"),
+        (["--for", "any-motion", "--at-rad", "0 0 0 0 0 9", "CALIBRATION"], "joint_6 is at 9.000 rad"),
     ],
 )
 def test_a_wiggle_that_makes_no_sense_is_refused(armload, calibrated, tmp_path, words, message):

@@ -71,7 +71,7 @@ def test_commission_leaves_recordings_payload_and_report(commissioned):
     assert "truth" in printed
     assert "residual" in printed
     assert str(output / "report.html") in printed
-    assert "warning: no calibration of the arm: the runs are too short" in printed
+    assert "warning: no calibration was written: the runs are too short" in printed
 
 
 def test_what_is_not_determined_is_not_printed_as_a_number(commissioned):
@@ -160,7 +160,7 @@ def test_recordings_are_not_overwritten(commissioned, armload, short_robot):
     before = (output / "unloaded_identification.mcap").read_bytes()
     result = armload("commission", short_robot, "--output", output)
     assert result.exit_code == 1
-    assert "none is overwritten" in str(result.exception)
+    assert "never overwritten" in str(result.exception)
     assert (output / "unloaded_identification.mcap").read_bytes() == before
 
 
@@ -193,7 +193,7 @@ def test_the_tolerance_decides_between_right_and_cannot_tell(commissioned, armlo
     result = armload(*words, "0.0001", "0.0001")
     assert result.exit_code == 4
     assert "verdict: CANNOT TELL" in result.output
-    assert "the smallest error that would show" in result.output
+    assert "the smallest error that would be detected" in result.output
     assert "expected a number above 0" in str(armload(*words, "0.02", "-0.01").exception)
 
 
@@ -215,7 +215,7 @@ def test_an_output_that_is_a_file_is_refused(armload, short_robot, tmp_path):
     file = tmp_path / "file.txt"
     file.write_text("precious")
     result = armload("commission", short_robot, "--output", file)
-    assert "cannot be made" in str(result.exception)
+    assert "cannot be created" in str(result.exception)
     assert file.read_text() == "precious"
 
 
@@ -343,9 +343,9 @@ def test_design_chooses_the_period_on_request(armload, tmp_path):
     ("options", "text"),
     [
         (["--period-s", "10.005"], "10.005 s is 1000.500 cycles at 100 Hz.*give 10 or 10.01"),
-        (["--period-s", "0.4"], "harmonic 5 of 0.4 s has 8.0 setpoints a period.*--period-s 0.5 or more"),
-        (["--period-s", "-1"], "'-1' is no period"),
-        (["--period-s", "nan"], "'nan' is no period"),
+        (["--period-s", "0.4"], "harmonic 5 of 0.4 s has 8.0 setpoints per period.*--period-s 0.5 or more"),
+        (["--period-s", "-1"], "'-1' is not a period"),
+        (["--period-s", "nan"], "'nan' is not a period"),
         (["--seed", "-1"], "--seed.*greater than or equal to 0"),
         (["--harmonics", "0"], "--harmonics.*greater than or equal to 1"),
         (["--periods", "0"], "--periods.*greater than or equal to 1"),

@@ -48,7 +48,7 @@ def test_four_recordings_without_a_report_are_taken_to_one(armload, recorded, re
     assert {name: (recorded / name).stat().st_mtime_ns for name in recordings} == recordings
     assert (recorded / "payload.toml").stat().st_mtime_ns > before["payload.toml"]
     again = armload("commission", "er50", "--output", recorded)
-    assert "holds these recordings already" in str(again.exception)
+    assert "already contains these recordings" in str(again.exception)
 
 
 def test_recordings_that_do_not_belong_together_are_not_taken_up(recorded):
@@ -66,7 +66,7 @@ def test_a_folder_in_which_another_commissioning_is_at_work_is_left_alone(armloa
     with claimed(recorded):
         result = armload("commission", "er50", "--output", recorded)
     assert isinstance(result.exception, CommissioningError)
-    assert f"another commissioning is at work in {recorded}" in str(result.exception)
+    assert f"another commissioning is using {recorded}" in str(result.exception)
     assert not (recorded / "payload.toml").exists()
 
 
@@ -74,7 +74,7 @@ def test_a_claim_ends_with_its_process_even_by_kill_minus_nine(tmp_path):
     holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
     with holder:
         assert holder.stdout.readline() == "claimed\n"
-        with pytest.raises(CommissioningError, match="at work"), claimed(tmp_path):
+        with pytest.raises(CommissioningError, match="is using"), claimed(tmp_path):
             pass
         holder.kill()
     with claimed(tmp_path):

@@ -31,11 +31,11 @@ def payload():
 
 
 def prose():
-    table = Table(title="bring-up, short of enabling")
+    table = Table(title="bring-up short of enabling")
     for heading in ("joint", "step", "", "what"):
         table.add_column(heading, overflow="fold")
     text = "6065 (the drive does not stop when it cannot follow); make sure by other means that the arm stops"
-    table.add_row("prbt_joint_1", "judging what the drive lacks", "[red]missing[/]", text)
+    table.add_row("prbt_joint_1", "checking the safety properties", "[red]missing[/]", text)
     table.add_row("prbt_joint_2", "answers", "[green]ok[/]", "")
     return table
 

@@ -43,4 +43,4 @@ def test_a_node_that_is_no_drive_shows_its_device_type():
     ]
     drive, other = rows(shown(found_table(nodes)))
     assert (drive[1], drive[5:]) == ("servo", ["IP CSP", "master_lost"])
-    assert (other[1], other[6]) == ("unnamed, no CiA 402 drive: device type 0x00220811", "-")
+    assert (other[1], other[6]) == ("unnamed, not a CiA 402 drive: device type 0x00220811", "-")

@@ -64,12 +64,15 @@ def test_a_single_text_goes_into_the_file_named(export, tmp_path):
 
 def test_the_operator_is_told_what_is_not_determined(export, tmp_path):
     result = export("--format", "kuka", "--output", tmp_path, undetermined=("ixx", "iyz"))
-    assert "note: not determined: ixx, iyz; the exported text says what is written for them" in result.output
+    assert "note: not determined: ixx, iyz; the exported file states what is written for them" in result.output
 
 
 def test_the_operator_is_told_of_another_configuration(export, tmp_path):
     result = export("--format", "kuka", "--output", tmp_path, robot="ur10e")
-    assert f"note: {tmp_path / 'payload.toml'} was identified with another configuration than ur10e's" in result.output
+    assert (
+        f"note: {tmp_path / 'payload.toml'} was identified with a configuration other than that of ur10e"
+        in result.output
+    )
 
 
 def test_single_precision_is_for_c_and_says_what_it_costs(export, tmp_path):
@@ -78,7 +81,7 @@ def test_single_precision_is_for_c_and_says_what_it_costs(export, tmp_path):
     assert "typedef float armload_prbt_real;" in (tmp_path / "armload_prbt.h").read_text()
     refused = export("--format", "kuka", "--float")
     assert refused.exit_code == 2
-    assert "is for --format c alone, not for kuka" in refused.output
+    assert "can only be used with --format c, not with kuka" in refused.output
 
 
 def test_nothing_is_written_without_the_centre_of_mass(export, tmp_path):
@@ -97,7 +100,7 @@ def test_an_unknown_format_is_refused_with_the_known_ones(export):
 
 def test_a_file_with_another_content_is_in_the_way_of_all(tmp_path):
     (tmp_path / "a.c").write_text("somebody's\n")
-    with pytest.raises(ExportError, match=r"a\.c: is there already with another content; remove it, or give another"):
+    with pytest.raises(ExportError, match=r"a\.c: already exists with different content; remove it, or give another"):
         write_files(TWO, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["a.c"]
     assert (tmp_path / "a.c").read_text() == "somebody's\n"

@@ -117,18 +117,18 @@ def test_with_a_calibration_the_arms_own_torque_is_a_third_curve(calibrated, fol
 def test_a_calibration_of_another_arm_is_refused_before_anything_moves(armload, folder, calibrated):
     result = armload("feedforward", "er50", folder / "payload.toml", "--calibration", folder / "arm.toml")
     assert result.exit_code == 1
-    assert "an arm of other kinematics" in str(result.exception)
+    assert "an arm with different kinematics" in str(result.exception)
 
 
 def test_the_offset_is_tried_and_what_is_left_out_is_said(compared):
-    assert re.search(r"torque offset tried at standstill, answered with: prbt_joint_2 \d+ %", compared)
+    assert re.search(r"torque offset trial at standstill, response: prbt_joint_2 \d+ %", compared)
     assert "no torque is added on prbt_joint_1" in compared
 
 
 def test_without_compare_the_offset_is_tried_and_nothing_else(armload, folder):
     result = armload("feedforward", folder / "prbt.toml", folder / "payload.toml", "--mounted", "block")
     assert result.exit_code == 0, result.output
-    assert "tried at standstill" in result.output
+    assert "trial at standstill" in result.output
     assert "less" not in result.output
 
 
@@ -179,8 +179,8 @@ def test_torque_follows_what_the_arm_finds_out_and_every_decision_is_kept(adapte
     ("words", "text"),
     [
         (["payload.toml", "--adapt", "--expect", "0..3"], "takes no PAYLOAD"),
-        (["--adapt"], "needed with --adapt"),
-        (["--adapt", "--expect", "0..3", "--compare"], "goes with a PAYLOAD"),
+        (["--adapt"], "required with --adapt"),
+        (["--adapt", "--expect", "0..3", "--compare"], "requires a PAYLOAD"),
         (["--adapt", "--expect", "three"], "expected a range such as 0..3"),
         (["payload.toml", "--expect", "0..3"], "goes with --adapt"),
         ([], "give a payload file, or --adapt"),
@@ -195,7 +195,7 @@ def test_options_that_contradict_each_other(armload, words, text):
 @pytest.mark.long
 def test_what_may_not_be_adapted_to(armload, folder, calibrated):
     heavy = armload("feedforward", "prbt", "--adapt", "--expect", "0..6")
-    assert "up to 80% of the rated 6 kg only" in str(heavy.exception)
+    assert "limited to 80% of the rated 6 kg" in str(heavy.exception)
     unknown = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", "--decisions", folder / "none.jsonl")
     assert "give that file as --calibration" in str(unknown.exception)
     assert "connecting" not in unknown.output

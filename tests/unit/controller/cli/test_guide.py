@@ -122,7 +122,7 @@ def test_at_a_terminal_it_is_done_and_the_command_is_shown(desk):
 
 def test_an_end_of_answers_ends_it(desk):
     shown, status = at_terminal(desk, b"3\n\x04")
-    assert "no more answers" in shown
+    assert "end of input" in shown
     assert status == 1
 
 

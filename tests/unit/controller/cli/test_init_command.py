@@ -72,7 +72,7 @@ def test_holes_are_listed_and_no_excitation_is_designed(armload, urdf, tmp_path)
     assert isinstance(checked.exception, ConfigurationError)
     assert "joints[1].velocity_max_rad_s is 'FILL IN'" in str(checked.exception)
     twin = armload("init", urdf(), "--simulated", "--output", tmp_path / "twin.toml")
-    assert "--payload-kg is missing: needed for what the simulated arm carries" in str(twin.exception)
+    assert "--payload-kg is missing: required: the payload of the simulated arm" in str(twin.exception)
     for limit in ('lower="-1" upper="1"', 'lower="0" upper="0" velocity="2" effort="120"'):
         weak = urdf(f"<limit {limit}/>")
         twin = armload("init", weak, "--payload-kg", "1", "--simulated", "--output", tmp_path / "twin.toml")
@@ -83,6 +83,6 @@ def test_nothing_is_replaced_and_nothing_asked_without_a_terminal(armload, urdf,
     out = tmp_path / "four.toml"
     out.write_text("mine")
     result = armload("init", urdf(), "--output", out)
-    assert "nothing is replaced: choose another" in str(result.exception)
+    assert "is not overwritten: choose another" in str(result.exception)
     assert out.read_text() == "mine"
     assert "no terminal to ask at" in str(armload("init", "--output", tmp_path / "other.toml").exception)

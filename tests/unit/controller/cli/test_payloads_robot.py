@@ -66,7 +66,7 @@ def test_another_robots_payload_is_refused_by_name(armload, today, sister, tmp_p
     assert refused.exit_code == 1, refused.output
     assert "identified on the robot 'er50', not on 'er51'" in str(refused.exception)
     refused = armload(*words(moved))
-    assert "identified on er50 with other [kinematics]" in str(refused.exception)
+    assert "identified on er50 with [kinematics] that differ" in str(refused.exception)
 
 
 def test_a_payload_whose_file_does_not_name_a_robot_is_taken(armload, today, sister, tmp_path):
@@ -95,5 +95,5 @@ def test_identify_asks_before_it_replaces_another_payload(armload, today, tmp_pa
     assert identify("validation", "--force").exit_code == 0
     assert file.read_bytes() != before
     file.write_text("notes of mine\n")
-    assert "is no payload file" in str(identify("validation").exception)
+    assert "is not a payload file" in str(identify("validation").exception)
     assert file.read_text() == "notes of mine\n"

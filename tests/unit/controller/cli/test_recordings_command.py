@@ -47,7 +47,7 @@ def test_a_log_is_described(armload, tmp_path):
         r"effort +joint torque",
         r"motion +from (0\.9|1)\S* to (10|9\.9)\S* s, \d whole periods of [23]\.\d+ s, found in the motion",
         r"1 .* -1\.000 to 1\.000",
-        "there must be a second run of the same motion",
+        "requires a second run of the same motion",
     ):
         assert re.search(fact, text), (fact, text)
     (facts,) = document(armload, path)["recordings"]
@@ -62,7 +62,7 @@ def test_what_is_missing_is_said(armload, tmp_path):
     (facts,) = document(armload, path)["recordings"]
     assert facts["effort"] is None
     assert "joint torque or motor current" in facts["missing"][0]
-    assert "not enough to identify" in shown(armload, path)
+    assert "not sufficient to identify" in shown(armload, path)
     still = document(armload, write_log(tmp_path / "still.csv", seconds=0.0))["recordings"][0]
     assert (still["moving_s"], still["period_s"]) == (None, None)
     assert any("no joint moves" in sentence for sentence in still["missing"])
@@ -72,7 +72,7 @@ def test_two_runs_are_a_pair_or_it_is_said_why_not(armload, tmp_path):
     one, two = write_log(tmp_path / "a.csv"), write_log(tmp_path / "b.csv", load=3.0, seed=2)
     other = write_log(tmp_path / "c.csv", period_s=4.3, seed=3)
     assert document(armload, one, two)["pair"] == {"fits": True, "problem": None}
-    assert "identify takes them as a pair" in shown(armload, one, two)
+    assert "identify can use them as a pair" in shown(armload, one, two)
     refused = document(armload, one, other)["pair"]
     assert not refused["fits"]
     assert "not of the same trajectory" in refused["problem"]
@@ -91,10 +91,10 @@ def test_a_part_and_some_joints_can_be_chosen(armload, tmp_path):
     ("words", "said"),
     [
         (["--between", "5s", "2s"], "5s is not before 2s"),
-        (["--between", "soon", "2s"], "'soon' is no time"),
-        (["--joints", "0-2"], "'0-2' is no joint"),
+        (["--between", "soon", "2s"], "'soon' is not a time"),
+        (["--joints", "0-2"], "'0-2' is neither a joint"),
         (["--joints", "1,1"], "names a joint twice"),
-        (["--episode", "last"], "'last' is no number of an episode"),
+        (["--episode", "last"], "'last' is not an episode number"),
         (["--episode", "1,2"], "2 numbers for 1 recordings"),
     ],
 )

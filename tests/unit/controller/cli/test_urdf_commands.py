@@ -91,7 +91,7 @@ def test_a_payload_is_found_with_joints_by_name(armload, desk):
     out = desk / "payload.toml"
     result = armload("identify", "--urdf", desk / "six.urdf", *pair(desk), "--output", out)
     assert result.exit_code == 0, result.output
-    assert "ignored: finger" in result.output
+    assert "not part of this arm: finger" in result.output
     found = read_payload(out)
     assert found.model.mass_kg == pytest.approx(MASS_KG, rel=0.005)
     np.testing.assert_allclose(found.model.center_of_mass_m, CENTER_M, atol=0.003)
@@ -102,7 +102,7 @@ def test_a_payload_is_found_with_joints_by_name(armload, desk):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["er50", "--urdf", "six.urdf"], "give one of the two"),
+        (["er50", "--urdf", "six.urdf"], "give only one"),
         (["six.urdf"], "ROBOT is 'six.urdf': a robot's TOML: give a URDF as --urdf"),
         (["er50", "--flange", "tool0"], "give --urdf as well"),
         ([], "no arm: give ROBOT"),

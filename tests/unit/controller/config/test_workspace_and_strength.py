@@ -145,7 +145,7 @@ boxes = [{ name = "table", xyz_m = [0.9, 0.0, 0.0], rpy_rad = [0.0, 0.0, 0.3], s
         ("prbt", "floor_height_m", "floor_m", "workspace.floor_m", "did you mean floor_height_m"),
         ("er50", "size_m = [0.6, 0.6, 0.6]", "size_m = [0.6, 0.0, 0.6]", "workspace.boxes[1].size_m[2]", "greater"),
         ("er50", 'links = [2, 3, 4, 5, 6, "tool"]', "links = [8]", "workspace.boxes[1].links", '"tool"'),
-        ("er50", 'links = [2, 3, 4, 5, 6, "tool"]', "links = [0]", "workspace", "nothing can ever touch 'pedestal'"),
+        ("er50", 'links = [2, 3, 4, 5, 6, "tool"]', "links = [0]", "workspace", "'pedestal' has no effect"),
         ("prbt", "[[body.links]]\nmass_kg = 0.02", "[[skip]]\nmass_kg = 0.02", "skip", "unknown"),
         ("prbt", "coulomb_nm = 7.0\nviscous", "coulomb_nm = 21.0\nviscous", "body.links[6].coulomb_nm", "20.1"),
         ("prbt", "coulomb_nm = 7.0\nviscous", "viscous", "body.links[6].coulomb_nm", "required"),
@@ -164,7 +164,7 @@ boxes = [{ name = "table", xyz_m = [0.9, 0.0, 0.0], rpy_rad = [0.0, 0.0, 0.3], s
             "gravity_m_s2 = [0.0, 0.0, -9.81]",
             "gravity_m_s2 = [0.0, 0.0, 0.0]",
             "workspace.floor_height_m",
-            "up",
+            "vertical",
         ),
     ],
 )
@@ -198,8 +198,8 @@ def test_the_shipped_excitations_may_be_driven(robot, role):
     ("robot", "old", "new", "words"),
     [
         ("er50", "floor_height_m = -1.0", "floor_height_m = -0.6", "of 'floor'"),
-        ("prbt", "torque_max_nm = 20.1", "torque_max_nm = 12.0", "N m of prbt_joint_6, which has 5 N m for it"),
-        ("er50", "torque_max_nm = 4788", "torque_max_nm = 600", "N m of joint_2, which has 330 N m for it"),
+        ("prbt", "torque_max_nm = 20.1", "torque_max_nm = 12.0", "N m of prbt_joint_6, which has 5 N m available"),
+        ("er50", "torque_max_nm = 4788", "torque_max_nm = 600", "N m of joint_2, which has 330 N m available"),
     ],
 )
 def test_an_excitation_of_another_cell_or_arm_is_not_driven(edited, robot, old, new, words):

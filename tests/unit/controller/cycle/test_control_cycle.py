@@ -154,7 +154,7 @@ def test_an_arm_that_sinks_a_little_while_it_gets_torque_goes_back_first(connect
 def test_an_arm_that_moves_far_while_it_gets_torque_goes_nowhere(connected_servos, run):
     servos = connected_servos(N, CYCLE_S)
     servos.standing_rad = lambda: START + np.array([0.0, 0.02])
-    with pytest.raises(MotionError, match=r"elbow moved by 0\.0200 rad while the arm got torque") as raised:
+    with pytest.raises(MotionError, match=r"elbow moved by 0\.0200 rad while the arm was being enabled") as raised:
         run(servos)
     assert cause_of(raised.value.__cause__) is Cause.BLOCKED
     assert all((command.position_rad == START).all() for command in servos.sent)
@@ -338,7 +338,7 @@ def test_every_failure_brings_the_arm_to_rest_first(connected_servos, run, event
             lambda f: replace(f, current_a=np.array([0.5, 900.0])),
             r"elbow: .* N m measured, -50\.0 to 50\.0 N m expected",
         ),
-        (lambda f: replace(f, time_s=f.time_s - CYCLE_S), "came again"),
+        (lambda f: replace(f, time_s=f.time_s - CYCLE_S), "was repeated"),
         (lambda f: replace(f, skipped_cycles=4), "4 cycles skipped in a row, 3 allowed"),
     ],
 )

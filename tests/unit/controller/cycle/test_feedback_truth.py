@@ -105,7 +105,7 @@ def test_one_frozen_motor_of_a_coupled_wrist_is_found():
         axes[4] = 0.3
         return replace(feedback, position_rad=COUPLING @ axes)
 
-    with pytest.raises(Exception, match="joint_5: the position has not changed by a count"):
+    with pytest.raises(Exception, match="joint_5: the position has not changed by a single count"):
         run(frozen, 1000)
 
 

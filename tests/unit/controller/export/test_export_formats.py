@@ -236,7 +236,7 @@ def test_the_model_is_written_and_marked_where_a_format_needs_an_inertia(make_su
     same_body(read_back(name, subject), subject.payload.model, moments_only=False)
     text = unwrapped(only_text(READERS[name][0](subject)))
     assert "NOT DETERMINED by the measurement: ixx, iyy, izz, ixy, ixz, iyz" in text
-    assert "They are no measurement." in text
+    assert "They are not measurements." in text
 
 
 @pytest.mark.parametrize("name", READERS)
@@ -245,14 +245,14 @@ def test_a_partly_determined_inertia_is_the_models_and_marked(make_subject, name
     same_body(read_back(name, subject), subject.payload.model, name not in WHOLE_TENSOR)
     named = "izz, ixz" if name in WHOLE_TENSOR else "izz"
     text = unwrapped(only_text(READERS[name][0](subject)))
-    assert f"NOT DETERMINED by the measurement: {named}. Written for them are the numbers of the model" in text
+    assert f"NOT DETERMINED by the measurement: {named}. For these, the values of the model" in text
 
 
 @pytest.mark.parametrize("name", ["yaskawa", "fanuc"])
 def test_products_do_not_matter_where_there_is_no_place_for_them(make_subject, name):
     text = unwrapped(only_text(READERS[name][0](make_subject(undetermined=("ixy", "ixz", "iyz")))))
     assert "all elements written here are determined" in text
-    assert "no place for products of inertia, they are left out" in text
+    assert "no fields for products of inertia, so they are omitted" in text
 
 
 def test_sign_of_the_products(make_subject):

@@ -65,7 +65,7 @@ MOMENT_M = MOMENT_SHARE * RATED_KG * REFERENCE_LENGTH_M / 2.0
 """Doubt of the centre of mass at which the moment of 2 kg is in doubt by what is allowed."""
 
 DOUBTS = {
-    "a push": (found(contact=True), "pushes against the arm"),
+    "a push": (found(contact=True), "external force on the arm"),
     "mass unsure": (found(width_kg=1.1), "the mass is not known"),
     "less than nothing": (found(mass_kg=-0.3), "the mass is not known"),
     "no number": (found(mass_kg=np.nan), "the mass is not known"),

@@ -66,12 +66,17 @@ def test_a_right_offset_is_usable_wherever_the_payload_weighs():
 
 @pytest.mark.parametrize(
     ("factor", "text"),
-    [(-1.0, "the sign is wrong"), (2.0, "the scale is wrong"), (0.4, "the scale is wrong"), (0.0, "does not take it")],
+    [
+        (-1.0, "the sign is wrong"),
+        (2.0, "the scale is wrong"),
+        (0.4, "the scale is wrong"),
+        (0.0, "the drive ignores it"),
+    ],
 )
 def test_one_wrong_drive_is_named_and_stops(factor, text):
     factors = np.ones(6)
     factors[2] = factor
-    with pytest.raises(MotionError, match=f"added torque does not.*prbt_joint_3 was given.*{text}") as caught:
+    with pytest.raises(MotionError, match=f"added torque does not.*prbt_joint_3 was commanded.*{text}") as caught:
         check(factors)
     assert isinstance(caught.value.__cause__, OffsetRefused)
     assert caught.value.__cause__.joints == ("prbt_joint_3",)
@@ -90,7 +95,7 @@ def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(connected_servos):
     with cycle.powered() as arm:
         arm.hold(check.done)
     assert check.verdict().fits == 20
-    with pytest.raises(OffsetRefused, match="no joint's answer stands out from the noise"):
+    with pytest.raises(OffsetRefused, match="no joint's response exceeds the noise"):
         check.verdict().require()
 
 

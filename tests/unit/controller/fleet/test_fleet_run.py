@@ -141,10 +141,10 @@ def test_a_second_run_of_nothing_new_starts_no_workers(armload, nights, tmp_path
     result = armload("fleet", "identify", table, "-o", nights, "--scheduler", "tcp://nobody:1", "--json")
     assert result.exit_code == 0, (result.output, result.exception)
     assert json.loads(result.stdout)["remarks"] == [f"{table}, line 2: no file matches none/*.mcap"]
-    assert "nothing new: 0 recordings done before" in armload("fleet", "identify", table, "-o", nights).stdout
+    assert "nothing new: 0 recordings processed before" in armload("fleet", "identify", table, "-o", nights).stdout
     both = armload("fleet", "identify", table, "-o", nights, "--scheduler", "tcp://nobody:1", "--workers", "2")
     assert both.exit_code == 2
-    assert "goes without --scheduler" in both.output
+    assert "cannot be combined with --scheduler" in both.output
 
 
 def test_the_page_describes_every_column_and_no_other():

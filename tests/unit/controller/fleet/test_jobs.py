@@ -95,12 +95,12 @@ def test_what_is_said_of_the_payload_is_part_of_a_job(cells):
         ("arm,robot\na,b\n", "line 1, loaded is missing: the header must name arm, robot, loaded"),
         ("arm,robot,loaded,weight\na,b,c,1\n", "line 1 is 'weight': expected each of the columns arm, robot, loaded"),
         (HEADER, "the table has no rows; expected one or more arms"),
-        (HEADER + "a,,c\n", "line 2, robot is missing: expected a text"),
+        (HEADER + "a,,c\n", "line 2, robot is missing: expected text"),
         (HEADER + "a,b,c,d,e,f,heavy\n", "line 2, mass_kg is 'heavy': expected a number above 0, or nothing"),
         (HEADER + "# one\na,b,c,d,e,f,1,7\n", "line 3 is 'a,b,c,d,e,f,1,7': expected 7 columns"),
         (
             "arm,robot,loaded,validation_loaded\na,b,c,d\n",
-            "line 2, validation_loaded is missing: a validation is a loaded",
+            "line 2, validation_loaded is missing: a validation requires a loaded",
         ),
     ],
 )
@@ -113,7 +113,7 @@ def test_a_table_that_makes_no_sense_is_refused_by_line_and_column(text, problem
 def test_more_stars_than_in_the_loaded_column_and_one_recording_twice_are_refused(cells):
     with pytest.raises(ConfigurationError, match=r"line 2, unloaded .* at most as many \* as in loaded"):
         jobs_of(cells, "one,er50,cell-1/*/loaded.mcap,*/*/unloaded.mcap")
-    with pytest.raises(ConfigurationError, match=r"line 3, loaded .* line 2 names it already"):
+    with pytest.raises(ConfigurationError, match=r"line 3, loaded .* line 2 already names it"):
         jobs_of(cells, "one,er50,cell-1/*/loaded.mcap", "two,er50,cell-1/mo/loaded.mcap")
 
 

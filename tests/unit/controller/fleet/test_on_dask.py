@@ -77,8 +77,8 @@ def test_a_killed_worker_and_a_killed_coordinator_cost_what_they_were_doing(reco
         assert listening_addresses([coordinator.pid, worker]) == {"0100007F"}
         os.kill(worker, signal.SIGKILL)
         with (
-            pytest.raises(CommissioningError, match="another run of `armload fleet` is at work"),
-            claimed(rows, "run of `armload fleet`"),
+            pytest.raises(CommissioningError, match="another `armload fleet` run is at work"),
+            claimed(rows, "`armload fleet` run"),
         ):
             pass
         wait_for(lambda: kept() == 2, coordinator)
@@ -182,7 +182,7 @@ def test_a_job_that_takes_its_worker_with_it_is_a_row_that_is_tried_again():
     for problem, said in (
         (
             KilledWorker("armload-k", None, 2),
-            "the worker died of it, as often as it was tried: more than 1024 MiB",
+            "the worker died at every attempt: more than 1024 MiB",
         ),
         (ConnectionError("gone"), "ConnectionError: gone"),
     ):
@@ -195,7 +195,7 @@ def test_a_job_that_takes_its_worker_with_it_is_a_row_that_is_tried_again():
     ("there", "problem"),
     [
         ({"1.2"}, ""),
-        ({"1.1", "1.2"}, "workers have armload 1.1, this is 1.2; install the same everywhere"),
+        ({"1.1", "1.2"}, "workers have armload 1.1, this is 1.2; install the same version everywhere"),
         (set(), "the scheduler at tls://host:8786 has no workers; start some: dask worker tls://host:8786"),
     ],
 )

@@ -104,7 +104,7 @@ def test_a_validation_is_used(done):
         ("misconfigured", RowOutcome.REFUSED, "wrong.toml: "),
         ("gone", RowOutcome.FAILED, "FileNotFoundError: http://127.0.0.1"),
         ("lost", RowOutcome.FAILED, "lost.mcap: cannot be read"),
-        ("homeless", RowOutcome.FAILED, "/er51 is not there, and no shipped robot has that name: er50, prbt"),
+        ("homeless", RowOutcome.FAILED, "/er51 does not exist, and no shipped robot has that name: er50, prbt"),
     ],
 )
 def test_what_goes_wrong_is_a_row(done, arm, outcome, problem):

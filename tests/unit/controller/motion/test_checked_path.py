@@ -228,7 +228,7 @@ def test_a_path_that_a_coupled_motor_is_too_weak_for_is_refused():
     weak = LIMITS.joint_names[JOINT - 1]
     with pytest.raises(ConfigurationError, match=rf"excitation\.probe.*N m of the motor of {weak}, which has"):
         checked(coupled_axes(0.95))
-    with pytest.raises(BlockedWay, match=f"where it stands, asks .* N m of the motor of {weak}"):
+    with pytest.raises(BlockedWay, match=f"at its present position, requires .* N m of the motor of {weak}"):
         checked(coupled_axes(2.0)).approach_from(STANDING)
 
 
@@ -309,7 +309,9 @@ def test_a_way_that_a_joint_is_too_weak_for_is_not_gone():
     available = CONSTRAINTS.torque.available_nm.copy()
     available[1] = 60.0  # the weight takes 10 N m where the path is and 87 N m where the arm stands
     weak = replace(CONSTRAINTS, torque=replace(CONSTRAINTS.torque, available_nm=available))
-    with pytest.raises(BlockedWay, match=rf"where it stands, asks .* N m of {LIMITS.joint_names[1]}, which has 60 N m"):
+    with pytest.raises(
+        BlockedWay, match=rf"at its present position, requires .* N m of {LIMITS.joint_names[1]}, which has 60 N m"
+    ):
         checked(weak).approach_from(STANDING)
 
 
@@ -356,7 +358,7 @@ def test_where_no_way_is_free_the_refusal_says_what_is_in_it():
         (N + 1,),
     )
     path = checked(replace(CONSTRAINTS, obstacles=Obstacles(Workspace(ROBOT.chain, (TOOL,), (), (slab,)))), REACHING)
-    with pytest.raises(BlockedWay, match=r"straight way brings the tool within -0\.\d+ m of 'slab'.*no way round"):
+    with pytest.raises(BlockedWay, match=r"straight path brings the tool within -0\.\d+ m of 'slab'.*no path round it"):
         path.approach_from(start + TURNED)
 
 
@@ -365,7 +367,9 @@ def test_an_arm_that_stands_in_an_obstacle_is_not_moved():
     standing = start + TURNED
     box = Box("crate", pose_from_xyz_rpy(tool_at(standing), [0.0, 0.0, 0.0]), np.full(3, 0.1), (N + 1,))
     path = checked(replace(CONSTRAINTS, obstacles=Obstacles(Workspace(ROBOT.chain, (TOOL,), (), (box,)))), REACHING)
-    with pytest.raises(BlockedWay, match=r"the arm, where it stands, brings the tool within -0\.\d+ m of 'crate'"):
+    with pytest.raises(
+        BlockedWay, match=r"the arm, at its present position, brings the tool within -0\.\d+ m of 'crate'"
+    ):
         path.approach_from(standing)
 
 
@@ -422,5 +426,5 @@ def test_a_path_faster_than_the_file_allows_is_refused():
 
 def test_a_way_on_which_meshes_come_too_close_is_not_gone():
     path = checked(replace(CONSTRAINTS, obstacles=Obstacles(FREE.workspace, CloseMeshes(on_line_m=0.04))))
-    with pytest.raises(BlockedWay, match=r"straight way brings hand to table \(meshes\) within 0\.040 m"):
+    with pytest.raises(BlockedWay, match=r"straight path brings hand to table \(meshes\) within 0\.040 m"):
         path.approach_from(STANDING)

@@ -41,7 +41,7 @@ def test_the_way_round_ends_at_the_goal():
 def test_via_points_are_within_the_joints_ranges_and_away_from_their_ends():
     """With nothing free but where it stands, every one of them is asked for."""
     asked = Asked(lambda begin_rad, end_rad: not np.array_equal(begin_rad, end_rad))
-    with pytest.raises(BlockedWay, match="lead no way round"):
+    with pytest.raises(BlockedWay, match="no path round it"):
         find_way(START, GOAL, LIMITS, asked)
     via = np.array([end for _, end in asked.stretches if not np.array_equal(end, START)])
     via = via[(via != GOAL).any(axis=1)]
@@ -61,13 +61,15 @@ def test_a_search_without_an_end_gives_up():
         return np.array_equal(end_rad, GOAL) or zlib.crc32(b"".join(pair)) % 10 > 0
 
     asked = Asked(labyrinth)
-    with pytest.raises(BlockedWay, match="stretches over"):
+    with pytest.raises(BlockedWay, match="segments over"):
         find_way(START, GOAL, LIMITS, asked)
     # The two ends by themselves, and the rest of the last way.
     assert MOST_STRETCHES <= len(asked.stretches) <= MOST_STRETCHES + 10
 
 
-@pytest.mark.parametrize(("end", "words"), [(START, "the arm, where it stands"), (GOAL, "the path, where it begins")])
+@pytest.mark.parametrize(
+    ("end", "words"), [(START, "the arm, at its present position"), (GOAL, "the path, at its start")]
+)
 def test_an_end_that_is_not_free_is_named_and_no_way_is_looked_for(end, words):
     asked = Asked(lambda begin_rad, end_rad: straight(begin_rad, end_rad) or np.array_equal(end_rad, end))
     with pytest.raises(BlockedWay, match=f"{words}, touches something"):

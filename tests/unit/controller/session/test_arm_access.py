@@ -112,7 +112,7 @@ def test_drives_that_nobody_named_are_not_driven(interface):
 def test_a_real_arm_needs_somebody_at_a_terminal(named):
     robot = load_robot(str(named())).with_bus(interface="socketcan", channel="can0")
     require_rules(robot, simulated_drives=False, attended=True)
-    with pytest.raises(UnsafeBus, match="terminal, --yes or not"):
+    with pytest.raises(UnsafeBus, match="terminal, even with --yes"):
         require_rules(robot, simulated_drives=False, attended=False)
 
 
@@ -134,7 +134,7 @@ def test_what_the_configuration_admits_to_is_told(named):
     told = load_robot(str(path)).drives.weak_points
     joints = ", ".join(f"prbt_joint_{number}" for number in range(2, 7))
     assert told[0] == "prbt_joint_1 has no brake: it falls when torque is removed"
-    assert told[6] == f"{joints}: what the drive does when it loses its master is not known (accepted: master_lost)"
+    assert told[6] == f"{joints}: the drive's reaction to the loss of its master is unknown (accepted: master_lost)"
     assert not load_robot("er50").drives.weak_points
 
 
@@ -188,7 +188,7 @@ def at_a_terminal(tmp_path):
 def test_without_a_terminal_nothing_moves(named, at_a_terminal, tmp_path):
     status, printed, errors = at_a_terminal(["commission", named(), "-o", tmp_path / "run", "--yes"], b"")
     assert status == 1
-    assert "somebody at a terminal" in errors
+    assert "an operator at a terminal" in errors
     assert "never powered" in printed
     assert not (tmp_path / "run").exists()
 

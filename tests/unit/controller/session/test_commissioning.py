@@ -64,7 +64,7 @@ def half(robot, ideal_servos, tmp_path):
 
 def test_a_run_at_reduced_speed_is_not_taken_for_a_measurement(half, tmp_path):
     _, servos, error = half(Load.UNLOADED, simulated=True, control=MotionControl(0.8))
-    assert "unloaded: identification: no whole period was run at full speed" in str(error)
+    assert "unloaded: identification: no complete period was run at full speed" in str(error)
     assert servos.log[-1] == "disable"
     assert [path.name for path in tmp_path.glob("*.mcap")] == ["unloaded_identification.partial.mcap"]
 

@@ -132,13 +132,13 @@ def test_the_example_is_called_in_every_cycle_and_stops_the_arm(robot, held):
             "plugins.torque_ceiling.joint is 'joint_9': expected one of prbt_joint_1, prbt_joint_2",
         ),
         (ceiling(torque_nm="-1.0"), "plugins.torque_ceiling.torque_nm is -1.0: expected a number greater than 0"),
-        (ceiling(torque_nm=None, torque="5.0"), "torque_nm is missing: it is required; torque is there"),
+        (ceiling(torque_nm=None, torque="5.0"), "torque_nm is missing: it is required; torque is an unknown key"),
         (ceiling(cycles=None), "plugins.torque_ceiling.cycles is missing: it is required"),
         (
             ceiling().replace("torque_ceiling", "torque_cieling"),
-            "plugins.torque_cieling is refused: no plug-in of this name is installed. Did you mean torque_ceiling? "
-            "Installed are: torque_ceiling (torque-ceiling 1.0). Install its package where armload is, or take the "
-            "table out",
+            "plugins.torque_cieling is refused: no plug-in with this name is installed. Did you mean torque_ceiling? "
+            "Installed are: torque_ceiling (torque-ceiling 1.0). Install its package in armload's environment, or "
+            "remove the table",
         ),
     ],
 )
@@ -170,13 +170,13 @@ def test_a_plug_in_is_a_table(robot):
         ("Mine = dict", r"is <class 'dict'>, expected a class derived from armload\.PluginTable"),
         (
             "class Mine(armload.PluginTable):\n    def plugin(self, robot): return robot.nothing",
-            r"{package} could not make its plug-in: AttributeError",
+            r"{package} could not create its plug-in: AttributeError",
         ),
         (
             "class Mine(armload.PluginTable):\n    def plugin(self, robot): return 5",
             r"{package} made 5, expected an object with on_cycle\(step\)",
         ),
-        ("class Mine(armload.PluginTable): pass", r"{package} could not make its plug-in: .*abstract"),
+        ("class Mine(armload.PluginTable): pass", r"{package} could not create its plug-in: .*abstract"),
     ],
 )
 def test_what_is_wrong_in_a_package_is_reported_with_its_name(bring, robot, held, source, said):
@@ -189,7 +189,9 @@ def test_what_is_wrong_in_a_package_is_reported_with_its_name(bring, robot, held
 def test_one_name_of_two_packages_is_refused(bring, robot, held):
     source = "class Mine(armload.PluginTable): pass"
     packages = [bring(source, mine="Mine"), bring(source, mine="Mine")]
-    with pytest.raises(ConfigurationError, match=f"{packages[0]} and {packages[1]} both bring a plug-in of this name"):
+    with pytest.raises(
+        ConfigurationError, match=f"{packages[0]} and {packages[1]} both provide a plug-in with this name"
+    ):
         held(robot("[plugins.mine]\n"))
 
 

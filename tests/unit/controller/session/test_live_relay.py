@@ -162,7 +162,7 @@ def test_a_client_may_be_slow_for_as_long_as_it_takes_something():
 
 def test_a_client_that_takes_nothing_while_something_waits_is_too_slow():
     assert paced((100, 0, 1.0), (100, 100, 10.9), (100, 200, 11.1))[:2] == [None, None]
-    assert paced((100, 0, 1.0), (100, 100, 10.9), (100, 200, 11.1))[2] == "it took nothing for 10 s"
+    assert paced((100, 0, 1.0), (100, 100, 10.9), (100, 200, 11.1))[2] == "it read nothing for 10 s"
 
 
 def test_time_in_which_there_was_nothing_to_send_does_not_count():

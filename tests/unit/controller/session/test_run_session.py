@@ -156,13 +156,15 @@ def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recor
         with pytest.raises(MotionError, match="enough"), recorder:
             session.run(walled, "swing", recorder=recorder)
         assert servos.log[:2] == ["connect", "enable"]
-    (said,) = [text for text in display.texts if "not free" in text]
-    count = int(re.fullmatch(r"swing: the straight way to its start is not free: .* by (\d) via points?", said)[1])
+    (said,) = [text for text in display.texts if "is blocked" in text]
+    count = int(re.fullmatch(r"swing: the straight path to its start is blocked: .* via (\d) points?", said)[1])
     run = read_recording(tmp_path / "run.partial.mcap", with_effort=False)
     via_points = np.array(json.loads(run.source.attachments[WAY_ROUND_ATTACHMENT])["via_points_rad"])
     assert via_points.shape == (count, 6)
     signal = SimpleNamespace(time_s=run.time_s, interval_s=0.01)
-    assert f"not free: the arm went round, by {count}\N{NO-BREAK SPACE}via point" in motion_sentence(run.source, signal)
+    assert f"blocked: the arm went round the obstacle, via {count}\N{NO-BREAK SPACE}point" in motion_sentence(
+        run.source, signal
+    )
 
 
 @pytest.mark.parametrize(
@@ -283,8 +285,8 @@ def test_added_torque_is_named_in_the_question(opened):
     with opened(Load.LOADED, operator, simulated=False) as (session, _):
         session.run(path, "plain")
         session.run(path, "added", before=lambda arm: None)
-    assert "with torque added" not in person.asked[1]
-    assert "with torque added to the drives' own?" in person.asked[2]
+    assert "with added torque" not in person.asked[1]
+    assert "with added torque?" in person.asked[2]
 
 
 @pytest.mark.parametrize(("answer", "runs"), [(True, 2), (False, 1)])

@@ -49,13 +49,13 @@ def test_a_drive_that_offers_all_has_no_gaps(drive):
 @pytest.mark.parametrize(
     ("index", "change", "words"),
     [
-        (0x60B2, None, "has no 60B2:0 torque offset, which a PDO is to carry"),
-        (0x60B2, {"mappable": Mappable.TPDO}, "lets no PDO carry 60B2:0"),
+        (0x60B2, None, "has no 60B2:0 torque offset, which a PDO must carry"),
+        (0x60B2, {"mappable": Mappable.TPDO}, "does not allow 60B2:0"),
         (0x6064, {"type": DataType.I16}, "gives 6064:0 position actual value 16 bits instead of 32"),
         (
             0x605A,
             None,
-            "has no object for quick_stop: how the drive carries out a quick stop is not known; see accept_missing",
+            "has no object for quick_stop: the drive's quick stop behaviour is unknown; see accept_missing",
         ),
     ],
 )

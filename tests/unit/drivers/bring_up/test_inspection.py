@@ -224,7 +224,7 @@ def test_a_fault_whose_cause_stays_is_reported(bench):
 
 def test_without_a_fault_there_is_nothing_to_reset(bench):
     rig = bench()
-    with pytest.raises(ServoError, match="nothing to reset"):
+    with pytest.raises(ServoError, match="No reset is required"):
         reset(rig.arm, "joint_3", rig.bus, never_asked, LIMITS)
 
 

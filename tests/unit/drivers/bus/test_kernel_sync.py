@@ -209,7 +209,7 @@ def test_feedback_belongs_to_the_sync_it_follows(sync, kernel):
 def test_a_sync_that_came_in_over_the_bus_is_somebody_elses(sync, kernel):
     sync.next(kernel, nothing)
     kernel.from_outside = True
-    with pytest.raises(ForeignMaster, match="came in over the bus"):
+    with pytest.raises(ForeignMaster, match="was received from the bus"):
         sync.next(kernel, nothing)
     sync.next(kernel, nothing)
 
@@ -228,7 +228,7 @@ def test_one_sync_too_many_is_counted_however_rare_it_is(sync, kernel):
     kernel.queue.append(kernel.clock())
     cycle, text = cycles_until_reported(sync, kernel, 100)
     assert cycle < 32
-    assert "SYNCs came and the kernel has sent" in text
+    assert "SYNCs were received, but the kernel has sent" in text
     assert cycles_until_reported(sync, kernel, 100) is None, "reported once"
 
 
@@ -242,7 +242,7 @@ def test_where_the_kernel_reports_no_count_the_rhythm_is_left(sync, kernel):
         kernel.queue.append(kernel.clock())
         sync.next(kernel, nothing)
 
-    with pytest.raises(ForeignMaster, match="comes more often"):
+    with pytest.raises(ForeignMaster, match="is more frequent"):
         for_ever(crowd)
 
 

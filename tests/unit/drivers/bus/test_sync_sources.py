@@ -126,7 +126,7 @@ def test_lockstep_takes_in_what_the_drives_have_sent_and_does_not_wait(clock):
 
 def test_lockstep_names_drives_that_do_not_live_any_more(clock):
     clock.follow(lambda: "they ended early")
-    with pytest.raises(SimulationError, match="do not act any more: they ended early"):
+    with pytest.raises(SimulationError, match="no longer act: they ended early"):
         LockstepSync(clock).await_feedback(Patient(), never)
 
 
@@ -136,5 +136,5 @@ def test_lockstep_does_not_ask_after_drives_that_have_answered(clock):
 
 
 def test_lockstep_without_drives_says_so(clock):
-    with pytest.raises(SimulationError, match="there are none"):
+    with pytest.raises(SimulationError, match="none are running"):
         LockstepSync(clock).await_feedback(Patient(), never)

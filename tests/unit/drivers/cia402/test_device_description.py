@@ -104,21 +104,21 @@ ODD = [
     ("SubNumber=2", "SubNumber=9", "[1400] SubNumber: declares 9, the file has 2"),
     ("SupportedObjects=3", "SupportedObjects=7", "SupportedObjects: declares 7, the list has 3"),
     ("SupportedObjects=3", "", "SupportedObjects: declares None"),
-    ("2=0x6040", "2=0x6041", "2: object '6041' is listed and not described"),
-    ("2=0x6040", "2=0x6041", "[6040]: described and in no list"),
+    ("2=0x6040", "2=0x6041", "2: object '6041' is listed but not described"),
+    ("2=0x6040", "2=0x6041", "[6040]: described but not listed"),
     ("AccessType=rww", "AccessType=maybe", "[6040] AccessType: 'maybe'"),
     ("DataType=0x6", "DataType=", "[6040] DataType: missing or unreadable"),
     ("VendorNumber=0x1AB", "VendorNumber=$NODEID", "[DeviceInfo] VendorNumber: depends on the node id"),
     ("VendorNumber=0x1AB", "VendorNumber=-4", "[DeviceInfo] VendorNumber: -4 does not fit"),
     ("[DeviceInfo]", "[DeviceInf]", "[DeviceInfo]: missing"),
-    ("[DeviceInfo]", "[DeviceInfo", "[DeviceInfo] line 2: section without its closing bracket"),
-    ("PDOMapping=1", "PDOMapping=1\nPDOMapping=1", "[6040] pdomapping: given again"),
+    ("[DeviceInfo]", "[DeviceInfo", "[DeviceInfo] line 2: section without a closing bracket"),
+    ("PDOMapping=1", "PDOMapping=1\nPDOMapping=1", "[6040] pdomapping: repeated key"),
     ("[6502]", "no key at all\n[6502]", "[6040] line"),
     ("[6502]", "[6502]\n[6502]", "[6502] line"),
     ("; a drive", "stray=1\n; a drive", "[] line 1: not understood"),
     ("ParameterName=Modes", "ParameterName=Mod\u00e9s", None),
     ("VendorName=Somebody", "[DeviceComissioning]\nNodeID=200\n[DeviceInfo]", "[DeviceComissioning] NodeID: 200"),
-    ("ObjectType=9\nSubNumber=2", "ObjectType=9\nCompactSubObj=999", "[1400] CompactSubObj: 999 is no count"),
+    ("ObjectType=9\nSubNumber=2", "ObjectType=9\nCompactSubObj=999", "[1400] CompactSubObj: 999 is not a valid number"),
 ]
 
 
@@ -161,7 +161,7 @@ def test_a_limit_of_1016_that_allows_no_node_id_is_ignored():
     text = GOOD + "\n[1016sub1]\nParameterName=a\nDataType=7\nAccessType=rw\nHighLimit=65535\n"
     description = load(text)
     assert description.find(od.HEARTBEAT_CONSUMER).greatest is None
-    assert any("[1016sub1] HighLimit: 65535 leaves no room" in warning for warning in description.warnings)
+    assert any("[1016sub1] HighLimit: 65535 is too large" in warning for warning in description.warnings)
 
 
 def test_a_compact_array_is_expanded():
@@ -173,7 +173,7 @@ def test_a_compact_array_is_expanded():
 def test_bytes_that_are_no_utf8_are_reported():
     description = load(GOOD.replace("Somebody", "Schm\u00fcller").encode("latin-1"))
     assert description.vendor_name == "Schm\u00fcller"
-    assert any("no UTF-8" in text and "line 3" in text for text in description.warnings)
+    assert any("not UTF-8" in text and "line 3" in text for text in description.warnings)
 
 
 @pytest.mark.parametrize("written", ["0", "0xFFFFFFFF", ""])
@@ -190,7 +190,7 @@ def test_an_identity_that_is_not_given_is_none(written):
         (GOOD.replace("[6040]", "[6050]").encode(), "no controlword"),
         (
             GOOD.replace("0x00020192", "0x00030191").encode(),
-            r"\[1000\] DefaultValue: .* 0x00030191: its low 16 bits, 0x0191, say device profile 401, inputs",
+            r"\[1000\] DefaultValue: .* 0x00030191: its low 16 bits, 0x0191, mean device profile 401, inputs",
         ),
         (b";" * (LARGEST_BYTES + 1), "larger than"),
     ],
@@ -213,7 +213,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
     pipe = tmp_path / "pipe.eds"
     os.mkfifo(pipe)
     for endless in (pipe, Path("/dev/zero"), tmp_path):
-        with pytest.raises(DescriptionError, match="no regular file; give an EDS or DCF file"):
+        with pytest.raises(DescriptionError, match="not a regular file; give an EDS or DCF file"):
             read_description(endless)
 
 

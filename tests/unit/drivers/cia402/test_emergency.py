@@ -12,7 +12,7 @@ pytestmark = pytest.mark.pure
     [
         (0x0000, "no error"),
         (0x8611, "following error"),
-        (0x8130, "no longer hears its master"),
+        (0x8130, "no longer receives its master's heartbeat"),
         (0x2345, "short circuit at the output"),  # listed class 0x2340
         (0x2377, "output side"),  # listed class 0x2300
         (0xFF12, "vendor-specific"),

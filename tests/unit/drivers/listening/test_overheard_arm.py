@@ -125,7 +125,7 @@ def test_what_is_heard_before_everything_is_known_is_no_cycle(virtual_arm, arm_s
 
 
 def test_a_drive_without_a_scale_is_refused(arm_settings):
-    with pytest.raises(CommandError, match="joint_2: the drive's scale is not known"):
+    with pytest.raises(CommandError, match="joint_2: the drive's scale is unknown"):
         OverheardArm(arm_settings(counts_per_rad=None))
 
 
@@ -161,8 +161,8 @@ def test_on_a_bus_nothing_but_receiving_is_asked_for(virtual_arm, arm_settings):
     ("keep", "text"),
     [
         (lambda m: False, "the bus is silent"),
-        (lambda m: m.arbitration_id & ~0x7F != 0x180, "no feedback as it is configured from joint_2, joint_3, joint_5"),
-        (lambda m: m.arbitration_id != 0x183, "no feedback as it is configured from joint_3"),
+        (lambda m: m.arbitration_id & ~0x7F != 0x180, "no feedback as configured from joint_2, joint_3, joint_5"),
+        (lambda m: m.arbitration_id != 0x183, "no feedback as configured from joint_3"),
         (lambda m: m.arbitration_id != SYNC, "no SYNC"),
     ],
 )

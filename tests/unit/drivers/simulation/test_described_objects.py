@@ -115,7 +115,9 @@ def test_a_pdo_that_maps_what_the_drive_lacks_is_none(virtual_arm):
 
 def test_an_object_that_cannot_hold_what_a_drive_measures_is_refused(virtual_arm):
     described = parse_description(eds(maker_drive(changes={"6064": {"DataType": "3"}})).encode(), "maker.eds")
-    with pytest.raises(DescriptionError, match=r"maker.eds: \[6064\] DataType: expected an integer of 32 bits"):
+    with pytest.raises(
+        DescriptionError, match=r"maker.eds: \[6064\] DataType: expected an integer of at least 32 bits"
+    ):
         virtual_arm(traits={3: DriveTraits(description=described)})
 
 

@@ -96,7 +96,7 @@ class TestLife:
             with pytest.raises(StateError):
                 call()
         servos.connect()
-        with pytest.raises(StateError, match="connected already"):
+        with pytest.raises(StateError, match="already connected"):
             servos.connect()
         with pytest.raises(StateError, match="must be enabled"):
             servos.exchange(command)

@@ -181,7 +181,7 @@ def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nom
     for warm, empty in ((alone, None), (pair, cold[1])):
         found = identify(cold[0], empty, level, transmission, arm=known)
         (note,) = [note for note in found.notes if "far outside" in note]
-        assert re.match(r"The friction of joint 3 \(\d+ standard deviations\) lies far outside", note)
+        assert re.match(r"The friction of joint 3 \(\d+ standard deviations\) is far outside", note)
         change = found.arm_friction.torque_nm - warm.arm_friction.torque_nm
         expected = np.where(np.arange(6) == 2, 3.0 + 3.0 * found.arm_friction.speed_rad_s, 0.0)
         np.testing.assert_allclose(change, expected, atol=0.5)
@@ -197,7 +197,7 @@ def colder(run, joint, arm):
 
 def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocchio_arm, nominal, result):
     found = calibrated(runs[:1], {}, pinocchio_arm, nominal)
-    (text,) = [text for text in found.warnings if text.startswith("on motions other than these")]
+    (text,) = [text for text in found.warnings if text.startswith("for other motions")]
     named = {int(joint): int(share) / 100.0 for joint, share in re.findall(r"(\d) \((\d+)%\)", text)}
     assert len(named) >= 2
     # What it leaves of the other motion is what it said, less the friction of reversals and noise.
@@ -208,7 +208,7 @@ def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocch
     share = np.sqrt(np.sum(left**2, axis=0) / np.sum(np.where(moving, other.effort_nm, 0.0) ** 2, axis=0))
     for joint, said in named.items():
         assert share[joint - 1] < 1.5 * said, (joint, share[joint - 1], said)
-    assert not any(text.startswith("on motions other") for text in result.warnings)
+    assert not any(text.startswith("for other motions") for text in result.warnings)
 
 
 def test_whole_periods_and_reported_torque_are_calibrated_too(pinocchio_arm, nominal):
@@ -308,7 +308,7 @@ def turned(run, joint):
     [
         (lambda run: scaled(run, 1, 1.2), "joint 2 reports 1.2[01] times its effort"),
         (lambda run: exchanged(run, 1, 2), "joints 2 and 3 are exchanged"),
-        (lambda run: turned(run, 2), "position and effort of joint 3 count the other way"),
+        (lambda run: turned(run, 2), "position and effort of joint 3 are inverted"),
     ],
 )
 def test_a_run_that_contradicts_the_others_is_named_with_its_mistake(
@@ -357,7 +357,7 @@ def test_a_sign_that_is_flipped_is_named(runs, weighed, pinocchio_arm, nominal):
 def test_a_wrong_mass_is_named_with_how_far_it_is_off(runs, pinocchio_arm, other, nominal):
     masses = {"weighed": pinocchio_arm.payload.mass_kg, "other": 1.3 * other.payload.mass_kg}
     found = calibrated(runs, {k: WeighedPayload(v) for k, v in masses.items()}, pinocchio_arm, nominal)
-    assert any("mounting 'other': 3.250 kg was entered, everything else says" in text for text in found.warnings)
+    assert any("mounting 'other': 3.250 kg was entered, all other data give" in text for text in found.warnings)
 
 
 def test_a_payload_that_is_known_whole_narrows_the_wrist(runs, weighed, pinocchio_arm, nominal, result):
@@ -412,7 +412,7 @@ def test_runs_that_cannot_be_used_are_named_and_left_out(runs, weighed, pinocchi
     assert set(reasons) == {"lost.csv", "short.mcap", "five.mcap", "torque.mcap"}
     assert "expected 3 s or more" in reasons["short.mcap"]
     assert "5 joints" in reasons["five.mcap"]
-    assert "it holds torque, most runs hold current" in reasons["torque.mcap"]
+    assert "it contains torque, most runs contain current" in reasons["torque.mcap"]
     np.testing.assert_allclose(found.gain_nm_a, result.gain_nm_a, rtol=1e-9)
     with pytest.raises(EstimationError, match="no recording can be used"):
         calibrated([short, five], weighed, pinocchio_arm, nominal)
@@ -447,7 +447,7 @@ def test_another_arm_is_refused(result, pinocchio_arm):
     hung = Chain(chain.placement, chain.axis, chain.flange, -chain.gravity_m_s2)
     with pytest.raises(ModelError, match="mounted differently"):
         result.require_arm(hung, pinocchio_arm.transmission.coupling)
-    with pytest.raises(ModelError, match="coupled differently"):
+    with pytest.raises(ModelError, match="different motor coupling"):
         result.require_arm(chain, np.eye(6))
 
 
@@ -493,7 +493,7 @@ def test_a_run_by_itself_shows_other_gains_and_friction_beside_an_unknown_payloa
     # Told to be empty, it carries what nothing explains.
     assert health(found, mounting="").residual.max() > 3.0
     assert health(found, mounting="").carried == "nothing"
-    with pytest.raises(RecordingError, match="it holds torque, and the calibration is one of current"):
+    with pytest.raises(RecordingError, match="it contains torque, but the calibration is for current"):
         health(replace(found, current_a=None, torque_nm=found.current_a))
 
 

@@ -139,11 +139,11 @@ def test_a_direction_is_determined_down_to_rounding(apart, rank):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda r, t, v, n: (r[:3], t[:3], v[:3], n), "3 samples of 3 joints are too few for 10 parameters"),
+        (lambda r, t, v, n: (r[:3], t[:3], v[:3], n), "3 samples of 3 joints are not enough for 10 parameters"),
         (lambda r, t, v, n: (r, t * np.nan, v, n), "not finite"),
         (lambda r, t, v, n: (r, t, v, n * 0.0), "the noise per joint"),
         (lambda r, t, v, n: (r * 0.0, t, v, n), "excites no parameter"),
-        (lambda r, t, v, n: (r, t[:, :2], v, n), "do not fit"),
+        (lambda r, t, v, n: (r, t[:, :2], v, n), "do not match"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(change, said):

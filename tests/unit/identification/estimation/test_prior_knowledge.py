@@ -129,7 +129,7 @@ def test_a_payload_that_is_not_determined_is_not_compared(pinocchio_arm, noisy, 
 def test_two_frames_are_not_compared():
     one = paper_payload(1.0, [0, 0, 0.1], np.array([0.1, 0.1, 0.1, 0, 0, 0]))
     other = paper_payload(1.0, [0, 0, 0.1], np.array([0.1, 0.1, 0.1, 0, 0, 0]), "flange")
-    with pytest.raises(PayloadFileError, match="one frame"):
+    with pytest.raises(PayloadFileError, match="the same frame"):
         compare(one, other)
 
 
@@ -150,7 +150,7 @@ def test_a_symmetric_payload_lies_on_the_axis_and_one_that_is_not_is_refused(pin
 
 
 def test_a_symmetric_payload_has_no_centre_of_mass_beside_the_axis():
-    with pytest.raises(ModelError, match="Leave one of the two out"):
+    with pytest.raises(ModelError, match="Give only one of the two"):
         KnownPayload(center_of_mass_m=[0.01, 0.0, 0.1], symmetric=True)
 
 
@@ -169,7 +169,7 @@ def test_a_range_that_binds_narrows_honestly_and_is_shown(pinocchio_arm, noisy, 
     assert (np.abs(result.uncertainty.values - truth.values) < 2.0 * result.uncertainty.half_width_95)[1:4].all()
     variance = result.mass_center.measured[0, 0]
     assert np.sqrt(variance) == pytest.approx(0.603 * deviation, rel=0.02)
-    assert "the range known of the mass" in result.notes[0]
+    assert "the given range of the mass" in result.notes[0]
     written = format_payload(payload_result(result, "0.1.0", "c" * 64))
     assert "[known_range]" in written
     np.testing.assert_array_equal(parse_payload(written).known_range[0], [edge, 2.0 * high])
@@ -184,8 +184,8 @@ def test_a_wide_range_changes_nothing(plain):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"mass_kg": (1.0, 2.0)}, r"mass was known to be 1 to 2 kg, and by the data it is 4\.\d+ to 4\.\d+ kg"),
-        ({"center_of_mass_m": ((0.3, 0.4), 0.0, 0.0)}, "centre of mass's x was known to be 300 to 400 mm"),
+        ({"mass_kg": (1.0, 2.0)}, r"mass was given as 1 to 2 kg, but from the data it is 4\.\d+ to 4\.\d+ kg"),
+        ({"center_of_mass_m": ((0.3, 0.4), 0.0, 0.0)}, "centre of mass's x was given as 300 to 400 mm"),
     ],
 )
 def test_a_range_that_the_data_contradict_is_refused(plain, given, message):
@@ -200,7 +200,7 @@ def test_ranges_that_the_data_contradict_together_are_refused(plain):
     rarest = np.linalg.eigh(covariance / np.outer(deviation, deviation))[1][:, 0]
     near, far = mean + 0.9 * np.sign(rarest) * width, mean + 3.0 * np.sign(rarest) * width
     mass, *center = [(float(low), float(high)) for low, high in np.sort([near, far], axis=0).T]
-    with pytest.raises(EstimationError, match="do not go together by the data"):
+    with pytest.raises(EstimationError, match="together contradict the data"):
         within_ranges(plain, KnownPayload(mass_kg=mass, center_of_mass_m=center), not_identified_again)
 
 
@@ -215,7 +215,7 @@ def test_ranges_that_the_data_contradict_together_are_refused(plain):
         ({"mass_kg": -1.0}, "above 0"),
         ({"center_of_mass_m": (0.0, (0.2, 0.1), 0.0)}, "y is 0.2 to 0.1 m; expected the lower"),
         ({"center_of_mass_m": (0.0, (0.1, 0.2))}, "three numbers or ranges"),
-        ({"center_of_mass_m": ((-0.1, 0.1), 0.0, 0.1), "symmetric": True}, "Leave one of the two out"),
+        ({"center_of_mass_m": ((-0.1, 0.1), 0.0, 0.1), "symmetric": True}, "Give only one of the two"),
     ],
 )
 def test_knowledge_that_cannot_be_is_refused(given, message):

@@ -91,7 +91,7 @@ def test_a_body_closer_to_impossible_than_the_margin_is_not_written(tmp_path):
     assert 0 < thin.margin < SMALLEST_MARGIN < plate.margin
     for body in (thin, flat_body(0.0)):
         with pytest.raises(
-            PayloadFileError, match=r"model is refused: .*margin of its pseudo-inertia is .* 1e-06 is needed"
+            PayloadFileError, match=r"model is refused: .*margin of its pseudo-inertia is .* 1e-06 is required"
         ):
             write_payload(path, replace(result(), model=body))
         assert not path.exists()
@@ -107,20 +107,20 @@ MASS = f"{result().model.mass_kg!r}"
     ("old", "new", "words"),
     [
         ('frame = "flange"', "frame = 3", ("payload.frame", "3", "text")),
-        ('frame = "flange"', 'frame = "flange"\ncolour = "red"', ("payload.colour", "'red'", "no such key")),
+        ('frame = "flange"', 'frame = "flange"\ncolour = "red"', ("payload.colour", "'red'", "unknown key")),
         (f"mass_kg = {MASS}", "mass_kg = 1.0", ("payload.mass_kg", "1.0", "[model]", MASS)),
         (f"mass_kg = {MASS}", "", ("payload.mass_kg", "missing")),
         ("mass_kg = true", "mass_kg = 1", ("determined.mass_kg", "1", "true or false")),
-        ("mass_kg = true", "mass_kg = false", ("payload.mass_kg", MASS, "not determined")),
+        ("mass_kg = true", "mass_kg = false", ("payload.mass_kg", MASS, "it is false in [determined]")),
         ("iyy = false", "iyy = true", ("payload.inertia_kg_m2.iyy", "missing")),
         ("iyy = false, ", "", ("determined.inertia_kg_m2.iyy", "missing")),
-        ("iyy = false", "iyy = false, ikk = true", ("determined.inertia_kg_m2.ikk", "no such key")),
-        ("[model]", "[model]\nmass = 1", ("model.mass", "no such key")),
+        ("iyy = false", "iyy = false, ikk = true", ("determined.inertia_kg_m2.ikk", "unknown key")),
+        ("[model]", "[model]\nmass = 1", ("model.mass", "unknown key")),
         ("[residual]", "[remainder]", ("residual", "missing")),
         ("rms_nm = [1.5, ", "rms_nm = [", ("residual.noise_nm", "2 finite numbers")),
         ("rms_nm = [1.5", "rms_nm = [inf", ("residual.rms_nm", "inf", "finite")),
         ('armload_version = "0.1.0"', "", ("provenance.armload_version", "missing")),
-        ("[payload]", "[payload", ("no TOML",)),
+        ("[payload]", "[payload", ("not valid TOML",)),
     ],
 )
 def test_a_bad_file_is_refused_with_file_key_value_and_expectation(tmp_path, old, new, words):
@@ -142,7 +142,7 @@ def test_an_interval_the_wrong_way_round_is_refused():
 
 def test_an_impossible_body_in_a_file_is_refused():
     impossible = InertialParameters.from_center_of_mass(2.0, [0.1, 0.0, 0.0], np.diag([0.01, 0.01, 0.05]))
-    with pytest.raises(PayloadFileError, match="mass distribution"):
+    with pytest.raises(PayloadFileError, match="physically possible body"):
         parse_payload(format_payload(replace(result(), model=impossible)))
 
 

@@ -79,7 +79,7 @@ def test_each_trouble_is_named_and_nothing_else(review):
     assert re.fullmatch(r"mass of gripper is 4\.4\d kg, that of 11 twins 4\.0\d kg", stranger.text)
     outlier = found["cell07"][0]
     assert (outlier.cause, outlier.quantity) == (Cause.OUTLIER, CENTER)
-    assert re.search(r"x of gripper was [78]\d mm on 2026-03-07, [45]\d mm in the runs beside", outlier.text)
+    assert re.search(r"x of gripper was [78]\d mm on 2026-03-07, [45]\d mm in the neighbouring runs", outlier.text)
     (silence,) = found["cell09"]
     assert silence.cause is Cause.SILENCE
     assert silence.text == "the 2 latest recordings gave no result: loaded.mcap is damaged"
@@ -118,7 +118,7 @@ def test_one_recording_is_a_fleet_too():
 
 def test_the_page_shows_the_most_suspicious_with_charts_and_all_arms(review):
     page = render_fleet_report(review, "1.2")
-    assert "4 of 12 arms should be looked at." in page
+    assert "4 of 12 arms should be inspected." in page
     names = re.findall(r'<h2 class="small">\d+\. (\w+), er50</h2>', page)
     assert names == [arm.arm for arm in review.arms[:4]]
     assert len(names) <= MOST_SUSPICIOUS

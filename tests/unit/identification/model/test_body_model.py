@@ -33,14 +33,14 @@ BODY = BodyModel(
     [
         ({"links": np.zeros((3, 9))}, "ten finite numbers per joint"),
         ({"links": np.full((3, 10), np.inf)}, "ten finite numbers per joint"),
-        ({"base": np.ones((2, 10), dtype=bool)}, r"base of the body has the shape \(2, 10\); expected \(3, 10\)"),
+        ({"base": np.ones((2, 10), dtype=bool)}, r"base of the body has shape \(2, 10\); expected \(3, 10\)"),
         ({"rotor_inertia_kg_m2": np.zeros(2)}, r"rotor_inertia_kg_m2 .*\(2,\); expected \(3,\)"),
-        ({"coulomb_nm": np.array([0.0, np.nan, 0.0])}, "coulomb_nm of the body holds a number that is not finite"),
+        ({"coulomb_nm": np.array([0.0, np.nan, 0.0])}, "coulomb_nm of the body contains a number that is not finite"),
         ({"coupling": np.ones((3, 3))}, r"coupling \[\[.*has no inverse"),
         ({"coupling": np.eye(2)}, r"coupling .*expected \(3, 3\)"),
         ({"load_friction": np.zeros(4)}, r"load_friction .*expected \(3,\)"),
-        ({"root_nm": np.array([0.0, 0.0, np.inf])}, "root_nm of the body holds a number that is not finite"),
-        ({"torque_delay_s": np.nan}, "torque_delay_s of the body holds a number that is not finite"),
+        ({"root_nm": np.array([0.0, 0.0, np.inf])}, "root_nm of the body contains a number that is not finite"),
+        ({"torque_delay_s": np.nan}, "torque_delay_s of the body contains a number that is not finite"),
         ({"reversal_speed_rad_s": THREE}, "reversal speeds must be above 0"),
     ],
 )

@@ -137,13 +137,13 @@ MIRRORED = np.diag([1.0, 1.0, -1.0, 1.0])
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"flange": NOT_A_ROTATION}, "flange is no pose"),
-        ({"flange": MIRRORED}, "flange is no pose"),
-        ({"placement": np.stack([np.eye(4), np.ones((4, 4))])}, "placement of joint 2 is no pose"),
+        ({"flange": NOT_A_ROTATION}, "flange is not a pose"),
+        ({"flange": MIRRORED}, "flange is not a pose"),
+        ({"placement": np.stack([np.eye(4), np.ones((4, 4))])}, "placement of joint 2 is not a pose"),
         ({"placement": np.zeros((0, 4, 4)), "axis": np.zeros((0, 3))}, "at least one joint"),
         ({"axis": np.array([[0, 0, 1.0], [0, 0, 0]])}, "axis of joint 2"),
-        ({"axis": np.array([[0, 0, 1.0]])}, r"axis has the shape \(1, 3\); expected \(2, 3\)"),
-        ({"gravity_m_s2": np.array([0.0, np.nan, 0.0])}, "gravity_m_s2 holds a number that is not finite"),
+        ({"axis": np.array([[0, 0, 1.0]])}, r"axis has shape \(1, 3\); expected \(2, 3\)"),
+        ({"gravity_m_s2": np.array([0.0, np.nan, 0.0])}, "gravity_m_s2 contains a number that is not finite"),
         ({"gravity_m_s2": "down"}, "gravity_m_s2 is not an array of numbers"),
     ],
 )
@@ -161,5 +161,5 @@ def test_a_chain_that_makes_no_sense_is_refused(change, words):
 
 def test_positions_of_the_wrong_number_are_refused():
     chain = Chain.from_standard_dh(STANDARD, FLANGE, GRAVITY)
-    with pytest.raises(ModelError, match=r"q has the shape \(5,\); expected \(6\)"):
+    with pytest.raises(ModelError, match=r"q has shape \(5,\); expected \(6\)"):
         chain.forward(np.zeros(5))

@@ -239,9 +239,9 @@ def test_arrays_of_any_layout_are_taken():
 def test_shapes_that_do_not_fit_are_refused():
     chain = random_chain(np.random.default_rng(0), 6)
     good = np.zeros((4, 6))
-    with pytest.raises(ModelError, match=r"dq has the shape \(3, 6\)"):
+    with pytest.raises(ModelError, match=r"dq has shape \(3, 6\)"):
         payload_regressor(chain, good, good[:3], good)
-    with pytest.raises(ModelError, match=r"q has the shape \(4, 5\).*\(N, 6\)"):
+    with pytest.raises(ModelError, match=r"q has shape \(4, 5\).*\(N, 6\)"):
         payload_regressor(chain, good[:, :5], good[:, :5], good[:, :5])
     with pytest.raises(ModelError, match="ten finite numbers"):
         payload_torque(chain, np.zeros(9), good, good, good)

@@ -106,7 +106,7 @@ def test_what_the_motion_does_not_show_is_refused_with_what_is_missing(known, lo
     with pytest.raises(EstimationError, match=r"only joint 3 moves.*move joints 1, 2, 4, 5 and 6 at 0\.\d+ rad/s"):
         identify(only(loaded, np.arange(chain.n) == 2), None, chain, transmission, arm=arm)
     slow = replace(loaded, time_s=30.0 * loaded.time_s, velocity_rad_s=None)
-    with pytest.raises(EstimationError, match=r"stands still, or nearly so.*move joints 1 to 6 at"):
+    with pytest.raises(EstimationError, match=r"is at rest, or nearly so.*move joints 1 to 6 at"):
         identify(slow, None, chain, transmission, arm=arm)
 
 
@@ -149,9 +149,9 @@ def test_an_empty_arm_has_no_mass(pinocchio_arm, known):
 
 def test_wrong_use_is_named(known, loaded):
     chain, transmission, arm = known
-    with pytest.raises(RecordingError, match=r"expected one window of 900 s"):
+    with pytest.raises(RecordingError, match=r"expected at least one window of 900 s"):
         identify_windows(loaded, chain, transmission, arm, 900.0)
-    with pytest.raises(EstimationError, match="'ols' is for the difference of two runs"):
+    with pytest.raises(EstimationError, match="'ols' requires the difference of two runs"):
         identify(loaded, None, chain, transmission, arm=arm, estimator=Estimator.OLS)
 
 
@@ -183,7 +183,7 @@ def about(pinocchio_arm):
 
 @pytest.fixture(scope="module")
 def wiggle(pinocchio_arm, known, about):
-    """The shortest motion that shows the mass to 3 %."""
+    """The shortest motion that determines the mass to 3 %."""
     prospect = MassProspect(known[0], known[2], pinocchio_arm.payload)
     return found_about(prospect, about, 0.03 * pinocchio_arm.payload.mass_kg)
 
@@ -216,9 +216,9 @@ def test_a_wiggle_that_must_not_be_driven_is_none(pinocchio_arm, known, about, m
     prospect = MassProspect(known[0], known[2], pinocchio_arm.payload)
     for name, value in (("PERIODS_S", (2.0,)), ("_DRAWS", 5), ("_VARIATIONS", 5)):
         monkeypatch.setattr(f"armload_identification.pipeline.wiggle.{name}", value)
-    with pytest.raises(ExcitationError, match=r"keeps all limits; touches the post\. Give another place"):
+    with pytest.raises(ExcitationError, match=r"respects all limits; touches the post\. Choose another position"):
         found_about(prospect, about, 1.0, lambda trajectory: "touches the post")
     with pytest.raises(
-        ExcitationError, match=r"shows the mass to 0\.001 kg \(95 %\); the best one shows it to 0\.\d+ kg"
+        ExcitationError, match=r"determines the mass to 0\.001 kg \(95 %\); the best one determines it to 0\.\d+ kg"
     ):
         found_about(prospect, about, 0.001)

@@ -69,7 +69,7 @@ def test_what_stays_unexplained_is_a_ratio_and_one_run_alone_is_said_to_be_so():
     drift = arm_drift(ARM, runs)
     assert not drift.out_of_date
     assert {(found.figure, found.run, found.alone) for found in drift.findings} == {(Figure.RESIDUAL, 6, True)}
-    assert "times higher than in the runs beside it, in run 7 (6.mcap) alone" in drift.findings[0].text
+    assert "times higher than in the neighbouring runs, in run 7 (6.mcap) alone" in drift.findings[0].text
     later = arm_drift(ARM, [run(number, residual=3.0) for number in range(12)])
     assert later.out_of_date
     assert all(found.text.endswith("times higher in all runs than in the calibration") for found in later.findings)

@@ -223,5 +223,5 @@ def test_wrong_use_is_named(calibration, pinocchio_arm, estimator):
         kernels.PayloadEstimator.__new__(kernels.PayloadEstimator).update(0.0, np.zeros(6), np.zeros(6))
     chain = pinocchio_arm.chain
     turned = Chain(chain.placement, chain.axis, chain.flange, -chain.gravity_m_s2)
-    with pytest.raises(ModelError, match="other kinematics"):
+    with pytest.raises(ModelError, match="different kinematics"):
         PayloadEstimator(calibration, turned, pinocchio_arm.transmission)

@@ -204,11 +204,11 @@ def test_only_three_joints(pinocchio_arm):
 
 def test_dropped_rows_and_cut_files_are_told(pair, pinocchio_arm):
     loaded, unloaded = pair
-    loaded = with_source(loaded, rows_read=1510, rows_dropped=10, reasons={"not finite": 4, "cut last row": 6})
+    loaded = with_source(loaded, rows_read=1510, rows_dropped=10, reasons={"not finite": 4, "truncated last row": 6})
     unloaded = with_source(unloaded, truncated=True)
     notes = " ".join(identify(loaded, unloaded, pinocchio_arm.chain, pinocchio_arm.transmission).notes)
-    assert "loaded recording: 10 of 1510 rows dropped (4 not finite, 6 cut last row)." in notes
-    assert "unloaded recording: the file ends early" in notes
+    assert "loaded recording: 10 of 1510 rows dropped (4 not finite, 6 truncated last row)." in notes
+    assert "unloaded recording: the file is truncated" in notes
 
 
 def test_files_of_one_name_keep_both_hashes(pair, pinocchio_arm):

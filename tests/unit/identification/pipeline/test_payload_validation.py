@@ -131,11 +131,11 @@ def test_what_cannot_be_told_comes_with_what_would_show_it(measured, pinocchio_a
     result = judge(measured, pinocchio_arm.chain, known_payload(vague), Tolerance())
     assert result.outcome is Outcome.CANNOT_TELL
     text = " ".join(sentences(result.verdict, NAMES))
-    assert "the smallest error that would show" in text
-    assert "times the length would show" in text
+    assert "the smallest error that would be detected" in text
+    assert "times the length would detect" in text
     assert "The mass shows best on axis 2" in text
     hopeless = judge(measured, pinocchio_arm.chain, known_payload(vague), Tolerance(0.001, 0.010))
-    assert "No run would show it" in " ".join(sentences(hopeless.verdict, NAMES))
+    assert "No run would detect it" in " ".join(sentences(hopeless.verdict, NAMES))
 
 
 def test_a_payload_file_of_an_older_version_is_judged_by_its_intervals(measured, pinocchio_arm, payload):
@@ -163,7 +163,7 @@ def test_the_file_keeps_the_covariance(payload, pinocchio_arm):
         ("mass_center = [\n    [", "mass_center = [\n    [-", "covariance.mass_center .* no eigenvalue below 0"),
         ("covariance = [\n    [0.0, ", "covariance = [\n    [", "covariance.gains.covariance"),
         ("covariance = [\n    [0.0, ", "covariance = [\n    [-0.5, ", "gains.covariance .* no eigenvalue below 0"),
-        ("[covariance]", "[covariance]\nsize = 4", "covariance.size .*no such key"),
+        ("[covariance]", "[covariance]\nsize = 4", "covariance.size .*unknown key"),
     ],
 )
 def test_a_broken_covariance_is_refused(payload, old, new, message):
@@ -182,7 +182,7 @@ def test_intervals_and_covariance_agree(payload):
 
 def test_recordings_of_another_arm_are_refused(second_pair, pinocchio_arm, payload):
     head = Transmission(np.ones(3), np.eye(3))
-    with pytest.raises(RecordingError, match="has 6 joints, the robot has 3"):
+    with pytest.raises(RecordingError, match="has 6 joints, the robot 3"):
         validate(*second_pair, pinocchio_arm.chain.head(3), head, payload)
 
 

@@ -112,8 +112,8 @@ def test_columns_are_recognised(header, expected):
 @pytest.mark.parametrize(
     ("header", "said"),
     [
-        (["a", "b"], r"no column of the time can be recognised in the header a, b.*--columns"),
-        (["q1", "q2"], "no column of the time"),
+        (["a", "b"], r"no time column can be recognised in the header a, b.*--columns"),
+        (["q1", "q2"], "no time column"),
         (["t", "q1"], "no positions of two or more joints"),
         (["t", "left_q1", "left_q2", "right_q1", "right_q2"], "left_q1 and right_q1 could both be the position_rad"),
     ],
@@ -151,13 +151,13 @@ def test_columns_are_written_briefly(text, expected):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("position=1-6", "lacks one column of the time, or the positions"),
-        ("time=0,1 position=1-6", "lacks one column of the time"),
-        ("time=0 position", "'position' cannot be understood"),
-        ("time=0 positon=1-6", "'positon=1-6' cannot be understood"),
-        ("time=0 time=1 position=1", "'time=1' cannot be understood"),
-        ("time=0 position=6-1", "'6-1' goes nowhere"),
-        ("time=0 position=1-999999999", "goes nowhere"),
+        ("position=1-6", "lacks the time column or the positions"),
+        ("time=0,1 position=1-6", "lacks the time column"),
+        ("time=0 position", "'position' is invalid"),
+        ("time=0 positon=1-6", "'positon=1-6' is invalid"),
+        ("time=0 time=1 position=1", "'time=1' is invalid"),
+        ("time=0 position=6-1", "'6-1' is empty"),
+        ("time=0 position=1-999999999", "is empty"),
         ("time=0 position=1-6 torque=7-11", "6 of position, 5 of torque"),
     ],
 )

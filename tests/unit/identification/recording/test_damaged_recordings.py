@@ -176,8 +176,8 @@ def channel_record(topic, number=1):
         (mcap_of(channel_record(b"/\xff\xfe")), "damaged, .*utf-8"),
         (mcap_of((4, b"\x01")), "damaged"),
         (mcap_of((6, chunk_of(b"", b"\x05\x00", 2))), "damaged, a chunk ends in the middle of a record"),
-        (mcap_of((6, chunk_of(b"", struct.pack("<BQ", 5, 99), 9))), "damaged, a record is longer than the chunk"),
-        (mcap_of((6, chunk_of(b"", b"x", 1, zlib.crc32(b"y")))), "damaged, the check sum of a chunk is wrong"),
+        (mcap_of((6, chunk_of(b"", struct.pack("<BQ", 5, 99), 9))), "damaged, a record is longer than its chunk"),
+        (mcap_of((6, chunk_of(b"", b"x", 1, zlib.crc32(b"y")))), "damaged, the checksum of a chunk is wrong"),
         (mcap_of((9, b"\x00" * 20)), "damaged, an attachment cannot be read"),
         (mcap_of((9, struct.pack("<QQ", 0, 0) + text_of(b"\xff") * 2 + bytes(12))), "damaged, an attachment .*utf-8"),
         (b"\x89MCAP0\r\n", "nothing was recorded"),
@@ -250,7 +250,7 @@ def test_a_log_with_hardly_any_rows_in_its_time_asks_for_no_memory():
 
 def test_no_time_between_rows_is_no_time():
     time_s = 1e-9 * np.arange(40)
-    with pytest.raises(RecordingError, match=r"1e-09 apart, expected seconds.*Check the column"):
+    with pytest.raises(RecordingError, match=r"1e-09, expected seconds.*Check the column"):
         Recording.from_arrays(time_s, np.zeros((40, 2)), torque_nm=np.ones((40, 2)))
 
 

@@ -196,7 +196,7 @@ def test_garbage_rows_are_dropped_and_counted_by_reason(tmp_path):
         "time out of range": 1,
         "time not increasing": 2,
         "position jumps": 1,
-        "cut last row": 1,
+        "truncated last row": 1,
     }
     assert recording.source.rows_dropped == 9
     left = [float(good[k].split(",")[0]) for k in range(100) if k not in (10, 11, 12, 13, 14, 20, 30, 40)]
@@ -215,7 +215,7 @@ def test_one_wild_time_stamp_does_not_cost_the_rest(tmp_path):
     [
         ([""], COLUMNS, "is empty"),
         (csv_rows(), CsvColumns(0, [1, 2]), "neither motor current nor joint torque"),
-        (csv_rows(), CsvColumns(0, [1, 2], current=[6, 7]), "have 7 columns, but the column map asks for column 7"),
+        (csv_rows(), CsvColumns(0, [1, 2], current=[6, 7]), "have 7 columns, but the column map refers to column 7"),
         (csv_rows(), CsvColumns("t", [1, 2], current=[5, 6]), "no header line"),
         (["a,b,c,d,e,f,g", *csv_rows()], CsvColumns("t", [1, 2], current=[5, 6]), "no column 't' .* a, b, c"),
         (["nan,nan,nan,nan,nan,nan,nan"] * 50, COLUMNS, "0 usable rows of 50 .50 not finite"),
@@ -258,7 +258,7 @@ def test_files_that_are_no_recording(tmp_path):
     empty.write_bytes(b"")
     with pytest.raises(RecordingError, match="empty"):
         read_recording(empty)
-    with pytest.raises(RecordingError, match="the table has no header line, so what its columns hold is not known"):
+    with pytest.raises(RecordingError, match="the table has no header line, so its columns are unknown"):
         read_recording(write_csv(tmp_path / "a.csv", csv_rows()))
     with pytest.raises(RecordingError, match="nothing was recorded"):
         read_recording(write_mcap(tmp_path / "none.mcap", []))
@@ -267,7 +267,7 @@ def test_files_that_are_no_recording(tmp_path):
 def test_another_arms_recording_is_refused(tmp_path):
     recording = read_recording(write_csv(tmp_path / "a.csv", csv_rows()), COLUMNS)
     check_joints(recording, 2)
-    with pytest.raises(RecordingError, match=r"has 2 joints, the robot has 6"):
+    with pytest.raises(RecordingError, match=r"has 2 joints, the robot 6"):
         check_joints(recording, 6)
 
 

@@ -186,7 +186,7 @@ def test_the_sentence_says_what_is_not_determined(clear):
         return headline(replace(result, determined=known, interval_95=interval)).replace(NO_BREAK, " ")
 
     assert without(0).startswith("The mass of the payload is not determined by these data. Its centre")
-    assert without(1, 3).endswith("Where it lies along x and z is not determined.")
+    assert without(1, 3).endswith("Its position along x and z is not determined.")
     assert "x =" not in without(1, 3)
     assert without(0, 1, 2, 3) == (
         "The mass of the payload is not determined by these data. Its centre of mass is not determined."
@@ -249,7 +249,7 @@ def test_plain_and_reported_are_both_shown_where_they_differ(bare, full, noisy):
     mass = rows[0]
     assert number(mass[3]) == pytest.approx(noisy.plain_parameters.mass_kg, abs=0.6 * 10.0 ** -decimals(mass[3]))
     assert number(mass[4]) == pytest.approx(noisy.parameters.mass_kg, abs=0.6 * 10.0 ** -decimals(mass[4]))
-    assert "a body that can exist" in full.text
+    assert "is physically possible and is reported unchanged" in full.text
     assert full.table("possible") == []
 
 
@@ -259,7 +259,7 @@ def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy, without_cur
     blind = subject(noisy)
     blind = replace(blind, payload=replace(blind.payload, determined=np.zeros(10, bool)))
     text = Page(render_report(blind, ReportContent.of_identification(noisy))).text
-    assert 0 < text.index("Do not feed this payload forward") < text.index(noisy.notes[0][1:])
+    assert 0 < text.index("Do not use this payload for feed-forward") < text.index(noisy.notes[0][1:])
 
 
 def test_the_joint_table_has_noise_and_residual_of_both_runs(full, clear, validation):
@@ -391,14 +391,16 @@ def test_provenance_is_complete(full, clear):
 
 
 def test_dropped_rows_and_further_recordings_are_listed(clear):
-    lossy = replace(clear.sources[0], rows_dropped=3, reasons={"not finite": 2, "cut last row": 1}, truncated=True)
+    lossy = replace(
+        clear.sources[0], rows_dropped=3, reasons={"not finite": 2, "truncated last row": 1}, truncated=True
+    )
     about = subject(clear)
     more = {**about.payload.provenance.recordings_sha256, "loaded_validation.mcap": "d" * 64}
     about = replace(
         about, payload=replace(about.payload, provenance=replace(about.payload.provenance, recordings_sha256=more))
     )
     rows = file_rows((lossy, clear.sources[1]), (), about.payload.provenance)
-    assert rows[0].rows.endswith("3 dropped (2 not finite, 1 cut last row)")
+    assert rows[0].rows.endswith("3 dropped (2 not finite, 1 truncated last row)")
     assert rows[0].details.endswith("ends early")
     assert (rows[2].name, rows[2].sha256) == ("loaded_validation.mcap", "d" * 64)
     assert len(rows) == 3

@@ -37,7 +37,7 @@ def no_file(request, tmp_path) -> tuple[Path, str]:
     elif request.param == "endless":
         path = Path("/dev/zero")
     said = {"folder": "Is a directory", "absent": "No such file or directory"}
-    return path, said.get(request.param, "a pipe or device, no regular file")
+    return path, said.get(request.param, "a pipe or device, not a regular file")
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_pipes_devices_and_folders_are_refused_at_once(no_file, read):
     with pytest.raises(OSError, match=said):
         read_whole(path)
     if path.is_dir() and read not in {read_payload, read_run_table}:
-        said = "a folder of no known format"
+        said = "a folder of unknown format"
     with pytest.raises(IdentificationError, match=said) as caught:
         read(path)
     assert str(path) in str(caught.value)

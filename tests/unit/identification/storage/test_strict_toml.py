@@ -91,40 +91,39 @@ def test_what_is_right_is_read():
             "velocity_max_rad_s = 300",
             "arm.toml: joints[2].velocity_max_rad_s is 300.0: expected rad/s, not degrees",
         ),
-        ('name = "b"', 'name = ""', "arm.toml: joints[2].name is '': expected a text that is not empty"),
+        ('name = "b"', 'name = ""', "arm.toml: joints[2].name is '': expected text that is not empty"),
         (
             'name = "b"',
             "name = 1979-05-27",
-            "arm.toml: joints[2].name is datetime.date(1979, 5, 27): expected a text in quotes",
+            "arm.toml: joints[2].name is datetime.date(1979, 5, 27): expected text in quotes",
         ),
         ("node_id = 2", "", "arm.toml: joints[2].drive.node_id is missing: it is required"),
         (
             "velocity_max_rad_s = 3",
             "velocity_max_rads = 3",
-            "arm.toml: joints[2].velocity_max_rad_s is missing: it is required; velocity_max_rads is there, which is "
-            "unknown: rename it",
+            "arm.toml: joints[2].velocity_max_rad_s is missing: it is required; velocity_max_rads is an unknown key: "
+            "rename it",
         ),
         (
             'name = "b"',
             'name = "b"\njerk_max = 3.0',
-            "arm.toml: joints[2].jerk_max is 3.0: unknown, there is no such key: did you mean jerk_max_rad_s3?",
+            "arm.toml: joints[2].jerk_max is 3.0: unknown key: did you mean jerk_max_rad_s3?",
         ),
         (
             "[joints.drive]",
             "[joints.drives]",
-            "arm.toml: joints[2].drives is refused: unknown, there is no such key: did you mean drive?",
+            "arm.toml: joints[2].drives is refused: unknown key: did you mean drive?",
         ),
         (
             "rated_current_a = 1.0",
             "rated_current_a = 1.0\njerk_max_rad_s3 = 3.0",
-            "arm.toml: joints[2].drive.jerk_max_rad_s3 is 3.0: unknown, there is no such key here: "
-            "it belongs to joints",
+            "arm.toml: joints[2].drive.jerk_max_rad_s3 is 3.0: unknown key here: it belongs to joints",
         ),
         (
             "rated_current_a = 1.0",
             "rated_current_a = 1.0\n[tools.name]\nnode_id = 3\nrated_current = 1.0",
-            "arm.toml: tools.name.rated_current_a is missing: it is required; rated_current is there, which is "
-            "unknown: rename it",
+            "arm.toml: tools.name.rated_current_a is missing: it is required; rated_current is an unknown key: rename "
+            "it",
         ),
         (
             "rated_current_a = 1.0",
@@ -154,7 +153,7 @@ def test_a_list_of_numbers_holds_finite_numbers(value):
 @pytest.mark.parametrize("value", ["[]", "[[]]", "[[1.0], [1.0, 2.0]]", "[1.0]", "[[1.0], [inf]]", '"x"'])
 def test_rows_of_numbers_are_of_one_length(value):
     error = refused(f"rows = {value}\n{GOOD}")
-    assert (error.key, error.expected) == ("rows", "expected lists of finite numbers, all of one length")
+    assert (error.key, error.expected) == ("rows", "expected lists of finite numbers, all of the same length")
 
 
 HOSTILE = {
@@ -188,7 +187,7 @@ def test_a_hostile_file_is_one_short_sentence(content):
 def test_what_is_no_utf_8_is_one_sentence(tmp_path, data):
     path = tmp_path / "arm.toml"
     path.write_bytes(data)
-    with pytest.raises(FileError, match=r"arm\.toml: cannot be read: no UTF-8, .* at byte \d+$"):
+    with pytest.raises(FileError, match=r"arm\.toml: cannot be read: not UTF-8, .* at byte \d+$"):
         read_text(path, FileError)
 
 

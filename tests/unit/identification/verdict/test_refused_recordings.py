@@ -97,14 +97,14 @@ def same(table):
     [
         (lambda t: t * np.nan, same, "0 usable rows"),
         (scaled(CURRENT, 0.0), same, "every column of current_a is constant"),
-        (scaled(CURRENT, 0.0, 2), same, "joint 3 moves, but its current or torque is always -?0"),
+        (scaled(CURRENT, 0.0, 2), same, "joint 3 moves, but its current or torque is constant at -?0"),
         (scaled(POSITION, 0.0), same, "no joint moves"),
         (scaled(POSITION, 180.0 / np.pi), scaled(POSITION, 180.0 / np.pi), "look like degrees"),
         (swapped(POSITION), same, "not of the same trajectory"),
         (scaled(CURRENT, -1.0), scaled(CURRENT, -1.0), "sign of the current or torque is flipped"),
         (scaled(CURRENT, -1.0, 4), scaled(CURRENT, -1.0, 4), "joint 5"),
-        (clipped, same, "joint 2 stays at its greatest value"),
-        (same, clipped, "joint 2 stays at its greatest value"),
+        (clipped, same, "joint 2 stays at its maximum"),
+        (same, clipped, "joint 2 stays at its maximum"),
         (lambda t: t[:15], same, "15 usable rows"),
         (lambda t: t[::-1], same, "1 usable rows"),
     ],
@@ -153,7 +153,7 @@ def test_one_period_only_is_used_and_told(pinocchio_arm):
     trajectory = pinocchio_arm.trajectory()
     pair = [pinocchio_arm.run(trajectory, load, seed=35 + load, periods=1) for load in (True, False)]
     result = identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission)
-    assert any("one period only" in note for note in result.notes)
+    assert any("contains only one period" in note for note in result.notes)
     assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.01)
 
 
@@ -204,8 +204,8 @@ def test_a_run_that_was_cut_short_is_used_as_far_as_it_goes(pinocchio_arm, cut_r
     result = identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
     assert result.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.02)
     for rows, said in (
-        (60, "share 0.59 s of their excitation, as .* ends there: the file is cut short"),
-        (1, "cut short"),
+        (60, "share 0.59 s of their excitation, because .* ends there: the file is truncated"),
+        (1, "truncated"),
     ):
         runs[cut_run] = replace(
             short.rows(slice(0, rows + 20)), phase_s=short.phase_s[: rows + 20].copy(), source=runs[cut_run].source

@@ -194,7 +194,7 @@ def test_saturation(value, kind, held):
 
 @pytest.mark.parametrize("key", ["counts_per_rad", "rated_torque_nm", "rated_current_a"])
 def test_a_scale_that_only_the_drive_knows_is_not_there_before_connecting(key):
-    with pytest.raises(CommandError, match=r"joint_1: .* known before it is connected"):
+    with pytest.raises(CommandError, match=r"joint_1: .* unknown until it is connected"):
         AxisUnits.of(replace(drive(1), **{key: None}))
 
 

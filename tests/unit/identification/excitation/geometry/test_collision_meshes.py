@@ -128,7 +128,7 @@ def test_a_way_through_the_table_is_seen_however_short_the_touch(meshes):
     ("changes", "text"),
     [
         ({"names": tuple(f"axis_{i}" for i in range(6))}, "moving joints none; expected prbt_joint_1"),
-        ({"lift_m": 0.05}, r"prbt_joint_2 turns about another line than \[kinematics\] says, 0.050 m"),
+        ({"lift_m": 0.05}, r"prbt_joint_2 turns about an axis that differs from the one in \[kinematics\], 0.050 m"),
         ({"more": "<nonsense>"}, "Expected a URDF"),
         ({"touching": (("tool", "hand"),)}, "no link 'hand' with a collision geometry; those that have one: base"),
     ],

@@ -233,14 +233,14 @@ def test_messages_of_ros2_control(bag, store, header, plugin):
 def test_bags_that_cannot_be_read_are_refused_in_a_sentence(bag, state, store, tmp_path):
     text = "std_msgs/msg/String"
     talk = [("/chatter", text, START_NS + k, store.types[text]("hello")) for k in range(5)]
-    with pytest.raises(RecordingError, match="no positions of joints; it has std_msgs/msg/String"):
+    with pytest.raises(RecordingError, match="no joint positions; it has std_msgs/msg/String"):
         read_recording(bag(talk, name="talk"))
     path = bag(states(state), StoragePlugin.SQLITE3)
     (file,) = path.glob("*.db3")
     whole = file.read_bytes()
     for damaged in (whole[:5000], whole[:100] + b"\xff" * 3000 + whole[3100:]):
         file.write_bytes(damaged)
-        with pytest.raises(RecordingError, match=r"the bag cannot be read|no positions of joints|usable rows"):
+        with pytest.raises(RecordingError, match=r"the bag cannot be read|no joint positions|usable rows"):
             read_recording(path)
     (path / "metadata.yaml").write_text("nonsense: [")
     with pytest.raises(RecordingError, match=r"the bag cannot be read.*ros2 bag reindex"):
@@ -254,7 +254,7 @@ def test_bags_that_cannot_be_read_are_refused_in_a_sentence(bag, state, store, t
     with pytest.raises(RecordingError, match=r"no metadata.yaml and 2 storage files"):
         read_recording(tmp_path / "two")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(RecordingError, match=r"a folder of no known format.*ROS 2 bag"):
+    with pytest.raises(RecordingError, match=r"a folder of unknown format.*ROS 2 bag"):
         read_recording(tmp_path / "empty")
 
 

@@ -41,9 +41,9 @@ def test_an_archive_of_arrays(tmp_path, save):
     ("arrays", "said"),
     [
         ({"time_s": TIME, "torque_nm": TORQUE}, "no array position_rad; the archive has time_s, torque_nm"),
-        ({"time_s": TIME, "position_rad": POSITION, "torque_nm": TORQUE[:50]}, r"torque_nm has the shape \(50, 3\)"),
-        ({"time_s": TIME, "position_rad": np.ascontiguousarray(POSITION.T), "torque_nm": TORQUE}, "the shape"),
-        ({"time_s": TIME, "position_rad": TIME}, "the shape"),
+        ({"time_s": TIME, "position_rad": POSITION, "torque_nm": TORQUE[:50]}, r"torque_nm has shape \(50, 3\)"),
+        ({"time_s": TIME, "position_rad": np.ascontiguousarray(POSITION.T), "torque_nm": TORQUE}, "shape"),
+        ({"time_s": TIME, "position_rad": TIME}, "shape"),
         ({"time_s": TIME, "position_rad": np.asfortranarray(POSITION), "torque_nm": TORQUE}, "row by row"),
         ({"time_s": TIME, "position_rad": POSITION + 1j, "torque_nm": TORQUE}, "real numbers"),
         ({"time_s": TIME, "position_rad": POSITION}, "neither motor current nor joint torque"),
@@ -59,7 +59,7 @@ def test_arrays_that_are_no_recording_are_refused(tmp_path, arrays, said):
 def test_objects_are_not_unpickled_and_damage_is_named(tmp_path):
     path = tmp_path / "run.npz"
     np.savez(path, time_s=np.array([{"a": 1}], dtype=object), position_rad=POSITION)
-    with pytest.raises(RecordingError, match=r"run\.npz: no archive of arrays"):
+    with pytest.raises(RecordingError, match=r"run\.npz: not an archive of"):
         read_recording(path)
     np.savez_compressed(path, time_s=TIME, position_rad=POSITION, torque_nm=TORQUE)
     whole = path.read_bytes()
@@ -74,7 +74,7 @@ def test_objects_are_not_unpickled_and_damage_is_named(tmp_path):
         except AssertionError:
             pass
     path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(RecordingError, match="no archive of arrays"):
+    with pytest.raises(RecordingError, match="not an archive of"):
         read_recording(path)
 
 
@@ -94,7 +94,7 @@ def test_a_parquet_table_with_a_column_for_each_joint(tmp_path):
     with pytest.raises(RecordingError, match="no column tau9; there are t, q1"):
         read_recording(path, CsvColumns(0, [1, 2, 3], torque=["tau1", "tau2", "tau9"]))
     pq.write_table(pa.table({"a": TIME}), path)
-    with pytest.raises(RecordingError, match="no column of the time"):
+    with pytest.raises(RecordingError, match="no time column"):
         read_recording(path)
 
 
@@ -148,7 +148,7 @@ def test_a_file_without_episodes_has_none_to_choose(tmp_path):
         read_recording(path, episode=0)
     log = tmp_path / "run.csv"
     log.write_text("t,q1\n0,0\n")
-    with pytest.raises(RecordingError, match=r"run\.csv: has no episodes.*Leave --episode out"):
+    with pytest.raises(RecordingError, match=r"run\.csv: has no episodes.*Omit --episode"):
         read_recording(log, episode=0)
 
 

@@ -61,7 +61,7 @@ def test_the_tools_path_and_what_is_in_the_way_are_seen_from_two_sides(figure, a
 
 
 def test_the_share_of_every_limit_is_told(figure, arm, excitation):
-    axes = axes_titled(figure, "used of each limit")
+    axes = axes_titled(figure, "use of each limit")
     envelope = arm.envelope(0.1, 0.7, 0.8)
     room = envelope.margins(excitation.trajectory)
     told = np.array([int(text.get_text()) for text in axes.texts]).reshape(6, 5)
