@@ -28,11 +28,11 @@ def main() -> int:
     real_currents.run(tally, census)
     operating_curve.run_measured(tally)
     arm_calibration.run_measured(tally)
-    pair_coverage.run(tally)
     any_motion.run_measured(tally)
     adapting.run(tally)
     with workers() as pool:
         speed.run(tally, pool)
+        pair_coverage.run(tally, pool)
         arm_calibration.run_simulated(tally, pool)
         any_motion_simulated.run(tally, pool)
         other_payloads.run(tally, pool, Twin.NORMATIVE, census)

@@ -6,12 +6,14 @@ Alone: `python -m benchmarks.pair_coverage`.
 from __future__ import annotations
 
 import sys
+from concurrent.futures import Executor
 
 import numpy as np
 
 from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.pipeline.payload_identification import identify
 from benchmarks.sagging_panda import PAYLOAD, Effects, SaggingPanda, chain, nominal_transmission
+from benchmarks.trials import workers
 from benchmarks.verdict import Tally
 
 SEEDS = 20
@@ -24,7 +26,7 @@ QUIET = 0.2
 """Share of the noise at which what the model leaves shows most."""
 
 
-def run(tally: Tally) -> None:
+def run(tally: Tally, pool: Executor) -> None:
     """Intervals with exact and with nominal gains, and a gain that is 5 % off."""
     tally.heading(f"Coverage under sag, friction, delay and coloured noise: seven joints, {SEEDS} seeds each")
     print(
@@ -52,24 +54,13 @@ def run(tally: Tally) -> None:
         if spread == 0.0:
             tally.judge("exact gains that are taken for nominal raise no alarm", f"{alarms} of {SEEDS}", alarms == 0)
     for noise in (QUIET, 1.0):
-        _off(tally, noise)
+        _off(tally, pool, noise)
 
 
-def _off(tally: Tally, noise: float) -> None:
-    """One gain 5 % off."""
-    panda = SaggingPanda(Effects(noise=noise))
-    named, wrongly, held = (np.zeros(chain().n, dtype=int) for _ in range(3))
-    for joint in range(chain().n):
-        for seed in range(SEEDS):
-            error = np.zeros(chain().n)
-            error[joint] = OFF * (-1.0) ** seed
-            pair = panda.pair(seed, error, with_phase=True)
-            gains = identify(*pair, chain(), nominal_transmission(exact=False)).gains
-            if gains is None:
-                continue
-            named[joint] += gains.contradicted[joint]
-            wrongly[joint] += np.count_nonzero(np.delete(gains.contradicted, joint))
-            held[joint] += abs(gains.log_gain[joint] - np.log1p(error[joint])) <= gains.half_width_95[joint]
+def _off(tally: Tally, pool: Executor, noise: float) -> None:
+    """One gain 5 % off, joint by joint."""
+    counts = [pool.submit(_one_off, joint, noise) for joint in range(chain().n)]
+    named, wrongly, held = np.array([count.result() for count in counts]).T
     text = f"{named} of {SEEDS} named, {wrongly.sum()} others, {held} intervals"
     if noise == QUIET:
         least = np.minimum(named, held)[list(CARRYING)].min()
@@ -83,10 +74,28 @@ def _off(tally: Tally, noise: float) -> None:
         tally.judge(f"the same with {noise / QUIET:.0f} times the noise: no other is named", text, not wrongly.any())
 
 
+def _one_off(joint: int, noise: float) -> tuple[int, int, int]:
+    """How often it is named, another is, and its interval holds."""
+    panda = SaggingPanda(Effects(noise=noise))
+    named = wrongly = held = 0
+    for seed in range(SEEDS):
+        error = np.zeros(chain().n)
+        error[joint] = OFF * (-1.0) ** seed
+        pair = panda.pair(seed, error, with_phase=True)
+        gains = identify(*pair, chain(), nominal_transmission(exact=False)).gains
+        if gains is None:
+            continue
+        named += bool(gains.contradicted[joint])
+        wrongly += int(np.count_nonzero(np.delete(gains.contradicted, joint)))
+        held += bool(abs(gains.log_gain[joint] - np.log1p(error[joint])) <= gains.half_width_95[joint])
+    return named, wrongly, held
+
+
 def main() -> int:
     """Run this part alone."""
     tally = Tally()
-    run(tally)
+    with workers() as pool:
+        run(tally, pool)
     return tally.finish()
 
 

@@ -55,10 +55,13 @@ _MATTERS: Final = 0.03
 """Friction of one pair of runs is read as a gain of this size: on the UR10e, 0.962 to 1.037 at one joint."""
 _NINE_OF_TEN: Final = 1.28
 _SUSPECT: Final = 0.5
-"""Share of what would be off, beyond which a gain is tried as unknown."""
+"""Share of what is named, beyond which a gain is tried as unknown."""
+_MEASURED: Final = 2.0
+"""Deviations that were assumed, to which a pair must measure a gain for that."""
 _MINORITY: Final = 3
 """One axis in so many may be contradicted."""
 _ITERATIONS: Final = 12
+_ROUGH_ITERATIONS: Final = 2
 _SETTLED: Final = 1e-6
 
 
@@ -117,26 +120,19 @@ def fit_with_gains(
     covariance, contradicted = assumed.copy(), np.zeros(len(assumed), dtype=bool)
     found = system.solve(covariance)
     while _MINORITY * (np.count_nonzero(contradicted) + 1) <= len(assumed):
-        suspects = ~contradicted & (system.size(found, covariance) > _SUSPECT)
-        if not suspects.any():
+        suspicion = np.where(contradicted, 0.0, system.suspicion(found, covariance))
+        worst = int(np.argmax(suspicion))
+        if suspicion[worst] < _SUSPECT:
             break
-        freed = [(_freed(covariance, axis), axis) for axis in range(len(assumed)) if suspects[axis]]
-        trials = [(system.solve_freed(free, found), free, axis) for free, axis in freed]
-        excess = [system.excess(trial, free)[axis] for trial, free, axis in trials]
-        worst = int(np.argmax(excess))
-        if excess[worst] <= 1.0:
+        freed = covariance.copy()
+        freed[worst], freed[:, worst] = 0.0, 0.0
+        freed[worst, worst] = UNKNOWN_DEVIATION**2
+        trial = system.solve_freed(freed, found)
+        if system.excess(trial, freed)[worst] <= 1.0:
             break
-        found, covariance, axis = trials[worst]
-        contradicted[axis] = True
+        found, covariance = trial, freed
+        contradicted[worst] = True
     return found.fit, system.friction(found, arm), system.gains(found, covariance, contradicted), found.signal
-
-
-def _freed(covariance: FloatArray, axis: int) -> FloatArray:
-    """The covariance of the log gains with one of them unknown."""
-    free = covariance.copy()
-    free[axis], free[:, axis] = 0.0, 0.0
-    free[axis, axis] = UNKNOWN_DEVIATION**2
-    return free
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,26 +181,33 @@ class _System:
         self._worth_naming = np.maximum(_ASSUMED * transmission.deviation, _MATTERS)
         self._known_friction = np.flatnonzero(np.isfinite(friction.known_deviation[self._chosen]))
 
-    def solve_freed(self, covariance: FloatArray, start: _Found) -> _Found:
-        """The same with noise of what a gain that is off no longer adds to."""
-        first = self.solve(covariance, start=start)
-        return self.solve(covariance, self._noise_of(first.fit), first)
+    def solve_freed(self, covariance: FloatArray, before: _Found) -> _Found:
+        """Another solution, by the noise that is left when a gain that is off no longer adds to it."""
+        rough = self.solve(covariance, before, iterations=_ROUGH_ITERATIONS)
+        return self.solve(covariance, rough, self._noise_of(rough.fit))
 
-    def solve(self, covariance: FloatArray, noise_nm: FloatArray | None = None, start: _Found | None = None) -> _Found:
-        """Gauss and Newton, with a covariance of all log gains.
+    def solve(
+        self,
+        covariance: FloatArray,
+        start: _Found | None = None,
+        noise_nm: FloatArray | None = None,
+        iterations: int = _ITERATIONS,
+    ) -> _Found:
+        """Gauss and Newton.
 
         Args:
-            covariance: (n, n).
-            noise_nm: (n,) noise; that of the fit before unless another is given.
-            start: Another solution, close to which this one lies.
+            covariance: (n, n) of all log gains.
+            start: Where to begin; without, at the fit with the gains as they are assumed.
+            noise_nm: (n,) noise of the joints; without, that of the same fit.
+            iterations: At most.
         """
         noise = self._noise_nm if noise_nm is None else noise_nm
         transmission, axes = self._transmission, self._axes
-        before = self._start if start is None else start.fit
-        theta, own = before.theta[:10], before.theta[10 : self._first_gain]
+        first = self._start if start is None else start.fit
+        theta, own = first.theta[:10], first.theta[10 : self._first_gain]
         log_gain = np.zeros(len(covariance)) if start is None else start.log_gain.copy()
         known = self._known(covariance)
-        for _ in range(_ITERATIONS):
+        for _ in range(iterations):
             changed = transmission.changed_by(log_gain)
             signal, columns = self._signal.with_torque_times(changed), self._columns.with_empty_times(changed)
             beside = columns.chosen(theta, self._chosen)
@@ -260,12 +263,17 @@ class _System:
         deviation[axes] = np.sqrt(after * before / (before - after))
         return value, deviation
 
-    def size(self, found: _Found, covariance: FloatArray) -> FloatArray:
-        """(n,) by how much each gain is off, in terms of what is worth naming."""
-        return np.abs(self.by_others(found, covariance)[0]) / self._worth_naming
+    def suspicion(self, found: _Found, covariance: FloatArray) -> FloatArray:
+        """(n,) excess of the gains as they are held; below 1, of a joint that the pair measures poorly, it is none.
+
+        Free, such a joint fits its friction by its gain: on the UR10e, joint 1 by 12 %.
+        """
+        excess, deviation = self.excess(found, covariance), self.by_others(found, covariance)[1]
+        poor = deviation > _MEASURED * self._transmission.deviation
+        return np.where(poor & (excess <= 1.0), 0.0, excess)
 
     def excess(self, found: _Found, covariance: FloatArray) -> FloatArray:
-        """(n,) the same, but as far as the data are sure of it: beyond 1 they contradict what was assumed."""
+        """(n,) how far each gain is off, in terms of what is named: beyond 1 the data contradict what was assumed."""
         value, deviation = self.by_others(found, covariance)
         return np.abs(value) / np.maximum(self._worth_naming, _CONTRADICTS * deviation)
 
