@@ -135,6 +135,25 @@ class FourierTrajectory:
         position, velocity, acceleration, jerk = np.split(values, 4, axis=-1)
         return FourierState(position + self.offset_rad, velocity, acceleration, jerk)
 
+    def period(self, samples: int) -> FourierState:
+        """A whole period, by a fast Fourier transform where there are enough samples for that.
+
+        Args:
+            samples: N; they are equidistant, the first is at time 0.
+
+        Returns:
+            Arrays (N, n).
+        """
+        harmonics = self.harmonics
+        if samples <= 2 * harmonics:
+            return self.evaluate(np.arange(samples) * (self.period_s / samples))
+        spectrum = np.zeros((samples // 2 + 1, self._all_orders.shape[1]), dtype=np.complex128)
+        spectrum[1 : harmonics + 1].real = self._all_orders[harmonics:]
+        spectrum[1 : harmonics + 1].imag = -self._all_orders[:harmonics]
+        values = np.fft.irfft(spectrum * (0.5 * samples), samples, axis=0)
+        position, velocity, acceleration, jerk = np.split(values, 4, axis=-1)
+        return FourierState(position + self.offset_rad, velocity, acceleration, jerk)
+
     def bounds(self) -> FourierBounds:
         """What the motion never exceeds, between samples too, at most 5e-6 of the amplitude too wide.
 

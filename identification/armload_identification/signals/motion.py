@@ -182,7 +182,7 @@ def average_period(run: Recording, transmission: Transmission, phases: int) -> M
     if run.average is not None:
         periods, scatter = run.average.periods, _scatter_of(run, run.average, transmission)
     time_s = np.arange(phases) / phases * folded.period_s
-    state = folded.motion.evaluate(time_s)
+    state = folded.motion.period(phases)
     smoothed = smooth(folded.torque_nm)
     noise = white_noise(torque) if scatter is None else scatter
     return Motion(

@@ -56,6 +56,15 @@ def test_many_times_give_a_row_each():
     np.testing.assert_allclose(rows.position_rad[0], rows.position_rad[-1], atol=1e-12)
 
 
+@pytest.mark.parametrize("samples", [4, 8, 9, 10, 51])
+def test_a_period_is_what_its_samples_are_one_by_one(samples):
+    motion = trajectory()
+    period = motion.period(samples)
+    expected = motion.evaluate(np.arange(samples) * (motion.period_s / samples))
+    for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3"):
+        np.testing.assert_allclose(getattr(period, name), getattr(expected, name), rtol=0, atol=2e-13)
+
+
 @pytest.mark.parametrize("order", range(4))
 def test_the_basis_times_the_coefficients_is_the_trajectory(order):
     motion = trajectory()
