@@ -167,7 +167,12 @@ def _on_known_arm(
 
 
 def _model_doubts(signal: LoadSignal, fit: Estimate, arm: KnownArm) -> FloatArray:
-    """(n, K, n) torque of one standard deviation of what the model itself is off by on each joint."""
+    """(n, K, n) torque of one standard deviation of what the model itself is off by on each joint.
+
+    None of an average period: its rows did not go through a window, and have noise that the calibration's have not.
+    """
+    if signal.periodic:
+        return np.zeros((0, *signal.torque_nm.shape))
     torque = signal.loaded.torque_nm
     level = np.sqrt(np.mean(torque[signal.valid] ** 2, axis=0))
     left = np.sqrt(np.maximum(fit.weight_1_nm**-2.0 - arm.noise_nm**2, 0.0))

@@ -84,6 +84,16 @@ def test_what_the_model_leaves_of_a_joint_widens_the_interval(pinocchio_arm, kno
     assert off.half_width_95[0] > 5.0 * usual.half_width_95[0]
 
 
+def test_the_noise_of_an_average_period_is_no_error_of_the_model(pinocchio_arm, known, loaded):
+    """Its rows are not means over a window, and so they have more noise than the calibration's."""
+    chain, transmission, arm = known
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8)
+    by_period, by_row = (
+        identify(each, None, chain, transmission, arm=arm).uncertainty.half_width_95[0] for each in (run, loaded)
+    )
+    assert by_period < 1.2 * by_row
+
+
 def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, known, loaded):
     """A cold arm: all friction a fifth more than the calibration's, ten times what its runs differ by."""
     chain, transmission, arm = known
