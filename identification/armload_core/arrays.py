@@ -8,4 +8,4 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray: TypeAlias = NDArray[np.float64]
-"""An array of float64 of any shape; shape and units are in the docstring of whoever takes or returns it."""
+"""An array of float64 of any shape; shape and units are in the docstring of the function that takes or returns it."""

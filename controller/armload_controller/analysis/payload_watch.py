@@ -211,7 +211,7 @@ class PayloadWatch:
 
 
 def follow(watch: PayloadWatch, path: Path, wait: Callable[[float], None], every_s: float) -> Iterator[WatchedMoment]:
-    """Watch a recording until it has got its name, or nobody writes into it any more.
+    """Watch a recording until it has its final name, or until it is no longer written to.
 
     Args:
         watch: Of the arm.

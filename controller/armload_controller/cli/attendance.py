@@ -1,4 +1,4 @@
-"""Whether somebody is there to be asked; loads nothing, so that help can look as well."""
+"""Whether an operator is at the terminal; loads nothing, so that help can use it too."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Text from a file or a drive, made so that it can do no more than be read.
 
-Names, messages and paths come from files and drives that nobody vouches for. A control character among them would
+Names, messages and paths come from untrusted files and drives. A control character among them would
 move the cursor, hide a line or write the window's title.
 """
 

@@ -130,7 +130,7 @@ class RobotDrives:
 
     @staticmethod
     def _reports_torque(joint: JointTable) -> bool:
-        """Whether recordings of a joint hold torque: its drive says so, or nothing is known of a motor."""
+        """Whether recordings of a joint contain torque: its drive reports it, or nothing is known about a motor."""
         if joint.drive is not None:
             return joint.drive.feedback == "torque"
         return joint.gear_ratio is None and joint.torque_constant_nm_a is None

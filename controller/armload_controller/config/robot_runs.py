@@ -116,7 +116,7 @@ def _mounting_of(recording: Recording) -> str:
 
 
 def _weighed_as_recorded(runs: Sequence[MountedRun]) -> dict[str, WeighedPayload]:
-    """What was said of the payloads when they were recorded."""
+    """What the recordings state about their payloads."""
     said = {run.mounting: run.recording.source.run().get("mass_kg") for run in runs if run.mounting}
     return {name: WeighedPayload(float(mass_kg)) for name, mass_kg in said.items() if mass_kg is not None}
 

@@ -77,7 +77,7 @@ class RobotSource:
         """The same with some of the file's tables replaced.
 
         Args:
-            tables: Table by its key; checked by whoever makes it.
+            tables: Table by its key; checked by the caller.
         """
         return replace(self, tables=self.tables.model_copy(update=tables))
 

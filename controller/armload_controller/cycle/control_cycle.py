@@ -167,7 +167,7 @@ class PoweredArm:
             progress: Called with the share that is over.
 
         Raises:
-            StopRequested: somebody asked for it; the arm is at rest on the path, still powered.
+            StopRequested: a stop was requested; the arm is at rest on the path, still powered.
             ControlError: something went wrong. `Cycle.powered` brings the arm to rest.
         """
         self._interpolator = interpolator = LegInterpolator(leg.leg, self._servos.cycle_s, self._control)
@@ -181,7 +181,7 @@ class PoweredArm:
         """Stand still until something is over; plug-ins go on.
 
         Raises:
-            StopRequested: somebody asked for it.
+            StopRequested: a stop was requested.
         """
         while not done():
             self._exchange(self._standing())

@@ -179,7 +179,7 @@ class Recorder:
             raise self._failed(error) from error
 
     def _require_there(self) -> None:
-        """Refuse to go on writing a file that nobody will find.
+        """Refuse to continue writing a file that was removed.
 
         Raises:
             RecordingFailed: it was removed, or its folder was.

@@ -6,7 +6,7 @@ An estimate is fed forward while none of these speaks against it, and dropped as
     mass known within half of it                    so that added torque at least halves what is wrong
     moment known within `MOMENT_SHARE` of that of   likewise, on the wrist
       the rated payload at 0.1 m
-    its interval within what was declared           a payload that nobody expects is not carried along
+    its interval within what was declared           an unexpected payload is not compensated
       which is at most `RATED_SHARE` of the rated payload
     centre of mass at most `REACH_M` away           no tool reaches further
     friction not far from the calibration's         else the arm is not the one that was calibrated

@@ -34,7 +34,7 @@ class RowStore:
     """The rows of a fleet in a folder, for one writer at a time.
 
     Args:
-        folder: It exists, and nobody else writes there; `session.folder_claim` sees to that.
+        folder: It exists, and no other process writes there; `session.folder_claim` ensures this.
         rows_per_part: Rows that a journal holds at most.
 
     Raises:

@@ -4,8 +4,8 @@ At most as many jobs are handed out as there are threads, and one more each is o
 costs what it was doing and memory does not grow with the table. Dask starts a killed worker again and does its job once
 more; a job that takes its worker with it three times over becomes a row of its own.
 
-A cluster of this machine listens on loopback alone. Whoever reaches a scheduler runs programs as its user: one on a
-network belongs behind `tls://` with certificates, which Dask takes from its own configuration.
+A cluster of this machine listens on loopback alone. Anyone who can connect to a scheduler can run programs as its user:
+one on a network belongs behind `tls://` with certificates, which Dask takes from its own configuration.
 """
 
 from __future__ import annotations

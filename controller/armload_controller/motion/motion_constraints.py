@@ -1,4 +1,4 @@
-"""What every motion of an arm must respect, whoever commands it."""
+"""Constraints on every motion of an arm, under any master."""
 
 from __future__ import annotations
 

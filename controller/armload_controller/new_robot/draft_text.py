@@ -1,7 +1,7 @@
 """The text of a first robot file, and the list of what could not be known.
 
 Three kinds of value: known, from the URDF, the bus or answers; `# assumed`, which is safe to begin with and must be
-checked; and a HOLE, a text where a number belongs, so that the file is refused until somebody fills it in.
+checked; and a HOLE, text instead of a number, so that the file is refused until it is filled in.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ def recorder_of(robot: Robot, path: Path, load: Load | None) -> Recorder:
     Args:
         robot: The arm.
         path: File to write; it must not exist.
-        load: What the arm carries, where somebody says so.
+        load: What the arm carries, if stated by the user.
 
     Raises:
         CommissioningError: the file exists or cannot be written.

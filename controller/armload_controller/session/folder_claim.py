@@ -15,7 +15,7 @@ from armload_controller.control_errors import CommissioningError
 def claimed(directory: Path, work: str = "commissioning") -> Iterator[None]:
     """Keep others out of a folder while the block lasts; no file is left, not even after kill -9.
 
-    Some network file systems lock no folders; there nobody is kept out.
+    Some network file systems cannot lock folders; there is no exclusion on them.
 
     Args:
         directory: The folder; it exists.

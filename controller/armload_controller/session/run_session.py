@@ -282,7 +282,7 @@ class RunSession:
         robot = self._robot
         gate = TorqueGate(robot.limits.added_torque_max_nm, self.servos.cycle_s)
         every = [*plugins, *self._plugins, *self._operator.watching]
-        # In virtual time a plug-in keeps nobody waiting: what a busy computer does meanwhile is not its own.
+        # In virtual time a slow plug-in delays nothing, and a busy computer must not be blamed on it.
         stopwatch = time.thread_time if robot.bus.in_virtual_time else time.perf_counter
         return Cycle(self.servos, robot.limits.motion, gate, self._operator.control, every, stopwatch)
 

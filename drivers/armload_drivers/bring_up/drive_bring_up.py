@@ -89,10 +89,10 @@ class DriveSetup(DriveDialogue):
         self._safety: tuple[SafetyFinding, ...] = ()
 
     def identify_before_reset(self) -> None:
-        """Know who is there before anything is sent that changes something; only reads.
+        """Identify the node before anything is sent that changes it; only reads.
 
         Raises:
-            ServoTimeout: only a simulation is allowed here, and the node does not answer: it could be anybody.
+            ServoTimeout: only a simulation is allowed here, and the node does not answer: it could be any device.
             WrongDevice: it answers and is another device.
             ServoError: an SDO failed.
         """

@@ -166,7 +166,7 @@ def _identify(setup: DriveSetup, rows: list[Check]) -> bool | None:
 
 
 def _is_anonymous(setup: DriveSetup, found: Identity) -> bool:
-    """Whether a real drive answers to a configuration that would take anybody."""
+    """Whether a real drive answers to a configuration that accepts any identity."""
     settings = setup.settings
     described = settings.description is not None and settings.description.vendor_id is not None
     return settings.identity.vendor_id is None and not described and not is_simulation(found)

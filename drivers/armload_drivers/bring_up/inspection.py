@@ -1,4 +1,4 @@
-"""Looking at drives without a cycle: who is there, how they fare. Only reads, whoever else is at work on the bus."""
+"""Inspection of drives without a cycle: which ones are present, and their status. Only reads, on a bus in use too."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class FoundNode:
 
 @dataclass(frozen=True, slots=True)
 class DriveStatus:
-    """How one drive fares.
+    """Status of one drive.
 
     Attributes:
         joint: Name of the joint.
@@ -79,7 +79,7 @@ class DriveStatus:
 
 @dataclass(frozen=True, slots=True)
 class ArmStatus:
-    """How an arm and its bus fare.
+    """Status of an arm and its bus.
 
     Attributes:
         drives: One entry per joint.
@@ -133,7 +133,7 @@ def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNo
 
 
 def show(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None, listen_s: float = LISTEN_S) -> ArmStatus:
-    """How the drives of an arm fare. Only reads, so it may be used while another program moves the arm.
+    """Status of the drives of an arm. Only reads, so it may be used while another program moves the arm.
 
     Raises:
         BusError: the bus failed.
@@ -148,7 +148,7 @@ def show(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None, li
 
 
 def _status(setup: DriveSetup, limits: Timeouts) -> DriveStatus:
-    """How one drive fares."""
+    """Status of one drive."""
     joint, node_id = setup.settings.joint, setup.settings.node_id
     unit = "A" if setup.settings.feedback is EffortFeedback.CURRENT else "N m"
     try:

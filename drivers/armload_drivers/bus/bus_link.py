@@ -1,10 +1,10 @@
 """The master's end of the bus: one thread sends and receives, and errors of the bus have names.
 
-There is no receive thread that could die unseen. Whoever waits for something pumps the bus meanwhile; frames
+There is no receive thread that could die unseen. Any wait pumps the bus meanwhile; frames
 go to the handlers subscribed by COB-ID. Exceptions of python-can are translated here and nowhere else.
 
 On SocketCAN the controller reports errors as error frames; python-can's own `state` never leaves ACTIVE
-there. Bus-off ends everything; error passive and warnings are kept for whoever asks.
+there. Bus-off ends everything; error passive and warnings are recorded.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ class SdoChannel:
         timeout_s: Limit of one request.
 
     Attributes:
-        step: What is being done, for errors; whoever uses the channel sets it.
+        step: What is being done, for errors; set by the user of the channel.
     """
 
     def __init__(self, node_id: int, joint: str, link: BusLink, timeout_s: float) -> None:

@@ -1,8 +1,8 @@
 """Frames that only the master of an arm may send, sent by another node.
 
-A second master is the one fault that no drive notices: it obeys both. Whoever commands the nodes (NMT), their
-setpoints, SYNC, or uses the master's node id, stops this master; whoever reads and writes objects is named in
-the next error, because a drive that behaves strangely was most often commanded to.
+A second master is the one fault that no drive notices: it obeys both. A node that commands the nodes (NMT), sends
+setpoints or SYNC, or uses the master's node id stops this master; a node that reads or writes objects is named in the
+next error, because a drive that behaves strangely was most often commanded to.
 """
 
 from __future__ import annotations

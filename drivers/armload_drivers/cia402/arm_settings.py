@@ -119,7 +119,7 @@ class DriveSettings:
         accept_missing: Properties that safety rests on and that this drive may lack all the same, by name.
         description: The vendor's device description, where there is one.
         temperature: The vendor's object for a temperature, where one is shown.
-        torque_limit_in_drive: `max_torque_permille` is set in the drive by other means, and nobody can read it.
+        torque_limit_in_drive: `max_torque_permille` is set in the drive by other means and cannot be read.
         vendor_settings: Vendor's objects that give properties that safety rests on.
         torque_offset_bits: Size of 60B2, 16 or 32.
         pdo_objects_max: So many objects fit one PDO, whatever their size.

@@ -2,11 +2,11 @@
 
 Rules of this file:
 - All endpoints of a wire hear all frames of the others, in one order, the order of sending.
-- `send` returns when every listener has acted on the frame, and on whatever was sent because of it. So whoever sends
+- `send` returns when every listener has acted on the frame, and on whatever was sent because of it. So the sender
   a SYNC finds the answers in its queue, and the same frames give the same answers in every run.
 - An endpoint without a listener keeps its frames for `recv`. While it waits no other endpoint acts, so nothing can
   arrive: a wait is over at once, as if its time had passed, and a time-out costs no time.
-- An exception of a listener, or a signal in the middle of it, reaches whoever sends; the frames not yet delivered are
+- An exception of a listener, or a signal in the middle of it, reaches the sender; the frames not yet delivered are
   delivered by the next `send`.
 
 What is not modelled: bit rate, arbitration, errors, time stamps (they are 0).

@@ -10,7 +10,7 @@ from armload_drivers.driver_errors import SimulationError
 class VirtualClock:
     """A clock that stands still until it is advanced.
 
-    `LockstepSync` advances it by one cycle before every SYNC. Whoever reads it at a SYNC gets the same time
+    `LockstepSync` advances it by one cycle before every SYNC. Every reader at a SYNC gets the same time
     in every run, which makes a simulation repeatable. Time is kept in whole nanoseconds, so that a million
     cycles of 4 ms are 4000 s exactly.
     """

@@ -236,7 +236,7 @@ static int skip_scalar(text *json)
            || take_decimal(json, &number);
 }
 
-/* Skip what nobody asked for: a scalar, or a list of scalars. */
+/* Skip values that were not requested: a scalar, or a list of scalars. */
 static int skip_value(text *json)
 {
     if (json->at == json->end || *json->at != '[') {

@@ -275,7 +275,7 @@ class _Calibration:
 
     def _refuse_other_mounting(self) -> None:
         """Raise where the runs say that the arm hangs otherwise than was entered."""
-        # Loaded runs first: what they carry has weight that nobody can turn round.
+        # Loaded runs first: the sign of their payload's weight is certain.
         order = sorted(range(len(self._used)), key=lambda index: not self._used[index].mounting)[:_TRIED_RUNS]
 
         def left(chain: Chain, turned: Callable[[RunSignals], RunSignals] = lambda run: run) -> FloatArray:

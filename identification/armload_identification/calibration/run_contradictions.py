@@ -87,7 +87,7 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
         arm: As the other runs have it.
         run: The run that contradicts them.
         mounting: What it is said to carry; empty for nothing.
-        mass_kg: The mass that is said of it; None where nothing is said.
+        mass_kg: The stated mass; None if not stated.
 
     Returns:
         One sentence.
@@ -164,7 +164,7 @@ def _trial(
 
 
 def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
-    """The run with the payload that fits best but has the mass that is said of it."""
+    """The run with the payload that fits best but has the stated mass."""
     trial = _trial(arm, run, arm.chain, "", free=True)
     theta = trial.theta * mass_kg / max(float(trial.theta[0]), _LIGHT_KG)
     torque = trial.rows.payload @ (theta - trial.theta) @ arm.coupling

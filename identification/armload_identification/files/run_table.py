@@ -28,7 +28,7 @@ class TableRow:
         mounting: Name of what was carried; empty for nothing.
         mass_kg: From a scale; None where it was not weighed.
         payload: Payload file with all ten parameters known; None where there is none.
-        recorded: Date and time at which it began, ISO 8601; empty where the recording says it, or nobody does.
+        recorded: Date and time at which it began, ISO 8601; empty if the recording states it, or if unknown.
     """
 
     recording: Path

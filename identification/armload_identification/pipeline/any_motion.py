@@ -92,7 +92,7 @@ def identify_windows(
         every_s: Length of a window.
 
     Returns:
-        Whole windows from the first movement on; one that shows too little says so.
+        Whole windows from the first movement on; one with insufficient motion contains the reason.
 
     Raises:
         RecordingError: a recording that does not fit the arm, cannot be right, or is shorter than a window.

@@ -1,4 +1,4 @@
-"""What is in a recording, whoever made it, and what is missing to identify a payload from it."""
+"""The contents of a recording from any source, and what is missing to identify a payload from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a reader may be told of a file that does not say it itself."""
+"""Options of a reader for information that is not in the file."""
 
 from __future__ import annotations
 

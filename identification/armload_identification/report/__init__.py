@@ -1,1 +1,1 @@
-"""The report: an identification as one HTML page, for somebody who was not there."""
+"""The report: an identification as one HTML page, for a reader who was not present."""

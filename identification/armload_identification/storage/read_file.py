@@ -1,4 +1,4 @@
-"""Reading a file that somebody gave: at once where it is a file, and never without end."""
+"""Reading a file given by the user: regular files only, with bounded size."""
 
 from __future__ import annotations
 

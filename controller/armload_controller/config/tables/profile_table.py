@@ -1,4 +1,4 @@
-"""A profile of a drive: what is known of a product family, whoever builds it into an arm."""
+"""A profile of a drive: the properties of a product family, independent of the arm."""
 
 from __future__ import annotations
 

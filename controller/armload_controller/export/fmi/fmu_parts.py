@@ -143,7 +143,7 @@ def units(parent: ElementTree.Element) -> None:
 
 
 def log_and_experiment(parent: ElementTree.Element) -> None:
-    """The category of messages, and how the FMU is simulated where nobody says otherwise."""
+    """The category of messages, and the default simulation settings of the FMU."""
     categories = ElementTree.SubElement(parent, "LogCategories")
     ElementTree.SubElement(categories, "Category", name="logStatusError", description="reason why a call was refused")
     ElementTree.SubElement(parent, "DefaultExperiment", startTime="0", stopTime="1", stepSize="0.001")

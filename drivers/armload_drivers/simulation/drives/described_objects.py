@@ -4,7 +4,7 @@ Rules of this file:
 - Which objects there are, their types, who may write them, their limits and what a PDO may carry is what the
   description says; what it does not have is not there for SDO and PDO.
 - Values are those of the description, but for what no description can know: what is measured, and the scale of the
-  arm's motors and gears, which whoever commissioned the drive has set.
+  arm's motors and gears, which were set when the drive was commissioned.
 - Where an object is absent the drive does what the standard says of a drive without it, and nothing where the standard
   says nothing: a drive without 6007 does not react to a lost master, one without 6065 follows however far it lags.
 - What the description leaves open of its identity is that of a simulation.
@@ -57,7 +57,7 @@ _WITHOUT = {
 """What a drive does that lacks an object: no reaction to a lost master, no watch over the following error."""
 
 _NAMELESS_CURRENT_MA = 1000
-"""6075 of a motor whose rated current nobody gives."""
+"""6075 of a motor whose rated current is not given."""
 
 _PDO_PARAMETERS = range(0x1400, 0x1C00)
 _MOST_PDOS = 512

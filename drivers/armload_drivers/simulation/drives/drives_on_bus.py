@@ -3,7 +3,7 @@
 On a wall clock a thread receives, lets the drives act, and sends. It also wakes up by itself, and the plant moves on
 without SYNC, as an arm does; what SYNC makes the drives do happens when the frame came, not when the thread got round
 to it. With a `VirtualClock` there is no thread: the drives act while a frame is being sent to them, on a
-`LockstepBus`. Time is read at SYNC only: whoever sends SYNC owns the time, and the same commands give the same arm to
+`LockstepBus`. Time is read at SYNC only: the sender of SYNC owns the time, and the same commands give the same arm to
 the last bit.
 
 Faults are injected by `fail`, `drop_feedback`, `switch_off` and `switch_on`, from any thread; they take effect before
@@ -205,7 +205,7 @@ class SimulatedDrives:
             drive.switch_on(self._now_s)
 
     def _act(self, message: can.Message) -> None:
-        """In lockstep: act on a frame. What goes wrong ends the drives, and not whoever sent the frame."""
+        """In lockstep: act on a frame. An error ends the drives, and does not reach the sender of the frame."""
         if self._failure is not None:
             return
         try:

@@ -228,7 +228,7 @@ class PowerStage:
                 self.fail(FOLLOWING_ERROR)
 
     def _begin_stop(self, option: int) -> None:
-        """Slow down on the quick stop ramp, or let go at once where the option code says so."""
+        """Slow down on the quick stop ramp, or remove torque at once, depending on the option code."""
         if option == 0:
             self._finish_ramp()
             return

@@ -1,6 +1,6 @@
 """Blows to an arm: a few samples so far off that no noise and no friction explains them.
 
-Somebody leans on the arm, a cable catches, a brake drags for a moment. Least squares weighs by the square: on one
+A person leans on the arm, a cable catches, a brake drags for a moment. Least squares weighs by the square: on one
 shared UR10e run a blow of 0.3 s moves the payload's mass by 0.4 % and widens its interval by a third.
 """
 
