@@ -4,7 +4,7 @@ Distinct pairs of the shipped arms, 30 s a run: the simulated arm's steady perio
 errors of their own, as the recorder writes them. In the last part one file in a hundred is damaged, a worker is killed
 and then the coordinator, both with SIGKILL, and a second run ends the work.
 
-    python -m benchmarks.fleet [PAIRS] [--folder FOLDER]        1,000 pairs are 3 GB of disk; a folder is used again
+    python -m benchmarks.fleet [PAIRS] [--folder FOLDER]        a folder is used again; 1,000 pairs are 1.5 GB of disk
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
+from resource import RUSAGE_CHILDREN, getrusage
 from typing import Final
 
 import numpy as np
@@ -55,6 +57,8 @@ DAMAGED_SHARE: Final = 0.01
 EFFICIENCY_LEAST: Final = 0.9
 CPU_MOST: Final = 1.3
 _ALTERNATING: Final = 12
+_LOOPS, _ROUNDS = 3, 10_000_000
+_say = partial(print, flush=True)
 _COMMAND: Final = (sys.executable, "-c", "from armload_controller.cli.entry import main; main()", "fleet", "identify")
 
 
@@ -69,11 +73,13 @@ def run(pairs: int = PAIRS, folder: Path | None = None) -> None:
         recordings = folder or Path(temporary)
         table = recordings / "jobs.csv"
         if not table.is_file():
+            begun_s = time.monotonic()
             with workers() as pool:
                 _write_all(pool, recordings, pairs)
+            _say(f"  written to {recordings} in {time.monotonic() - begun_s:.0f} s")
         pairs = len(table.read_text().splitlines()) - 1
         load = os.getloadavg()[0]
-        print(f"Fleet: {pairs} distinct pairs of {' and '.join(ROBOTS)}, 30 s a run; load of the machine {load:.1f}")
+        _say(f"Fleet: {pairs} distinct pairs of {' and '.join(ROBOTS)}, 30 s a run; load of the machine {load:.1f}")
         _compare(table, Path(temporary), pairs)
         _with_faults(table, Path(temporary), pairs)
 
@@ -89,33 +95,63 @@ class _Figures:
 def _compare(table: Path, scratch: Path, pairs: int) -> None:
     """CPU time of a job beside that of `identify`, and the fleet with one worker and two."""
     size = sum(file.stat().st_size for file in table.parent.glob("*/*.mcap"))
-    print(f"  {size / pairs / 1e6:.2f} MB a pair")
+    _say(f"  {size / pairs / 1e6:.2f} MB a pair")
     identify_s, job_s = _alternating(table)
-    print(f"  armload.identify {identify_s:.3f} s of CPU a pair, a job {job_s:.3f} s: {job_s / identify_s:.2f} x")
-    few = scratch / "few.csv"
-    lines = [line.split(",") for line in table.read_text().splitlines()[: len(ROBOTS) + 1]]
-    few.write_text("".join(",".join([*row[:2], *_absolute(table, row[2:])]) + "\n" for row in lines))
-    walls = []
-    for count in (1, 2):
-        output, start = scratch / f"rows-{count}", scratch / f"start-{count}"
-        begun, found = _fleet(few, start, count), _fleet(table, output, count)
+    _say(f"  armload.identify {identify_s:.3f} s of CPU a pair, a job {job_s:.3f} s: {job_s / identify_s:.2f} x")
+    few = _part(table, scratch / "few.csv", slice(0, len(ROBOTS)))
+    eighth = min(max(pairs // 8, 4 * len(ROBOTS)), pairs)
+    before = _part(table, scratch / "before.csv", slice(0, eighth))
+    after = _part(table, scratch / "after.csv", slice(pairs - eighth, pairs))
+    # One worker before and after two, so that what else the machine does falls on both.
+    rates: list[float] = []
+    for count, part in ((1, before), (2, table), (1, after)):
+        output, start = scratch / f"rows-{len(rates)}", scratch / f"start-{len(rates)}"
+        begun, found = _fleet(few, start, count), _fleet(part, output, count)
         rows = read_rows(output, ("outcome", "cpu_s", "wall_s"))
+        done = len(rows)
         inside = sum(row["cpu_s"] for row in rows)
         around = found.cpu_s - inside - (begun.cpu_s - sum(row["cpu_s"] for row in read_rows(start, ("cpu_s",))))
-        walls.append(found.wall_s)
-        print(
-            f"  {count} worker{'s' if count > 1 else ''}: {inside / pairs:.3f} s of CPU a pair in the jobs and "
-            f"{around / (pairs - len(ROBOTS)):.3f} s around them, {begun.cpu_s:.1f} s to start and end; "
-            f"{pairs / found.wall_s:.2f} pairs/s; {dict(Counter(row['outcome'] for row in rows))}"
-        )
+        around /= max(done - len(ROBOTS), 1)
+        rates.append(done / found.wall_s)
         busy = sum(row["wall_s"] for row in rows) / found.wall_s / count
-        print(f"    busy with a job for {busy:.0%} of the time from the first job to the last row")
-        total = job_s / identify_s + around / (pairs - len(ROBOTS)) / identify_s
-        print(f"    {total:.2f} x identify in all, at most {CPU_MOST}")
-    print(
-        f"  parallel efficiency of two workers, first job to last row: {walls[0] / walls[1] / 2:.0%} "
-        f"(at least {EFFICIENCY_LEAST:.0%} on two idle cores)"
+        _say(
+            f"  {count} worker{'s' if count > 1 else ''}, {done} pairs: {inside / done:.3f} s of CPU a pair in jobs "
+            f"and {around:.3f} s around them, {begun.cpu_s:.1f} s to start and end; {rates[-1]:.2f} pairs/s; "
+            f"{dict(Counter(row['outcome'] for row in rows))}; busy with a job for {busy:.0%} of the time; "
+            f"{(job_s + around) / identify_s:.2f} x identify in all, at most {CPU_MOST}"
+        )
+    _say(
+        f"  parallel efficiency of two workers, first job to last row: {rates[1] / (rates[0] + rates[2]):.0%} "
+        f"(at least {EFFICIENCY_LEAST:.0%} on two idle cores); of two loops of Python, which need no memory: "
+        f"{_machine_efficiency():.0%}"
     )
+
+
+def _machine_efficiency() -> float:
+    """What two processes do in the time in which one does half of it, where they share nothing but the machine."""
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        list(pool.map(_loop, [1] * 8))
+        ratios = []
+        for _ in range(_LOOPS):
+            alone = pool.submit(_loop, _ROUNDS).result()
+            ratios.append(alone / float(np.mean(list(pool.map(_loop, [_ROUNDS] * 2)))))
+    return float(np.median(ratios))
+
+
+def _loop(rounds: int) -> float:
+    """Time that a loop takes in s."""
+    begun_s, total = time.perf_counter(), 0
+    for number in range(rounds):
+        total += number * number
+    return time.perf_counter() - begun_s
+
+
+def _part(table: Path, part: Path, pairs: slice) -> Path:
+    """A table of some of the pairs."""
+    header, *lines = table.read_text().splitlines()
+    rows = [line.split(",") for line in lines[pairs]]
+    part.write_text("\n".join([header, *(",".join([*row[:2], *_absolute(table, row[2:])]) for row in rows)]) + "\n")
+    return part
 
 
 def _alternating(table: Path) -> tuple[float, float]:
@@ -161,7 +197,9 @@ def _with_faults(table: Path, scratch: Path, pairs: int) -> None:
     faulty, output = scratch / "faulty.csv", scratch / "rows-with-faults"
     faulty.write_text("".join(",".join(row) + "\n" for row in rows))
     coordinator = subprocess.Popen(
-        [*_COMMAND, str(faulty), "-o", str(output), "--workers", "2"], stdout=subprocess.DEVNULL
+        [*_COMMAND, str(faulty), "-o", str(output), "--workers", "2"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
     )
     _wait_for_rows(output, coordinator, max(pairs // 4, 1))
     killed = _workers_of(coordinator.pid)[0]
@@ -172,7 +210,7 @@ def _with_faults(table: Path, scratch: Path, pairs: int) -> None:
     kept = _journal_rows(output)
     _fleet(faulty, output, 2)
     found = read_rows(output, ("key", "outcome"))
-    print(
+    _say(
         f"  {damaged} damaged, a worker and the coordinator killed: {kept} rows were kept, the second run added "
         f"{len(found) - kept}; {len({row['key'] for row in found})} of {pairs} recordings have a row, "
         f"{dict(Counter(row['outcome'] for row in found))}"
@@ -225,8 +263,6 @@ def _write_all(pool: Executor, folder: Path, pairs: int) -> None:
     ]
     lines = ["arm,robot,loaded,unloaded", *(task.result() for task in tasks)]
     (folder / "jobs.csv").write_text("\n".join(lines) + "\n")
-    used = getrusage(RUSAGE_SELF)
-    print(f"  written to {folder}, {used.ru_maxrss / 1024:.0f} MB")
 
 
 def _write_pair(setup: Setup, name: str, number: int, folder: Path) -> str:
