@@ -331,14 +331,15 @@ class _Calibration:
         if turned[joint, what] >= most:
             return
         remedy = (
-            "Turn its axis in the robot's configuration"
+            "Invert its axis in the robot's configuration"
             if what == _WHOLE
-            else "Set the drive's polarity (607E) so that its position and its effort turn together"
+            else "Set the drive's polarity (607E) so that position and effort have the same direction"
         )
         raise EstimationError(
-            f"joint {joint + 1} counts the other way than its configuration says: the runs leave "
-            f"{np.exp(most - turned[joint, what]):.1f} times less unexplained with its {what} turned. {remedy}; where "
-            "armload only listens to a drive it cannot read which direction that turns."
+            f"joint {joint + 1} is inverted relative to its configuration: the residual of the runs is "
+            f"{np.exp(most - turned[joint, what]):.1f} times smaller with its {what} inverted. {remedy}; the polarity "
+            "of "
+            "a drive that armload only listens to cannot be read."
         )
 
     def _leave_out(self, worst: int, fit: ArmFit) -> None:

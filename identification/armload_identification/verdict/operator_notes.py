@@ -126,7 +126,7 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
     if hidden.size:
         listed = ", ".join(f"{joint + 1} ({np.expm1(gains.noticeable[joint]):.0%})" for joint in hidden)
         notes.append(
-            f"This pair cannot judge the drive gain of joint {listed}: only a greater error is sure to be reported. "
+            f"This pair cannot check the drive gain of joint {listed}: only a larger error is certain to be reported. "
             "Several runs with a weighed payload can: `armload calibrate`."
         )
     return notes

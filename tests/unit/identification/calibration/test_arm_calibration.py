@@ -31,9 +31,7 @@ def test_a_joint_that_counts_the_other_way_is_named(pinocchio_arm):
     run = pinocchio_arm.run(pinocchio_arm.trajectory(3, period_s=10.0), True, seed=6, with_phase=False)
     turn = np.where(np.arange(6) == 2, -1.0, 1.0)
     turned = replace(run, position_rad=run.position_rad * turn, current_a=run.current_a * turn)
-    with pytest.raises(
-        EstimationError, match=r"joint 3 counts the other way.*position and effort turned\. Turn its axis"
-    ):
+    with pytest.raises(EstimationError, match=r"joint 3 is inverted.*position and effort inverted\. Invert its axis"):
         calibrate_arm(
             [MountedRun(turned, "disc")],
             {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},

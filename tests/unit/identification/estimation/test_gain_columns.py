@@ -70,7 +70,7 @@ def test_gains_that_a_pair_cannot_judge_are_named():
     """By the arm's whole noise joint 1, whose axis is upright, hardly feels the payload."""
     result = identify(*SaggingPanda().pair(0, with_phase=True), chain(), nominal_transmission(exact=False))
     assert (result.gains.noticeable[1:6] < 0.06).all()
-    (note,) = [note for note in result.notes if "cannot judge" in note]
+    (note,) = [note for note in result.notes if "cannot check" in note]
     assert re.search(r"joint 1 \(\d+%\):", note)
 
 
