@@ -125,7 +125,7 @@ def test_a_file_cut_anywhere_reads_to_its_last_whole_part_or_says_why_not(tmp_pa
     whole = write_mcap(tmp_path / "whole.mcap", content).read_bytes()
     cut = tmp_path / "cut.mcap"
     rows = []
-    for size in (*range(0, len(whole) - 10, 97), *range(len(whole) - 10, len(whole))):
+    for size in (*range(0, len(whole) - 10, 193), *range(len(whole) - 10, len(whole))):
         cut.write_bytes(whole[:size])
         try:
             recording = read_recording(cut)
