@@ -52,7 +52,7 @@ def parse_once():
     def parsed(text):
         return pickle.dumps(parse(text))
 
-    tomllib.loads = lambda text: pickle.loads(parsed(text))
+    tomllib.loads = lambda text, **options: parse(text, **options) if options else pickle.loads(parsed(text))
 
 
 parse_once()

@@ -19,10 +19,10 @@ WATCHED = (9e-3, 2.0)
 OTHERS = {Cause.DRIVE_FAULT: BRAKED, Cause.VELOCITY: WATCHED, Cause.POSITION_REVERSED: WATCHED}
 
 
-@pytest.fixture(scope="module")
-def er50():
-    """At half its rate, which the bounds hold for too."""
-    robot = load_robot("er50").with_bus(cycle_hz=125.0)
+@pytest.fixture(scope="module", params=[125.0, pytest.param(250.0, marks=pytest.mark.long)], ids=["half rate", "rate"])
+def er50(request):
+    """At its rate and at half of it: the bounds hold for both."""
+    robot = load_robot("er50").with_bus(cycle_hz=request.param)
     return robot, one_period(robot)
 
 

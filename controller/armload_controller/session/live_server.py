@@ -49,7 +49,7 @@ _USED = ("position_share", "velocity_share", "torque_share", "following_error_sh
 _SHARES = {"type": "array", "items": {"type": ["number", "null"]}}
 _LIMITS_SCHEMA: dict[str, Any] = {
     "title": "armload.Limits",
-    "description": "Limits of the joints, units in the names; _share is used fraction of each, where 1 is the limit.",
+    "description": "Limits of the joints, units in the names; _share is the used share of each, where 1 is the limit.",
     "type": "object",
     "properties": {
         "joint_names": {"type": "array", "items": {"type": "string"}},

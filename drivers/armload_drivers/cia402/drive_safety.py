@@ -329,7 +329,7 @@ class Safety(Enum):
             ),
             Way(
                 "this master removes torque at standstill only",
-                "the position (6064) has not changed for some cycles",
+                "the position (6064) moves by less than 0.005 rad/s for some cycles",
             ),
         ),
     )

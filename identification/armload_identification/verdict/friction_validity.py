@@ -65,5 +65,5 @@ def friction_notes(change: FloatArray) -> tuple[str, ...]:
     joints = ", ".join(f"{joint + 1} ({change[joint]:.0f} standard deviations)" for joint in far)
     return (
         f"The friction of joint {joints} is far outside its variation in the calibration: a cold arm, a different "
-        "lubricant, or a changed gain. Warm the arm up, or calibrate it again with a current run.",
+        "lubricant, or a changed gain. Warm the arm up, or calibrate it again with a run recorded today.",
     )

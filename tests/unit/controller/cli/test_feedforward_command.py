@@ -113,11 +113,12 @@ def test_with_a_calibration_the_arms_own_torque_is_a_third_curve(calibrated, fol
     assert "payload and arm: " in (folder / "arm.svg").read_text()
 
 
-@pytest.mark.long
-def test_a_calibration_of_another_arm_is_refused_before_anything_moves(armload, folder, calibrated):
-    result = armload("feedforward", "er50", folder / "payload.toml", "--calibration", folder / "arm.toml")
+def test_a_calibration_of_another_arm_is_refused_before_anything_moves(armload, folder, recorded_er50):
+    another = recorded_er50 / "runs" / "today" / "arm.calibration.toml"
+    result = armload("feedforward", folder / "prbt.toml", folder / "payload.toml", "--calibration", another)
     assert result.exit_code == 1
-    assert "an arm with different kinematics" in str(result.exception)
+    assert "an arm of other kinematics" in str(result.exception)
+    assert "connecting" not in result.output
 
 
 def test_the_offset_is_tried_and_what_is_left_out_is_said(compared):
@@ -192,13 +193,16 @@ def test_options_that_contradict_each_other(armload, words, text):
     assert text in result.output
 
 
-@pytest.mark.long
-def test_what_may_not_be_adapted_to(armload, folder, calibrated):
+def test_what_may_not_be_adapted_to(armload, folder):
     heavy = armload("feedforward", "prbt", "--adapt", "--expect", "0..6")
     assert "limited to 80% of the rated 6 kg" in str(heavy.exception)
     unknown = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", "--decisions", folder / "none.jsonl")
     assert "give that file as --calibration" in str(unknown.exception)
     assert "connecting" not in unknown.output
+
+
+@pytest.mark.long
+def test_decisions_that_cannot_be_kept_are_refused_before_anything_moves(armload, folder, calibrated):
     known = ("--calibration", folder / "arm.toml")
     nowhere = armload("feedforward", "prbt", "--adapt", "--expect", "0..3", *known, "--decisions", folder / "no" / "a")
     assert "choose a --decisions" in str(nowhere.exception)

@@ -244,10 +244,11 @@ LINES = (
     st.sampled_from(GOOD.splitlines())
     | st.tuples(st.sampled_from(NAMES), WEIRD).map("=".join)
     | st.text("0123456789abcdefxX[]=$;# \t\u0661\uffff", max_size=40)
+    | st.text(max_size=60).map(lambda text: text.replace("\n", ""))
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=200)
 @example([(GOOD.splitlines().index("SupportedObjects=3") + 1, "1=none")], 0)
 @given(st.lists(st.tuples(st.integers(0, 60), LINES | WEIRD), max_size=12), st.integers(0, len(GOOD)))
 def test_mutated_and_truncated_files_raise_nothing_else(changes, end):

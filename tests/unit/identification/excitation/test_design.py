@@ -280,7 +280,7 @@ def test_the_result_becomes_a_file_and_back(one_after_the_other):
 def test_whoever_runs_the_starts_the_result_is_the_same(one_after_the_other, kind):
     pools = {
         "threads": lambda: ThreadPoolExecutor(2),
-        "processes": lambda: ProcessPoolExecutor(1, mp_context=get_context("spawn")),
+        "processes": lambda: ProcessPoolExecutor(2, mp_context=get_context("spawn")),
     }
     with pools[kind]() as executor:
         again = Crowded().designed(executor, harmonics=1, restarts=2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
@@ -54,7 +55,7 @@ def test_the_tools_path_and_what_is_in_the_way_are_seen_from_two_sides(figure, a
         axes = axes_titled(figure, words)
         longest = max((line for line in axes.lines), key=lambda line: len(line.get_xdata()))
         np.testing.assert_allclose(np.array(longest.get_data()).T, flange[:, plane], atol=1e-9)
-        assert sum(len(circles.get_paths()) for circles in axes.collections) > 50
+        assert sum(len(found.get_paths()) for found in axes.collections if isinstance(found, PatchCollection)) > 50
         assert sum(isinstance(patch, Polygon) for patch in axes.patches) == 1
         named = {text.get_text() for text in axes.texts}
         assert named == ({"pedestal", "floor"} if words == "from the side" else {"pedestal"})
