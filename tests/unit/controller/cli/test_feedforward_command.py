@@ -117,7 +117,7 @@ def test_a_calibration_of_another_arm_is_refused_before_anything_moves(armload, 
     another = recorded_er50 / "runs" / "today" / "arm.calibration.toml"
     result = armload("feedforward", folder / "prbt.toml", folder / "payload.toml", "--calibration", another)
     assert result.exit_code == 1
-    assert "an arm of other kinematics" in str(result.exception)
+    assert "an arm with different kinematics" in str(result.exception)
     assert "connecting" not in result.output
 
 
