@@ -39,8 +39,8 @@ def test_four_recordings_without_a_report_are_taken_to_one(armload, recorded, re
     before = {path.name: path.stat().st_mtime_ns for path in recorded.iterdir()}
     result = armload("commission", "er50", "--output", recorded)
     assert result.exit_code in (0, 3), result.output
-    assert "unloaded: recorded already" in result.output
-    assert "loaded: recorded already" in result.output
+    assert "unloaded: already recorded" in result.output
+    assert "loaded: already recorded" in result.output
     assert "connecting" not in result.output
     assert (recorded / "payload.toml").is_file()
     assert (recorded / "report.html").is_file()

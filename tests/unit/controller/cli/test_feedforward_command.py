@@ -100,7 +100,7 @@ def recorded_with(folder):
 
 @pytest.mark.long
 def test_with_a_calibration_the_arms_own_torque_is_a_third_curve(calibrated, folder):
-    assert "What the payload adds to the following error, RMS over time" in calibrated
+    assert "Following error due to the payload, RMS over time" in calibrated
     first, second = calibrated.split("Following error beyond the servo's lag, RMS over time")
     for text, columns in ((first, 3), (second, 3)):
         for joint in range(1, 7):

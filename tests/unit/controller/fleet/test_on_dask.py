@@ -77,7 +77,7 @@ def test_a_killed_worker_and_a_killed_coordinator_cost_what_they_were_doing(reco
         assert listening_addresses([coordinator.pid, worker]) == {"0100007F"}
         os.kill(worker, signal.SIGKILL)
         with (
-            pytest.raises(CommissioningError, match="another `armload fleet` run is at work"),
+            pytest.raises(CommissioningError, match="another `armload fleet` run is using"),
             claimed(rows, "`armload fleet` run"),
         ):
             pass
