@@ -103,6 +103,7 @@ def test_the_two_mountings_have_one_centre_of_mass(left_out):
     assert first[2] == pytest.approx(second[2], abs=0.0025)
 
 
+@pytest.mark.long
 def test_a_wrong_gear_ratio_is_named(ur10e, runs, all_of_them):
     """One run of five; the twelve together take four times as long."""
     wrong = "feb05_20s_8h.csv"

@@ -123,6 +123,7 @@ def test_a_period_repeats_and_no_drive_is_at_its_limit(setup):
     np.testing.assert_array_equal(again.axis_torque_nm, setup.loaded.axis_torque_nm)
 
 
+@pytest.mark.long
 def test_a_seed_is_the_same_twice_and_another_is_not(setup):
     one, again, other = trial(setup, 4), trial(setup, 4), trial(setup, 5)
     np.testing.assert_array_equal(one.theta, again.theta)
