@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from armload_controller.control_errors import ConfigurationError, ListingError
 from armload_controller.fleet.job import Job
@@ -18,6 +18,8 @@ from armload_controller.fleet.row_store import RowStore
 
 DoJobs = Callable[[Iterable[Job]], Iterator[Row]]
 """Does jobs, and gives a row for each in any order: `Workforce.rows`, or `map(run_job, jobs)` in this process."""
+_LONGEST_WAIT: Final = 64
+"""Looks between two trials of a job that fails: about an hour at a look a minute."""
 
 
 @dataclass
@@ -137,15 +139,15 @@ def looks(
     Raises:
         FleetError: rows cannot be written, or the scheduler is lost.
     """
-    settled = Settled()
+    settled, repeats = Settled(), Repeats()
     while True:
         try:
             listing, jobs = new_jobs(table, store)
         except (ConfigurationError, ListingError) as problem:
             yield problem
         else:
-            if ready := settled.of(jobs):
-                tally = do_jobs(listing, ready, store, do)
+            if ready := repeats.of(settled.of(jobs)):
+                tally = do_jobs(listing, ready, store, lambda jobs: repeats.noting(do(jobs)))
                 store.flush()
                 yield tally
         sleep(every_s)
@@ -167,3 +169,36 @@ class Settled:
         same = [job for job in now if job.key in self._seen]
         self._seen = {job.key for job in now}
         return same
+
+
+class Repeats:
+    """When a job that failed is done again: at the second look after it, then the fourth, up to the 64th.
+
+    Each time adds a row; a file that stays missing would add one at every look.
+    """
+
+    def __init__(self) -> None:
+        self._looks = 0
+        self._wait: dict[str, int] = {}
+        self._next: dict[str, int] = {}
+
+    def of(self, jobs: Iterable[Job]) -> list[Job]:
+        """Those that are to be done at this look.
+
+        Args:
+            jobs: Those that are new, have changed or have failed.
+        """
+        self._looks += 1
+        return [job for job in jobs if self._next.get(job.key, 0) <= self._looks]
+
+    def noting(self, rows: Iterable[Row]) -> Iterator[Row]:
+        """The same rows, with a note of those that failed.
+
+        Args:
+            rows: Rows of jobs that are done.
+        """
+        for row in rows:
+            if row["outcome"] == RowOutcome.FAILED.value:
+                wait = self._wait[row["key"]] = min(2 * self._wait.get(row["key"], 1), _LONGEST_WAIT)
+                self._next[row["key"]] = self._looks + wait
+            yield row

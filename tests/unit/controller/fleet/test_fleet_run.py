@@ -67,6 +67,27 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
     assert (found[2].listed, found[2].done) == (1, 1)
 
 
+def test_a_job_that_fails_is_tried_again_less_and_less_often(tmp_path):
+    (tmp_path / "jobs.csv").write_text("arm,robot,loaded\none,er50,gone.mcap\n")
+    slept, done = [], []
+
+    def sleep(seconds):
+        slept.append(seconds)
+        if len(slept) == 150:
+            raise Over
+
+    def do(jobs):
+        for job in jobs:
+            done.append(len(slept))
+            yield empty_row(job, "1") | {"outcome": RowOutcome.FAILED.value, "error": "gone.mcap is not there"}
+
+    with RowStore(tmp_path) as store, pytest.raises(Over):
+        for _ in looks(tmp_path / "jobs.csv", store, do, sleep, 60.0):
+            pass
+    first = done[0]
+    assert [look - first for look in done] == [0, 2, 6, 14, 30, 62, 126]
+
+
 @pytest.fixture
 def nights(tmp_path):
     """Rows of two arms; one of them carries 300 g more since the seventh night, and gave nothing in the last."""
