@@ -1,6 +1,7 @@
 """When the payload that an arm was found to carry may be fed forward: every condition, and what is said if one fails.
 
-An estimate is fed forward while none of these speaks against it, and dropped as soon as one does:
+What is fed is the possible body nearest to the estimate. It is fed while none of these speaks against it, and dropped
+as soon as one does; those of mass and centre are asked of the estimate and of the body:
 
     nothing pushes against the arm at rest          a push is not weight
     mass known within half of it                    so that added torque at least halves what is wrong
@@ -10,6 +11,7 @@ An estimate is fed forward while none of these speaks against it, and dropped as
       which is at most `RATED_SHARE` of the rated payload
     centre of mass at most `REACH_M` away           no tool reaches further
     friction not far from the calibration's         else the arm is not the one that was calibrated
+    body within the intervals of the estimate       else the arm does not carry what the estimate says
 """
 
 from __future__ import annotations
@@ -24,7 +26,6 @@ from armload_controller.control_errors import ControlError
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M
-from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.verdict.friction_validity import FAR
@@ -101,20 +102,48 @@ class AdaptationRules:
         """
         if found.contact:
             return "there is an external force on the arm"
-        mass, width = found.mass_kg, float(found.half_width_95[0])
-        if not width <= MASS_WITHIN * mass:
-            return "the mass is not known well enough"
-        declared, apart_m = self._declared, float(found.half_width_95[1:].max())
-        if not mass * apart_m <= MOMENT_SHARE * declared.rated_kg * REFERENCE_LENGTH_M:
-            return "the centre of mass is not known well enough"
-        if mass - width < declared.least_kg or mass + width > declared.most_kg:
-            return f"the mass may lie outside the declared {declared.least_kg:g}..{declared.most_kg:g} kg"
-        if float(np.linalg.norm(found.values[1:])) > REACH_M:
-            return f"the centre of mass is further than {REACH_M:g} m from the flange"
+        doubt = self._why_not(found.values, found.half_width_95)
+        if doubt is not None:
+            return doubt
         far = np.flatnonzero(friction_change_nm(found, self._speed) > FAR * self._usual_nm)
         if far.size:
             return f"the friction of {self._joint_names[int(far[0])]} is far from the calibrated value"
         return None
+
+    def why_not_fed(self, found: LivePayload, body: InertialParameters) -> str | None:
+        """Why the body of an estimate must not be fed forward, in words; None where it may.
+
+        Args:
+            found: An estimate that no rule speaks against.
+            body: What would be fed of it.
+        """
+        values = mass_and_center(body)
+        if not np.all(np.abs(values - found.values) <= found.half_width_95):
+            return "no possible body is within the intervals of the estimate"
+        return self._why_not(values, found.half_width_95)
+
+    def _why_not(self, values: FloatArray, half_width_95: FloatArray) -> str | None:
+        """Why a mass and a centre of mass, (4,), must not be fed forward."""
+        mass, width = float(values[0]), float(half_width_95[0])
+        if not width <= MASS_WITHIN * mass:
+            return "the mass is not known well enough"
+        declared, apart_m = self._declared, float(half_width_95[1:].max())
+        if not mass * apart_m <= MOMENT_SHARE * declared.rated_kg * REFERENCE_LENGTH_M:
+            return "the centre of mass is not known well enough"
+        if mass - width < declared.least_kg or mass + width > declared.most_kg:
+            return f"the mass may lie outside the declared {declared.least_kg:g}..{declared.most_kg:g} kg"
+        if not float(np.linalg.norm(values[1:])) <= REACH_M:
+            return f"the centre of mass is further than {REACH_M:g} m from the flange"
+        return None
+
+
+def mass_and_center(body: InertialParameters) -> FloatArray:
+    """(4,) mass and centre of mass.
+
+    Args:
+        body: Of a mass above 0.
+    """
+    return np.array([body.mass_kg, *body.center_of_mass_m])
 
 
 def friction_change_nm(found: LivePayload, speed_rad_s: FloatArray) -> FloatArray:
@@ -127,23 +156,26 @@ def friction_change_nm(found: LivePayload, speed_rad_s: FloatArray) -> FloatArra
     return np.asarray(np.abs(found.friction[0] + found.friction[1] * speed_rad_s))
 
 
-def carried_body(found: LivePayload) -> InertialParameters:
+def carried_body(found: LivePayload) -> InertialParameters | None:
     """The body that is fed forward: mass and centre of the possible body nearest to the estimate.
 
-    A coordinate of the centre that may as well be zero is zero, and its inertia is that of a small sphere. Takes tens
-    of milliseconds.
+    A coordinate of the centre that may be zero by its interval is zero, and its inertia is that of a small sphere.
+    Takes tens of milliseconds.
 
     Args:
         found: An estimate that no rule speaks against.
+
+    Returns:
+        None where the arm may carry nothing.
 
     Raises:
         EstimationError: no possible body is near the estimate.
     """
     possible = found.possible_body()
     if possible is None:
-        raise EstimationError(f"{found.mass_kg:.3g} kg +- {found.half_width_95[0]:.2g} kg may as well be nothing")
-    center, width = possible.center_of_mass_m, found.half_width_95[1:]
+        return None
+    sure = np.abs(found.values[1:]) > found.half_width_95[1:]
     inertia = 0.4 * possible.mass_kg * SPHERE_M**2
     return InertialParameters.from_center_of_mass(
-        possible.mass_kg, np.where(np.abs(center) > width, center, 0.0), inertia * np.eye(3)
+        possible.mass_kg, np.where(sure, possible.center_of_mass_m, 0.0), inertia * np.eye(3)
     )

@@ -23,6 +23,7 @@ from armload_identification.estimation.uncertainty import (
     REFERENCE_LENGTH_M,
     derived,
 )
+from armload_identification.identification_errors import EstimationError
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.payload import InertialParameters
@@ -78,18 +79,24 @@ class LivePayload:
         return float(self.values[0])
 
     def possible_body(self) -> InertialParameters | None:
-        """The possible body nearest to the estimate; for outside the loop, it takes some milliseconds.
+        """The possible body nearest to the estimate; not to be called in the loop, as it takes tens of milliseconds.
 
         Returns:
-            None where the arm may as well carry nothing.
+            None where the arm may carry nothing.
 
         Raises:
             EstimationError: none was found.
         """
         if not self.mass_kg > max(float(self.half_width_95[0]), _WEIGHTLESS_KG):
             return None
-        root = np.asarray(np.linalg.cholesky(np.linalg.inv(self.covariance)).T)
-        return nearest_possible(InertialParameters(self.theta), root)
+        try:
+            root = np.asarray(np.linalg.cholesky(np.linalg.inv(self.covariance)).T)
+            return nearest_possible(InertialParameters(self.theta), root)
+        except np.linalg.LinAlgError as error:
+            raise EstimationError(
+                f"no possible body was found near the estimate of {self.mass_kg:.3g} kg: the covariance is not "
+                "positive definite. Move more joints."
+            ) from error
 
 
 class PayloadEstimator:

@@ -162,7 +162,7 @@ def made():
     worn = arm_drift(SimpleNamespace(n=2, friction_nm=ones, usual_change_nm=noise), runs)
     weeks = ArmHistory("arm", "", joints, None, "arm.toml", worn, (("other.mcap", "too short"),), "0")
     wiggle = DesignedWiggle(load_robot("prbt"), np.zeros(6), *designed_wiggle(), "armload design")
-    decision = Decision(1.0, DecisionKind.FED, "", 1.0, 0.1, (0.0, 0.0, 0.1))
+    decision = Decision(1.0, DecisionKind.FED, "", 1.0, 0.1, (0.0, 0.0, 0.1), 0.98, (0.0, 0.0, 0.1))
     four = np.ones(4)
     sure_of = np.array([True, True, False, False])
     states = {"contact": False, "refused": 0, "covariance": np.eye(10)}

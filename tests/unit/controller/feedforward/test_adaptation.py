@@ -34,10 +34,9 @@ from armload_controller.motion.leg_interpolator import Reference
 from armload_controller.motion.phase import PhaseState, Segment
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M
-from armload_identification.identification_errors import EstimationError
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.recording.reading_options import Effort
-from tests.live_estimates import live_estimate
+from tests.live_estimates import live_estimate, sphere
 
 ROBOT = load_robot("prbt")
 N, CYCLE_S, RATED_KG = ROBOT.n, 0.01, 6.0
@@ -111,7 +110,7 @@ def test_the_body_that_is_fed_is_possible_and_no_coordinate_is_a_guess():
     np.testing.assert_allclose(body.center_of_mass_m, [0.0, -0.03, 0.08])
 
 
-def test_an_estimate_that_no_body_can_have_is_fed_as_the_nearest_possible_one():
+def test_an_estimate_that_no_body_can_have_has_a_nearest_possible_one_and_is_not_fed_if_that_is_far():
     """A mass on a lever without the inertia that it has there: the nearest body has its mass nearer to the flange."""
     estimate = found(center_m=(0.0, -0.15, 0.2))
     impossible = estimate.theta.copy()
@@ -123,20 +122,93 @@ def test_an_estimate_that_no_body_can_have_is_fed_as_the_nearest_possible_one():
     assert body.mass_kg == possible.mass_kg
     np.testing.assert_allclose(body.center_of_mass_m[1:], possible.center_of_mass_m[1:])
     assert np.linalg.norm(body.center_of_mass_m) < 0.9 * np.linalg.norm(estimate.values[1:])
+    rules = AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names)
+    assert "within the intervals" in rules.why_not_fed(estimate, body)
 
 
-def test_an_estimate_with_no_possible_body_near_is_refused_and_takes_the_torque_away():
-    class Lost(LivePayload):
+def moved(body, **estimate):
+    """An estimate whose nearest possible body is this one."""
+
+    class Moved(LivePayload):
         def possible_body(self):
-            raise EstimationError("the search did not settle")
+            return body
+
+    return Moved(**vars(found(**estimate)))
+
+
+CENTER_M = (0.02, -0.03, 0.08)
+MOVED = {
+    "mass beyond the interval": (moved(sphere(1.8, CENTER_M)), "within the intervals"),
+    "centre beyond the interval": (moved(sphere(2.0, (0.02, -0.03, 0.086))), "within the intervals"),
+    "mass less sure": (moved(sphere(1.9, CENTER_M), width_kg=0.99), "the mass is not known"),
+    "moment less sure": (
+        moved(sphere(2.05, CENTER_M), half_width_95=wide(0.99 * MOMENT_M)),
+        "the centre of mass is not known",
+    ),
+    "heavier than declared": (moved(sphere(2.95, CENTER_M), mass_kg=2.88), "outside the declared 0..3 kg"),
+    "further than the reach": (
+        moved(sphere(2.0, (0.0, 0.0, 0.502)), center_m=(0.0, 0.0, 0.498)),
+        "further than 0.5 m",
+    ),
+    "none": (moved(None), "no possible body is near"),
+    "equations without a solution": (found(covariance=np.zeros((10, 10))), "no possible body is near"),
+    "covariance of no estimate": (found(covariance=-np.eye(10)), "no possible body is near"),
+}
+
+
+@pytest.mark.parametrize(("estimate", "reason"), MOVED.values(), ids=MOVED)
+def test_the_body_that_is_fed_is_the_one_that_is_checked(estimate, reason):
+    """No rule speaks against these estimates, only against what would be fed of them."""
+    assert AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names).why_not(estimate) is None
+    arm = Arm()
+    assert arm.run(CONFIRMED_S).any()
+    arm.estimator.says = estimate
+    assert not arm.run(2.0 * LOOK_S + DROP_S).any()
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
+    assert reason in arm.adaptation.decisions[-1].reason
+
+
+def test_a_body_is_fed_that_is_within_the_intervals_and_recorded():
+    arm = Arm()
+    arm.estimator.says = estimate = moved(sphere(1.93, (0.022, -0.028, 0.083)))
+    np.testing.assert_allclose(arm.run(CONFIRMED_S), torque_of(estimate), atol=1e-9)
+    (fed,) = arm.adaptation.decisions
+    assert (fed.mass_kg, fed.center_of_mass_m) == (2.0, CENTER_M)
+    assert fed.fed_mass_kg == 1.93
+    np.testing.assert_allclose(fed.fed_center_of_mass_m, [0.022, -0.028, 0.083])
+    arm.estimator.says = found(contact=True)
+    arm.run(LOOK_S)
+    dropped = arm.adaptation.decisions[-1]
+    assert (dropped.fed_mass_kg, dropped.fed_center_of_mass_m) == (None, None)
+
+
+def test_bodies_are_compared_and_not_estimates():
+    """One estimate throughout: what is fed does not jump with its body, and follows one that stays."""
+    arm = Arm()
+    for number in range(6):
+        arm.estimator.says = moved(sphere(1.93 + 0.14 * (number % 2), CENTER_M))
+        assert not arm.run(LOOK_S).any()
+    arm.estimator.says = moved(sphere(2.0, CENTER_M), width_kg=0.15)
+    arm.run(CONFIRMED_S)
+    arm.estimator.says = other = moved(sphere(2.0 * (1.0 - 1.1 * BETTER), CENTER_M), width_kg=0.15)
+    np.testing.assert_allclose(arm.run(CONFIRMED_S), torque_of(other), atol=1e-9)
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.REFINED]
+
+
+@pytest.mark.parametrize("fed", [True, False])
+def test_an_estimate_whose_equations_cannot_be_solved_is_a_doubt(fed):
+    def unsolved():
+        raise np.linalg.LinAlgError("Singular matrix")
 
     arm = Arm()
-    arm.run(CONFIRMED_S)
-    assert arm.kinds == [DecisionKind.FED]
-    arm.estimator.says = Lost(**vars(found()))
+    if fed:
+        arm.run(CONFIRMED_S)
+    arm.estimator.estimate = unsolved
     assert not arm.run(CONFIRMED_S).any()
-    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
-    assert "no possible body" in arm.adaptation.decisions[-1].reason
+    assert arm.kinds == ([DecisionKind.FED, DecisionKind.DROPPED] if fed else [DecisionKind.REFUSED])
+    last = arm.adaptation.decisions[-1]
+    assert str(last).endswith(f"{last.kind}, the equations of the estimate cannot be solved")
+    assert last.to_dict()["mass_kg"] is None
 
 
 class Estimated:
@@ -303,5 +375,6 @@ def test_a_decision_is_a_line_and_a_document():
     arm = Arm()
     arm.run(CONFIRMED_S)
     (decision,) = arm.adaptation.decisions
-    assert "fed: 2.00 +- 0.10 kg" in str(decision)
+    assert str(decision).endswith("fed: 2.00 +- 0.10 kg, as 2.00 kg at (20, -30, 80) mm")
     assert decision.to_dict()["center_of_mass_m"] == [0.02, -0.03, 0.08]
+    assert decision.to_dict()["fed_mass_kg"] == 2.0
