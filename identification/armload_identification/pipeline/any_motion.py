@@ -23,7 +23,7 @@ from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import motion_of, motion_over_time
-from armload_identification.verdict.friction_validity import friction_notes
+from armload_identification.verdict.friction_validity import friction_notes, standard_deviations
 from armload_identification.verdict.motion_quality import MotionQuality
 from armload_identification.verdict.sanity import check_run
 
@@ -150,9 +150,7 @@ def _on_known_arm(
     floor = float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.mass_kg)) / plain.mass_kg
     changes = fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1)
     own = ArmFriction.of(arm.fit.model, signal.states.velocity_rad_s, changes)
-    # Coulomb and viscous friction together: a short run shows their sum far better than either.
-    usual = np.hypot(arm.drift[0], arm.drift[1] * own.speed_rad_s)
-    said = friction_notes(np.abs(changes[0] + changes[1] * own.speed_rad_s) / usual)
+    said = friction_notes(standard_deviations(changes, _of_friction(fit, chain.n), arm.drift[:2]))
     # Gains and body err together: what is left of one run has the errors of both.
     doubts = np.concatenate(
         [
@@ -164,6 +162,12 @@ def _on_known_arm(
     return completed(
         signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, own, struck, said, prior=prior
     )
+
+
+def _of_friction(fit: Estimate, n: int) -> FloatArray:
+    """(n, 2, 2) covariance of each joint's changes of Coulomb and viscous friction."""
+    both = 10 + np.arange(n)[:, None] + [0, n]
+    return np.asarray(fit.covariance[both[:, :, None], both[:, None, :]])
 
 
 def _model_doubts(signal: LoadSignal, fit: Estimate, arm: KnownArm) -> FloatArray:

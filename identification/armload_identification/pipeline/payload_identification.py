@@ -34,7 +34,7 @@ from armload_identification.recording.recording import Recording, check_joints, 
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal
 from armload_identification.signals.motion import Motion
-from armload_identification.verdict.friction_validity import friction_change, friction_notes
+from armload_identification.verdict.friction_validity import friction_change, friction_notes, standard_deviations
 from armload_identification.verdict.sanity import check_pair, check_signs, explain_negative_mass
 
 FLANGE: Final = "flange"
@@ -160,16 +160,16 @@ def _identified(
     said: tuple[str, ...] = ()
     own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s)
     if known_arm is not None:
-        change = _friction_change(known_arm, chain, signal.unloaded)
-        said = friction_notes(np.abs(change[:2]).max(axis=0))
-        own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s, (known_arm.drift * change)[:2])
+        change, covariance = _friction_change(known_arm, chain, signal.unloaded)
+        said = friction_notes(standard_deviations(change, covariance, known_arm.drift[:2]))
+        own = ArmFriction.of(body, signal.unloaded.states.velocity_rad_s, change)
     return completed(
         signal, regressor, fit, friction, doubts, gains, runs, transmission, arm, own, struck, said, fitted_gains, prior
     )
 
 
-def _friction_change(arm: KnownArm, chain: Chain, run: Motion) -> FloatArray:
-    """(3, n) by how much friction differs from that of the calibrated arm, by the unloaded run."""
+def _friction_change(arm: KnownArm, chain: Chain, run: Motion) -> tuple[FloatArray, FloatArray]:
+    """By how much friction differs from that of the calibrated arm, as `friction_change`, by the unloaded run."""
     left = run.torque_nm - arm.fit.model.torque(chain, *run.states)
     return friction_change(arm, run.states.velocity_rad_s, left, run.valid, run.interval_s)
 

@@ -111,6 +111,29 @@ def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, 
     np.testing.assert_allclose((coulomb + viscous * speed) / usual, 0.2, atol=0.03)
 
 
+def test_another_coulomb_friction_of_a_joint_is_noted_by_one_run_and_by_a_pair(pinocchio_arm, known, loaded):
+    """Also where viscous friction makes up for it at the speed at which friction is reported."""
+    chain, transmission, arm = known
+    unloaded = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), False, seed=9, with_phase=False)
+    speed = 0.5 * np.abs(np.gradient(loaded.position_rad, loaded.time_s, axis=0)[:, 1]).max()
+
+    def other(run, at_middle):
+        """30 % more Coulomb friction of joint 2, and a share of it more in all at that speed."""
+        velocity = np.gradient(run.position_rad, run.time_s, axis=0)[:, 1]
+        added = np.zeros_like(run.position_rad)
+        added[:, 1] = 0.3 * np.sign(velocity) + (at_middle - 0.3) * velocity / speed
+        added *= arm.fit.model.coulomb_nm
+        return replace(run, current_a=run.current_a + added @ np.linalg.inv(transmission.joint_torque(np.eye(chain.n))))
+
+    def noted(run, empty=None):
+        found = identify(run, empty, chain, transmission, arm=arm)
+        return [note[:24] for note in found.notes if "far outside" in note]
+
+    assert noted(loaded) == noted(loaded, unloaded) == []
+    assert noted(other(loaded, 0.3)) == noted(other(loaded, 0.0)) == ["The friction of joint 2 "]
+    assert noted(other(loaded, 0.0), other(unloaded, 0.0)) == ["The friction of joint 2 "]
+
+
 def test_what_the_motion_does_not_show_is_refused_with_what_is_missing(known, loaded):
     chain, transmission, arm = known
     with pytest.raises(EstimationError, match=r"only joint 3 moves.*move joints 1, 2, 4, 5 and 6 at 0\.\d+ rad/s"):

@@ -100,7 +100,7 @@ def test_jerky_motion_from_place_to_place_is_no_change_of_payload(estimator, jer
 def test_an_arm_that_begins_colder_or_warmer_has_no_change_of_payload(
     calibration, estimator, jerky, pinocchio_arm, share
 ):
-    """With the drift between runs alone as a prior, 2 % of the friction, there are up to three false alarms."""
+    """With the drift between runs alone as a prior, there are up to three false alarms."""
     time_s, position, current = jerky
     velocity = np.gradient(position, time_s, axis=0)
     friction = np.sign(velocity) * calibration.body.coulomb_nm + velocity * calibration.body.viscous_nm_s_rad

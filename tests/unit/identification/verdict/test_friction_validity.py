@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from armload_identification.verdict.friction_validity import friction_change, friction_notes
+from armload_identification.verdict.friction_validity import friction_change, friction_notes, standard_deviations
 
 pytestmark = pytest.mark.pure
 
@@ -28,16 +28,36 @@ def changed(coulomb_nm, viscous_nm_s_rad, used=USED):
     return friction_change(ARM, SPEED, left, used, 0.01)
 
 
-def test_a_change_is_found_in_standard_deviations_of_the_drift():
-    assert (np.abs(changed(np.zeros(2), np.zeros(2))) < 1.0).all()
-    found = changed(np.array([0.0, 3.0]), np.array([2.0, 0.0]))
-    assert found[1, 0] == pytest.approx(2.0, rel=0.3)
-    assert found[0, 1] == pytest.approx(10.0, rel=0.2)
-    assert (np.abs(found[[0, 1], [0, 1]]) < 1.0).all()
+def far(found):
+    return standard_deviations(*found, ARM.drift[:2])
+
+
+def test_a_change_is_found_with_its_covariance():
+    assert (far(changed(np.zeros(2), np.zeros(2))) < 1.0).all()
+    found, covariance = changed(np.array([0.0, 3.0]), np.array([2.0, 0.0]))
+    truth = np.array([[0.0, 3.0], [2.0, 0.0]])
+    assert (np.abs(found - truth) < 3.0 * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).T)).all()
+    assert (np.abs(found - truth) < ARM.drift[:2]).all()
+    assert (covariance[:, 0, 1] < 0.0).all(), "too much of one is too little of the other"
+    np.testing.assert_allclose(far((found, covariance)), [2.0, 10.0], rtol=0.25)
+
+
+def test_changes_of_opposite_signs_do_not_hide_each_other():
+    """At a speed of 0.25 rad/s their torques cancel."""
+    assert far(changed(np.array([0.0, 2.4]), np.array([0.0, -9.6])))[1] > 10.0
+
+
+def test_what_the_fit_does_not_separate_is_not_far():
+    """An error along what a short run leaves open counts as the fit's, one across it as a change."""
+    drift, open_, across = np.array([[0.1], [0.1]]), np.array([[1.0], [-2.0]]), np.array([[2.0], [1.0]])
+    covariance = (open_ @ open_.T)[None]
+    assert standard_deviations(open_, covariance, drift)[0] < 1.01
+    assert standard_deviations(across, covariance, drift)[0] == pytest.approx(np.sqrt(5.0) / 0.1)
+    assert standard_deviations(open_, 0.0 * covariance, drift)[0] == pytest.approx(np.sqrt(5.0) / 0.1)
 
 
 def test_samples_that_are_not_used_say_nothing():
-    assert (changed(np.full(2, 9.0), np.zeros(2), used=np.zeros_like(USED)) == 0.0).all()
+    assert (far(changed(np.full(2, 9.0), np.zeros(2), used=np.zeros_like(USED))) == 0.0).all()
 
 
 def test_only_what_is_far_outside_is_worth_a_note():
