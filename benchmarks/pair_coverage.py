@@ -20,6 +20,9 @@ SEEDS = 20
 SPREAD = 0.02
 HELD = 0.9
 OFF = 0.05
+SIZES = (0.05, 0.1, 0.2)
+SIGNED_SEEDS = 3
+"""Seeds of each of these sizes and signs."""
 CARRYING = (1, 2, 3, 4, 5)
 """Joints that carry the payload. Joint 1 is upright, and joint 7 carries 1 N m, near its own friction."""
 QUIET = 0.2
@@ -27,7 +30,7 @@ QUIET = 0.2
 
 
 def run(tally: Tally, pool: Executor) -> None:
-    """Intervals with exact and with nominal gains, and a gain that is 5 % off."""
+    """Intervals with exact and with nominal gains, and a gain that is 5, 10 and 20 % off."""
     tally.heading(f"Coverage under sag, friction, delay and coloured noise: seven joints, {SEEDS} seeds each")
     print(
         "  gains                 | " + "  ".join(f"{name:>4s}" for name in PARAMETER_NAMES) + "   of those determined"
@@ -55,6 +58,33 @@ def run(tally: Tally, pool: Executor) -> None:
             tally.judge("exact gains that are taken for nominal raise no alarm", f"{alarms} of {SEEDS}", alarms == 0)
     for noise in (QUIET, 1.0):
         _off(tally, pool, noise)
+    _sizes(tally, pool)
+
+
+def _sizes(tally: Tally, pool: Executor) -> None:
+    """A gain that is off by each size and sign: the larger the error, the surer it must be named."""
+    trials = [pool.submit(_each_size, joint) for joint in CARRYING]
+    results = np.array([trial.result() for trial in trials])
+    errors = [sign * size for size in SIZES for sign in (-1.0, 1.0)]
+    for place, error in enumerate(errors):
+        named, wrongly, held = results[:, place].T
+        tally.judge(
+            f"a gain of joints {' '.join(str(joint + 1) for joint in CARRYING)} {error:+.0%} off: named in each of "
+            f"{SIGNED_SEEDS} seeds, and no other is",
+            f"{named} named, {wrongly.sum()} others, {held} intervals",
+            bool(named.min() == SIGNED_SEEDS and not wrongly.any()),
+        )
+
+
+def _each_size(joint: int) -> list[tuple[int, int, int]]:
+    """For every size and sign: how often it is named, another is, and its interval holds."""
+    panda = SaggingPanda(Effects(noise=QUIET))
+    seeds = range(SIGNED_SEEDS)
+    return [
+        tuple(np.sum([_named(panda, joint, sign * size, seed) for seed in seeds], axis=0).tolist())
+        for size in SIZES
+        for sign in (-1.0, 1.0)
+    ]
 
 
 def _off(tally: Tally, pool: Executor, noise: float) -> None:
@@ -77,18 +107,20 @@ def _off(tally: Tally, pool: Executor, noise: float) -> None:
 def _one_off(joint: int, noise: float) -> tuple[int, int, int]:
     """How often it is named, another is, and its interval holds."""
     panda = SaggingPanda(Effects(noise=noise))
-    named = wrongly = held = 0
-    for seed in range(SEEDS):
-        error = np.zeros(chain().n)
-        error[joint] = OFF * (-1.0) ** seed
-        pair = panda.pair(seed, error, with_phase=True)
-        gains = identify(*pair, chain(), nominal_transmission(exact=False)).gains
-        if gains is None:
-            continue
-        named += bool(gains.contradicted[joint])
-        wrongly += int(np.count_nonzero(np.delete(gains.contradicted, joint)))
-        held += bool(abs(gains.log_gain[joint] - np.log1p(error[joint])) <= gains.half_width_95[joint])
+    trials = [_named(panda, joint, OFF * (-1.0) ** seed, seed) for seed in range(SEEDS)]
+    named, wrongly, held = np.sum(trials, axis=0).tolist()
     return named, wrongly, held
+
+
+def _named(panda: SaggingPanda, joint: int, off: float, seed: int) -> tuple[int, int, int]:
+    """Whether a gain that is off is named, how many others are, and whether its interval holds."""
+    error = np.where(np.arange(chain().n) == joint, off, 0.0)
+    gains = identify(*panda.pair(seed, error, with_phase=True), chain(), nominal_transmission(exact=False)).gains
+    if gains is None:
+        return 0, 0, 0
+    wrongly = int(np.count_nonzero(np.delete(gains.contradicted, joint)))
+    held = bool(abs(gains.log_gain[joint] - np.log1p(off)) <= gains.half_width_95[joint])
+    return int(gains.contradicted[joint]), wrongly, int(held)
 
 
 def main() -> int:

@@ -113,5 +113,5 @@ def fit_payload(
             columns = FrictionColumns(signal, regressor, chain, body)
             fit, friction = fit_with_friction(columns, body, solve, arm)
             if gains is not None and (gains.deviation > 0.0).any():
-                return PayloadFit(*fit_with_gains(signal, columns, fit, friction, gains, known, arm))
+                return PayloadFit(*fit_with_gains(signal, columns, fit, friction, gains, known, arm, least))
     return PayloadFit(fit, friction, None, signal)

@@ -30,6 +30,8 @@ _STRANGE: Final = 0.3
 _DEVIATIONS_95: Final = 2.0
 _UNJUDGED: Final = 0.08
 """Error of a gain that a pair should notice; where it may not, the note says so."""
+_UNLIMITED: Final = 0.5
+"""Limit of what a pair notices, beyond which it is no limit: no gain is expected to be that far off."""
 _PUSHES: Final = 0.02
 """Friction that pushes by more than this share of the torque."""
 
@@ -124,12 +126,18 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
         )
     hidden = np.flatnonzero(~gains.contradicted & (gains.noticeable > _UNJUDGED))
     if hidden.size:
-        listed = ", ".join(f"{joint + 1} ({np.expm1(gains.noticeable[joint]):.0%})" for joint in hidden)
+        listed = ", ".join(f"{joint + 1} ({_unnoticed(gains.noticeable[joint])})" for joint in hidden)
         notes.append(
-            f"This pair cannot check the drive gain of joint {listed}: only a larger error is certain to be reported. "
-            "Several runs with a weighed payload can: `armload calibrate`."
+            f"This pair cannot check the drive gain of joint {listed}: only a larger error is reported with a "
+            "probability of at least 90%. Several runs with a weighed payload can: `armload calibrate`."
         )
     return notes
+
+
+def _unnoticed(noticeable: float) -> str:
+    """Errors of a gain that may not be reported."""
+    limit = float(np.expm1(min(noticeable, 1.0)))
+    return f"up to {limit:.0%}" if limit < _UNLIMITED else "any error"
 
 
 def _on_signal(signal: LoadSignal) -> list[str]:

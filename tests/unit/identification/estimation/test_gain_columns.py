@@ -58,6 +58,25 @@ def test_a_gain_that_is_off_is_named_with_its_size(found, joint, off):
     assert held[:4].all()
 
 
+@pytest.mark.parametrize("off", [-0.2, -0.1, -0.05, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize("joint", [1, WRONG])
+def test_a_larger_error_is_named_as_a_smaller_one_is(found, joint, off):
+    """What a held gain leaves grows with its error: judged by that, an error of 10 % of joint 2 would hide itself."""
+    gains = found(1, off, joint=joint).gains
+    assert np.flatnonzero(gains.contradicted).tolist() == [joint]
+    assert abs(gains.log_gain[joint] - np.log1p(off)) < gains.half_width_95[joint]
+    assert (gains.noticeable[~gains.contradicted] < 0.055).all()
+
+
+def test_the_next_suspect_is_tried_where_one_is_as_assumed(panda):
+    """Held, joint 4 looks worse than joint 2, which is three times as far off; free, it is within what is assumed."""
+    log_gain = np.array([0.0, np.log(1.12), 0.0, np.log(1.038), 0.0, 0.0, 0.0])
+    pair = panda.pair(1, np.expm1(log_gain), with_phase=True)
+    gains = identify(*pair, chain(), nominal_transmission(exact=False)).gains
+    assert np.flatnonzero(gains.contradicted).tolist() == [1]
+    assert (np.abs(gains.log_gain - log_gain) < gains.half_width_95).all()
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_exact_gains_raise_no_alarm(found, seed):
     result = found(seed)
@@ -71,7 +90,23 @@ def test_gains_that_a_pair_cannot_judge_are_named():
     result = identify(*SaggingPanda().pair(0, with_phase=True), chain(), nominal_transmission(exact=False))
     assert (result.gains.noticeable[1:6] < 0.06).all()
     (note,) = [note for note in result.notes if "cannot check" in note]
-    assert re.search(r"joint 1 \(\d+%\):", note)
+    assert re.search(r"joint 1 \(up to \d+%\):", note)
+
+
+def test_a_limit_holds_whatever_the_error():
+    """By three times the noise joint 1 is measured poorly: what is within the limit is not reported, what is not is."""
+    panda = SaggingPanda(Effects(noise=3.0))
+
+    def upright_off(seed, off):
+        pair = panda.pair(seed, np.where(np.arange(7) == 0, off, 0.0), with_phase=True)
+        return identify(*pair, chain(), nominal_transmission(exact=False))
+
+    within, beyond, unlimited = upright_off(2, 0.2), upright_off(2, 0.8), upright_off(0, 0.2)
+    assert not within.gains.contradicted.any()
+    assert np.flatnonzero(beyond.gains.contradicted).tolist() == [0]
+    assert np.log(1.2) < beyond.gains.noticeable[0] < 1.15 * within.gains.noticeable[0] < np.log(1.6)
+    assert any(f"joint 1 (up to {np.expm1(within.gains.noticeable[0]):.0%}), " in note for note in within.notes)
+    assert any("cannot check the drive gain of joint 1 (any error), " in note for note in unlimited.notes)
 
 
 def test_gains_that_are_known_are_not_fitted(found):
