@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.empty_arm.known_arm_fit import fit_on_known_arm
+from armload_identification.estimation.empty_arm.known_arm_fit import fit_on_known_arm, friction_covariance
 from armload_identification.estimation.empty_arm.known_arm_signal import KnownArmSignal
 from armload_identification.estimation.least_squares import Estimate, Prior
 from armload_identification.estimation.uncertainty import DETERMINED_SHARE, quantify
@@ -150,7 +150,7 @@ def _on_known_arm(
     floor = float(np.hypot(FLOOR_KG, FLOOR_SHARE * plain.mass_kg)) / plain.mass_kg
     changes = fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1)
     own = ArmFriction.of(arm.fit.model, signal.states.velocity_rad_s, changes)
-    said = friction_notes(standard_deviations(changes, _of_friction(fit, chain.n), arm.drift[:2]))
+    said = friction_notes(standard_deviations(changes, friction_covariance(fit, chain.n), arm.drift[:2]))
     # Gains and body err together: what is left of one run has the errors of both.
     doubts = np.concatenate(
         [
@@ -162,12 +162,6 @@ def _on_known_arm(
     return completed(
         signal, regressor, fit, friction, doubts, None, (loaded,), transmission, None, own, struck, said, prior=prior
     )
-
-
-def _of_friction(fit: Estimate, n: int) -> FloatArray:
-    """(n, 2, 2) covariance of each joint's changes of Coulomb and viscous friction."""
-    both = 10 + np.arange(n)[:, None] + [0, n]
-    return np.asarray(fit.covariance[both[:, :, None], both[:, None, :]])
 
 
 def _model_doubts(signal: LoadSignal, fit: Estimate, arm: KnownArm) -> FloatArray:

@@ -73,6 +73,8 @@ def fit_on_known_arm(
     own = np.concatenate([direction, velocity, np.ones_like(velocity)], axis=1)
     changes = own[:, None, :] * np.tile(np.eye(n), CHANGES)
     known = (prior or NOTHING_KNOWN).and_nuisance(np.zeros(CHANGES * n), arm.friction_spread.ravel())
+    # White noise stays like itself for longer in the rows' window than in the calibration's, but has as much less
+    # variance there than the calibration's noise, by which rows are weighted.
     independent = np.sqrt(np.minimum(signal.interval_s / arm.correlation_s, 1.0))
     weight = moving_weights(velocity, body) * seen.onward * independent
     theta = np.zeros(10)
@@ -87,6 +89,20 @@ def fit_on_known_arm(
             break
     carried = load_column(empty, regressor @ theta, direction) * body.load_friction
     return fit, _named(fit, carried + changes @ fit.theta[10:], arm)
+
+
+def friction_covariance(fit: Estimate, n: int) -> FloatArray:
+    """Covariance of a run's changes of friction.
+
+    Args:
+        fit: As `fit_on_known_arm`.
+        n: Number of joints.
+
+    Returns:
+        (n, 2, 2) of each joint's Coulomb (N m) and viscous friction (N m s/rad).
+    """
+    both = 10 + np.arange(n)[:, None] + [0, n]
+    return np.asarray(fit.covariance[both[:, :, None], both[:, None, :]])
 
 
 def _named(fit: Estimate, torque_nm: FloatArray, arm: KnownArm) -> FrictionDifference:
