@@ -244,7 +244,7 @@ def _judge_false_alarms(tally: Tally, name: str, right: Sequence[Agreement]) -> 
     tally.judge(
         f"{name}: the right payload fails at most {FALSE_ALARMS_PER_400} times of 400",
         f"{failed} of {len(right)}",
-        failed <= round(FALSE_ALARMS_PER_400 * len(right) / 400),
+        400 * failed <= FALSE_ALARMS_PER_400 * len(right),
     )
 
 

@@ -59,10 +59,10 @@ _ROWS_PER_UNKNOWN: Final = 3
 _TRIED_RUNS: Final = 4
 _TRIED_SPACING: Final = 3
 _LITTLE: Final = 0.025
-"""Geometric mean of the unexplained shares of all joints up to which an arm is mounted as entered. The UR10e has 0.017
-as it is, and 0.035 or more turned any other way."""
+"""Geometric mean of the unexplained shares of the moving joints up to which an arm is mounted as entered. The UR10e has
+0.017 as it is, and 0.035 or more turned any other way."""
 _MUCH: Final = 0.2
-"""Unexplained share of one joint from which on some joint may count the other way: that leaves 0.28 or more."""
+"""Unexplained share of one moving joint from which on some joint may count the other way: that leaves 0.28 or more."""
 _WHOLE: Final = "position and effort"
 _TURNED: Final = {_WHOLE: (True, True), "position": (True, False), "effort": (False, True)}
 _BETTER: Final = 0.3
@@ -159,7 +159,7 @@ class _Calibration:
     ) -> None:
         self._chain, self._transmission, self._weighed = chain, transmission, weighed
         self._left_out, self._progress = left_out, progress or (lambda done, total: None)
-        self._total = 2 * len(runs) + 2 * len(directions(chain.gravity_m_s2))
+        self._total = 2 * len(runs) + 2 * len(directions(chain.gravity_m_s2)) + len(_TURNED) * chain.n
         self._base = base_links(base_columns(chain, transmission.coupling), chain.n)
         self._done = 0
         self._used: list[MountedRun] = []
@@ -287,13 +287,15 @@ class _Calibration:
                 for index in order
             ]
             fit = self._fitted(rows, chain, rough=True)
-            return np.log(np.maximum(fit.noise_nm / fit.level_nm, 1e-9))
+            # Nothing is explained of a joint that does not move, and nothing is said of how it counts.
+            share = (fit.noise_nm / fit.level_nm)[self._peak > _UNMOVED_RAD_S]
+            return np.asarray(np.log(np.maximum(share, 1e-9)))
 
         shares = left(self._chain)
         entered = float(shares.mean())
         others = directions(self._chain.gravity_m_s2)
         if entered < np.log(_LITTLE):
-            self._advance(2 * len(others))
+            self._advance(2 * len(others) + len(_TURNED) * self._chain.n)
             return
         found = {}
         for how, gravity in others.items():
@@ -302,7 +304,9 @@ class _Calibration:
             self._advance(2)
         best = min(found, key=lambda how: found[how])
         if found[best] >= np.log(_LITTLE) and shares.max() > np.log(_MUCH):
-            self._refuse_turned_joint(left, min(entered - _BETTER, found[best]))
+            self._refuse_turned_joint(left, entered, min(entered - _BETTER, found[best]))
+        else:
+            self._advance(len(_TURNED) * self._chain.n)
         if found[best] < entered - _BETTER:
             raise EstimationError(
                 f"the arm is not mounted as in its configuration: the residual is {np.exp(entered - found[best]):.1f} "
@@ -310,9 +314,15 @@ class _Calibration:
             )
 
     def _refuse_turned_joint(
-        self, left: Callable[[Chain, Callable[[RunSignals], RunSignals]], FloatArray], most: float
+        self, left: Callable[[Chain, Callable[[RunSignals], RunSignals]], FloatArray], entered: float, most: float
     ) -> None:
-        """Raise where less than that is left unexplained by an arm one of whose joints counts the other way."""
+        """Raise where less is left unexplained by an arm one of whose joints counts the other way.
+
+        Args:
+            left: Log shares that an arm leaves unexplained.
+            entered: Their mean for the arm as entered.
+            most: That of an arm that is believed rather.
+        """
         turned = {}
         for axis, (what, (position, effort)) in product(
             np.flatnonzero(self._peak > _UNMOVED_RAD_S).tolist(), _TURNED.items()
@@ -325,8 +335,8 @@ class _Calibration:
                 effort=effort,
             )
             turned[axis, what] = float(left(self._chain, turn).mean())
-        if not turned:
-            return
+            self._advance()
+        self._advance(len(_TURNED) * int(np.count_nonzero(self._peak <= _UNMOVED_RAD_S)))
         joint, what = min(turned, key=lambda which: turned[which])
         if turned[joint, what] >= most:
             return
@@ -337,9 +347,8 @@ class _Calibration:
         )
         raise EstimationError(
             f"joint {joint + 1} is inverted relative to its configuration: the residual of the runs is "
-            f"{np.exp(most - turned[joint, what]):.1f} times smaller with its {what} inverted. {remedy}; the polarity "
-            "of "
-            "a drive that armload only listens to cannot be read."
+            f"{np.exp(entered - turned[joint, what]):.1f} times smaller with its {what} inverted. {remedy}; the "
+            "polarity of a drive that armload only listens to cannot be read."
         )
 
     def _leave_out(self, worst: int, fit: ArmFit) -> None:

@@ -40,6 +40,8 @@ _LIGHT_SHARE: Final = 0.02
 _GRAMS: Final = 1000.0
 _ROUGHLY: Final = 0.3
 _SAME_MASS: Final = 0.05
+_APART: Final = 4.0
+"""Standard deviations from which two masses, or two centres of mass, are not the same."""
 _WIDE: Final = 100.0
 _ANY: Final = "payload"
 
@@ -110,10 +112,11 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A run tried on an arm."""
+    """A run tried on an arm; the covariance is that of a payload that was fitted, empty where none was."""
 
     rows: ArmRows
     theta: FloatArray
+    covariance: FloatArray
     predicted_nm: FloatArray
     off: FloatArray
 
@@ -160,7 +163,8 @@ def _trial(
         changes = changes + step[count - own :]
     predicted = model.predict(rows, name, x, changes)
     off = _off(rows, predicted, fit.noise_nm)
-    return _Trial(rows, x[of.arm :], predicted, off)
+    fitted = count - own
+    return _Trial(rows, x[of.arm :], np.linalg.inv(information)[:fitted, :fitted], predicted, off)
 
 
 def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
@@ -181,8 +185,11 @@ def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float 
     """Everything that may have been entered wrongly, and the run tried with it put right."""
     trial = _trial(arm, run, arm.chain, mounting, free=True)
     of = arm.fit.unknowns
-    elsewhere = arm.fit.x[of.payload(mounting)] if mounting in of.mountings else None
-    yield trial, _payload_text(trial.theta, mounting, mass_kg, elsewhere)
+    elsewhere = None
+    if mounting in of.mountings:
+        place = of.payload(mounting)
+        elsewhere = _Carried(arm.fit.x[place], arm.fit.covariance[place, place])
+    yield trial, _payload_text(_Carried(trial.theta, trial.covariance), mounting, mass_kg, elsewhere)
     yield _scaled(arm, run, mounting)
     n = arm.chain.n
     for one, other in combinations(range(n), 2):
@@ -213,21 +220,42 @@ def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float 
         yield _trial(arm, run, mounted, mounting), f"the arm was mounted {how} in this run"
 
 
-def _payload_text(theta: FloatArray, mounting: str, mass_kg: float | None, elsewhere: FloatArray | None) -> str:
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    """A payload: (10,) theta and (10, 10) covariance."""
+
+    theta: FloatArray
+    covariance: FloatArray
+
+    def center_m(self) -> tuple[FloatArray, FloatArray]:
+        """(3,) centre of mass and (3, 3) covariance; of a mass that is not 0."""
+        center = self.theta[1:4] / self.theta[0]
+        slope = np.column_stack([-center, np.eye(3)]) / self.theta[0]
+        return center, slope @ self.covariance[:4, :4] @ slope.T
+
+
+def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhere: _Carried | None) -> str:
     """What the run carries, beside what is said of it and what the other runs of its mounting carry."""
-    found_kg = float(theta[0])
+    found_kg = float(found.theta[0])
     if mass_kg is not None and found_kg > _LIGHT_KG and abs(np.log(mass_kg / (_GRAMS * found_kg))) < _ROUGHLY:
         return f"it carries {found_kg:.3f} kg, not {mass_kg:g} kg: mass_kg was entered in grams"
     if found_kg < _LIGHT_KG + _LIGHT_SHARE * (mass_kg or 0.0):
         return "it carries nothing"
-    if elsewhere is not None and abs(found_kg / elsewhere[0] - 1.0) < _SAME_MASS:
-        apart_m = float(np.sqrt(np.sum((theta[1:4] / found_kg - elsewhere[1:4] / elsewhere[0]) ** 2)))
-        return (
-            f"its payload is mounted otherwise, with the centre of mass {1e3 * apart_m:.0f} mm from where it is in the "
-            f"other runs of '{mounting}': give it a mounting of its own"
-        )
-    said = f"{mass_kg:.3f} kg" if mass_kg is not None else f"what '{mounting}' is elsewhere" if mounting else "nothing"
-    return f"it carries {found_kg:.3f} kg, not {said}"
+    if elsewhere is None:
+        said = f"{mass_kg:.3f} kg" if mass_kg is not None else "nothing"
+        return f"it carries {found_kg:.3f} kg, not {said}"
+    elsewhere_kg = float(elsewhere.theta[0])
+    if abs(found_kg - elsewhere_kg) < _SAME_MASS * elsewhere_kg:
+        (here_m, of_here), (there_m, of_there) = found.center_m(), elsewhere.center_m()
+        apart = here_m - there_m
+        if apart @ np.linalg.solve(of_here + of_there, apart) > _APART**2:
+            return (
+                f"its payload is mounted otherwise, with the centre of mass {1e3 * float(np.sqrt(apart @ apart)):.0f} "
+                f"mm from where it is in the other runs of '{mounting}': give it a mounting of its own"
+            )
+        if abs(found_kg - elsewhere_kg) < _APART * np.sqrt(found.covariance[0, 0] + elsewhere.covariance[0, 0]):
+            return f"its payload has another inertia than in the other runs of '{mounting}': give it a name of its own"
+    return f"it carries {found_kg:.3f} kg, not {elsewhere_kg:.3f} kg as in the other runs of '{mounting}'"
 
 
 def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> tuple[_Trial, str]:
