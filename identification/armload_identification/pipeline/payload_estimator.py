@@ -1,7 +1,7 @@
 """What a calibrated arm carries while it works: the recursive estimator, and its estimate with intervals.
 
 `update` is one call of the kernel (`armload_core/source/payload_estimator.c`): it takes the drives' unfiltered
-feedback, on stamps as they come. `estimate` is for outside the loop: it takes some milliseconds.
+feedback, on stamps as they come. `estimate` is not to be called in the loop, as it takes some milliseconds.
 """
 
 from __future__ import annotations
