@@ -76,7 +76,7 @@ def test_a_payload_is_found(case):
     assert found.payload.determined[:4].all(), found
     assert found.payload.model.mass_kg == pytest.approx(mass_kg, rel=0.005)
     np.testing.assert_allclose(found.payload.model.center_of_mass_m, center_m, atol=0.005)
-    assert any("ignored: a finger" in note for note in found.notes)
+    assert any("not part of this arm: a finger" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("name", ["SO-101", "Baxter, left", "Talos, left"])
