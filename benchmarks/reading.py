@@ -9,9 +9,6 @@ reader of this format can do without. Beside it the library's own record iterato
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Final
@@ -24,6 +21,7 @@ from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.excitation.excitation_file import format_excitation
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
+from benchmarks.reading_probe import probe
 
 ROWS: Final = 600_000
 """Of `make bench`."""
@@ -45,7 +43,7 @@ def run(rows: int = ROWS) -> None:
         path = Path(folder) / "long.mcap"
         _write(path, rows)
         print(f"  file: {path.stat().st_size / 1e6:.0f} MB, {path.stat().st_size / rows:.0f} bytes a row")
-        figures = {how: _probe(how, path) for how in ("bare", "library", "armload")}
+        figures = {how: probe(how, path) for how in ("bare", "library", "armload")}
     bare = figures["bare"]["cpu_s"]
     for how, what in (
         ("bare", "bare read: chunks and JSON, nothing kept"),
@@ -78,13 +76,6 @@ def _write(path: Path, rows: int) -> None:
             )
             command = JointCommand(state.position_rad[k], nothing, nothing)
             recorder.write(feedback, command, Segment.PERIODS, (row + 1) * CYCLE_S)
-
-
-def _probe(how: str, path: Path) -> dict[str, float]:
-    """Read in a fresh process; its own figures."""
-    command = [sys.executable, "-m", "benchmarks.reading_probe", how, str(path)]
-    figures: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    return figures
 
 
 if __name__ == "__main__":

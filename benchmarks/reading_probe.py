@@ -1,10 +1,11 @@
-"""One process of `benchmarks.reading`: reads a file in one way and prints its CPU time and memory as JSON."""
+"""Reads a file in one way, in a process of its own that prints its CPU time and memory as JSON."""
 
 from __future__ import annotations
 
 import json
 import resource
 import struct
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -19,6 +20,21 @@ from armload_identification.recording.file_reading import read_recording
 
 WATCHED, CALIBRATION = "er50", "arm.calibration.toml"
 _RECORD = struct.Struct("<BQ")
+
+
+def probe(way: str, path: Path) -> dict[str, float]:
+    """Read a file in a fresh process.
+
+    Args:
+        way: One of "bare", "library", "armload", "watch".
+        path: The recording.
+
+    Returns:
+        "cpu_s" without the start of the process, and "peak_mb" of memory.
+    """
+    command = [sys.executable, "-m", "benchmarks.reading_probe", way, str(path)]
+    figures: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return figures
 
 
 def bare(path: Path) -> None:

@@ -9,9 +9,6 @@ carries. Of two lengths: what a row takes beyond the start of the program is the
 from __future__ import annotations
 
 import argparse
-import json
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Final
@@ -25,7 +22,7 @@ from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.files.calibration_file import write_calibration
 from benchmarks.any_motion_simulated import calibration_of, empty_stream, scales_of, signals_of
-from benchmarks.reading_probe import CALIBRATION, WATCHED
+from benchmarks.reading_probe import CALIBRATION, WATCHED, probe
 from benchmarks.setups import Twin
 from benchmarks.streams import as_recorded
 
@@ -54,7 +51,7 @@ def run(hours: float = HOURS) -> None:
             path = Path(folder) / "watched.mcap"
             _write(path, robot, count)
             size_mb = path.stat().st_size / 1e6
-            bare, watched = (_probe(how, path) for how in ("bare", "watch"))
+            bare, watched = (probe(how, path) for how in ("bare", "watch"))
             ratio = watched["cpu_s"] / bare["cpu_s"]
             print(
                 f"  {count / robot.bus.cycle_hz / _HOUR_S:5.2f} h, {count:,} rows, {size_mb:.0f} MB: bare "
@@ -87,13 +84,6 @@ def _signals(robot: Robot) -> tuple[FloatArray, FloatArray]:
     stream, rng = empty_stream(robot.name, Twin.NORMATIVE, 0), np.random.default_rng(1)
     _, position, effort = signals_of(as_recorded(stream, scales_of(robot), rng, np.zeros(robot.n), "a minute"))
     return np.vstack([position, position[::-1]]), np.vstack([effort, effort[::-1]])
-
-
-def _probe(how: str, path: Path) -> dict[str, float]:
-    """Read in a fresh process; its own figures."""
-    command = [sys.executable, "-m", "benchmarks.reading_probe", how, str(path)]
-    figures: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    return figures
 
 
 if __name__ == "__main__":

@@ -176,6 +176,28 @@ def pair(pinocchio_arm):
 
 
 @pytest.fixture(scope="session")
+def calibration(pinocchio_arm):
+    """Pinocchio's arm, calibrated by an empty run and one with its payload weighed; a third file was left out."""
+    # here, so that the tests of other rooms do not load the calibration
+    from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
+
+    trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
+    return calibrate_arm(
+        [
+            MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
+            for load in (False, True)
+        ],
+        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
+        pinocchio_arm.chain,
+        pinocchio_arm.transmission,
+        robot="six",
+        armload_version="1.2.3",
+        configuration_sha256="c" * 64,
+        left_out=[("lost.csv", 'it is "gone"')],
+    )
+
+
+@pytest.fixture(scope="session")
 def make_subject():
     """Subjects of an export: a shipped arm or a chain, with a payload whose inertia has all products."""
     # here, so that the tests of the mathematics do not load the controller

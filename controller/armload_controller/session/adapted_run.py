@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armload_controller.analysis.arm_in_use import ArmInUse
 from armload_controller.config.robot import Robot
-from armload_controller.control_errors import CommissioningError
 from armload_controller.cycle.control_cycle import PoweredArm
 from armload_controller.feedforward.adaptation import Beside, Decision, EstimatorPlugin, PayloadAdaptation
 from armload_controller.feedforward.adaptation_rules import AdaptationRules, DeclaredMass
@@ -92,20 +90,6 @@ def adapted_run(
         "payload, and removed again. ",
     )
     return AdaptedRun(verdicts[0], tuple(adaptation.decisions))
-
-
-def required_calibration(used: ArmInUse) -> ArmCalibration:
-    """The calibration that estimates come from.
-
-    Raises:
-        CommissioningError: the arm is not calibrated.
-    """
-    if used.calibration is None:
-        raise CommissioningError(
-            "--adapt requires a calibrated arm: calibrate it once with `armload calibrate` and give that file as "
-            "--calibration"
-        )
-    return used.calibration
 
 
 def greatest_body(robot: Robot, declared: DeclaredMass) -> InertialParameters:

@@ -205,8 +205,7 @@ class _Fitter:
             return self._result(_STEPS)
         raise EstimationError(
             f"the calibration does not converge within {_STEPS} steps (the unknowns still change by {moved:.2g} "
-            "standard "
-            f"deviations); {of.size} unknowns, {len(self._runs)} runs. Add runs with other motions."
+            f"standard deviations); {of.size} unknowns, {len(self._runs)} runs. Add runs with other motions."
         )
 
     def _step(self) -> float:

@@ -125,12 +125,10 @@ class ArmModel:
         of = self.unknowns
         delay, tilt = x[of.delay][0], x[of.tilt]
         links = x[of.links]
-        tau = rows.links @ links + delay * (rows.links_rate @ links)
-        tau += tilt[0] * (rows.links_tilt[0] @ links) + tilt[1] * (rows.links_tilt[1] @ links)
+        tau = _moved(rows.links @ links, rows.links_rate @ links, rows.links_tilt @ links, delay, tilt)
         if mounting:
             theta = x[of.payload(mounting)]
-            tau += rows.payload @ theta + delay * (rows.payload_rate @ theta)
-            tau += tilt[0] * (rows.payload_tilt[0] @ theta) + tilt[1] * (rows.payload_tilt[1] @ theta)
+            tau += _moved(rows.payload @ theta, rows.payload_rate @ theta, rows.payload_tilt @ theta, delay, tilt)
         return self._axis_torque(rows, tau, x, changes)
 
     def differentiate(self, rows: ArmRows, mounting: str, x: FloatArray, changes: FloatArray) -> RunDerivatives:
@@ -202,9 +200,9 @@ class ArmModel:
         return np.asarray(np.exp(x[of.log_h]) * axis_nm)
 
 
-def _moved(columns: FloatArray, rate: FloatArray, tilted: FloatArray, delay: float, tilt: FloatArray) -> FloatArray:
-    """(N, n, k) columns for a delay and a tilt."""
-    moved = columns + delay * rate
+def _moved(level: FloatArray, rate: FloatArray, tilted: FloatArray, delay: float, tilt: FloatArray) -> FloatArray:
+    """(N, n) torque, or its (N, n, k) columns, delayed and on a base that is not level."""
+    moved = level + delay * rate
     moved += tilt[0] * tilted[0]
     moved += tilt[1] * tilted[1]
     return np.asarray(moved)

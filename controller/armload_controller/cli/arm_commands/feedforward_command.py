@@ -264,10 +264,10 @@ def _adapt(
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.control_errors import CommissioningError
     from armload_controller.feedforward.adaptation import at_once
-    from armload_controller.session.adapted_run import adapted_run, required_calibration
+    from armload_controller.session.adapted_run import adapted_run
     from armload_controller.session.run_session import Load, run_session
 
-    calibration = required_calibration(used)
+    calibration, _ = used.calibrated("--adapt requires a calibrated arm")
     try:
         log = decisions.open("a", encoding="utf-8")
     except OSError as error:

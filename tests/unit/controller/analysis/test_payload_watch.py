@@ -12,29 +12,14 @@ from rich.console import Console
 from armload_controller.analysis.payload_watch import IDLE_LOOKS, PayloadWatch, follow
 from armload_controller.cli.output.watch_output import moment_text, shown_moments
 from armload_controller.cli.screen import Screen
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.files.calibration_file import write_calibration
 from armload_identification.identification_errors import EstimationError, RecordingError
 
 
 @pytest.fixture(scope="module")
-def calibration_file(pinocchio_arm, tmp_path_factory):
-    trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
-    runs = [
-        MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
-        for load in (False, True)
-    ]
-    found = calibrate_arm(
-        runs,
-        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
-        pinocchio_arm.chain,
-        pinocchio_arm.transmission,
-        robot="six",
-        armload_version="0",
-        configuration_sha256="c" * 64,
-    )
+def calibration_file(calibration, tmp_path_factory):
     path = tmp_path_factory.mktemp("arm") / "arm.calibration.toml"
-    write_calibration(path, found)
+    write_calibration(path, calibration)
     return path
 
 

@@ -160,12 +160,7 @@ MOVED = {
 def test_the_body_that_is_fed_is_the_one_that_is_checked(estimate, reason):
     """No rule speaks against these estimates, only against what would be fed of them."""
     assert AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names).why_not(estimate) is None
-    arm = Arm()
-    assert arm.run(CONFIRMED_S).any()
-    arm.estimator.says = estimate
-    assert not arm.run(2.0 * LOOK_S + DROP_S).any()
-    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
-    assert reason in arm.adaptation.decisions[-1].reason
+    dropped_for(estimate, reason)
 
 
 def test_a_body_is_fed_that_is_within_the_intervals_and_recorded():
@@ -274,6 +269,17 @@ def torque_of(estimate):
 CONFIRMED_S = 3.0 * LOOK_S + FEED_S
 
 
+def dropped_for(estimate, reason):
+    """An arm whose payload torque was removed for that reason when the estimate became this one."""
+    arm = Arm()
+    assert arm.run(CONFIRMED_S).any()
+    arm.estimator.says = estimate
+    assert not arm.run(2.0 * LOOK_S + DROP_S).any()
+    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
+    assert reason in arm.adaptation.decisions[-1].reason
+    return arm
+
+
 def test_two_estimates_that_agree_are_fed_and_no_single_one():
     arm = Arm()
     assert not arm.run(LOOK_S).any()
@@ -307,12 +313,7 @@ def test_a_better_estimate_takes_its_place_and_a_like_one_does_not():
 
 @pytest.mark.parametrize(("estimate", "reason"), DOUBTS.values(), ids=DOUBTS)
 def test_any_doubt_takes_the_torque_away(estimate, reason):
-    arm = Arm()
-    assert arm.run(CONFIRMED_S).any()
-    arm.estimator.says = estimate
-    assert not arm.run(2.0 * LOOK_S + DROP_S).any()
-    assert arm.kinds == [DecisionKind.FED, DecisionKind.DROPPED]
-    assert reason in arm.adaptation.decisions[-1].reason
+    arm = dropped_for(estimate, reason)
     arm.run(CONFIRMED_S)
     assert len(arm.kinds) == 2, "a doubt is said once"
 

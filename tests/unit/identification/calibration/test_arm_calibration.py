@@ -26,7 +26,7 @@ WRONG = np.array([1.03, 0.96, 1.05, 0.97, 1.02, 0.98])
 LOAD_FRICTION = 0.06
 
 
-def test_a_joint_that_counts_the_other_way_is_named(pinocchio_arm):
+def test_a_joint_that_counts_the_other_way_is_named(pinocchio_arm, weighed):
     """A drive whose polarity (607E) nobody could read: it only listens to another master's."""
     run = pinocchio_arm.run(pinocchio_arm.trajectory(3, period_s=10.0), True, seed=6, with_phase=False)
     turn = np.where(np.arange(6) == 2, -1.0, 1.0)
@@ -35,14 +35,11 @@ def test_a_joint_that_counts_the_other_way_is_named(pinocchio_arm):
     with pytest.raises(
         EstimationError, match=r"joint 3 is inverted.*position and effort inverted\. Invert its axis"
     ) as caught:
-        calibrate_arm(
-            [MountedRun(turned, "disc")],
-            {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
-            pinocchio_arm.chain,
+        calibrated(
+            [MountedRun(turned, "weighed")],
+            weighed,
+            pinocchio_arm,
             pinocchio_arm.transmission,
-            robot="six",
-            armload_version="0",
-            configuration_sha256="c" * 64,
             progress=lambda done, total: steps.append((done, total)),
         )
     assert "residual of the runs is 34." in str(caught.value), "compared with that of the arm as entered"

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 from armload_identification.files.calibration_file import (
     format_calibration,
     parse_calibration,
@@ -22,43 +21,24 @@ pytestmark = pytest.mark.pure
 
 
 @pytest.fixture(scope="module")
-def result(pinocchio_arm):
-    trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
-    runs = [
-        MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
-        for load in (False, True)
-    ]
-    return calibrate_arm(
-        runs,
-        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
-        pinocchio_arm.chain,
-        pinocchio_arm.transmission,
-        robot="six",
-        armload_version="1.2.3",
-        configuration_sha256="c" * 64,
-        left_out=[("lost.csv", 'it is "gone"')],
-    )
+def text(calibration):
+    return format_calibration(calibration)
 
 
-@pytest.fixture(scope="module")
-def text(result):
-    return format_calibration(result)
-
-
-def test_the_file_gives_back_the_same_calibration(result, text, tmp_path):
+def test_the_file_gives_back_the_same_calibration(calibration, text, tmp_path):
     path = tmp_path / "arm.calibration.toml"
-    write_calibration(path, result)
+    write_calibration(path, calibration)
     back = read_calibration(path)
     assert path.read_text() == text == format_calibration(back)
-    for field in fields(result):
-        one, other = getattr(result, field.name), getattr(back, field.name)
+    for field in fields(calibration):
+        one, other = getattr(calibration, field.name), getattr(back, field.name)
         if isinstance(one, np.ndarray):
             np.testing.assert_array_equal(other, one)
     assert back.left_out == (("lost.csv", 'it is "gone"'),)
-    assert back.provenance == result.provenance
-    assert back.payloads[0].weighed_kg == result.payloads[0].weighed_kg
-    np.testing.assert_array_equal(back.body.links, result.body.links)
-    np.testing.assert_array_equal(back.body.root_nm, result.body.root_nm)
+    assert back.provenance == calibration.provenance
+    assert back.payloads[0].weighed_kg == calibration.payloads[0].weighed_kg
+    np.testing.assert_array_equal(back.body.links, calibration.body.links)
+    np.testing.assert_array_equal(back.body.root_nm, calibration.body.root_nm)
 
 
 @pytest.mark.parametrize(

@@ -1,29 +1,9 @@
-"""Pinocchio's arm as it was calibrated, and its motion from place to place."""
+"""A motion of Pinocchio's arm from place to place."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
-
-
-@pytest.fixture(scope="session")
-def calibration(pinocchio_arm):
-    trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
-    runs = [
-        MountedRun(pinocchio_arm.run(trajectory, load, seed=5 + load, with_phase=False), "disc" if load else "")
-        for load in (False, True)
-    ]
-    return calibrate_arm(
-        runs,
-        {"disc": WeighedPayload(pinocchio_arm.payload.mass_kg)},
-        pinocchio_arm.chain,
-        pinocchio_arm.transmission,
-        robot="six",
-        armload_version="0",
-        configuration_sha256="c" * 64,
-    )
 
 
 @pytest.fixture(scope="session")
