@@ -1,8 +1,8 @@
-"""What a plain installation leaves out, and the extra that brings it.
+"""Libraries that a plain installation does not include, and the extras that provide them.
 
-A plain installation has what puts a payload into a loop: robot and payload files, the bus, feed-forward, exports. What
-identifies and draws takes two thirds of the space, so it comes with an extra; it is imported where it is used,
-and asked for before any work is done.
+A plain installation suffices for using a payload: robot and payload files, the bus, feed-forward, exports. The
+libraries for identification and figures take two thirds of the space and are therefore extras; they are imported where
+they are used, and checked for before any work is done.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from armload_identification.identification_errors import ExtraMissing
 
 
 class Extra(StrEnum):
-    """A set of libraries by the name that pip knows it by."""
+    """A set of libraries, by its name for pip."""
 
     IDENTIFY = "identify"
     REPORT = "report"
@@ -30,11 +30,11 @@ _LIBRARIES: Final = {
 
 
 def require_extra(extra: Extra, purpose: str) -> None:
-    """Refuse to begin what an extra is missing for.
+    """Raise if an extra is not installed.
 
     Args:
-        extra: What is needed.
-        purpose: What needs it; the beginning of the message.
+        extra: The required extra.
+        purpose: What requires it; the beginning of the message.
 
     Raises:
         ExtraMissing: one of its libraries is not installed.
@@ -45,7 +45,7 @@ def require_extra(extra: Extra, purpose: str) -> None:
 
 
 def missing_extra(error: ModuleNotFoundError) -> ExtraMissing | None:
-    """What a failed import says of an extra; None where no extra would help."""
+    """The extra that would have prevented a failed import; None if there is none."""
     root = (error.name or "").partition(".")[0]
     for extra, libraries in _LIBRARIES.items():
         if root in libraries:

@@ -1,17 +1,17 @@
-"""What can go wrong with the mathematics and its data.
+"""Errors of the identification.
 
 IdentificationError
- +-- ModelError         chain, payload or trajectory parameters that make no sense
+ +-- ModelError         invalid parameters of a chain, payload or trajectory
  +-- RecordingError     a recording that cannot be read or does not fit the arm
- +-- EstimationError    data that do not determine what was asked
+ +-- EstimationError    data that do not determine the result
  +-- ExcitationError    no trajectory within the limits
- +-- FileError          a file of ours that cannot be used: file, key, the value found and what was expected
+ +-- FileError          a file of this program that cannot be used: file, key, value found and what was expected
  |    +-- CalibrationFileError an arm.calibration.toml that is incomplete or inconsistent
- |    +-- RunTableError        a table of an arm's runs that makes no sense
+ |    +-- RunTableError        an invalid table of an arm's runs
  |    +-- PayloadFileError     a payload.toml that is incomplete, inconsistent or physically impossible
  |    +-- ExcitationFileError  an excitation that is incomplete or inconsistent
  +-- ReportError        a report that cannot be written
- +-- ExtraMissing       a library that a plain installation leaves out
+ +-- ExtraMissing       a library that a plain installation does not include
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class IdentificationError(Exception):
 
 
 class ModelError(IdentificationError):
-    """Chain, payload or trajectory parameters that make no sense."""
+    """Invalid parameters of a chain, payload or trajectory."""
 
 
 class RecordingError(IdentificationError):
@@ -32,7 +32,7 @@ class RecordingError(IdentificationError):
 
 
 class EstimationError(IdentificationError):
-    """Data that do not determine what was asked of them."""
+    """Data that do not determine the result."""
 
 
 class ExcitationError(IdentificationError):
@@ -40,12 +40,12 @@ class ExcitationError(IdentificationError):
 
 
 class FileError(IdentificationError):
-    """A file of ours that cannot be read, used or written.
+    """A file of this program that cannot be read, used or written.
 
     Attributes:
-        file: The file, or what the text was called.
-        key: Dotted path of the key; the first entry of a list is [1]. Empty where the file as a whole is meant.
-        found: The value found; None where there is none.
+        file: The file, or the name of the text.
+        key: Dotted path of the key; the first entry of a list is [1]. Empty if the error concerns the entire file.
+        found: The value found; None if there is none.
         expected: What would have been accepted.
     """
 
@@ -62,7 +62,7 @@ class CalibrationFileError(FileError):
 
 
 class RunTableError(FileError):
-    """A table of an arm's runs that makes no sense."""
+    """An invalid table of an arm's runs."""
 
 
 class PayloadFileError(FileError):
@@ -74,20 +74,20 @@ class ExcitationFileError(FileError):
 
 
 class ReportError(IdentificationError):
-    """A report or a picture that cannot be written."""
+    """A report or a figure that cannot be written."""
 
 
 class ExtraMissing(IdentificationError):
-    """A library that a plain installation leaves out; the message names what brings it."""
+    """A library that a plain installation does not include; the message names the extra that provides it."""
 
 
 def file_problem(file: str, key: str, found: object, expected: str) -> str:
-    """One sentence about a file, a key of it, the value found there and what was expected.
+    """A message with the file, the key, the value found there and what was expected.
 
     Args:
         file: Name of the file.
-        key: Dotted path of the key; empty where the file as a whole is meant.
-        found: The value; None where it is missing. A table is not repeated.
+        key: Dotted path of the key; empty if the message concerns the entire file.
+        found: The value; None if it is missing. A table is not repeated.
         expected: The end of the sentence.
     """
     if not key:
@@ -106,7 +106,7 @@ _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxstring, _SHORT.maxother, _SHORT.maxlo
 
 
 def _shortened(value: object) -> str:
-    """A value in a sentence: as written, unless it is a long one."""
+    """A value for a message, abbreviated if it is long."""
     try:
         return _SHORT.repr(value)
     except ValueError:  # an integer of more digits than Python converts

@@ -1,4 +1,4 @@
-"""The names of the estimators; what they do is in `estimators`. Light, so that a command line may offer them."""
+"""The names of the estimators, which `estimators` implements; cheap to import, for the command line."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Estimator(StrEnum):
-    """How a payload is fitted to a torque difference; identification/README.md has what chose the default."""
+    """How a payload is fitted to a torque difference; identification/README.md explains the choice of the default."""
 
     OLS = "ols"
     """Least squares with equal weights, as in the paper."""

@@ -29,13 +29,13 @@ from armload_identification.signals.reversals import REVERSAL, reversal_weights
 
 _NEGLIGIBLE: Final = 1e-3
 _REPEATED_REVERSAL: Final = 0.05
-"""`REVERSAL` where two runs are compared phase by phase, so that half of what a servo does at a reversal cancels."""
+"""`REVERSAL` if two runs are compared phase by phase, so that half of the servo's behaviour at a reversal cancels."""
 
 
 def least_noise(signal: LoadSignal) -> FloatArray:
-    """(n,) noise that a fit may not go below: that of the averages, where it is known from the scatter between periods.
+    """(n,) lower bound of the noise in a fit, N m: that of the averages, if known from the scatter between periods.
 
-    Noise above the motion's band says little about that within it; there the residual alone decides.
+    Otherwise only the residual decides, as noise above the motion's band says little about noise within it.
 
     Args:
         signal: The torque difference.
@@ -44,7 +44,7 @@ def least_noise(signal: LoadSignal) -> FloatArray:
 
 
 def steadiness(signal: LoadSignal) -> FloatArray:
-    """(K, n) weights that leave out reversals, by how well they cancel between the two runs.
+    """(K, n) weights that exclude reversals, according to how well they cancel between the two runs.
 
     Args:
         signal: The torque difference.
@@ -59,9 +59,9 @@ class PayloadFit:
 
     Attributes:
         estimate: The fit.
-        friction: The friction beside it; None where the estimator looks for none.
-        gains: What the data say of uncertain gains; None where the estimator takes them as they are.
-        signal: What was fitted: the torque by the estimated gains.
+        friction: The friction fitted with it; None if the estimator fits none.
+        gains: The uncertain gains as fitted; None if the estimator does not fit them.
+        signal: The fitted signal, its torque computed with the estimated gains.
     """
 
     estimate: Estimate
@@ -87,10 +87,10 @@ def fit_payload(
         regressor: (K, n, 10) of the payload.
         chain: The arm.
         body: The arm's body.
-        estimator: How.
-        prior: What is known beforehand.
-        arm: How well the body is known, where it was fitted to the unloaded run.
-        gains: The gains, where they are to be fitted too; `friction` alone does.
+        estimator: The estimator.
+        prior: Prior knowledge.
+        arm: How well the body is known, if it was fitted to the unloaded run.
+        gains: The gains, if they are to be fitted too; only `friction` does so.
     """
     least = least_noise(signal)
     steady = steadiness(signal)

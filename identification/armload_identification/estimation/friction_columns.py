@@ -4,19 +4,19 @@ A gear has more friction under load, so that the loaded run's friction exceeds t
 
     mu s (|tau_link,loaded| - |tau_link,unloaded|),    s the direction of motion,
 
-with tau_link the torque of links and payload WITHOUT friction. Built from the motors' torque, friction and all, the
-same column makes results worse. So body and friction are fitted to the unloaded run first; the loaded run's link
-torque is that of the body plus the payload's, and is iterated with the payload.
+with tau_link the torque of links and payload WITHOUT friction. Computed from the motors' torque, which includes
+friction, the same column makes results worse. Body and friction are therefore fitted to the unloaded run first; the
+loaded run's link torque is the body's plus the payload's, and is iterated with the payload.
 
 A gear that has warmed up between the runs has less friction: a difference of viscous friction, d dq. Such columns cost
-accuracy where nothing has changed.
+accuracy if nothing has changed.
 
-A joint gets a column only where its coefficient is significant by a robust t test; mu must be positive and
-possible besides. The columns are dropped one after the other, the least justified first.
+A joint gets a column only if its coefficient is significant in a robust t test; mu must also be positive and
+possible. The columns are dropped one by one, the least justified first.
 
-The run of the empty arm determines mu too, and much more precisely, from torques many times the payload's. Where
-the difference does not contradict it, it serves as the prior on mu: with a payload of the paper's size, centre of mass
-and mu are only poorly distinguishable.
+The run of the empty arm also determines mu, and much more precisely, from torques many times the payload's. Unless
+the difference contradicts it, that value is the prior on mu: with a payload of the paper's size, centre of mass and mu
+are hard to distinguish.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.reversals import reversal_speed
 
 Solver = Callable[[FloatArray, FloatArray, FloatArray], Estimate]
-"""Fits a (K, n, 10 + r) regressor, given the expected values of the r last parameters and their deviations."""
+"""Fits a (K, n, 10 + r) regressor, given expected values and standard deviations of the last r parameters."""
 
 SIGNIFICANT_LOAD: Final = 3.0
-"""Robust t from which load-dependent friction counts; white noise alone reaches it in one joint of 740."""
+"""Robust t above which load-dependent friction is significant; white noise reaches it in one joint of 740."""
 SIGNIFICANT_VISCOUS: Final = 4.0
-"""The same for a change of viscous friction, of which there is less reason to expect any: one joint in 16,000."""
+"""The same for a change of viscous friction, which is less to be expected: one joint in 16,000."""
 _THINNED: Final = 8.0
-"""Samples per period of the low-pass' cutoff that are kept."""
+"""Samples kept per period of the low-pass's cutoff frequency."""
 _ALIKE: Final = 0.03
-"""Share by which mu of the same gear may differ under another load, one standard deviation."""
+"""Relative standard deviation of the same gear's mu between loads."""
 _HOPELESS: Final = 1.0 / 3.0
 """Columns below this share of their threshold are dropped together."""
 _ROUGH: Final = 2
@@ -66,16 +66,16 @@ class FrictionDifference:
     Attributes:
         load_joints: (n,) True where load-dependent friction has a column.
         load: (n,) its coefficient mu; 0 where there is no column.
-        load_t: (n,) robust t statistic of it.
+        load_t: (n,) robust t statistic of mu.
         viscous_joints: (n,) True where a change of viscous friction has a column.
         viscous_nm_s_rad: (n,) the change; 0 where there is no column.
-        viscous_t: (n,) robust t statistic of it.
-        torque_nm: (K, n) all of it as a torque.
+        viscous_t: (n,) robust t statistic of the change.
+        torque_nm: (K, n) torque of both.
         known_deviation: (2 n,) standard deviations of the prior from the unloaded run: of mu where that run determines
             it; inf elsewhere, and for viscous changes.
         known: (2 n,) expected values of that prior.
-        doubts_nm: (k, K, n) by how much the torque difference is off for one standard deviation of each thing that
-            was taken from the unloaded run: the rotors' inertia, the delay of the torque.
+        doubts_nm: (k, K, n) error of the torque difference for one standard deviation of each quantity taken from the
+            unloaded run: the rotors' inertia, the delay of the torque.
     """
 
     load_joints: NDArray[np.bool_]
@@ -91,7 +91,7 @@ class FrictionDifference:
 
 
 def unloaded_body(signal: LoadSignal, chain: Chain, coupling: FloatArray) -> BodyFit:
-    """Body and friction of the arm by the unloaded half of a pair of runs.
+    """Body and friction of the arm from the unloaded run of a pair.
 
     Args:
         signal: The pair.
@@ -100,7 +100,7 @@ def unloaded_body(signal: LoadSignal, chain: Chain, coupling: FloatArray) -> Bod
     """
     step = 1
     if not signal.periodic:
-        # After the low-pass a few samples per period of its cutoff hold all the information.
+        # After the low-pass a few samples per period of its cutoff frequency contain all the information.
         cutoff_hz = low_pass_cutoff(signal.states.velocity_rad_s, signal.interval_s)
         step = max(int(1.0 / (_THINNED * cutoff_hz * signal.interval_s)), 1)
     return fit_body([signal.empty_arm.every(step)], chain, coupling)
@@ -126,10 +126,10 @@ def fit_with_friction(
         columns: Of payload and friction.
         body: The arm's body, for its load-dependent friction.
         solve: Fits a regressor to the torque difference.
-        arm: How well the body is known, where it was fitted to the unloaded run; its friction is used too then.
+        arm: How well the body is known, if it was fitted to the unloaded run; its mu is then a prior.
 
     Returns:
-        The fit, whose parameters behind the ten are mu of the joints that have it and then the viscous changes,
+        The fit, whose parameters after the ten are mu of the joints that have it and then the viscous changes;
         and these by joint.
     """
     n = body.n
@@ -155,7 +155,7 @@ def fit_with_friction(
 def _justified(
     columns: FrictionColumns, solve: Solver, chosen: NDArray[np.bool_]
 ) -> tuple[Estimate, NDArray[np.bool_]]:
-    """The columns that the difference alone justifies, (2 n,), and a rough fit with them."""
+    """A rough fit, and (2 n,) True for the columns that the difference itself justifies."""
     n = chosen.size // 2
     threshold = np.repeat([SIGNIFICANT_LOAD, SIGNIFICANT_VISCOUS], n)
     plain = solve(columns.regressor, np.empty(0), np.empty(0))
@@ -180,7 +180,7 @@ def _iterate(
     expected: FloatArray | None = None,
     deviation: FloatArray | None = None,
 ) -> tuple[Estimate, FloatArray]:
-    """The fit with the chosen columns, and all 2 n coefficients, until the payload in the columns stays."""
+    """The fit with the chosen columns and all 2 n coefficients, iterated until the payload in the columns settles."""
     mean = np.zeros(chosen.size) if expected is None else expected
     spread = np.full(chosen.size, np.inf) if deviation is None else deviation
     for _ in range(rounds):
@@ -203,7 +203,7 @@ def _deviation(fit: Estimate, chosen: NDArray[np.bool_]) -> FloatArray:
 
 
 class FrictionColumns:
-    """The payload's ten columns, and the 2 n beside them: load-dependent friction, then viscous changes.
+    """The payload's ten columns and 2 n of friction: load-dependent friction, then viscous changes.
 
     Args:
         signal: Torque difference and its motion.
@@ -222,10 +222,10 @@ class FrictionColumns:
         self._direction = smooth_sign(self._velocity, turn_over)
 
     def with_empty_times(self, matrix: FloatArray) -> FrictionColumns:
-        """The same with the torque of the arm's links replaced by itself times a matrix.
+        """These columns with the torque of the arm's links multiplied by a matrix.
 
         Args:
-            matrix: (n, n), as other gains make it.
+            matrix: (n, n) effect of other gains.
         """
         other = copy(self)
         other.empty_nm = self.empty_nm @ matrix
@@ -236,10 +236,10 @@ class FrictionColumns:
 
         Args:
             theta: (10,) the payload that loads the gears.
-            chosen: (2 n,) which.
+            chosen: (2 n,) True for the columns to compute.
 
         Returns:
-            (K, n, c).
+            (K, n, c) for c chosen columns.
         """
         own, n = np.concatenate([self._load(theta), self._velocity], axis=1), self._velocity.shape[1]
         place = np.flatnonzero(chosen)
@@ -248,7 +248,7 @@ class FrictionColumns:
         return columns
 
     def growth(self, theta: FloatArray, load: FloatArray) -> FloatArray:
-        """How load-dependent friction grows with the torque of the payload, mu s sgn(tau_link).
+        """Derivative of load-dependent friction with respect to the payload's torque, mu s sgn(tau_link).
 
         Args:
             theta: (10,) the payload that loads the gears.
@@ -261,7 +261,7 @@ class FrictionColumns:
         return np.asarray(load * self._direction * turned)
 
     def slope_of_empty(self, theta: FloatArray, load: FloatArray) -> FloatArray:
-        """The same with the torque of the links, mu s (sgn tau_link,loaded - sgn tau_link,unloaded).
+        """Its derivative with respect to the links' torque, mu s (sgn tau_link,loaded - sgn tau_link,unloaded).
 
         Args:
             theta: (10,) the payload that loads the gears.
@@ -285,12 +285,12 @@ class FrictionColumns:
         """Coefficients by name.
 
         Args:
-            fit: The fit that they come from; behind the ten it has those chosen, and behind these whatever else.
-            coefficient: (2 n,) all of them.
-            chosen: (2 n,) which have a column.
-            expected: (2 n,) what was known of them.
-            deviation: (2 n,) how well.
-            arm: How well the body is known, where it was fitted to the unloaded run.
+            fit: The fit; its parameters are the payload's ten, those chosen, and possibly others.
+            coefficient: (2 n,) all coefficients.
+            chosen: (2 n,) True for those with a column.
+            expected: (2 n,) expected values of their prior.
+            deviation: (2 n,) standard deviations of their prior.
+            arm: How well the body is known, if it was fitted to the unloaded run.
         """
         load, viscous = np.split(coefficient, 2)
         load_joints, viscous_joints = np.split(chosen, 2)
@@ -314,7 +314,7 @@ class FrictionColumns:
         return load_column(self.empty_nm, self.regressor @ theta, self._direction)
 
     def _doubts(self, fit: Estimate, load: FloatArray, friction: FloatArray, arm: BodyFit | None) -> FloatArray:
-        """What one standard deviation of every rotor, and of the delay, does to the torque difference."""
+        """Changes of the torque difference for one standard deviation of each rotor and of the delay."""
         if arm is None:
             return np.zeros((0, *self.empty_nm.shape))
         payload = self.regressor @ fit.theta[:10]

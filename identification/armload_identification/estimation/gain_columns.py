@@ -1,27 +1,27 @@
-"""Nominal drive gains, fitted with the payload within what is assumed of them.
+"""Nominal drive gains, fitted with the payload within their assumed uncertainty.
 
-A gain that is assumed too low by exp(e_j) makes the measured torque of its axis tau exp(-e_j). Every gain is an unknown
-with the covariance that is assumed of it:
+If the assumed gain is too low by the factor exp(e_j), the measured torque of its axis is tau exp(-e_j). Every uncertain
+gain is an unknown with its assumed covariance:
 
     y = (Phi theta + friction) - sum_j share_j e_j,        (mu, e) ~ (known, Sigma)
 
-Axes that agree with each other correct those that do not: by nominal gains the two mountings' centres of mass on the
-UR10e lie 168 and 172 mm from the flange axis and 42 and 46 mm out; with the gains taken as they are, 175, 181, 51 and
-55; by calibrated gains 170 and 43.
+Axes that agree with each other correct those that do not: with nominal gains fitted like this, the two mountings'
+centres of mass on the UR10e are 168 and 172 mm from the flange axis and at heights of 42 and 46 mm; with nominal gains
+not fitted, 175 and 181, 51 and 55; with calibrated gains 170 and 43.
 
-What is known weighs as much as it should only beside data that weigh as much as they should: a joint's noise is that
-in the band in which the payload moves, 4 to 8 times the residual's RMS on that arm. By the RMS, friction of its joint 1
-was read as a gain 12 % off.
+For prior and data to be weighted correctly against each other, a joint's noise is that in the band in which the payload
+moves, 4 to 8 times the residual's RMS on that arm. With the RMS, friction of its joint 1 was taken for a gain error of
+12 %.
 
-A gain that the data contradict is one that, estimated from the other axes alone, lies beyond what was assumed of it and
-beyond three of its own deviations. It is taken as unknown then, and named; at most a third of the axes, for of
-more nothing says which are right. Nor is a gain found that no other axis measures the payload beside. All of this is
-judged with that gain free: while it is held near what was assumed, the error that it leaves counts as noise and hides
-it. On an arm of seven joints, the deviation of the gain that carries most of the payload is 2.2 % so with an error of
-5 % and 6.9 % with one of 20 %; with that gain free it is 0.9 and 1.0 %.
+The data contradict a gain if its value estimated from the other axes differs from the assumed one by more than was
+assumed and by more than three standard deviations of that estimate. It is then treated as unknown, and named; at most
+a third of the axes, as beyond that it is not clear which are right. A gain error cannot be found if no other axis
+measures the payload. The test is made with that gain free: while it is held near its assumed value, the error counts
+as noise and hides itself. On an arm of seven joints, the standard deviation for the axis that carries most of the
+payload is then 2.2 % with a gain error of 5 % and 6.9 % with one of 20 %; with that gain free it is 0.9 and 1.0 %.
 
-Calibrated gains are known from more than one pair, and are taken as they are, their covariance among the doubts: fitted
-again, the two heights on the UR10e are 2.6 mm apart, not 0.4.
+Calibrated gains are known from more than one pair and are not fitted; their covariance is one of the errors that widen
+the intervals. Fitted again, they would put the two heights on the UR10e 2.6 mm apart instead of 0.4.
 """
 
 from __future__ import annotations
@@ -45,49 +45,49 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 
 COMMON_DEVIATION: Final = 0.01
-"""Relative standard deviation of what all nominal gains share, such as magnets that are warm: no data show it, and
-independent errors of many axes would average out."""
+"""Relative standard deviation of an error common to all nominal gains, such as warm magnets: no data reveal it, and it
+does not average out over the axes."""
 UNKNOWN_DEVIATION: Final = 1.0
-"""Deviation of the logarithm of a gain that the data contradict. With 0.1, an error of 20 % was pulled towards 0 while
-the noise was found, and what was left of it counted as noise."""
+"""Standard deviation of the logarithm of a contradicted gain. With 0.1, an error of 20 % was pulled towards 0 while the
+noise was estimated, and the rest of it counted as noise."""
 _CONTRADICTS: Final = 3.0
 _ASSUMED: Final = 2.0
-"""Deviations that a gain may be off and still be within what was assumed of it, 95 %."""
+"""Half width of the assumed range of a gain in standard deviations, 95 %."""
 _MATTERS: Final = 0.03
-"""Friction of one pair of runs is read as a gain of this size: on the UR10e, 0.962 to 1.037 at one joint."""
+"""Friction of one pair of runs can look like a gain error of this size: on the UR10e, 0.962 to 1.037 at one joint."""
 _NINE_OF_TEN: Final = 1.28
 _SUSPECT: Final = 0.7
-"""Share of what is worth naming, beyond which a gain is tried as unknown: held and free, the other axes find the same
-within 15 %."""
+"""Share of the smallest error worth naming from which a gain is tried as unknown: with the gain held or free, the other
+axes' estimates agree within 15 %."""
 _POOR: Final = 2.0
-"""Deviations that were assumed, beyond which a pair measures a gain poorly."""
+"""A pair measures a gain poorly if its standard deviation exceeds the assumed one by this factor."""
 _POORLY: Final = 2.0
-"""Factor on what is named of a poorly measured gain: such a joint's friction is read as gain. On the UR10e, joint 1 is
-found 15 % off, three of its deviations."""
+"""Factor on the threshold of a poorly measured gain, because such a joint's friction looks like a gain error: 15 %,
+three standard deviations, at joint 1 of the UR10e."""
 _MINORITY: Final = 3
-"""One axis in so many may be contradicted."""
+"""At most one axis in this many may be contradicted."""
 _ITERATIONS: Final = 12
 _ROUGH_ITERATIONS: Final = 2
-"""The other axes' opinion of a gain is then within 1 % of where it settles."""
+"""The other axes' estimate of a gain is then within 1 % of its final value."""
 _SETTLED: Final = 1e-6
 _LARGEST_STEP: Final = 0.5
-"""Of a log gain in one iteration: the gain of a drive whose sign is inverted would run away."""
+"""Largest change of a log gain in one iteration: the gain of a drive with inverted sign would diverge."""
 
 
 @dataclass(frozen=True, eq=False)
 class GainFit:
-    """What a pair of runs says of n gains.
+    """The n gains as estimated from a pair of runs.
 
     Attributes:
-        log_gain: (n,) e: the logarithm of the estimated gain over the assumed one.
-        half_width_95: (n,) of it.
-        contradicted: (n,) True where the data contradict what was assumed, so that the gain was taken as unknown.
-        assumed_deviation: (n,) relative standard deviation that was assumed.
-        noticeable: (n,) error of a log gain that is named with a probability of 90 %, were it the only one that is off;
-            by the noise with that gain free, so that it does not grow with its error.
-        slope: (p, n) by how much theta moves with the logarithm of each gain as it was assumed.
-        covariance: (n, n) of the logarithms of the estimated gains, without what all of them share.
-        held: The fit of payload and friction with the gains held where they were estimated: the same estimate, for
+        log_gain: (n,) e: the logarithm of the ratio of estimated to assumed gain.
+        half_width_95: (n,) half width of its 95 % interval.
+        contradicted: (n,) True where the data contradict the assumed gain, so that it was treated as unknown.
+        assumed_deviation: (n,) assumed relative standard deviation.
+        noticeable: (n,) error of a log gain that is named with a probability of 90 %, if it is the only one;
+            computed from the noise with that gain free, so that it does not grow with the error.
+        slope: (p, n) derivative of theta by the logarithm of each assumed gain.
+        covariance: (n, n) of the logarithms of the estimated gains, without their common error.
+        held: The fit of payload and friction with the gains held at their estimates: the same estimate, for
             comparison with another that is made with the same gains.
     """
 
@@ -114,18 +114,18 @@ def fit_with_gains(
     """Fit a payload and friction again, together with the gains.
 
     Args:
-        signal: Torque difference and its motion, by the gains as they are assumed.
+        signal: Torque difference and its motion, with the assumed gains.
         columns: Of payload and friction.
-        fit: With the gains as they are.
-        friction: What has columns in it, and what is known of it.
-        transmission: The gains; which of them are uncertain, and by how much, is in its covariance.
-        prior: What is known of the payload.
-        arm: How well the body is known, where it was fitted to the unloaded run.
-        least_nm: (n,) least noise of each joint.
+        fit: The fit with the assumed gains.
+        friction: Which joints have friction columns, and the prior of these.
+        transmission: The gains; its covariance says which are uncertain, and by how much.
+        prior: Prior knowledge of the payload.
+        arm: How well the body is known, if it was fitted to the unloaded run.
+        least_nm: (n,) lower bound of each joint's noise.
 
     Returns:
-        The fit, whose parameters behind payload and friction are what is left of e, and so next to 0; friction and
-        gains; and the signal by the estimated gains, which is what was fitted.
+        The fit, whose parameters after payload and friction are the last steps of e and therefore close to 0; friction
+        and gains; and the fitted signal, with the estimated gains.
     """
     system = _System(signal, columns, fit, friction, transmission, prior, least_nm)
     assumed = transmission.covariance
@@ -157,14 +157,14 @@ class _Found:
     """A solution.
 
     Attributes:
-        fit: The last step of it.
+        fit: Its last step.
         coefficient: (2 n,) of friction.
         log_gain: (n,) e.
-        signal: By these gains.
-        known: Covariance of what was known of friction and gains, in the order of `fit`'s columns that it is about.
-        regressor: (K, n, p) that the last step was fitted with.
-        target_nm: (K, n) what it was fitted to.
-        noise_nm: (n,) by which noise.
+        signal: The signal with these gains.
+        known: Covariance of the prior on friction and gains, in the order of their columns in `fit`.
+        regressor: (K, n, p) of the last step.
+        target_nm: (K, n) torque that the last step was fitted to.
+        noise_nm: (n,) noise that weighted it.
     """
 
     fit: Estimate
@@ -200,7 +200,7 @@ class _System:
         self._known_friction = np.flatnonzero(np.isfinite(friction.known_deviation[self._chosen]))
 
     def solve_freed(self, covariance: FloatArray, before: _Found) -> _Found:
-        """Roughly another solution, by the noise that is left when a gain that is off no longer adds to it."""
+        """A rough solution with a gain free, weighted by the noise that remains without that gain's error."""
         rough = self.solve(covariance, before, iterations=_ROUGH_ITERATIONS)
         return self.solve(covariance, rough, self.noise_of(rough.fit), iterations=1)
 
@@ -211,12 +211,12 @@ class _System:
         noise_nm: FloatArray | None = None,
         iterations: int = _ITERATIONS,
     ) -> _Found:
-        """Gauss and Newton.
+        """Solve by the Gauss-Newton method.
 
         Args:
             covariance: (n, n) of all log gains.
-            start: Where to begin; without, at the fit with the gains as they are assumed.
-            noise_nm: (n,) noise of the joints; without, that of the same fit.
+            start: Where to begin; the fit with the assumed gains if not given.
+            noise_nm: (n,) noise of the joints; that of the fit with the assumed gains if not given.
             iterations: At most.
         """
         noise = self._noise_nm if noise_nm is None else noise_nm
@@ -230,7 +230,7 @@ class _System:
             signal, columns = self._signal.with_torque_times(changed), self._columns.with_empty_times(changed)
             beside = columns.chosen(theta, self._chosen)
             payload_nm = columns.regressor @ theta
-            # An error that all gains share changes links, payload and their friction alike, and no data show it.
+            # A common error of all gains scales links, payload and their friction alike, so that no data reveal it.
             load = self._coefficients(own)[: len(covariance)]
             growth = columns.growth(theta, load)
             of_links = columns.slope_of_empty(theta, load) * transmission.gain_shares(columns.empty_nm)[axes]
@@ -249,7 +249,7 @@ class _System:
         return _Found(fit, self._coefficients(own), log_gain, signal, known, everything, target, noise)
 
     def held(self, found: _Found) -> Estimate:
-        """The last step of a solution with the gains held where it found them."""
+        """The last step of a solution with the gains held at their estimates."""
         friction = self._known_friction.size
         return estimate(
             found.regressor[:, :, : self._first_gain],
@@ -261,30 +261,30 @@ class _System:
         )
 
     def noise_of(self, fit: Estimate) -> FloatArray:
-        """(n,) deviation of each joint's torque in the band in which the payload moves; at least that in all bands."""
+        """(n,) noise of each joint's torque in the band in which the payload moves, at least the residual's RMS."""
         in_band = np.sqrt(ResidualSpectrum.of(fit, determined_basis(fit)).in_band()) / fit.weight_1_nm
         return np.asarray(np.maximum(np.maximum(in_band, fit.residual_rms_nm), self._least_nm))
 
     def by_others(self, found: _Found, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n,) what the other axes and the data say of each log gain by themselves, and its standard deviation.
+        """(n,) each log gain as estimated without its own prior, and its standard deviation.
 
         Args:
             found: The solution with this covariance.
-            covariance: (n, n) of the log gains before.
+            covariance: (n, n) prior covariance of the log gains.
         """
         axes = self._axes
         before = np.diag(covariance)[axes]
         after = np.minimum(np.diag(found.fit.covariance)[self._first_gain :], 0.999 * before)
         value, deviation = np.zeros(len(covariance)), np.zeros(len(covariance))
-        # The axis' own prior taken out again.
+        # Removes the axis's own prior.
         value[axes] = found.log_gain[axes] * before / (before - after)
         deviation[axes] = np.sqrt(after * before / (before - after))
         return value, deviation
 
     def suspects(self, found: _Found, covariance: FloatArray, contradicted: NDArray[np.bool_]) -> list[int]:
-        """Axes that may be contradicted, those first whose held gain is most so.
+        """Axes whose gain may be contradicted, the most contradicted first.
 
-        Which they are depends on how far each is off, not on how surely: that is known with the gain free.
+        The selection uses the size of the error, not its significance, which is known only with the gain free.
         """
         value, deviation = self.by_others(found, covariance)
         off = np.where(contradicted, 0.0, np.abs(value))
@@ -292,16 +292,16 @@ class _System:
         return [int(axis) for axis in first if off[axis] > _SUSPECT * self._worth_naming[axis]]
 
     def named_from(self, deviation: FloatArray) -> FloatArray:
-        """(n,) error of each gain, by the other axes, beyond which the data contradict what was assumed.
+        """(n,) error of each log gain, as estimated by the other axes, from which the data contradict the assumed gain.
 
         Args:
-            deviation: (n,) of what the other axes say.
+            deviation: (n,) standard deviation of the other axes' estimate.
         """
         poor = deviation > _POOR * self._transmission.deviation
         return np.asarray(np.maximum(self._worth_naming, np.where(poor, _POORLY, 1.0) * _CONTRADICTS * deviation))
 
     def friction(self, found: _Found, arm: BodyFit | None) -> FrictionDifference:
-        """Friction as it came out beside the gains."""
+        """The friction of a solution."""
         before = self._friction
         return self._columns.difference(
             found.fit, found.coefficient, self._chosen, before.known, before.known_deviation, arm
@@ -312,13 +312,13 @@ class _System:
 
         Args:
             found: The solution.
-            contradicted: (n,) which of them are.
-            deviation: (n,) of what the other axes say of each.
+            contradicted: (n,) True for those that the data contradict.
+            deviation: (n,) standard deviation of the other axes' estimate of each.
         """
         axes, known = self._axes, self._known_friction.size
         half_width = np.zeros(contradicted.size)
         half_width[axes] = nuisance_half_width(found.fit)[self._first_gain - 10 :]
-        # Theta's answer to another mean of what was known, W (x - mean) = 0 among the equations.
+        # Derivative of theta by the mean of the prior, W (x - mean) = 0 among the equations.
         rows = found.fit.prior_rows[self._prior.target.size :]
         basis = determined_basis(found.fit)
         answer = basis @ (basis.T @ rows.T) @ np.linalg.inv(np.linalg.cholesky(found.known))
@@ -333,7 +333,7 @@ class _System:
         )
 
     def _coefficients(self, own: FloatArray) -> FloatArray:
-        """(2 n,) coefficients of friction from those that have columns."""
+        """(2 n,) coefficients of friction, 0 for those without a column."""
         coefficient = np.zeros(self._chosen.size)
         coefficient[self._chosen] = own
         return coefficient
@@ -348,7 +348,7 @@ class _System:
         return whole
 
     def _equations(self, known: FloatArray, log_gain: FloatArray | None, parameters: int) -> Prior:
-        """What is known of payload, friction and, where they are fitted, gains, about the gains as they are now."""
+        """Prior of payload, friction and, if fitted, gains, relative to the present gains."""
         own = np.flatnonzero(self._chosen)[self._known_friction]
         of_gains = np.zeros(0) if log_gain is None else -log_gain[self._axes]
         mean = np.concatenate([self._friction.known[own], of_gains])

@@ -3,7 +3,7 @@
     theta = argmin || S^(-1/2) (Phi theta - tau) ||^2                      Chen 2016, eqs. (10), (11)
 
 by an orthogonal factorisation of the whitened system; the normal equations are never formed. Directions of theta
-that the motion does not excite are found by the rank and handed on; nothing is invented for them.
+that the motion does not excite are detected by the rank and reported as undetermined.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ _REWEIGHTINGS: Final = 20
 _WEIGHTS_SETTLED: Final = 1e-4
 _HUBER: Final = 1.345
 _LEAST_NOISE: Final = 1e-6
-"""A joint's noise is never taken below this share of the loudest joint's."""
+"""Least noise of a joint as a share of the noisiest joint's."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known before anything was measured, as k equations with an error of unit deviation.
+    """Prior knowledge, as k equations whose errors have unit standard deviation.
 
     Attributes:
-        rows: (k, m) coefficients of the first m parameters: 10, or all where nuisance parameters are known too.
-        target: (k,) what they give.
+        rows: (k, m) coefficients of the first m parameters: 10, or all if nuisance parameters are known too.
+        target: (k,) right-hand side.
         doubts: (d, 10) rows^T times the change of the target by one standard deviation of each of d errors that the
-            equations have in common, beside their own.
+            equations have in common, in addition to their own.
     """
 
     rows: FloatArray
@@ -42,11 +42,11 @@ class Prior:
     doubts: FloatArray = field(default_factory=lambda: np.zeros((0, 10)))
 
     def and_nuisance(self, mean: FloatArray, deviation: FloatArray) -> Prior:
-        """With what is known of the parameters behind the payload's ten.
+        """This prior extended to the parameters after the payload's ten.
 
         Args:
             mean: (r,) expected values.
-            deviation: (r,) their standard deviations; inf where nothing is known.
+            deviation: (r,) their standard deviations; inf for unknown parameters.
         """
         known = np.flatnonzero(np.isfinite(deviation))
         rows = np.zeros((self.target.size + known.size, 10 + mean.size))
@@ -63,23 +63,23 @@ class Estimate:
     """Result of a weighted least squares fit with p parameters to N samples of n joints.
 
     Attributes:
-        theta: (p,) parameters; along undetermined directions the smallest that fit. The payload's ten come
-            first, nuisance parameters behind.
-        weight_1_nm: (n,) inverse standard deviation each joint was weighted with.
+        theta: (p,) parameters, the payload's ten first, then nuisance parameters; along undetermined directions
+            the minimum-norm solution.
+        weight_1_nm: (n,) inverse standard deviation with which each joint was weighted.
         sample_weight: (N, n) further factor on every row, 0 where a sample was not used.
         whitened: (N, n, p) regressor rows times both weights.
-        prior_rows: (k, p) equations that stand for what was known before.
+        prior_rows: (k, p) coefficients of the prior's equations.
         root: (p, p) upper triangular R with R^T R = Phi^T S^-1 Phi, a prior's equations included, so that
-            ||R (theta - estimate)||^2 is what another theta costs.
-        undetermined: (p, p - rank) directions of theta that the data say nothing about, orthonormal after
+            ||R (theta - estimate)||^2 is the additional cost of another theta.
+        undetermined: (p, p - rank) directions of theta that the data do not determine, orthonormal after
             division by `scale`.
-        scale: (p,) unit of each parameter, so that its column has unit length.
+        scale: (p,) unit of each parameter, such that its column has unit length.
         singular_values: (p,) of the whitened regressor in SI units, largest first.
-        condition_number: Their ratio, largest over smallest; inf where the rank is not full.
-        rank: Number of directions that are determined.
+        condition_number: Their ratio, largest over smallest; inf if the rank is not full.
+        rank: Number of determined directions.
         residual_nm: (N, n) torque minus prediction, unweighted.
-        residual_rms_nm: (n,) its RMS over the samples used, as they were weighted.
-        covariance: (p, p) if the residual were white with the given noise; infinite directions are left out.
+        residual_rms_nm: (n,) weighted RMS of the residual over the samples used.
+        covariance: (p, p) for white noise of the given size, without undetermined directions.
         iterations: Iterations until the weights converged; 1 with given weights.
     """
 
@@ -115,14 +115,14 @@ def estimate(
         torque_nm: (N, n) torque of the payload.
         valid: (N,) samples to use.
         noise_nm: (n,) standard deviation of each joint's torque, up to a common factor.
-        sample_weight: (N, n) factor on each row, such as one that leaves out reversals; 1 if not given.
-        prior: What is known beforehand.
+        sample_weight: (N, n) factor on each row, such as one that excludes reversals; 1 if not given.
+        prior: Prior knowledge.
 
     Returns:
         The fit.
 
     Raises:
-        EstimationError: fewer equations than parameters, numbers that are not finite, or no excitation at all.
+        EstimationError: fewer equations than parameters, numbers that are not finite, or no excitation.
     """
     _require_data(regressor, torque_nm, valid, noise_nm)
     noise = np.maximum(noise_nm, _LEAST_NOISE * noise_nm.max())
@@ -137,9 +137,9 @@ def estimate_reweighted(
     sample_weight: FloatArray | None = None,
     prior: Prior | None = None,
 ) -> Estimate:
-    """Fit with the noise per joint taken from the residual where that is the greater, until it settles.
+    """Fit with the noise per joint from the residual, at least the given noise, iterated until it settles.
 
-    A smoothed torque leaves a residual below the noise that it had; the given noise is the least.
+    The residual of a smoothed torque is smaller than the noise before smoothing, hence the lower bound.
 
     Args:
         regressor: (N, n, p) Phi; its first ten columns are the payload's.
@@ -147,7 +147,7 @@ def estimate_reweighted(
         valid: (N,) samples to use.
         noise_nm: (n,) least standard deviation of each joint's torque.
         sample_weight: (N, n) factor on each row; 1 if not given.
-        prior: What is known beforehand.
+        prior: Prior knowledge.
 
     Returns:
         The fit with the last weights.
@@ -157,7 +157,7 @@ def estimate_reweighted(
     """
     _require_data(regressor, torque_nm, valid, noise_nm)
     weight = _used(valid, torque_nm, sample_weight)
-    # One small triangle per joint holds the information of all its rows, whatever the joint's weight becomes.
+    # One small R factor per joint holds the information of all its rows, whatever the joint's weight.
     triangles = _triangles(regressor, torque_nm, weight)
     count = np.sqrt(np.maximum(np.sum(weight**2, axis=0), 1e-300))
     least = noise = np.maximum(noise_nm, _LEAST_NOISE * noise_nm.max())
@@ -184,7 +184,7 @@ def estimate_robust(
     sample_weight: FloatArray | None = None,
     prior: Prior | None = None,
 ) -> Estimate:
-    """Fit with the noise per joint from the residual, and single samples that stand out weighing less.
+    """Fit with the noise per joint from the residual, and reduced weight of outliers.
 
     Iteratively reweighted least squares with Huber's weights, min(1, k / |r|) for a residual r in robust
     standard deviations of its joint.
@@ -193,9 +193,9 @@ def estimate_robust(
         regressor: (N, n, p) Phi; its first ten columns are the payload's.
         torque_nm: (N, n) torque of the payload.
         valid: (N,) samples to use.
-        noise_nm: (n,) noise to begin with.
-        sample_weight: (N, n) factor on each row to begin with; 1 if not given.
-        prior: What is known beforehand.
+        noise_nm: (n,) initial noise.
+        sample_weight: (N, n) initial factor on each row; 1 if not given.
+        prior: Prior knowledge.
 
     Returns:
         The fit with the last weights.
@@ -222,7 +222,7 @@ def estimate_robust(
 
 
 def _require_data(regressor: FloatArray, torque_nm: FloatArray, valid: NDArray[np.bool_], noise_nm: FloatArray) -> None:
-    """Raise unless there is something to fit."""
+    """Raise unless shapes match and there are enough finite data."""
     samples, joints, parameters = regressor.shape
     used = int(np.count_nonzero(valid))
     if torque_nm.shape != (samples, joints) or valid.shape != (samples,) or noise_nm.shape != (joints,):
@@ -244,9 +244,9 @@ def _require_data(regressor: FloatArray, torque_nm: FloatArray, valid: NDArray[n
 
 
 def _triangles(regressor: FloatArray, torque_nm: FloatArray, weight: FloatArray) -> FloatArray:
-    """(n, p + 1, p + 1) per joint the triangle of its weighted rows, the target as last column.
+    """(n, p + 1, p + 1) per joint the R factor of its weighted rows, with the target as last column.
 
-    Most nuisance parameters are of one joint each, so that a joint's rows have few columns that are not zero.
+    Most nuisance parameters belong to one joint, so that a joint's rows have few non-zero columns.
     """
     _, joints, parameters = regressor.shape
     triangles = np.zeros((joints, parameters + 1, parameters + 1))
@@ -261,18 +261,18 @@ def _triangles(regressor: FloatArray, torque_nm: FloatArray, weight: FloatArray)
 
 
 def _used(valid: NDArray[np.bool_], torque_nm: FloatArray, sample_weight: FloatArray | None) -> FloatArray:
-    """(N, n) weight of every row, 0 where a sample is not to be used."""
+    """(N, n) weight of every row, 0 for samples that are not used."""
     given = np.ones_like(torque_nm) if sample_weight is None else sample_weight
     return np.where(valid[:, None], given, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """What is known beforehand, as equations of all p parameters.
+    """A prior as equations of all p parameters.
 
     Attributes:
         rows: (k, p) coefficients.
-        target: (k,) what they give.
+        target: (k,) right-hand side.
     """
 
     rows: FloatArray
@@ -280,7 +280,7 @@ class _Known:
 
     @classmethod
     def of(cls, prior: Prior | None, parameters: int) -> _Known:
-        """Of a prior on the first of the parameters."""
+        """From a prior on the first parameters."""
         known = NOTHING_KNOWN if prior is None else prior
         rows = np.zeros((known.target.size, parameters))
         rows[:, : known.rows.shape[1]] = known.rows
@@ -289,12 +289,12 @@ class _Known:
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """A solution of whitened equations; what is not explained is as in `Estimate`.
+    """A solution of whitened equations; for the other attributes see `Estimate`.
 
     Attributes:
         triangle: (p, p) R of the columns at unit length.
         right: (p, p) its right singular vectors, as rows.
-        inverse: (p,) inverse singular values, 0 where they do not count.
+        inverse: (p,) inverse singular values, 0 for undetermined directions.
     """
 
     theta: FloatArray
@@ -325,8 +325,8 @@ def _solve(equations: FloatArray, known: _Known) -> _Solution:
     """QR of the whitened columns at unit length, SVD of its small triangle.
 
     Args:
-        equations: (m, p + 1) triangles of the rows, the target as last column.
-        known: What is known beforehand.
+        equations: (m, p + 1) R factors of the rows, the target as last column.
+        known: The prior's equations.
     """
     parameters = equations.shape[1] - 1
     equations = np.vstack([equations, np.column_stack([known.rows, known.target])])
@@ -354,7 +354,7 @@ def _completed(
     known: _Known,
     solution: _Solution,
 ) -> Estimate:
-    """A solution with what it leaves of every row."""
+    """A solution with the residual of every row."""
     scale, rank = solution.scale, solution.rank
     residual = torque_nm - regressor @ solution.theta
     half = scale[:, None] * solution.right.T * solution.inverse

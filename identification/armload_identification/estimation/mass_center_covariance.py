@@ -1,8 +1,8 @@
 """How precisely a fit determines mass and centre of mass, for comparison with another identification.
 
-The covariance is that of the intervals, by the residual's local spectrum, with what is known of the errors of rotors
-and delay. The gains' share is kept apart as slopes. One number of degrees of freedom stands for the whole matrix: that
-of the Wishart matrix whose elements scatter as much,
+The covariance is that of the intervals, from the residual's local spectrum and the errors of rotors and delay. The
+gains' share is kept separately, as slopes. One number of degrees of freedom describes the entire matrix: that of the
+Wishart matrix whose elements have the same scatter,
 
     nu = p (p + 1) / sum_kl var(C_kl),       in the coordinates in which C is the identity, p = 4.
 
@@ -33,10 +33,10 @@ from armload_identification.signals.joint_torque import Transmission
 
 @dataclass(frozen=True, eq=False)
 class GainShare:
-    """What the gains do to a fit that was made with them.
+    """Effect of the gains on a fit that was made with them.
 
     Attributes:
-        gain: (n,) gains that currents, or reported torques, were multiplied by.
+        gain: (n,) factors by which currents, or reported torques, were multiplied.
         slope: (p, n) change of theta per change of the logarithm of each.
         covariance: (n, n) of the logarithms.
     """
@@ -47,13 +47,13 @@ class GainShare:
 
     @classmethod
     def of(cls, fit: Estimate, torque_nm: FloatArray, transmission: Transmission, gains: GainFit | None) -> GainShare:
-        """Of gains that were fitted with the payload and then held, or taken as they are.
+        """For gains that were fitted with the payload and then held, or that were not fitted.
 
         Args:
             fit: The plain estimate with these gains.
-            torque_nm: (N, n) torque that was fitted.
-            transmission: The gains as they were assumed.
-            gains: As they were fitted; None where they were not.
+            torque_nm: (N, n) fitted torque.
+            transmission: The assumed gains.
+            gains: The fitted gains; None if they were not fitted.
         """
         used = transmission.torque_gain if transmission.torque_calibrated else transmission.gain_nm_a
         slope = shifts_by(fit, transmission.gain_shares(torque_nm)).T
@@ -72,14 +72,14 @@ def mass_center_covariance(
     """Covariance of mass and centre of mass of a fit.
 
     Args:
-        fit: The plain estimate with the gains as they are, on equidistant samples.
-        parameters: What is reported; derivatives are taken there.
-        doubts_nm: (k, N, n) torque of one standard deviation of each systematic error but the gains'.
-        gains: What the gains do to the fit; None where none was applied.
-        prior: What was known beforehand.
+        fit: The plain estimate with the gains held, on equidistant samples.
+        parameters: The reported parameters, at which derivatives are taken.
+        doubts_nm: (k, N, n) torque of one standard deviation of each systematic error except the gains'.
+        gains: Effect of the gains on the fit; None if no gain was applied.
+        prior: Prior knowledge.
 
     Returns:
-        The covariance; directions that the data say nothing about are as good as infinitely wide.
+        The covariance; very wide along directions that the data do not determine.
     """
     slope = derived(parameters)[1][:4]
     gradient = np.zeros((4, fit.theta.size))
@@ -99,7 +99,7 @@ def mass_center_covariance(
 
 
 def _blind(fit: Estimate, gradient: FloatArray, mass_kg: float) -> FloatArray:
-    """(4, 4) covariance along the directions that the data say nothing about."""
+    """(4, 4) covariance along the directions that the data do not determine."""
     unit = unknown_deviation(mass_kg)
     if fit.rank == fit.theta.size:
         return np.zeros((4, 4))

@@ -1,11 +1,11 @@
-"""The nearest parameters that some body can have.
+"""The physically possible parameters nearest to an estimate.
 
     minimise   || R (theta - theta_hat) ||^2 + || rho (theta - theta_compact) ||^2 along undetermined directions
     subject to J(theta) - margin tr J(theta) 1 >= 0
 
 J is the 4x4 pseudo-inertia, linear in theta, so this is convex with one linear matrix inequality in ten unknowns.
-A logarithmic barrier and Newton's method with exact derivatives reach its only minimum; the gap to it is at most
-4 / t at the barrier's weight t, and the dual certificate of the result is at hand to prove it.
+A logarithmic barrier and Newton's method with exact derivatives reach the unique minimum; the gap to it is at most
+4 / t for the barrier's weight t, which the dual certificate of the result proves.
 
 References:
     Wensing, Kim, Slotine, Linear matrix inequalities for physically consistent inertial parameter
@@ -26,15 +26,15 @@ from armload_identification.identification_errors import EstimationError
 from armload_identification.model.payload import SMALLEST_MARGIN, InertialParameters
 
 WRITTEN_MARGIN: Final = 2.0 * SMALLEST_MARGIN
-"""Margin that is imposed, so that what a file rounds away does not reach `SMALLEST_MARGIN`."""
+"""Imposed margin, large enough that rounding in a file does not reduce it below `SMALLEST_MARGIN`."""
 
 _COMPACT_RADIUS_M: Final = 0.05
-"""Radius of gyration per axis of the body that undetermined directions are drawn to."""
+"""Radius of gyration per axis of the body towards which undetermined directions are drawn."""
 _PULL: Final = 1e-3
-"""Weight of that pull: a thousandth of a standard deviation of the noise per unit of the scale."""
+"""Weight of that pull: a thousandth of a standard deviation of the noise per unit of the body's parameters."""
 _RELATIVE_GAP: Final = 1e-12
 _SUFFICIENT_GAP: Final = 1e-9
-"""Where rounding stops the method earlier, this is enough; measured: not needed with a gap of 1e-12."""
+"""Accepted gap if rounding errors stop the method earlier; never needed so far."""
 _BARRIER_GROWTH: Final = 20.0
 _NEWTON_STEPS: Final = 60
 _NEWTON_DECREMENT: Final = 1e-14
@@ -49,10 +49,10 @@ class PhysicalEstimate:
 
     Attributes:
         parameters: The ten parameters; their margin is at least `WRITTEN_MARGIN`.
-        changed: True where the plain estimate had not that margin, or left directions undetermined.
-        cost: ||R (theta - theta_hat)||^2, by how much the fit is worse than the plain one, in squared standard
+        changed: True if the plain estimate had less margin or undetermined directions.
+        cost: ||R (theta - theta_hat)||^2, the additional cost compared with the plain fit, in squared standard
             deviations.
-        plain_margin: Margin of the plain estimate; negative where it is impossible.
+        plain_margin: Margin of the plain estimate; negative if it is impossible.
     """
 
     parameters: InertialParameters
@@ -68,10 +68,10 @@ def make_physical(fit: Estimate) -> PhysicalEstimate:
         fit: The plain estimate; nuisance parameters are left free.
 
     Returns:
-        The plain parameters where they are possible and fully determined, else the nearest possible ones.
+        The plain parameters if they are possible and fully determined, else the nearest possible ones.
 
     Raises:
-        EstimationError: the mass is not positive, so that no payload is near.
+        EstimationError: the mass is not positive, or the search did not settle.
     """
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
@@ -99,14 +99,14 @@ def make_physical(fit: Estimate) -> PhysicalEstimate:
 
 
 def nearest_possible(plain: InertialParameters, root: FloatArray) -> InertialParameters:
-    """The possible body nearest to an estimate that is determined whole, if only beforehand.
+    """The possible body nearest to an estimate whose directions are all determined, by the data or by a prior.
 
     Args:
-        plain: The estimate, of a mass above 0.
-        root: (10, 10) R with ||R (theta - estimate)||^2 what another theta costs.
+        plain: The estimate, with a mass above 0.
+        root: (10, 10) R with ||R (theta - estimate)||^2 the additional cost of another theta.
 
     Returns:
-        The estimate itself where it is possible.
+        The estimate itself if it is possible.
 
     Raises:
         EstimationError: the search did not settle.
@@ -117,7 +117,7 @@ def nearest_possible(plain: InertialParameters, root: FloatArray) -> InertialPar
 
 
 def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArray:
-    """Minimise ||rows theta - target||^2 over the bodies of margin `WRITTEN_MARGIN`.
+    """Minimise ||rows theta - target||^2 over the bodies with a margin of at least `WRITTEN_MARGIN`.
 
     Args:
         rows: (k, 10) with full column rank.
@@ -125,12 +125,12 @@ def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArr
         start: (10,) parameters of a body with a greater margin.
 
     Returns:
-        (10,) the minimum; its cost is within 1e-12 of the starting cost of the least.
+        (10,) the minimum; the gap in cost is at most 1e-12 of the starting cost.
 
     Raises:
         EstimationError: the barrier method did not settle.
     """
-    # Unit columns and unit cost: Newton's method is invariant to scale, its linear systems are not.
+    # Unit columns and unit cost: Newton's method is invariant to scale, the rounding in its linear systems is not.
     scale = 1.0 / np.sqrt(np.sum(rows**2, axis=0))
     scaled = rows * scale
     unconstrained, *_ = np.linalg.lstsq(scaled, target, rcond=None)
@@ -168,8 +168,8 @@ def _newton(
         decrement = float(-gradient @ step)
         if decrement < _NEWTON_DECREMENT:
             return x
-        # The function is self-concordant: this length stays inside and descends. Longer is tried by slope,
-        # which rounds off less than the function's value.
+        # The function is self-concordant: this length stays inside and descends. Longer steps are judged by the
+        # slope, which suffers less from rounding than the function's value.
         length = 1.0 / (1.0 + np.sqrt(decrement)) if decrement > _NEAR else 1.0
         gradient, whitened = _slope(x + length * step, sharpness, hessian, unconstrained, constraint)
         while length < 1.0:
@@ -195,7 +195,7 @@ def _slope(
 
 
 def _payload_root(fit: Estimate) -> FloatArray:
-    """(10, 10) root of the cost of the payload's parameters, nuisance parameters free."""
+    """(10, 10) root of the cost of the payload's parameters with nuisance parameters free."""
     nuisance = fit.theta.size - 10
     if nuisance == 0:
         return fit.root
@@ -210,7 +210,7 @@ def _compact_body(plain: InertialParameters) -> InertialParameters:
 
 
 def _interior(plain: InertialParameters) -> FloatArray:
-    """A body well inside the constraint, also where its centre of mass is far out."""
+    """A body well inside the constraint, even with a distant centre of mass."""
     center = plain.center_of_mass_m
     inertia = 2.0 * plain.mass_kg * _COMPACT_RADIUS_M**2 * (1.0 + center @ center) * np.eye(3)
     return InertialParameters.from_center_of_mass(plain.mass_kg, center, inertia).theta

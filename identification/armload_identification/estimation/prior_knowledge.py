@@ -1,13 +1,13 @@
-"""What is known of a payload beforehand, as equations beside those of the measurement.
+"""Prior knowledge of a payload, as equations in addition to those of the measurement.
 
-A mass from a scale or a centre of mass from a drawing is as good as exact; a CAD model is believed within a stated
+A mass from a scale or a centre of mass from a drawing is practically exact; a CAD model is trusted within a stated
 confidence; a body that is symmetric about the flange axis has its centre of mass on that axis and two equal moments of
 inertia. All of these become rows of the least squares problem with an error of unit standard deviation.
 
-A range, such as a mass of 1 to 3 kg, is no such row. The payload is identified without it, what the data say is
+A range, such as a mass of 1 to 3 kg, is not such a row. The payload is identified without it, its distribution is
 truncated to the ranges (`truncated_normal`), and the payload is identified again as if mass and centre of mass were
-known to be the mean of what is left. The error of that mean, by the truncated covariance, moves all ten values and is
-part of their intervals, which end where the range does. A range that the data contradict is refused.
+known to equal the truncated mean. The error of that mean, with the truncated covariance, affects all ten values and is
+part of their intervals, which are limited to the range. A range that the data contradict is refused.
 """
 
 from __future__ import annotations
@@ -25,24 +25,25 @@ from armload_identification.identification_errors import ModelError
 from armload_identification.model.payload import InertialParameters
 
 EXACT: Final = 1e-5
-"""Relative standard deviation of a known mass or inertia, and of a known centre of mass in m: finer than any scale
-or drawing, and numerically harmless."""
+"""Relative standard deviation of a known mass or inertia, and standard deviation of a known centre of mass in m: finer
+than any scale or drawing, and numerically harmless."""
 
 
 @dataclass(frozen=True)
 class KnownPayload:
-    """What is known of a payload; None where it is not.
+    """Prior knowledge of a payload; None for unknown quantities.
 
     Attributes:
-        mass_kg: Its mass, from a scale, or a range (low, high) of it.
+        mass_kg: Its mass, from a scale, or a range (low, high).
         center_of_mass_m: (3,) its centre of mass in the flange frame; each coordinate a number or a range.
-        cad: A model of it in the flange frame, believed within `confidence`.
+        cad: A model of it in the flange frame, trusted within `confidence`.
         confidence: Standard deviation of the model: relative for the mass, in units of 0.1 m for the centre
             of mass and of m (0.1 m)^2 for the inertia about the centre of mass.
         symmetric: Whether it is symmetric about the flange axis, z: a chuck, a suction cup, a disc.
 
     Raises:
-        ModelError: a mass or confidence that is not positive, not three coordinates, or a range without width.
+        ModelError: a mass or confidence that is not positive, not three coordinates, a range whose lower number is
+            not below the higher, or a symmetric body with a centre of mass off the flange axis.
 
     Examples:
         >>> import armload
@@ -87,14 +88,14 @@ class KnownPayload:
 
     @property
     def reference_mass_kg(self) -> float | None:
-        """The known mass, or the model's; None where there is neither."""
+        """The known mass, else the model's; None if there is neither."""
         if self.mass_kg is not None and not isinstance(self.mass_kg, tuple):
             return self.mass_kg
         return self.cad.mass_kg if self.cad is not None else None
 
     @property
     def limits(self) -> FloatArray:
-        """(4, 2) ranges of mass and centre of mass; -inf and inf where there is none."""
+        """(4, 2) ranges of mass (kg) and centre of mass (m); -inf and inf where there is none."""
         limits = np.tile([-np.inf, np.inf], (4, 1))
         entries = (self.mass_kg, *([None] * 3 if self.center_of_mass_m is None else self.center_of_mass_m))
         for row, entry in zip(limits, entries, strict=True):
@@ -103,7 +104,7 @@ class KnownPayload:
         return limits
 
     def prior(self) -> Prior:
-        """The equations of all but the ranges.
+        """The equations, without the ranges.
 
         A centre of mass c is known by m c - s = 0, linear in theta; the model's inertia about its centre of
         mass is taken at the model's centre of mass.
@@ -128,11 +129,11 @@ class KnownPayload:
         return Prior(np.array(rows).reshape(-1, 10), np.array(target))
 
     def prior_within(self, mean: FloatArray, covariance: FloatArray) -> Prior:
-        """The equations with what the data and the ranges say together of the quantities that have a range.
+        """The equations with the truncated mean for the quantities that have a range.
 
         Args:
             mean: (4,) truncated mean of mass and centre of mass.
-            covariance: (4, 4) of it.
+            covariance: (4, 4) covariance of that mean.
         """
         ranged = np.flatnonzero(np.isfinite(self.limits[:, 0]))
         rows, target, rate = np.zeros((ranged.size, 10)), np.zeros(ranged.size), np.full(ranged.size, 1.0 / EXACT)
@@ -151,7 +152,7 @@ class KnownPayload:
 
 
 def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> None:
-    """Refuse what is neither a number nor a range from a lower number to a higher one."""
+    """Raise unless the value is a number or a range from a lower number to a higher one."""
     known = np.asarray(value, dtype=np.float64)
     if known.shape not in {(), (2,)} or not np.isfinite(known).all():
         raise ModelError(f"the known {name} is {known.tolist()} {unit}; expected a number, or a range (low, high)")
@@ -160,19 +161,19 @@ def _require_known(name: str, unit: str, value: float | tuple[float, float]) -> 
 
 
 def _plain(center: Sequence[float | tuple[float, float]] | FloatArray) -> list[float | list[float]]:
-    """A centre of mass as messages show it."""
+    """A centre of mass for messages."""
     return [np.asarray(coordinate, dtype=np.float64).tolist() for coordinate in center]
 
 
 def _center_row(axis: int, coordinate_m: float, mass_kg: float) -> FloatArray:
-    """(10,) row of s = m c for one coordinate, over its deviation."""
+    """(10,) row of s = m c for one coordinate, divided by its standard deviation."""
     row = np.zeros(10)
     row[0], row[1 + axis] = -coordinate_m, 1.0
     return row / (EXACT * mass_kg)
 
 
 def _model_rows(cad: InertialParameters, confidence: float) -> FloatArray:
-    """(10, 10) rows: how mass, centre of mass and inertia about it change, over their standard deviations."""
+    """(10, 10) rows: derivatives of mass, centre of mass and inertia about it, divided by their standard deviations."""
     _, slope = derived(cad)
     mass = cad.mass_kg
     unit = np.array([mass] + [REFERENCE_LENGTH_M] * 3 + [mass * REFERENCE_LENGTH_M**2] * 6)

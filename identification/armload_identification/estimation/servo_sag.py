@@ -1,13 +1,13 @@
-"""The arm's own torque where the loaded run went elsewhere than the unloaded one.
+"""Difference of the arm's own torque between the loaded and the unloaded run, whose positions differ.
 
-A servo gives way under a load: loaded and unloaded positions are up to 0.4 mrad apart, and so are what links and rotors
-require of the motors,
+A servo sags under load: loaded and unloaded positions are up to 0.4 mrad apart, so that the torque of links and rotors
+differs by
 
     (1 + mu s sgn tau_links) (tau_links(q_loaded) - tau_links(q_unloaded))
         + C^-T diag(I_r) C^-1 (ddq_loaded - ddq_unloaded).
 
-Without it the mass of 2 kg on a simulated arm of seven joints is 0.08 % off, which is more than the noise of a minute.
-Only what changes smoothly is taken: at a reversal friction turns over, and there samples weigh little.
+Without this correction the mass of 2 kg on a simulated arm of seven joints is 0.08 % off, more than the noise of a
+minute. Friction that changes sign at a reversal is not corrected, as samples there have little weight.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def on_one_motion(signal: LoadSignal, chain: Chain, body: BodyModel) -> LoadSign
         body: Its links and rotors.
 
     Returns:
-        The pair, the unloaded run's torque and states moved.
+        The pair with the unloaded run's torque and states changed.
     """
     sag_nm = _sag_torque(signal, chain, body)
     unloaded = replace(
@@ -45,7 +45,7 @@ def on_one_motion(signal: LoadSignal, chain: Chain, body: BodyModel) -> LoadSign
 
 
 def _sag_torque(signal: LoadSignal, chain: Chain, body: BodyModel) -> FloatArray:
-    """(K, n) torque of the empty arm on the loaded run's motion less that on its own, in the torque's band."""
+    """(K, n) torque of the empty arm on the loaded run's motion minus the unloaded run's, in the torque's band."""
     here, there = (body.link_torque(chain, *states) for states in (signal.states, signal.unloaded.states))
     direction = smooth_sign(signal.states.velocity_rad_s, body.reversal_speed_rad_s)
     links = (1.0 + body.load_friction * direction * np.sign(here)) * (here - there)

@@ -1,11 +1,11 @@
-"""Mass and centre of mass where they are known beforehand to lie in ranges: the normal distribution, truncated to them.
+"""Mass and centre of mass with known ranges: a normal distribution, truncated to these.
 
-What a fit says of x = [m, c_x, c_y, c_z] is taken as a normal distribution of its covariance, widened so that each 95 %
-interval is that of the fit, Student's. Restricted to the ranges it has another mean and a smaller covariance, of all
-that is correlated too. Truncation is done in [m, m c], which is what a fit is linear in: a range of c is then one that
-is proportional to the mass, and holds where the mass is poorly known. The moments are integrals by importance sampling
-at quasi-random points: one coordinate after the other is drawn within its limits, given those before, and the
-probabilities of these limits are the weights.
+The fit's x = [m, c_x, c_y, c_z] is treated as normally distributed with its covariance, widened such that each 95 %
+interval equals the fit's by Student's t. Restricted to the ranges, the distribution has another mean and a smaller
+covariance, also of correlated quantities without a range. Truncation is done in [m, m c], in which a fit is linear: a
+range of c is then proportional to the mass, and remains valid if the mass is poorly known. The moments are computed by
+importance sampling at quasi-random points: the coordinates are drawn one by one within their limits, given the previous
+ones, and the probabilities of these limits are the weights.
 
 References:
     Genz, Numerical computation of multivariate normal probabilities, Journal of Computational and Graphical
@@ -24,9 +24,9 @@ from armload_identification.estimation.uncertainty import CONFIDENCE
 
 _POINTS_LOG2: Final = 13
 _LEAST_MASS: Final = 1e-3
-"""Mass that a body has at least, in shares of the estimated one: a centre of mass has no meaning at 0."""
+"""Least mass as a share of the estimated one: at 0 a centre of mass has no meaning."""
 _LEAST_VARIANCE: Final = 1e-12
-"""Of each coordinate's own, so that a matrix whose quantities depend on each other has a triangle."""
+"""Added variance as a share of each coordinate's own, so that a singular matrix has a Cholesky factor."""
 
 
 def truncated_moments(mean: FloatArray, covariance: FloatArray, limits: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -34,14 +34,14 @@ def truncated_moments(mean: FloatArray, covariance: FloatArray, limits: FloatArr
 
     Args:
         mean: (4,) mass and centre of mass, without the limits.
-        covariance: (4, 4) of these.
+        covariance: (4, 4) their covariance.
         limits: (4, 2) low and high; -inf and inf where there is none.
 
     Returns:
-        (4,) and (4, 4). An interval of 1.96 standard deviations about the mean, clipped by the limits, holds 94.8 %
-        or more of such a distribution of one quantity, whichever part of the normal one is left.
+        (4,) and (4, 4). For one quantity, the interval of 1.96 standard deviations about the mean, clipped to the
+        limits, contains at least 94.8 % of the distribution, wherever the normal one is truncated.
     """
-    # Loads more than all the rest together, and few know a range.
+    # Imported here: slower to load than everything else together, and rarely needed.
     from scipy.stats import qmc
 
     to_moments = np.diag([1.0, *[mean[0]] * 3])
@@ -74,7 +74,7 @@ def contradicted(mean: FloatArray, covariance: FloatArray, limits: FloatArray) -
 
     Args:
         mean: (k,) estimate.
-        covariance: (k, k) of it.
+        covariance: (k, k) its covariance.
         limits: (k, 2) low and high.
     """
     from scipy.optimize import lsq_linear
@@ -86,7 +86,7 @@ def contradicted(mean: FloatArray, covariance: FloatArray, limits: FloatArray) -
 
 
 def _drawn(uniform: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard normal numbers between limits, and the probability of these limits; by the tail that keeps digits."""
+    """Standard normal numbers between limits, and the probability of these; from the lower tail, to keep precision."""
     from scipy.special import ndtr, ndtri
 
     sign = np.where(low > 0.0, -1.0, 1.0)

@@ -1,20 +1,19 @@
-"""Honest 95 % intervals from coloured residuals.
+"""95 % intervals that hold with coloured residuals.
 
-Residuals of such fits are not white: friction, ripple and drift colour them, and the textbook covariance is too
-small by 4 to 10 times. Resampling a few periods does not cover either. What counts is the residual's power at
-the frequencies at which the regressor moves, so the residual's spectrum S_j(f) is estimated per joint, locally,
-from the residual itself, and
+Residuals of such fits are not white: friction, ripple and drift colour them, and the textbook covariance is 4 to 10
+times too small. Resampling a few periods undercovers as well. What matters is the residual's power at the regressor's
+frequencies, so the residual's spectrum S_j(f) is estimated per joint, locally in frequency, and
 
     cov(theta) = A^-1 [ sum_j sum_f Phi_j(f)^* S_j(f) Phi_j(f)^T ] A^-1,     A = Phi^T S^-1 Phi
 
-(the sandwich of White and of Newey and West in the frequency domain). What the fit took out of the residual is
-given back bin by bin by the square of its leverage's complement (HC3): the first power is right for white noise alone,
-and slow noise lies where the leverage does. Because a local spectrum rests on few bins, the quantile is Student's with
-the freedom of Satterthwaite for each quantity. Systematic error that is alike in every period is in the residual
-and so in the interval, as far as the parameters did not absorb it.
+(the sandwich of White and of Newey and West in the frequency domain). The power that the fit removed from the residual
+is restored bin by bin with the square of the leverage's complement (HC3): the first power is correct only for white
+noise, and slow noise coincides with the leverage. As a local spectrum is estimated from few bins, the quantile is
+Student's with Satterthwaite's degrees of freedom for each quantity. Systematic error that repeats in every period is in
+the residual and so in the interval, except for what the parameters absorbed.
 
-Rows of weight w have their residual where they have their regressor, which no spectrum shows, and so S_j counts
-mean(w^4) / mean(w^2)^2 times: with half of the rows left out, twice.
+Weights w place residual and regressor at the same times, which a spectrum does not show; S_j is therefore multiplied by
+mean(w^4) / mean(w^2)^2: by two if half of the rows are excluded.
 
 References:
     Newey, West, Econometrica 55(3), 1987. Bell, McCaffrey, Survey Methodology 28(2), 2002.
@@ -41,37 +40,37 @@ if TYPE_CHECKING:
 CONFIDENCE: Final = 0.95
 _UPPER: Final = 0.5 + 0.5 * CONFIDENCE
 NORMAL_HALF_WIDTH: Final = NormalDist().inv_cdf(_UPPER)
-"""Half the width of the interval of a normal distribution, in standard deviations."""
+"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
 DETERMINED_SHARE: Final = 0.20
 REFERENCE_LENGTH_M: Final = 0.1
-"""DESIGN.md: determined is what has a half width of at most 20 % of m, 0.1 m, or m (0.1 m)^2."""
+"""A value is determined if its half width is at most 20 % of m, of 0.1 m, or of m (0.1 m)^2."""
 _WIDEST_HALF_WINDOW: Final = 8
 """Bins on either side over which a spectrum is averaged: half the bin's number, from 1 to this.
 
-Chosen by simulation with white noise and 30 % of its variance from noise of 0.1 to 2 s memory: fixed windows of
-4, 8, 16 bins cover 92, 89, 84 % where 95 is asked, this one 93.5 to 95 %, because slow noise has its power at the
-lowest bins, where a gravity-driven regressor has it too. On the excitation of `er50` with 1, 3 and 10 periods, 300
-seeds each: 94.4 to 95.3 % over all ten quantities, none below 91.7 %.
+Chosen by simulation of noise with 30 % of its variance correlated over 0.1 to 2 s and the rest white: instead of 95 %,
+fixed windows of 4, 8, 16 bins cover 92, 89, 84 %, this one 93.5 to 95 %, because slow noise has its power in the lowest
+bins, as does a gravity-driven regressor. On the excitation of `er50` with 1, 3 and 10 periods, 300 seeds each: 94.4 to
+95.3 % over all ten quantities, none below 91.7 %.
 """
 _BAND_SHARE: Final = 0.9999
 _FREEST: Final = 1e6
 _FLAT: Final = 1e-12
-"""Least eigenvalue of a correlation matrix that is inverted."""
+"""Lower bound of the eigenvalues of a correlation matrix when it is inverted."""
 _LEAST_OF_WHITE: Final = 0.25
-"""No variance is less than this share of what it would be if the residual were white."""
+"""Lower bound of a variance as a share of its value for a white residual."""
 
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Uncertainty of the ten quantities a payload file names, in the order of `PARAMETER_NAMES`.
+    """Uncertainty of the ten quantities of a payload file, in the order of `PARAMETER_NAMES`.
 
     Attributes:
         values: (10,) mass, centre of mass, inertia about the centre of mass.
-        half_width_95: (10,) half width of the 95 % interval; inf where the data say nothing.
+        half_width_95: (10,) half width of the 95 % interval; inf where the data contain no information.
         degrees_of_freedom: (10,) of Student's t.
-        determined: (10,) as DESIGN.md defines it.
-        covariance: (10, 10) of theta, robust; directions without information are left out.
-        limits: (10, 2) ranges known beforehand, which the intervals end at; None without any.
+        determined: (10,) True for values with a half width of at most `DETERMINED_SHARE` of their scale.
+        covariance: (10, 10) of theta, robust; without undetermined directions.
+        limits: (10, 2) known ranges that limit the intervals; None without any.
     """
 
     values: FloatArray
@@ -89,12 +88,12 @@ class Uncertainty:
 
     @property
     def undetermined_names(self) -> tuple[str, ...]:
-        """Names of what is not determined."""
+        """Names of the values that are not determined."""
         return tuple(name for name, known in zip(PARAMETER_NAMES, self.determined, strict=True) if not known)
 
 
 def student_half_width(freedom: float | FloatArray) -> FloatArray:
-    """Half the width of the interval of Student's t distribution, in standard deviations.
+    """Half width of the 95 % interval of Student's t distribution, in standard deviations.
 
     Args:
         freedom: Degrees of freedom, of any shape.
@@ -109,12 +108,11 @@ def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray |
 
     Args:
         fit: The plain estimate, on equidistant samples.
-        parameters: What is reported; derivatives are taken and intervals centred there.
-        shifts: (k, p) by how much theta moves with one standard deviation of k other errors, such as those of
-            the drive gains.
+        parameters: The reported parameters, at which derivatives are taken and intervals centred.
+        shifts: (k, p) change of theta for one standard deviation of k other errors, such as those of the drive gains.
 
     Returns:
-        Intervals and what is determined.
+        Intervals, and which values are determined.
     """
     values, slope = derived(parameters)
     gradient = np.zeros((10, fit.theta.size))
@@ -122,15 +120,15 @@ def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray |
     half = determined_basis(fit)
     contrast = gradient @ half
     spectrum = ResidualSpectrum.of(fit, half)
-    # The rows of the prior have errors of unit deviation of their own.
+    # The prior's rows have independent errors of unit standard deviation.
     known = fit.prior_rows @ half
-    # A spectrum that is far below its average somewhere has seen next to nothing there, such as joints at rest.
+    # A spectrum far below its average, as of joints at rest, is not evidence of low noise.
     local = np.maximum(spectrum.variance(contrast), _LEAST_OF_WHITE * np.sum(contrast**2, axis=1))
     variance = local + np.sum((contrast @ known.T) ** 2, axis=1)
     freedom = spectrum.freedom(contrast)
     if shifts is not None:
         systematic = np.sum((gradient @ shifts.T) ** 2, axis=1)
-        # Satterthwaite: what does not come from the residual takes no freedom from it.
+        # Satterthwaite: variance that does not come from the residual costs no degrees of freedom.
         freedom = np.minimum(freedom * ((variance + systematic) / np.maximum(variance, 1e-300)) ** 2, _FREEST)
         variance = variance + systematic
     width = student_half_width(freedom) * np.sqrt(variance)
@@ -150,24 +148,24 @@ def quantify(fit: Estimate, parameters: InertialParameters, shifts: FloatArray |
 
 
 def determined_basis(fit: Estimate) -> FloatArray:
-    """(p, rank) B with B B^T the covariance for white residuals, directions without information left out.
+    """(p, rank) B with B B^T the covariance for white residuals, without undetermined directions.
 
     Args:
-        fit: The fit; the columns of `fit.whitened @ B` are orthonormal where nothing was known beforehand.
+        fit: The fit; the columns of `fit.whitened @ B` are orthonormal if there was no prior.
     """
     _, diagonal, right = np.linalg.svd(fit.root * fit.scale)
     return np.asarray(fit.scale[:, None] * right[: fit.rank].T / diagonal[: fit.rank])
 
 
 def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
-    """By how much theta moves when torque is added.
+    """Change of theta when torque is added.
 
     Args:
         fit: The fit.
         torque_nm: (k, N, n) k additions to the torque.
 
     Returns:
-        (k, p); along directions that the data do not determine it does not move.
+        (k, p) changes, 0 along directions that the data do not determine.
     """
     half = determined_basis(fit)
     seen = np.einsum("tjp,ktj->kp", fit.whitened, torque_nm * (fit.weight_1_nm * fit.sample_weight))
@@ -175,14 +173,14 @@ def shifts_by(fit: Estimate, torque_nm: FloatArray) -> FloatArray:
 
 
 def shifts_by_knowledge(fit: Estimate, prior: Prior | None) -> FloatArray:
-    """By how much theta moves with what is doubtful of the equations that were known beforehand.
+    """Change of theta for the common errors of a prior's equations.
 
     Args:
         fit: The fit.
         prior: These equations; None without any.
 
     Returns:
-        (d, p), of one standard deviation of each of their d common errors.
+        (d, p) changes for one standard deviation of each of the d errors.
     """
     if prior is None:
         return np.zeros((0, fit.theta.size))
@@ -191,29 +189,29 @@ def shifts_by_knowledge(fit: Estimate, prior: Prior | None) -> FloatArray:
 
 
 def nuisance_deviation(fit: Estimate) -> FloatArray:
-    """Robust standard deviation of every parameter behind the payload's ten.
+    """Robust standard deviation of every parameter after the payload's ten.
 
     Args:
         fit: A fit on equidistant samples.
 
     Returns:
-        (p - 10,) standard deviations, inf for all where the fit is not of full rank.
+        (p - 10,) standard deviations, all inf if the fit is not of full rank.
     """
     return _nuisance(fit)[0]
 
 
 def nuisance_half_width(fit: Estimate) -> FloatArray:
-    """(p - 10,) half widths of the 95 % intervals of the parameters behind the payload's ten; as `nuisance_deviation`.
+    """(p - 10,) half widths of the 95 % intervals of the parameters after the payload's ten.
 
     Args:
-        fit: A fit on equidistant samples.
+        fit: A fit on equidistant samples; all inf if it is not of full rank.
     """
     deviation, spectrum, contrast = _nuisance(fit)
     return deviation if spectrum is None else student_half_width(spectrum.freedom(contrast)) * deviation
 
 
 def _nuisance(fit: Estimate) -> tuple[FloatArray, ResidualSpectrum | None, FloatArray]:
-    """Deviations as `nuisance_deviation`, and the spectrum and contrast (p - 10, p) that they come from."""
+    """Deviations as `nuisance_deviation`, with the spectrum and contrast (p - 10, p) from which they are computed."""
     if fit.rank < fit.theta.size:
         return np.full(fit.theta.size - 10, np.inf), None, np.empty(0)
     half: FloatArray = np.asarray(np.linalg.inv(fit.root), dtype=np.float64)
@@ -231,22 +229,22 @@ def coefficient_deviation(
         rows: (N, n, p) whitened rows, on equidistant samples.
         residual: (N, n) whitened residual.
         weight: (N, n) factor on every row, as `Estimate.sample_weight`.
-        triangle: (p, p) R of a QR factorisation of the rows, a prior's among them.
+        triangle: (p, p) R of a QR factorisation of the rows, including a prior's.
 
     Returns:
-        (p,) standard deviations; the prior's own error is not in them.
+        (p,) standard deviations, without the prior's own error.
     """
     half = np.asarray(np.linalg.inv(triangle), dtype=np.float64)
     return np.sqrt(ResidualSpectrum(rows @ half, residual, weight).variance(half))
 
 
 def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
-    """Mass, centre of mass and inertia about it, and how they change with theta.
+    """Mass, centre of mass and inertia about it, and their derivatives by theta.
 
         c = s / m,    I_com = I - (s^T s 1 - s s^T) / m
 
     Args:
-        parameters: Where.
+        parameters: Where they are evaluated.
 
     Returns:
         (10,) quantities in the order of `PARAMETER_NAMES`, and (10, 10) derivatives by theta.
@@ -266,7 +264,7 @@ def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
         steiner[row, one] = first[two]
         steiner[row, two] = first[one]
     slope[4:, 1:4] = steiner / mass
-    # Euler: the Steiner part is of degree two in s, so its value is half of what s does to it.
+    # Euler's theorem: the Steiner part is of degree two in s, so its value is half of s times its gradient.
     slope[4:, 0] = -0.5 * steiner @ first / mass**2
     inertia = parameters.inertia_about_com
     about = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
@@ -274,12 +272,12 @@ def derived(parameters: InertialParameters) -> tuple[FloatArray, FloatArray]:
 
 
 class ResidualSpectrum:
-    """Local spectra of a whitened residual, and what they mean for combinations of parameters.
+    """Local spectra of a whitened residual, and the resulting variances of combinations of parameters.
 
     Args:
-        basis: (N, n, r) orthonormal columns Q that the fit could use.
+        basis: (N, n, r) orthonormal basis Q of the fit's columns.
         residual: (N, n) whitened residual.
-        weight: (N, n) factor on every row that is in both, as `Estimate.sample_weight`.
+        weight: (N, n) factor on every row, contained in both, as `Estimate.sample_weight`.
     """
 
     def __init__(self, basis: FloatArray, residual: FloatArray, weight: FloatArray) -> None:
@@ -290,7 +288,7 @@ class ResidualSpectrum:
         bins = min(int(np.searchsorted(held, _BAND_SHARE * held[-1])) + 2 * _WIDEST_HALF_WINDOW, held.size)
         self._basis, leverage = transformed[:bins], leverage[:bins]
         power = np.abs(np.fft.rfft(residual, axis=0)[:bins]) ** 2 / samples
-        # Every bin but the first (and the last of an even number) stands for two frequencies.
+        # Every bin except the first (and the last, for an even number of samples) represents two frequencies.
         self._twice = np.full(bins, 2.0)
         self._twice[0] = 1.0
         if bins == held.size and samples % 2 == 0:
@@ -299,7 +297,7 @@ class ResidualSpectrum:
         left = (1.0 - np.minimum(leverage, 1.0)) ** 2
         self._free = np.maximum(self._window @ left, 1e-12)
         square = weight**2
-        # A joint none of whose rows count has no residual either.
+        # A joint whose weights are all 0 has no residual either.
         gated = np.mean(square**2, axis=0) / np.maximum(np.mean(square, axis=0) ** 2, 1e-300)
         self._level = gated * (self._window @ power) / self._free
         self._leverage = leverage
@@ -317,7 +315,7 @@ class ResidualSpectrum:
         return cls(fit.whitened @ basis, residual, fit.sample_weight)
 
     def in_band(self) -> FloatArray:
-        """(n,) mean power of each joint where the basis has its own; 1 for white noise of unit deviation."""
+        """(n,) mean power of each joint's residual in the basis's band; 1 for white noise of unit variance."""
         share = self._leverage * self._twice[:, None]
         total = share.sum(axis=0)
         power = np.sum(share * self._level, axis=0)
@@ -327,7 +325,7 @@ class ResidualSpectrum:
         """(r, r) covariance of the coefficients of the basis."""
         root = np.sqrt(self._level * self._twice[:, None])
         weighted = (self._basis * root[:, :, None]).reshape(-1, self._basis.shape[2])
-        # Real and imaginary parts separately: only products of real matrices are needed.
+        # Real and imaginary parts separately: products of real matrices suffice.
         return np.asarray(weighted.real.T @ weighted.real + weighted.imag.T @ weighted.imag)
 
     def variance(self, contrast: FloatArray) -> FloatArray:
@@ -346,14 +344,14 @@ class ResidualSpectrum:
         return np.asarray(np.clip(freedom, 1.0, _FREEST))
 
     def joint_freedom(self, contrast: FloatArray, total: FloatArray) -> float:
-        """Degrees of freedom of a covariance matrix that this spectrum is part of.
+        """Degrees of freedom of a covariance matrix to which this spectrum contributes.
 
         Args:
             contrast: (k, r) combinations of the coefficients.
-            total: (k, k) covariance of these combinations, whatever else is added to them.
+            total: (k, k) covariance of these combinations, all contributions included.
 
         Returns:
-            Of the Wishart matrix with that mean whose elements scatter as much.
+            Those of the Wishart matrix with that mean whose elements have the same scatter.
         """
         k = len(contrast)
         size = np.sqrt(np.maximum(np.diag(total), 1e-300))
@@ -372,9 +370,9 @@ class ResidualSpectrum:
 
 @lru_cache(maxsize=32)
 def _window(bins: int) -> csr_array:
-    """(bins, bins) rows of a moving average over frequency, wider the higher; below zero it is mirrored.
+    """(bins, bins) rows of a moving average over frequency, wider at higher frequencies, mirrored at zero.
 
-    Sparse: an aperiodic recording has as many bins as half of its rows, and the full matrix grows with their square.
+    Sparse: an aperiodic recording has half as many bins as rows, and the dense matrix grows with their square.
     """
     from scipy.sparse import csr_array
 

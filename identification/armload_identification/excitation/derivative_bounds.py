@@ -1,10 +1,10 @@
-"""What the derivatives of an arm's motion never exceed, whatever the joints do within given rates.
+"""Bounds of the time derivatives of an arm's motion, for any motion of the joints within given rates.
 
-A quantity is bounded by a row of numbers: its size, and the size of each of its time derivatives,
+A quantity is bounded by a row of numbers: its magnitude, and the magnitude of each of its time derivatives,
 
     |f| <= F_0,  |f'| <= F_1,  |f''| <= F_2, ...
 
-Sums add up; every product of mechanics (of numbers, dot, cross) obeys |a b| <= |a| |b| and Leibniz' rule,
+Bounds of a sum add up; each product (of numbers, dot, cross) obeys |a b| <= |a| |b| and Leibniz's rule,
 
     |(f g)^(m)| <= sum_j  binomial(m, j) F_j G_{m-j},
 
@@ -12,8 +12,8 @@ and a vector that is fixed in a link turning with w has v' = w x v, so that
 
     V_{m+1} <= sum_j  binomial(m, j) W_j V_{m-j}.
 
-With these three rules alone the Newton-Euler equations, written in the base's directions, give the bounds below.
-They hold for every configuration, not for the one motion at hand: far above what happens, and certain.
+Applied to the Newton-Euler equations in base coordinates, these three rules give the bounds below. They hold for every
+configuration, and are therefore guaranteed, but far above the actual values.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _ORDERS = 5
 def rate_bounds(trajectory: FourierTrajectory) -> FloatArray:
     """Bounds of the joints' first to fourth derivatives along a trajectory.
 
-    The fourth is the third's times the highest frequency: no derivative of a trigonometric polynomial of degree H
-    exceeds H w_f times the polynomial (Bernstein's inequality).
+    The fourth is the third times the highest angular frequency: the derivative of a trigonometric polynomial of
+    degree H is at most H w_f times the polynomial's maximum (Bernstein's inequality).
 
     Returns:
         (4, n) in rad/s, rad/s2, rad/s3, rad/s4.
@@ -51,7 +51,7 @@ def point_rates(chain: Chain, rates: FloatArray, link: int, lever_m: float) -> F
     Args:
         chain: The arm.
         rates: (4, n) from `rate_bounds`.
-        link: Number of the joint that the link turns with, from 1; 0 is the base, where nothing moves.
+        link: Number of the joint that moves the link, from 1; 0 is the base.
         lever_m: Distance of the point from the joint frame's origin.
 
     Returns:
@@ -68,7 +68,7 @@ def torque_curvature(dynamics: ArmDynamics, rates: FloatArray) -> FloatArray:
     """Bound of the second time derivative of the joints' torques.
 
     Args:
-        dynamics: The arm and what it carries.
+        dynamics: The arm with its payload.
         rates: (4, n) from `rate_bounds`.
 
     Returns:
@@ -118,7 +118,7 @@ def _fixed(length: float, angular: FloatArray) -> FloatArray:
 
 
 def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Leibniz' rule."""
+    """Leibniz's rule."""
     return np.array([sum(comb(m, j) * a[j] * b[m - j] for j in range(m + 1)) for m in range(len(a))])
 
 
@@ -128,7 +128,7 @@ def _offset(chain: Chain, joint: int) -> float:
 
 
 def _principal_sum(theta: FloatArray) -> float:
-    """Sum of the sizes of the principal moments about the frame's origin."""
+    """Sum of the magnitudes of the principal moments about the frame's origin."""
     ixx, iyy, izz, ixy, ixz, iyz = theta[4:]
     tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     return float(np.sum(np.abs(np.linalg.eigvalsh(tensor))))

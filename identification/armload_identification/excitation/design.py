@@ -1,10 +1,10 @@
-"""Design of an excitation: the Fourier coefficients that determine a payload best within all limits.
+"""Design of an excitation: the Fourier coefficients that best determine a payload within all limits.
 
     minimise  criterion(q, dq, ddq)                                             Chen 2016, eq. (7)
     subject to  joints, torque and workspace within `Envelope`, at every time
 
-Each start is random and seeded; the best one wins. Starts are independent of each other, so any executor may run them,
-and the result is the same with each.
+The best of several random, seeded starts is used. Starts are independent, so that any executor can run them with the
+same result.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ class DesignResult:
         trajectory: One period.
         criterion: Name of the criterion.
         cost: The criterion, as `Criterion.cost` defines it.
-        condition_number: cond(Phi) of the trajectory in SI units, over what the arm can show.
-        rank: Directions of the ten that the arm can show; below ten some parameters stay undetermined.
-        margins: Room to every limit, at any time.
-        restart_costs: (restarts,) the criterion of each start's result, inf where it found none within the limits.
-        history: Criterion per iteration of the best start; the early ones may be outside the limits.
-        seed: What the starts were drawn from.
+        condition_number: cond(Phi) of the trajectory in SI units, over the identifiable directions.
+        rank: Number of identifiable directions; below ten some parameters stay undetermined.
+        margins: Margin to every limit, over all times.
+        restart_costs: (restarts,) the criterion of each start's result, inf if it found none within the limits.
+        history: Criterion per iteration of the best start; early iterations may exceed the limits.
+        seed: Seed of the starts.
     """
 
     trajectory: FourierTrajectory
@@ -52,11 +52,11 @@ class DesignResult:
     seed: int
 
     def excitation(self, periods: int, command: str, armload_version: str) -> Excitation:
-        """The trajectory with its origin, ready to be written.
+        """The trajectory with its provenance, ready to be written.
 
         Args:
-            periods: Whole periods to drive.
-            command: What makes this result again.
+            periods: Number of periods to drive.
+            command: Command that reproduces this result.
             armload_version: Version of the program.
         """
         record: dict[str, str | int | float] = {
@@ -83,29 +83,30 @@ def design(
     progress: Callable[[int, int, float], None] | None = None,
     objection: Callable[[FourierTrajectory], str | None] | None = None,
 ) -> DesignResult:
-    """Find the motion that determines the payload best within all limits.
+    """Find the motion that best determines the payload within all limits.
 
-    The same arguments give the same result on the same machine, whatever runs the starts.
+    The same arguments give the same result on the same machine with any executor.
 
     Args:
-        criterion: What to make small, for the arm that it holds.
+        criterion: The cost to minimise, and its arm.
         envelope: All limits.
         harmonics: H, at least 1.
-        base_frequency_hz: One over the period; or a range, from which the period that determines the payload
-            best in the same measuring time is chosen. Faster is better until a limit stops it: speed,
+        base_frequency_hz: Inverse of the period; or a range of periods, from which the one that best determines the
+            payload in a given measuring time is chosen. Faster is better until a limit is reached: speed,
             acceleration, jerk or torque.
-        seed: Of the random starts.
-        restarts: How many starts.
+        seed: Seed of the random starts.
+        restarts: Number of starts.
         executor: Runs the starts, such as a process pool; None runs them here, one after the other.
-        progress: Called after each start with starts done, starts in all, best cost so far.
-        objection: Says why a motion within the limits must not be driven all the same, such as for the meshes of a
-            URDF; the best start without one wins.
+        progress: Called after each start with starts done, total number of starts, best cost so far.
+        objection: Returns why a motion within the limits must not be driven, such as a collision of a URDF's meshes,
+            or None; the best start without an objection is used.
 
     Returns:
-        The best motion found, strictly within the limits at every time.
+        The best motion found, strictly within the limits at all times.
 
     Raises:
-        ExcitationError: arguments that make no sense, or no start ended with a motion that determines anything.
+        ExcitationError: invalid arguments, or no start ended with a motion that determines the payload within the
+            limits.
 
     References:
         Chen 2016, eqs. (6), (7). Nocedal, Wright, Numerical Optimization, 2nd ed. 2006, section 17.4.
@@ -123,7 +124,7 @@ def design(
     search = Search(criterion, envelope, harmonics, periods)
     sources = np.random.SeedSequence(seed).spawn(restarts)
     attempts: dict[int, Attempt] = {}
-    with threadpool_limits(1):  # here too: threads that share a process would lift each other's limit
+    with threadpool_limits(1):  # here too: each of an executor's threads lifts the process's limit when it ends
         for number, attempt in _attempts(search, sources, executor):
             attempts[number] = attempt
             if progress is not None:
@@ -167,7 +168,7 @@ def _best(
 def _attempts(
     search: Search, sources: list[np.random.SeedSequence], executor: Executor | None
 ) -> Iterator[tuple[int, Attempt]]:
-    """Number and result of every start, as they come."""
+    """Number and result of every start, in order of completion."""
     if executor is None:
         for number, source in enumerate(sources):
             yield number, search.run(source)

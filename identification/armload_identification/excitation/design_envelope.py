@@ -1,11 +1,11 @@
-"""Everything that a motion must stay within: the joints' ranges and rates, their torque, the workspace, and speed.
+"""All limits of a motion: the joints' ranges and rates, their torque, the workspace, and speed.
 
-Every limit is a row k of one form, the relative excess
+Every limit is a row k of the same form, the relative excess
 
     e_k(t) <= 0,   e_k = |value - centre| / room - 1   or   (keep - clearance) / CLEARANCE_SCALE_M,
 
-so that an optimiser need not know what it means. `worst` bounds every row for all times, between the samples too;
-the proofs are in `fourier` (joints), `joint_strength` (torque), `workspace` (clearances) and `cartesian_speed`.
+so that an optimiser need not know its meaning. `worst` bounds every row at all times, also between samples; the proofs
+are in `fourier` (joints), `joint_strength` (torque), `workspace` (clearances) and `cartesian_speed`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from armload_identification.excitation.limit_margins import LimitMargins
 from armload_identification.identification_errors import ExcitationError
 
 CLEARANCE_SCALE_M = 0.2
-"""A sphere this deep inside an obstacle counts as much as a speed of twice its limit."""
+"""A sphere this deep inside an obstacle has the same excess as a speed of twice its limit."""
 
 _ORDERS = 4
 _JOINT_ARRAYS = (
@@ -37,7 +37,7 @@ _JOINT_ARRAYS = (
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ExcitationLimits:
-    """What each of n joints may do.
+    """Limits of the motion of n joints.
 
     Attributes:
         position_min_rad: (n,) least position.
@@ -76,11 +76,11 @@ class ExcitationLimits:
         """Tighter limits, to leave room for the ramps and the servo.
 
         Args:
-            position_margin_rad: Taken off at both ends of every range.
-            rate_share: Share of speed, acceleration and jerk that is kept, above 0 and at most 1.
+            position_margin_rad: Subtracted at both ends of every range, at least 0.
+            rate_share: Remaining share of speed, acceleration and jerk, above 0 and at most 1.
 
         Raises:
-            ExcitationError: nothing is left of a range, or the share is out of range.
+            ExcitationError: a range would become empty, or margin or share are out of range.
         """
         if not (0.0 < rate_share <= 1.0 and position_margin_rad >= 0.0):
             raise ExcitationError(
@@ -101,9 +101,9 @@ class Envelope:
 
     Attributes:
         joints: Ranges and rates of the joints.
-        torque: What the joints can give, and what arm and payload require.
-        workspace: What the arm must not touch.
-        speed: What no point of the arm exceeds; None where nothing limits it.
+        torque: Torque that the joints can provide, and that arm and payload require.
+        workspace: Obstacles that the arm must not touch.
+        speed: Speed limit of the arm's points; None if there is none.
 
     Raises:
         ExcitationError: numbers of joints that differ.
@@ -139,14 +139,14 @@ class Envelope:
 
     @property
     def rows(self) -> int:
-        """K, how many limits there are."""
+        """K, the number of limits."""
         return self._splits[2] + (0 if self.speed is None else len(self.speed.points.names))
 
     def excess(self, states: FloatArray) -> FloatArray:
-        """Relative excess over every limit, at or below zero inside.
+        """Relative excess over every limit, at or below zero within the limits.
 
         Args:
-            states: (4, N, n) position, velocity, acceleration, jerk.
+            states: (4, N, n) position, velocity, acceleration, jerk in rad, rad/s, rad/s2, rad/s3.
 
         Returns:
             (N, K).
@@ -160,7 +160,7 @@ class Envelope:
         """Derivative of the weighted sum of all excesses by the states.
 
         Args:
-            weight: (N, K) weight of each; most may be zero and then cost nothing.
+            weight: (N, K) weight of each; zeros cost no time.
             states: (4, N, n) position, velocity, acceleration, jerk.
 
         Returns:
@@ -175,7 +175,7 @@ class Envelope:
         return np.asarray(slope)
 
     def worst(self, trajectory: FourierTrajectory) -> FloatArray:
-        """What no excess is ever above along a trajectory, between samples too.
+        """Upper bound of every excess along a trajectory, also between samples.
 
         Args:
             trajectory: One period of the motion.
@@ -196,7 +196,7 @@ class Envelope:
         """The limit that is exceeded most, and by how much, in words.
 
         Args:
-            worst: (K,) as `worst` has it.
+            worst: (K,) from `worst`.
         """
         row = int(worst.argmax())
         torque, clearance, speed = self._splits
@@ -213,7 +213,7 @@ class Envelope:
         return f"is {excess:.1%} too fast at {name}"
 
     def margins(self, trajectory: FourierTrajectory) -> LimitMargins:
-        """Room that a trajectory leaves at any time, between samples too.
+        """Smallest margins of a trajectory, also between samples.
 
         Args:
             trajectory: One period of the motion.
@@ -233,7 +233,7 @@ class Envelope:
 
     @property
     def _splits(self) -> tuple[int, int, int]:
-        """Where the rows of torque, of clearances and of speed begin."""
+        """Index of the first row of torque, of clearances and of speed."""
         torque = _ORDERS * self.n
         clearance = torque + self.torque.cases * self.n
         return torque, clearance, clearance + len(self.workspace.names)
@@ -243,6 +243,6 @@ class Envelope:
         return np.split(rows, self._splits, axis=-1)
 
     def _speed_excess(self, states: FloatArray) -> tuple[FloatArray, ...]:
-        """(N, P) where speed is limited."""
+        """(N, P) if speed is limited, else nothing."""
         limit = self.speed
         return () if limit is None else (limit.points.speeds(states[0], states[1]) / limit.speed_m_s - 1.0,)

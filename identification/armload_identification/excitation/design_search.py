@@ -1,12 +1,12 @@
-"""One start of an excitation's design: from a random motion to a good one that keeps every limit.
+"""One start of an excitation's design: from a random motion to an optimised one within every limit.
 
-An augmented Lagrangian on a grid of the period; SciPy's L-BFGS-B solves the inner problems, with the criterion's
-derivative from `information` and the limits' from `envelope`. What a limit is exceeded by between the grid's samples
-is measured after every round and kept free in the next. The little that is left over at the end is taken away by
-making the motion smaller, until every limit is kept for certain, between the samples too.
+The method is an augmented Lagrangian on a grid over the period; SciPy's L-BFGS-B solves the inner problems, with the
+derivative of the criterion from `information` and of the limits from `design_envelope`. The excess between the grid's
+samples is computed after every round and reserved in the next. The small rest is removed at the end by reducing the
+amplitude, until every limit is guaranteed, also between the samples.
 
-The linear algebra is held to one thread: with more, the last digits, and so the end of a start, depend on how many
-there are; and threads that wait for each other over matrices of ten rows took six times as long on a busy machine.
+The linear algebra uses one thread: with more, the last digits, and thus the result of a start, depend on their number;
+and threads that wait for each other over matrices of ten rows took six times as long on a busy machine.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ _SMALLEST_GAIN = 1e-9
 _DRAWS = 400
 _DRAW_PENALTY = 1.0
 _DRAWN_OFFSET = 0.5  # share of half a joint's range
-_SMALLEST_DRAW = 0.2  # a large first motion may have to be pulled through an obstacle, a small one grows around it
+_SMALLEST_DRAW = 0.2  # a large initial motion may span an obstacle, a small one grows around it
 _FIRST_PENALTY = 0.3  # soft at first: a start may cross a limit on its way to a better optimum
 _PENALTY_GROWTH = 3.0
 _RESERVE_FROM_ROUND = 3
-_CLOSE = 1e-3  # a greatest excess that making the motion smaller can take away at little cost
-_INSIDE = 1e-6  # room that is left to every limit, relative
+_CLOSE = 1e-3  # greatest excess that a smaller amplitude can remove at little cost
+_INSIDE = 1e-6  # relative margin to every limit
 _SMALLEST_SHARE = 0.5
 _ROUNDING = 1e-9
 
@@ -54,10 +54,10 @@ class PeriodRange:
     Attributes:
         shortest_s: The shortest.
         longest_s: The longest.
-        step_s: The period is a multiple of it, such as of the bus's cycle.
+        step_s: The period is a multiple of this, such as the bus cycle.
 
     Raises:
-        ExcitationError: not 0 < shortest <= longest, or a step that is not within them.
+        ExcitationError: not 0 < shortest <= longest, or not 0 < step <= longest.
     """
 
     shortest_s: float
@@ -74,14 +74,14 @@ class PeriodRange:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Attempt:
-    """Where one start ended.
+    """Result of one start.
 
     Attributes:
-        cost: The criterion of one period; inf where no motion within the limits was found.
-        score: What starts are compared by: the criterion for the same measuring time, whatever the period.
+        cost: The criterion of one period; inf if no motion within the limits was found.
+        score: The criterion for a measuring time that is the same for all periods, by which starts are compared.
         trajectory: The motion, or None.
-        history: (I,) criterion after each iteration; the early ones may be outside the limits.
-        excess: Greatest relative excess over a limit, where no motion within them was found.
+        history: (I,) criterion after each iteration; early iterations may exceed the limits.
+        excess: Greatest relative excess over a limit, if no motion within the limits was found.
         problem: The limit that is exceeded, in words.
     """
 
@@ -94,12 +94,12 @@ class Attempt:
 
 
 class Search:
-    """The problem that every start solves; holds no state that a start changes, and can be sent to a process.
+    """The problem that every start solves; not changed by a start, and picklable for other processes.
 
     The variables x (n, 2 H + 1) are scaled: an offset of 1 is half the joint's range, and so is a coefficient of 1,
-    unless it alone reaches the speed limit before. One more variable u = ln(f / f_0) is the base frequency f, free
-    within its range: the k-th derivative grows with exp(k u). What is compared is the criterion for the same measuring
-    time: faster is better until a limit stops it.
+    unless that amplitude would by itself exceed the speed limit. One more variable u = ln(f / f_0) is the base
+    frequency f, free within its range: the k-th derivative grows with exp(k u). Motions are compared by the criterion
+    for a given measuring time: faster is better until a limit is reached.
     """
 
     def __init__(self, criterion: Criterion, envelope: Envelope, harmonics: int, periods: PeriodRange) -> None:
@@ -125,13 +125,13 @@ class Search:
         """One start.
 
         Args:
-            source: Of its random numbers; the same source gives the same attempt, in any process.
+            source: Seed of its random numbers; the same seed gives the same attempt in any process.
         """
         with threadpool_limits(1):
             return self._run(np.random.default_rng(source))
 
     def cost_of(self, criterion: Criterion, trajectory: FourierTrajectory) -> float:
-        """A criterion of one period of a trajectory, on as many samples as the search uses."""
+        """A criterion of one period of a trajectory, on the grid of the search."""
         return self._cost(criterion, trajectory, trajectory.period_s)
 
     def _run(self, rng: np.random.Generator) -> Attempt:
@@ -161,7 +161,7 @@ class Search:
         return Attempt(cost, score, trajectory, np.array(history) * (cost / score))
 
     def _drawn(self, rng: np.random.Generator) -> FloatArray:
-        """The most promising of many random motions: informative, and not far outside the limits."""
+        """The best of many random motions: informative, and not far outside the limits."""
         n, width = self._scale.shape
         best, least = np.zeros(n * width + 1), np.inf
         for _ in range(_DRAWS):
@@ -241,14 +241,14 @@ class Search:
         return criterion.cost(state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2, measured_s)
 
     def _in_steps(self, trajectory: FourierTrajectory) -> FourierTrajectory:
-        """The same path with the next longer period of whole steps; slower keeps every limit that was kept."""
+        """The same path with the next longer period that is a multiple of the step, which violates no further limit."""
         steps = ceil(trajectory.period_s / self._step_s * (1.0 - _ROUNDING))
         return FourierTrajectory(
             1.0 / (steps * self._step_s), trajectory.offset_rad, trajectory.sin_rad, trajectory.cos_rad
         )
 
     def _inside(self, trajectory: FourierTrajectory) -> tuple[FourierTrajectory, FloatArray]:
-        """The motion made smaller about its offset, as little as all limits require, and the excess that is left."""
+        """The motion with its amplitude reduced by as little as all limits require, and the remaining excess."""
         less = 0.0
         while True:
             smaller = FourierTrajectory(

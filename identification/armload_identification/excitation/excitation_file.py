@@ -1,4 +1,4 @@
-"""The excitation file: a Fourier trajectory, how it was designed and what room it leaves, as TOML."""
+"""The excitation file: a Fourier trajectory, its design and its margins to the limits, as TOML."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class _DesignTable(Table):
 
 
 class _MarginsTable(Table):
-    """Room to each limit, per joint, to each obstacle, and to the limit of speed per point of the arm."""
+    """Margin to each limit per joint, to each obstacle, and to the speed limit per point of the arm."""
 
     position_rad: NumberList
     velocity_rad_s: NumberList
@@ -74,11 +74,11 @@ class _MarginsTable(Table):
 
 _NAMED = ("clearance_m", "speed_m_s")
 _MARGINS = tuple(name for name in _MarginsTable.model_fields if name not in _NAMED)
-"""Those of one number per joint."""
+"""The margins with one number per joint."""
 
 
 class _ExcitationFile(Table):
-    """The whole file."""
+    """The file."""
 
     excitation: _ExcitationTable
     design: _DesignTable | None = None
@@ -103,7 +103,7 @@ def read_excitation(path: Path) -> Excitation:
         path: TOML with `[excitation]` and, if designed, `[design]` and `[margins]`.
 
     Raises:
-        ExcitationFileError: not readable, or wrong, naming file, key, value and what was expected.
+        ExcitationFileError: not readable or invalid, naming file, key, value and what was expected.
     """
     return parse_excitation(read_text(path, ExcitationFileError), str(path))
 
@@ -113,7 +113,7 @@ def parse_excitation(content: str, source: str = "excitation") -> Excitation:
 
     Args:
         content: TOML.
-        source: What messages call it.
+        source: Its name in messages.
 
     Raises:
         ExcitationFileError: naming source, key, value and what was expected.
@@ -159,11 +159,11 @@ def write_excitation(path: Path, excitation: Excitation) -> None:
     """Write an excitation file.
 
     Args:
-        path: Where to; an existing file is replaced.
+        path: The file; an existing one is replaced.
         excitation: What to write.
 
     Raises:
-        ExcitationFileError: what would be written does not read back, or the file cannot be written.
+        ExcitationFileError: the text to be written cannot be read back, or the file cannot be written.
     """
     content = format_excitation(excitation)
     parse_excitation(content, str(path))
@@ -182,7 +182,7 @@ def _margin_lines(margins: LimitMargins) -> list[str]:
 
 
 def _rounded_down(value: float) -> str:
-    """Six digits, never more than the value."""
+    """Six digits, rounded down."""
     return repr(float(_SIX_DIGITS_DOWN.create_decimal(repr(float(value)))))
 
 

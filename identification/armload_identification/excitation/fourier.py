@@ -16,16 +16,16 @@ from armload_identification.excitation.limit_margins import LimitMargins
 from armload_identification.identification_errors import ModelError
 
 CRITERIA = ("a-optimal", "a-optimal-mean", "a-optimal-max", "d-optimal", "condition-number")
-"""What an excitation may have been designed for."""
+"""Criteria of the design of an excitation."""
 MASS_CRITERION = "mass"
-"""What a motion about a place may have been designed for: the half width of the mass' interval over the mass."""
+"""Criterion of a motion about one configuration: the relative half width of the mass's interval."""
 ROBUST_CRITERIA = ("a-optimal-mean", "a-optimal-max")
-"""Those that look at a set of payloads."""
+"""Criteria for a set of payloads."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FourierState:
-    """Where a trajectory is.
+    """State of a trajectory.
 
     Attributes:
         position_rad: (n,) for one time, (N, n) for N times; the others alike.
@@ -42,7 +42,7 @@ class FourierState:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FourierBounds:
-    """What a trajectory never exceeds, at any time; each (n,).
+    """Bounds of a trajectory at all times; each (n,).
 
     Attributes:
         position_min_rad: Lower bound of the position.
@@ -136,10 +136,10 @@ class FourierTrajectory:
         return FourierState(position + self.offset_rad, velocity, acceleration, jerk)
 
     def period(self, samples: int) -> FourierState:
-        """A whole period, by a fast Fourier transform where there are enough samples for that.
+        """One period, by a fast Fourier transform if N > 2 H.
 
         Args:
-            samples: N; they are equidistant, the first is at time 0.
+            samples: N equidistant samples, the first at time 0.
 
         Returns:
             Arrays (N, n).
@@ -155,7 +155,7 @@ class FourierTrajectory:
         return FourierState(position + self.offset_rad, velocity, acceleration, jerk)
 
     def bounds(self) -> FourierBounds:
-        """What the motion never exceeds, between samples too, at most 5e-6 of the amplitude too wide.
+        """Bounds of the motion at all times, at most 5e-6 of the amplitude too wide.
 
         A trigonometric polynomial p of degree H, sampled at N > 2 H equidistant points of its period, obeys
 
@@ -182,7 +182,7 @@ def fourier_basis(base_frequency_hz: float, harmonics: int, t_s: ArrayLike, deri
         base_frequency_hz: w_f / (2 pi).
         harmonics: H.
         t_s: One time, or (N,) times.
-        derivative: How many times the columns are differentiated.
+        derivative: Order of the derivative, 0 for the columns themselves.
 
     Returns:
         (2 H + 1,) or (N, 2 H + 1).
@@ -197,15 +197,18 @@ def fourier_basis(base_frequency_hz: float, harmonics: int, t_s: ArrayLike, deri
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """A trajectory, how many periods of it are to be driven, and where it comes from.
+    """A trajectory, the number of periods to drive, and its provenance.
 
     Attributes:
         trajectory: One period.
-        periods: Whole periods that are streamed and recorded.
+        periods: Number of periods that are streamed and recorded.
         design: The file's `[design]`: criterion, cost, condition_number, seed, restarts, command,
-            armload_version; empty for a trajectory that does not come from a design.
-        history: Criterion per iteration of the design, to five digits in the file; empty where the file has none.
-        margins: Room that the design left to each limit, or None.
+            armload_version; empty for a trajectory that was not designed.
+        history: Criterion per iteration of the design, to five digits in the file; empty if the file has none.
+        margins: Margin of the design to each limit, or None.
+
+    Raises:
+        ModelError: fewer than one period.
     """
 
     trajectory: FourierTrajectory
@@ -220,5 +223,5 @@ class Excitation:
 
     @property
     def duration_s(self) -> float:
-        """Time of all periods together."""
+        """Total duration of all periods."""
         return self.periods * self.trajectory.period_s

@@ -5,10 +5,10 @@
 A-optimal: the trace of the covariance of the parameters' errors, each relative to a scale, with W the inverse
 covariance of the joints' torque noise; for one expected payload, or its mean or its greatest value over a set.
 D-optimal: the volume of the errors' ellipsoid. Condition number: cond(Phi) = sqrt(cond(M)) with W = 1 (Chen 2016).
-METHOD: the condition number alone is a poor criterion, because it depends on neither the noise nor the payload.
+By itself the condition number is a poor criterion, because it depends on neither the noise nor the payload.
 
-Directions of the parameter space that no motion of the arm can show (few joints, an axis along gravity) are
-left out of all: they would make every motion equally bad.
+Directions of the parameter space that no motion of the arm can identify (few joints, an axis along gravity) are
+excluded from all criteria: they would make every motion equally bad.
 """
 
 from __future__ import annotations
@@ -27,26 +27,25 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import payload_regressor
 
 NOISE_RATE_HZ = 100.0
-"""Sampling rate that a torque noise is stated for."""
+"""Sampling rate to which torque noise refers."""
 
 SHARPNESS = 50
-"""Exponent that stands for the greatest of several costs."""
+"""Exponent of the smooth maximum of several costs."""
 
-_ARM_LENGTH_M = 0.1  # a centre of mass this far out, for the scale of parameters that are expected to be about zero
+_ARM_LENGTH_M = 0.1  # distance of the centre of mass that scales parameters expected to be about zero
 _RANK_TOLERANCE = 1e-8
 _PROBE_STATES = 200
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Criterion:
-    """A cost of a motion of one period, to be made small.
+    """A cost, to be minimised, of a motion of one period.
 
     Attributes:
         name: One of `CRITERIA`.
         chain: The arm.
         row_weight: (n,) diagonal of W for one sample at NOISE_RATE_HZ.
-        bases: One (10, r) per payload: theta = basis x, over the r directions that the arm can show; carries the
-            scales.
+        bases: One (10, r) per payload: theta = basis x, over the r identifiable directions; contains the scales.
     """
 
     name: str
@@ -56,11 +55,11 @@ class Criterion:
 
     @property
     def rank(self) -> int:
-        """How many directions of the ten the arm can show."""
+        """Number of identifiable directions, at most ten."""
         return int(self.bases[0].shape[1])
 
     def cost(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, period_s: float) -> float:
-        """The criterion of N equidistant samples (N, n) of a period; inf where they do not show everything.
+        """The criterion of N equidistant samples (N, n) of a period; inf if they leave a direction undetermined.
 
         A-optimal: sum of the squared relative standard deviations after one period sampled at NOISE_RATE_HZ.
         D-optimal: geometric mean of the squared relative standard deviations along the ellipsoid's axes.
@@ -77,10 +76,10 @@ class Criterion:
     ) -> tuple[float, FloatArray]:
         """The criterion and its derivative by the samples.
 
-        The greatest of several numbers, and the least, have corners at which an optimiser stands still. In their place
-        stand (sum x^k)^(1/k) and (sum x^-k)^(-1/k), k = SHARPNESS: smooth, and at most P^(1/k) too large or too
-        small for P numbers. So the greatest cost of three payloads is at most 2 % too large here, and the condition
-        number, from ten eigenvalues of the information each way, at most 5 %.
+        Maximum and minimum are not differentiable, which would stop an optimiser. They are replaced by the smooth
+        (sum x^k)^(1/k) and (sum x^-k)^(-1/k), k = SHARPNESS, at most a factor P^(1/k) too large or too small for P
+        numbers. The greatest cost of three payloads is at most 2 % too large here, and the condition number, from the
+        largest and smallest of ten eigenvalues, at most 5 %.
 
         Returns:
             The cost, and (3, N, n) its derivative by q, dq and ddq.
@@ -104,7 +103,7 @@ class Criterion:
         return total, slope
 
     def _weight(self, period_s: float, samples: int) -> FloatArray:
-        """(n,) weight of one sample: as many of them as NOISE_RATE_HZ gives in a period."""
+        """(n,) weight of one sample, such that all together weigh as much as a period sampled at NOISE_RATE_HZ."""
         return np.asarray(self.row_weight * (period_s * NOISE_RATE_HZ / samples))
 
     def _reduced(
@@ -117,13 +116,13 @@ class Criterion:
         return np.asarray(basis.T @ information @ basis)
 
     def _cost(self, value: FloatArray) -> float:
-        """The criterion of one information's eigenvalues (r,)."""
+        """The criterion from the eigenvalues (r,) of one information matrix."""
         if self.name == "condition-number":
             return float(np.sqrt(value[-1] / value[0]))
         return self._smooth_cost(value)[0]
 
     def _smooth_cost(self, value: FloatArray) -> tuple[float, FloatArray]:
-        """The same without corners, and its derivative by the eigenvalues."""
+        """The smooth criterion, and its derivative by the eigenvalues."""
         if self.name == "condition-number":
             (greatest, up), (least, down) = _smooth_greatest(value, SHARPNESS), _smooth_greatest(1.0 / value, SHARPNESS)
             condition = float(np.sqrt(greatest * least))
@@ -143,13 +142,13 @@ def named_criterion(
 ) -> Criterion:
     """A criterion by its name in `CRITERIA`.
 
-    Each parameter's error is taken relative to its expected value, but at least to the scale that "determined"
-    is measured by: the mass m, the first moment m (0.1 m), the inertia m (0.1 m)^2. Otherwise a parameter that
-    is expected to be zero would be asked for with infinite accuracy. The scale moves the optimum of the A-optimal
-    criteria; it only sets the unit of the D-optimal cost, and means nothing to the condition number.
+    Each parameter's error is relative to its expected value, but at least to the scale that defines "determined": the
+    mass m, the first moment m (0.1 m), the inertia m (0.1 m)^2. Otherwise infinite accuracy would be required of a
+    parameter that is expected to be zero. The scale affects the optimum of the A-optimal criteria, only the unit of
+    the D-optimal cost, and not the condition number.
 
     Args:
-        name: "a-optimal", the default of the program; "a-optimal-mean" or "a-optimal-max" over a set of payloads;
+        name: "a-optimal", the program's default; "a-optimal-mean" or "a-optimal-max" over a set of payloads;
             "d-optimal"; "condition-number".
         chain: The arm.
         torque_noise_nm: (n,) standard deviation of one raw torque sample at NOISE_RATE_HZ.
@@ -182,7 +181,7 @@ def condition_number(chain: Chain) -> Criterion:
 
 
 def _determines_everything(value: FloatArray) -> bool:
-    """Whether no eigenvalue (ascending) of an information is zero to within rounding."""
+    """Whether no eigenvalue (ascending) of an information matrix is zero to within rounding."""
     return bool(value[0] > 1e-14 * value[-1])
 
 
@@ -195,7 +194,7 @@ def _smooth_greatest(values: FloatArray, sharpness: int) -> tuple[float, FloatAr
 
 
 def _scale(payload: InertialParameters) -> FloatArray:
-    """(10,) what each parameter's error is measured by."""
+    """(10,) scale of each parameter's error."""
     mass_kg = payload.mass_kg
     if not mass_kg > 0.0:
         raise ExcitationError(f"the expected payload's mass is {mass_kg} kg; expected a number above 0")
@@ -204,7 +203,7 @@ def _scale(payload: InertialParameters) -> FloatArray:
 
 
 def _criterion(name: str, chain: Chain, row_weight: FloatArray, scales: tuple[FloatArray, ...]) -> Criterion:
-    """The criterion over the directions that some motion can show."""
+    """The criterion over the identifiable directions."""
     rng = np.random.default_rng(0)
     q = rng.uniform(-np.pi, np.pi, (_PROBE_STATES, chain.n))
     dq, ddq = rng.normal(size=(2, _PROBE_STATES, chain.n))

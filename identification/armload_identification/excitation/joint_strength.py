@@ -1,22 +1,22 @@
-"""Whether the joints are strong enough for a motion: for the arm itself and the heaviest payload expected.
+"""Whether the joints are strong enough for a motion of the arm with the heaviest payload expected.
 
-The same path is driven empty and loaded, and at any speed from standstill to full. At a steady share r of the full
+The same path is driven empty and loaded, and at any speed from standstill to full. At a constant share r of the full
 speed and with a share c of the payload, links, rotors and payload require
 
     tau(r, c) = (1 - r^2) (g_arm + c g_load) + r^2 (tau_arm + c tau_load),
 
-linear in r^2 and in c: what holds standing and at full speed, each empty and fully loaded, holds for all in between.
-Those four cases are what is bounded here. Friction is added with its greatest size: what is viscous as at full
-speed, Coulomb's at all times. Without a body model links, rotors and friction are a stated share of each joint's
+linear in r^2 and in c: a bound for standstill and full speed, each empty and fully loaded, holds for everything in
+between. These four cases are bounded here. Friction is added with its maximum: viscous friction as at full speed,
+Coulomb friction at all times. Without a body model, links, rotors and friction are a stated share of each joint's
 limit, and the four cases become two.
 
-Between the samples. A function whose second derivative never exceeds B is nowhere further than B h^2 / 8 from the
-straight line between two samples h apart, and a straight line nowhere above its ends. The demand is the greatest of
+Between samples: a function whose second derivative is at most B is nowhere further than B h^2 / 8 from the straight
+line between two samples a time h apart, and a straight line is nowhere above its ends. The demand is the maximum of
 +-tau +-f_v dq, each with the B of torque and of speed from `derivative_bounds`; hence for every time t
 
     |tau(t)| + f_v |dq(t)| <= max_j (|tau(t_j)| + f_v |dq(t_j)|) + B h^2 / 8.
 
-Coupled motors, q_joint = C q_axis, must give C^T tau, whose bounds are those of tau through |C|^T.
+Coupled motors, q_joint = C q_axis, must provide C^T tau, whose bounds are |C|^T times those of tau.
 """
 
 from __future__ import annotations
@@ -35,25 +35,25 @@ from armload_identification.model.dynamics import ArmBody, ArmDynamics
 from armload_identification.model.payload import InertialParameters
 
 SURPLUS_SHARE = 0.002
-"""What the bound between the samples may add, as a share of a joint's torque; it sets the number of samples."""
+"""Allowed surplus of the bound between samples, as a share of a joint's torque; it determines the number of samples."""
 MOST_SAMPLES = 65536
-"""At most this many: a motion far beyond the limits, which is of no use, is bounded more coarsely."""
+"""Upper limit: a motion far beyond the limits, which is useless anyway, is bounded more coarsely."""
 _FEWEST_SAMPLES = 256
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueLimits:
-    """What the joints can give, and what arm and payload require.
+    """Torque that the joints can provide, and that arm and payload require.
 
     Attributes:
         chain: The arm.
-        body: The arm itself, as far as it is not part of a stated share.
+        body: The arm itself; massless if a share of the torque is reserved for it.
         payload: The heaviest one expected, in the flange frame.
         available_nm: (n,) greatest torque for body, payload and viscous friction.
-        coupling: (n, n) C where the torques are those of the motors' axes; None where they are the joints'.
+        coupling: (n, n) C if the torques are those of the motors' axes; None if they are the joints'.
 
     Raises:
-        ModelError: shapes that do not fit, or a joint without any torque to give.
+        ModelError: shapes that do not fit, or a joint without available torque.
     """
 
     chain: Chain
@@ -89,7 +89,7 @@ class TorqueLimits:
             torque_max_nm: (n,) greatest torque of each joint.
 
         Raises:
-            ModelError: Coulomb friction alone uses up a joint's torque, or shapes that do not fit.
+            ModelError: Coulomb friction takes all of a joint's torque, or shapes that do not fit.
         """
         return cls(chain, body, payload, np.asarray(torque_max_nm) - body.coulomb_nm)
 
@@ -97,11 +97,11 @@ class TorqueLimits:
     def from_share(
         cls, chain: Chain, arm_share: FloatArray, payload: InertialParameters, torque_max_nm: FloatArray
     ) -> TorqueLimits:
-        """Limits from a stated share that the arm needs for itself.
+        """Limits from a stated share of the torque that the arm itself requires.
 
         Args:
             chain: The arm.
-            arm_share: (n,) share of each joint's torque that links, rotors and friction take at most, from 0 to 1.
+            arm_share: (n,) greatest share of each joint's torque for links, rotors and friction, in [0, 1).
             payload: The heaviest one expected, in the flange frame.
             torque_max_nm: (n,) greatest torque of each joint.
 
@@ -121,17 +121,17 @@ class TorqueLimits:
             available_nm: (n,) greatest torque of each axis for body, payload and viscous friction.
 
         Raises:
-            ModelError: an axis without any torque to give.
+            ModelError: an axis without available torque.
         """
         return replace(self, coupling=coupling, available_nm=available_nm)
 
     @property
     def cases(self) -> int:
-        """How many cases of load and speed are bounded."""
+        """Number of cases of load and speed that are bounded."""
         return 2 * len(self._models)
 
     def demand(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """Size of the torque in every case: loaded in motion, loaded at rest, then the same empty.
+        """Magnitude of the torque in every case: loaded in motion, loaded at rest, then the same empty.
 
         Args:
             q: (N, n) positions in rad.
@@ -169,7 +169,7 @@ class TorqueLimits:
         return total
 
     def greatest(self, trajectory: FourierTrajectory) -> FloatArray:
-        """What no case ever exceeds along a trajectory, between samples too.
+        """Upper bound of the demand in every case along a trajectory, also between samples.
 
         Args:
             trajectory: One period of the motion at full speed.
@@ -197,5 +197,5 @@ class TorqueLimits:
         return np.concatenate([torque @ self._mixing for torque in torques], axis=1)
 
     def _sizes(self, joints: FloatArray) -> FloatArray:
-        """What sizes at the joints, (..., n), can add up to where the torque is given."""
+        """Greatest magnitudes at the motors' axes (or joints) for given magnitudes (..., n) at the joints."""
         return joints @ np.abs(self._mixing)

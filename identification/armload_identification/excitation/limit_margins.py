@@ -1,4 +1,4 @@
-"""How much room a motion leaves to its limits."""
+"""Margins of a motion to its limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _ARRAYS = ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "jerk_rad_s3
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LimitMargins:
-    """How much room a motion leaves at any time; positive inside.
+    """Smallest margins of a motion over all times; positive within the limits.
 
     Attributes:
         position_rad: (n,) to the nearer of the two position limits.
@@ -19,9 +19,9 @@ class LimitMargins:
         acceleration_rad_s2: (n,) to the acceleration limit.
         jerk_rad_s3: (n,) to the jerk limit.
         torque_nm: (n,) to the torque limit, in the worst case of load and speed.
-        clearance_m: Distance from each obstacle, and between links that are kept apart, by name; what is to be kept
-            of it included.
-        speed_m_s: Room to the limit of the arm's speed, by point; nothing where speed is not limited.
+        clearance_m: Distance from each obstacle, and between links that are kept apart, by name; the distance to
+            keep is not subtracted.
+        speed_m_s: Margin to the limit of the arm's speed, by point; empty if speed is not limited.
     """
 
     position_rad: FloatArray
@@ -34,6 +34,6 @@ class LimitMargins:
 
     @property
     def smallest(self) -> float:
-        """The smallest number of all; above 0 where the motion is strictly feasible."""
+        """The smallest of all these numbers; above 0 if the motion is strictly within its limits."""
         named = (*self.clearance_m.values(), *self.speed_m_s.values())
         return min(*(float(getattr(self, name).min()) for name in _ARRAYS), *named)

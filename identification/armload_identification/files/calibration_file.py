@@ -1,4 +1,4 @@
-"""The calibration file: an arm as its runs show it, with what is uncertain about it, as TOML."""
+"""The calibration file: an arm as identified from its runs, with its uncertainty, as TOML."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class _GainsTable(Table):
 
 
 class _FrictionTable(Table):
-    """Friction of the joints, and by how much it differs from run to run."""
+    """Friction of the joints, and its standard deviation between runs."""
 
     coulomb_nm: NumberList
     viscous_nm_s_rad: NumberList
@@ -69,7 +69,7 @@ class _FrictionTable(Table):
 
 
 class _BodyTable(Table):
-    """Links, rotors, delay, and how the base stands."""
+    """Links, rotors, delay, and tilt of the base."""
 
     links: NumberRows
     base: NumberRows
@@ -80,7 +80,7 @@ class _BodyTable(Table):
 
 
 class _FitTable(Table):
-    """What is left, for how long it stays like itself, and of how much, per axis by nominal gains."""
+    """Residual, its correlation time, and RMS torque, per axis with nominal gains."""
 
     residual_nm: NumberList
     correlation_s: NumberList
@@ -118,13 +118,13 @@ class _LeftOutTable(Table):
 
 
 class _UncertaintyTable(Table):
-    """How well all of it is known."""
+    """Covariance of all unknowns."""
 
     covariance: NumberRows
 
 
 class _CalibrationFile(Table):
-    """The whole file."""
+    """The file."""
 
     arm: _ArmTable
     gains: _GainsTable
@@ -264,7 +264,7 @@ def write_calibration(path: Path, result: ArmCalibration) -> None:
     """Write a calibration file.
 
     Args:
-        path: Where to; an existing file is replaced.
+        path: The file; an existing one is replaced.
         result: What to write.
 
     Raises:
@@ -291,7 +291,7 @@ def read_calibration(path: str | PathLike[str]) -> ArmCalibration:
 
 
 def is_calibration(path: str | PathLike[str]) -> bool:
-    """Whether a file is a calibration, complete or not; False for any other, and for what is no TOML."""
+    """Whether a file is a calibration, complete or not; False for any other file, also one that is not TOML."""
     try:
         found = tomllib.loads(Path(path).read_text("utf-8"))
     except (OSError, ValueError):
@@ -304,7 +304,7 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
 
     Args:
         content: TOML.
-        source: What messages call it.
+        source: Its name in messages.
 
     Raises:
         CalibrationFileError: naming source, key, value and what was expected.
@@ -360,7 +360,7 @@ def parse_calibration(content: str, source: str = "calibration") -> ArmCalibrati
 
 
 def _require_width(source: str, written: FloatArray, wanted: FloatArray) -> None:
-    """Refuse an interval that does not belong to the covariance."""
+    """Raise if the intervals do not agree with the covariance."""
     if not np.allclose(written, wanted, rtol=_SAME, atol=0.0):
         raise CalibrationFileError(
             source,

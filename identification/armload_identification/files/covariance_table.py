@@ -13,7 +13,7 @@ from armload_identification.storage import toml_text
 from armload_identification.storage.strict_toml import BadValue, NumberList, NumberRows, Table, require_shape
 
 _ROUNDING: Final = 1e-9
-"""By how much a correlation may be asymmetric, or its least eigenvalue below 0: digits lost by other programs."""
+"""Allowed asymmetry of a correlation matrix, and negative eigenvalue: digits lost by other programs."""
 
 
 class _GainsTable(Table):
@@ -25,7 +25,7 @@ class _GainsTable(Table):
 
 
 class CovarianceTable(Table):
-    """Covariance of [mass, cx, cy, cz] and, where currents were used, its dependence on the gains."""
+    """Covariance of [mass, cx, cy, cz] and, if gains were applied, its dependence on them."""
 
     mass_center: NumberRows
     degrees_of_freedom: Annotated[float, Field(gt=0)]
@@ -47,7 +47,7 @@ class CovarianceTable(Table):
         return self
 
     def covariance(self) -> MassCenterCovariance:
-        """As results carry it."""
+        """As in a `PayloadResult`."""
         if self.gains is None:
             return MassCenterCovariance.of_measured(self.mass_center, self.degrees_of_freedom)
         gains = self.gains
@@ -57,10 +57,10 @@ class CovarianceTable(Table):
 
 
 def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
-    """The lines of `[covariance]`; none where there is no covariance.
+    """The lines of `[covariance]`; none without a covariance.
 
     Args:
-        known: Of an identified payload.
+        known: The covariance of an identified payload.
     """
     if known is None:
         return []
@@ -85,7 +85,7 @@ def covariance_lines(known: MassCenterCovariance | None) -> list[str]:
 
 
 def _require_covariance(key: str, matrix: FloatArray) -> None:
-    """Refuse what no covariance can be."""
+    """Raise unless a matrix is symmetric and positive semidefinite."""
     size = np.sqrt(np.abs(np.diag(matrix)))
     scaled = matrix / np.maximum(np.outer(size, size), np.finfo(np.float64).tiny)
     if not np.allclose(scaled, scaled.T, atol=_ROUNDING) or np.linalg.eigvalsh(scaled)[0] < -_ROUNDING:

@@ -1,9 +1,9 @@
-"""The payload file: what is written can be read, and what is read is a body that can exist.
+"""The payload file: every file that is written can be read back, and describes a physically possible body.
 
-`[payload]`, `[determined]` and `[interval_95]` share their keys; an entry of the first and the last is there
-only where it is determined. `[model]` is complete and for the feed-forward. `[covariance]` is there where a payload was
-identified by a version that writes it; where it is not, a comparison goes by the intervals. `[known_range]` is there
-where a range that was known beforehand narrowed the intervals.
+`[payload]`, `[determined]` and `[interval_95]` share their keys; `[payload]` and `[interval_95]` contain only
+determined values. `[model]` is complete and intended for the feed-forward. `[covariance]` exists if the payload was
+identified by a version that writes it; otherwise comparisons use the intervals. `[known_range]` exists if known ranges
+narrowed the intervals.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _KEYS = (
 """Table and key of each of the ten values, in the order of `PARAMETER_NAMES`."""
 
 _AS_MODEL = 1e-9
-"""Relative difference that a value of [payload] may have from [model]: a digit lost by other programs."""
+"""Allowed relative difference between [payload] and [model]: a digit lost by other programs."""
 
 _Entry = TypeVar("_Entry")
 
@@ -70,7 +70,7 @@ class _Inertia(Table, Generic[_Entry]):
 
 
 class _Entries(Table, Generic[_Entry]):
-    """The ten entries that three of the sections share; which of them must be there, `_PayloadFile` checks."""
+    """The ten entries common to several sections; `_PayloadFile` checks which of them are required."""
 
     mass_kg: _Entry | None = None
     center_of_mass_m: _Center[_Entry] = Field(default=_Center())
@@ -82,7 +82,7 @@ class _Entries(Table, Generic[_Entry]):
 
 
 class _PayloadTable(_Entries[float]):
-    """What was determined, and the frame."""
+    """The determined values, and their frame."""
 
     frame: Text
 
@@ -110,7 +110,7 @@ class _ModelTable(Table):
         return [self.mass_kg, *self.center_of_mass_m.tolist(), *(getattr(self.inertia_kg_m2, k) for _, k in _KEYS[4:])]
 
     def body(self) -> InertialParameters:
-        """As the identification takes it."""
+        """The body's inertial parameters."""
         six = np.array(self.values()[4:])
         return InertialParameters.from_center_of_mass(
             self.mass_kg, self.center_of_mass_m, six[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
@@ -125,7 +125,7 @@ class _ResidualTable(Table):
 
 
 class _PayloadFile(Table):
-    """The whole file."""
+    """The file."""
 
     determined: _Entries[bool]
     model: _ModelTable
@@ -238,14 +238,14 @@ def format_payload(result: PayloadResult) -> str:
 
 
 def write_payload(path: Path, result: PayloadResult) -> None:
-    """Write a payload file, unless it would not read back as a possible body.
+    """Write a payload file, after a check that it can be read back as a possible body.
 
     Args:
-        path: Where to; an existing file is replaced.
+        path: The file; an existing one is replaced.
         result: What to write.
 
     Raises:
-        PayloadFileError: the model is impossible or too close to it, or the file cannot be written.
+        PayloadFileError: the model is impossible or nearly so, or the file cannot be written.
     """
     content = format_payload(result)
     parse_payload(content, str(path))
@@ -275,7 +275,7 @@ def parse_payload(content: str, source: str = "payload") -> PayloadResult:
 
     Args:
         content: TOML.
-        source: What messages call it.
+        source: Its name in messages.
 
     Raises:
         PayloadFileError: naming source, key, value and what was expected.

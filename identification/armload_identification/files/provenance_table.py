@@ -1,4 +1,4 @@
-"""`[provenance]`, which every file of results ends with."""
+"""`[provenance]`, the last section of every file of results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ProvenanceTable(Table):
     recordings_sha256: dict[str, Text]
 
     def provenance(self) -> Provenance:
-        """As results carry it."""
+        """As in a result."""
         return Provenance(
             self.armload_version,
             self.configuration_sha256,

@@ -1,8 +1,9 @@
-"""The table of a calibration: which recordings there are of an arm, and what the arm carried in each.
+"""The table of a calibration: the recordings of an arm, and what the arm carried in each.
 
-A CSV file with a header line and the columns `recording` (path, relative to the table), `mounting` (a name, empty for
-nothing), `mass_kg` (empty: not weighed) and, where a payload is known whole, `payload` (path of its file); `recorded`
-says when a run began where its recording does not. One name is one payload on the flange, mounted once.
+A CSV file with a header line and the columns `recording` (path, relative to the table), `mounting` (a name; empty for
+an empty arm), `mass_kg` (empty: not weighed) and, for a completely known payload, `payload` (path of its file);
+`recorded` is the start of a run, for recordings that do not contain it. One name is one payload on the flange, mounted
+once.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ class TableRow:
 
     Attributes:
         recording: The file.
-        mounting: Name of what was carried; empty for nothing.
-        mass_kg: From a scale; None where it was not weighed.
-        payload: Payload file with all ten parameters known; None where there is none.
-        recorded: Date and time at which it began, ISO 8601; empty if the recording states it, or if unknown.
+        mounting: Name of the mounted payload; empty for an empty arm.
+        mass_kg: From a scale; None if it was not weighed.
+        payload: Payload file with all ten parameters known; None without one.
+        recorded: Date and time at which the run began, ISO 8601; empty if the recording states it, or if unknown.
     """
 
     recording: Path
@@ -48,7 +49,7 @@ def read_run_table(path: Path) -> tuple[TableRow, ...]:
         Its rows, each recording once.
 
     Raises:
-        RunTableError: not readable, or a row that makes no sense, naming file, line, column and value.
+        RunTableError: not readable, or an invalid row, naming file, line, column and value.
     """
     return parse_run_table(read_csv(path, RunTableError), str(path), path.parent)
 
@@ -58,8 +59,8 @@ def parse_run_table(text: str, source: str, folder: Path) -> tuple[TableRow, ...
 
     Args:
         text: CSV.
-        source: What messages call it.
-        folder: What its paths are relative to.
+        source: Its name in messages.
+        folder: Folder to which its paths are relative.
 
     Raises:
         RunTableError: as `read_run_table`.
@@ -84,7 +85,7 @@ def _row(line: CsvLine, source: str, folder: Path) -> TableRow:
 
 
 def _moment(text: str, source: str, place: str) -> str:
-    """A date, or date and time."""
+    """A date, or date and time, or nothing, checked."""
     try:
         datetime.fromisoformat(text or "2000-01-01")
     except ValueError:
@@ -98,7 +99,7 @@ def _moment(text: str, source: str, place: str) -> str:
 
 
 def _require_agreement(rows: list[TableRow], source: str) -> None:
-    """Each recording once, and one mass per mounting."""
+    """Raise unless each recording occurs once and each mounting has one mass."""
     seen: set[Path] = set()
     weighed: dict[str, float] = {}
     for row in rows:

@@ -1,1 +1,1 @@
-"""Many arms side by side: what changed on one of them, and which differ from their twins."""
+"""Many arms compared: what changed on one of them, and which differ from their twins."""

@@ -1,4 +1,4 @@
-"""What a recording of one of many arms says: the figures that are followed, each with its own uncertainty."""
+"""Results of a recording of one of many arms: the monitored quantities, each with its uncertainty."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enum import StrEnum
 
 
 class Kind(StrEnum):
-    """What is followed."""
+    """Kind of monitored quantity."""
 
     MASS = "mass"
     CENTER_X = "centre of mass x"
@@ -21,7 +21,7 @@ class Kind(StrEnum):
 
 
 PER_PAYLOAD = frozenset({Kind.MASS, Kind.CENTER_X, Kind.CENTER_Y, Kind.CENTER_Z})
-"""What belongs to a payload; the others belong to a joint."""
+"""Quantities of a payload; the others belong to a joint."""
 UNITS: Mapping[Kind, tuple[str, float]] = {
     Kind.MASS: ("kg", 1.0),
     Kind.CENTER_X: ("mm", 1e3),
@@ -31,16 +31,16 @@ UNITS: Mapping[Kind, tuple[str, float]] = {
     Kind.FRICTION: ("N m", 1.0),
     Kind.RESIDUAL: ("", 1.0),
 }
-"""Unit in which each is shown, and how many of it make one of SI; a gain is its change against nominal."""
+"""Unit in which each is shown, and factor from SI; a gain is its change relative to nominal."""
 
 
 @dataclass(frozen=True, order=True)
 class Quantity:
-    """One figure of an arm.
+    """One monitored quantity of an arm.
 
     Attributes:
-        kind: What it is.
-        of: Name of the payload or of the joint; a payload may have none.
+        kind: Its kind.
+        of: Name of the payload or of the joint; empty for a payload without a name.
     """
 
     kind: Kind
@@ -59,11 +59,11 @@ class ArmRun:
 
     Attributes:
         arm: Name of the arm.
-        model: What arm it is: arms of one model are twins.
+        model: Model of the arm; arms of the same model are twins.
         recorded: When it was recorded.
         recording: Its path or URL.
-        problem: Why nothing was identified; empty where something was.
-        figures: Value and standard deviation by its own noise, SI units; what is not determined is left out.
+        problem: Why nothing was identified; empty for a result.
+        figures: Value and standard deviation due to the run's noise, SI units; determined quantities only.
     """
 
     arm: str

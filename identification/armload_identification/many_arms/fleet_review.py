@@ -1,15 +1,15 @@
 """Which of many arms are suspicious, and why.
 
-Every figure of every arm has a control chart about the level that it had in its first runs (`verdict.control_limits`).
-Suspicious is
+Every quantity of every arm has a control chart about the level of its first runs (`verdict.control_limits`). Suspicious
+are
 
-- a change: the level of a figure is another one since a run;
-- an outlier: one run is off from those beside it;
-- a stranger: the figure's latest level is off from that of the arm's twins by more than these differ among each other;
-- silence: the latest recordings gave nothing.
+- a change: the level of a quantity is different from some run on;
+- an outlier: one run deviates from the neighbouring ones;
+- a stranger: the latest level of a quantity deviates from the arm's twins by more than these differ from each other;
+- silence: the latest recordings gave no result.
 
-All charts of a fleet together name something by mere chance in one report of a hundred, as do all comparisons with
-twins. Suspicions are ranked by how many standard deviations of a normal variable are as improbable.
+All charts of a fleet together have a false alarm in one report of a hundred, and so have all comparisons with twins.
+Suspicions are ranked by the number of standard deviations of a normal variable that is equally improbable.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from armload_identification.verdict.control_limits import FALSE_ALARM, ControlCh
 FIRST_RUNS: Final = 7
 """Runs whose median is the centre of a chart."""
 MOST_RUNS: Final = 100
-"""Runs of a figure that a chart shows; older ones are left out."""
+"""Most runs in a chart; older ones are omitted."""
 LATEST_RUNS: Final = 5
-"""Runs whose median is compared with the twins'."""
+"""Number of runs whose median is compared with the twins'."""
 TWINS_LEAST: Final = 3
-"""Twins without which an arm is compared with none."""
+"""Least number of twins for a comparison."""
 SILENT: Final = 3.0
-"""Deviations that each of the latest recordings counts that gave nothing."""
+"""Deviations added by each of the latest recordings without a result."""
 _OF_MEDIAN: Final = float(np.sqrt(np.pi / 2.0))
-"""Standard deviation of a median over that of a mean."""
+"""Ratio of a median's standard deviation to a mean's."""
 _OF_SPREAD: Final = 0.37
-"""Degrees of freedom of a spread by the median deviation, per twin less one: its efficiency for normal values. With
-them no more than the stated share of normal arms is named, for any number of twins (simulated for 3 to 60)."""
+"""Degrees of freedom of a spread from the median deviation, per twin minus one: its efficiency for normal values. With
+these, no more than the stated share of normal arms is named (simulated for 3 to 60 twins)."""
 _FINEST: Final = 1e-9
 _GREATEST: Final = 99.0
 
@@ -62,15 +62,15 @@ class Cause(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class FigureReview:
-    """One figure of one arm over its runs.
+    """One quantity of one arm over its runs.
 
     Attributes:
-        quantity: What it is.
-        recorded: When, run by run.
+        quantity: The quantity.
+        recorded: Date and time of each run.
         values: (r,) SI units.
         center: The level of the first runs.
-        chart: Of the difference from it.
-        twins: The same figure of its twins; None where there are too few.
+        chart: Control chart of the values minus `center`.
+        twins: The same quantity of its twins; None if there are too few.
     """
 
     quantity: Quantity
@@ -83,13 +83,13 @@ class FigureReview:
 
 @dataclass(frozen=True)
 class Suspicion:
-    """One reason to look at an arm.
+    """One reason to inspect an arm.
 
     Attributes:
-        cause: Of what kind.
-        quantity: Which figure; None for silence.
-        deviations: How many standard deviations of a normal variable are as improbable.
-        text: In a sentence.
+        cause: Its kind.
+        quantity: The quantity; None for silence.
+        deviations: Number of standard deviations of a normal variable that is equally improbable.
+        text: A sentence for the report.
     """
 
     cause: Cause
@@ -100,13 +100,13 @@ class Suspicion:
 
 @dataclass(frozen=True)
 class Twins:
-    """A figure of an arm's twins.
+    """A quantity of an arm's twins.
 
     Attributes:
-        count: How many there are.
+        count: Number of twins.
         level: Their median.
-        spread: Standard deviation from one to the other.
-        suspicion: Of the arm that they are compared with; None where it is like them.
+        spread: Standard deviation between them.
+        suspicion: Suspicion about the arm compared with them; None if it does not differ.
     """
 
     count: int
@@ -121,12 +121,12 @@ class ArmReview:
 
     Attributes:
         arm: Its name.
-        model: What arm it is.
-        runs: Recordings of it.
-        without_result: Of these, how many gave nothing.
+        model: Its model.
+        runs: Number of recordings.
+        without_result: Number of recordings without a result.
         latest: When the last one was made.
-        figures: What is followed of it.
-        suspicions: The gravest first; none where nothing is suspicious.
+        figures: Its monitored quantities.
+        suspicions: The most severe first; empty if nothing is suspicious.
     """
 
     arm: str
@@ -139,7 +139,7 @@ class ArmReview:
 
     @property
     def deviations(self) -> float:
-        """Of the gravest suspicion; 0 without one."""
+        """Those of the most severe suspicion; 0 without one."""
         return self.suspicions[0].deviations if self.suspicions else 0.0
 
 
@@ -148,8 +148,8 @@ class FleetReview:
     """Many arms.
 
     Attributes:
-        arms: The most suspicious first, those alike by name.
-        problems: Recordings that gave nothing, the latest first.
+        arms: The most suspicious first, equal ones by name.
+        problems: Recordings without a result, the latest first.
     """
 
     arms: tuple[ArmReview, ...]
@@ -158,7 +158,7 @@ class FleetReview:
 
 @dataclass(frozen=True, eq=False)
 class _Series:
-    """Runs that show a figure, in the order of time."""
+    """Runs with a value of one quantity, in the order of time."""
 
     recorded: tuple[datetime, ...]
     values: FloatArray
@@ -171,7 +171,7 @@ class _Series:
         return cls(tuple(run.recorded for run in shown), values, noise)
 
     def latest(self, usual: float) -> tuple[float, float]:
-        """Level of the latest runs, and its standard deviation by noise and what runs usually differ by."""
+        """Level of the latest runs, and its standard deviation from noise and the usual spread between runs."""
         part = slice(-LATEST_RUNS, None)
         width = float(np.median(np.hypot(self.noise[part], usual)))
         count = self.values[part].size
@@ -179,10 +179,10 @@ class _Series:
 
 
 def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
-    """Judge the arms of a fleet.
+    """Review the arms of a fleet.
 
     Args:
-        runs: Of all arms; each recording once.
+        runs: The runs of all arms, each recording once.
     """
     ordered = sorted(runs, key=lambda run: run.recorded)
     by_arm: defaultdict[tuple[str, str], list[ArmRun]] = defaultdict(list)
@@ -215,7 +215,7 @@ def review_fleet(runs: Sequence[ArmRun]) -> FleetReview:
 
 
 def _usual(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> dict[tuple[str, Quantity], float]:
-    """By how much runs of one arm differ beyond their noise, by model and figure: from successive runs of all arms."""
+    """Standard deviation between runs of one arm beyond their noise, by model and quantity, from successive runs."""
     steps: defaultdict[tuple[str, Quantity], list[FloatArray]] = defaultdict(list)
     for (_, model), quantity, one in _each(series):
         noise = np.hypot(one.noise[1:], one.noise[:-1])
@@ -238,7 +238,7 @@ def _each(series: Mapping[ArmKey, Mapping[Quantity, _Series]]) -> Iterator[tuple
 
 
 def _figure(quantity: Quantity, one: _Series, usual: float, charts: int, twins: Twins | None) -> FigureReview:
-    """The chart of a figure."""
+    """The chart of a quantity."""
     first = slice(0, FIRST_RUNS)
     center = float(np.median(one.values[first]))
     width = float(np.median(np.hypot(one.noise[first], usual)))
@@ -248,7 +248,7 @@ def _figure(quantity: Quantity, one: _Series, usual: float, charts: int, twins: 
 
 
 def _changes(figure: FigureReview) -> list[Suspicion]:
-    """The last change of level, and the last run that is off by itself."""
+    """The last change of level, and the last outlier."""
     chart, found = figure.chart, []
     unit, scale = UNITS[figure.quantity.kind]
     changes = [change for change in chart.changes if change.index > 0]
@@ -279,7 +279,7 @@ def _changes(figure: FigureReview) -> list[Suspicion]:
 def _against_twins(
     series: Mapping[ArmKey, Mapping[Quantity, _Series]], usual: Mapping[tuple[str, Quantity], float]
 ) -> dict[tuple[ArmKey, Quantity], Twins]:
-    """Each arm's figures against those of its twins."""
+    """Each arm's quantities compared with those of its twins."""
     groups: defaultdict[tuple[str, Quantity], list[tuple[str, float, float]]] = defaultdict(list)
     for (arm, model), quantity, one in _each(series):
         if quantity.of or quantity.kind not in PER_PAYLOAD:  # payloads without a name may be different ones
@@ -312,7 +312,7 @@ def _against_twins(
 
 
 def _silence(runs: Sequence[ArmRun]) -> list[Suspicion]:
-    """The latest recordings that gave nothing."""
+    """The latest recordings without a result."""
     silent = 0
     for run in reversed(runs):
         if not run.problem:
@@ -326,7 +326,7 @@ def _silence(runs: Sequence[ArmRun]) -> list[Suspicion]:
 
 
 def _number(value: float, beside: float) -> str:
-    """A number with as many decimals as show its distance from another."""
+    """A number with enough decimals to show its distance from another."""
     distance = abs(value - beside)
     decimals = 3 if distance <= 0.0 else int(np.clip(1 - np.floor(np.log10(distance)), 0, 6))
     return f"{value:.{decimals}f}"

@@ -28,8 +28,8 @@ def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
         coupling: (n, n) C of its motors.
 
     Returns:
-        (11 n,) True for the base parameters: ten per link, then the rotors. Where a rotor turns with a link
-        as one, the link's inertia stands for both.
+        (11 n,) True for the base parameters: ten per link, then the rotors. If a rotor's inertia cannot be separated
+        from its link's, the link's represents both.
     """
     n = chain.n
     q, dq, ddq = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (3, _STATES, n))
@@ -37,7 +37,7 @@ def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
     rotors = rotor_columns(ddq, coupling).transpose(0, 2, 1).reshape(-1, n)
     base = np.zeros((PARAMETERS + 1) * n, dtype=bool)
     base[_independent(links)] = True
-    # Rotors come second: whatever a link can stand for stays with the link.
+    # Rotors come second: what a link's parameters can represent stays with the link.
     orthogonal, _ = np.linalg.qr(links[:, base[: PARAMETERS * n]])
     left = rotors - orthogonal @ (orthogonal.T @ rotors)
     identifiable = _independent(left / np.sqrt(np.sum(rotors**2, axis=0)), unit=False)
@@ -46,7 +46,7 @@ def base_columns(chain: Chain, coupling: FloatArray) -> NDArray[np.bool_]:
 
 
 def _independent(columns: FloatArray, *, unit: bool = True) -> NDArray[np.intp]:
-    """Indices of a largest well-conditioned set of independent columns."""
+    """Indices of a maximal well-conditioned set of independent columns."""
     from scipy.linalg import qr
 
     length = np.sqrt(np.sum(columns**2, axis=0)) if unit else np.ones(columns.shape[1])

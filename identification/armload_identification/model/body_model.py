@@ -3,9 +3,9 @@
     tau = Y(q, dq, ddq) beta + C^-T diag(I_r) C^-1 ddq
         + s (f_c + f_r sqrt|dq| + mu |Y beta|) + f_v dq + f_0
 
-with s the direction of motion. Only the links' parameters that are identifiable with the arm's kinematics are
-kept: the base parameters. The others are zero and their effect is lumped into those kept, so that the sum is
-the arm's torque while a single number is not the mass or inertia of any one link.
+with s the direction of motion. Of the links' parameters only the identifiable ones are kept, the base parameters. The
+others are zero and their effect is lumped into those kept, so that the total is the arm's torque, but a single number
+is not the mass or inertia of one link.
 
 References:
     Chen 2016, eqs. (1), (3). Gautier, Numerical calculation of the base inertial parameters of robots, Journal of
@@ -39,14 +39,14 @@ class BodyModel(LinksAndDrives):
 
     Attributes:
         links: (n, 10) base parameters of the links in their joint frames; zero where regrouped into others.
-        base: (n, 10) True where a parameter is one of the base set.
-        rotor_inertia_kg_m2: (n,) of the axes, reflected through the gear; 0 where the links stand in for it: on
-            a joint whose rotor turns with a link as one and whose friction does not grow with its load.
-        root_nm: (n,) friction per square root of speed, N m / sqrt(rad/s): lubricated gears of high ratio have it.
+        base: (n, 10) True for base parameters.
+        rotor_inertia_kg_m2: (n,) of the axes, reflected through the gear; 0 if the links' parameters include it: on
+            a joint whose rotor cannot be separated from a link and whose friction does not grow with its load.
+        root_nm: (n,) friction per square root of speed, N m / sqrt(rad/s), as in lubricated gears of high ratio.
         offset_nm: (n,) torque reported at no load.
         load_friction: (n,) friction per torque of the links.
-        torque_delay_s: The drives report a torque this much later than the position that it belongs to.
-        reversal_speed_rad_s: (n,) speed about which the direction of motion turns over, s = tanh(dq / v).
+        torque_delay_s: Delay of the reported torque relative to the reported position.
+        reversal_speed_rad_s: (n,) v in the direction of motion s = tanh(dq / v).
 
     Raises:
         ModelError: shapes that do not fit, or numbers that are not finite.
@@ -69,7 +69,7 @@ class BodyModel(LinksAndDrives):
             raise ModelError("the body's reversal speeds must be above 0")
 
     def link_torque(self, chain: Chain, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """Torque of the links alone, Y beta.
+        """Torque of the links, Y beta.
 
         Args:
             chain: The arm.
@@ -92,7 +92,7 @@ class BodyModel(LinksAndDrives):
             q: (N, n) positions in rad.
             dq: (N, n) velocities in rad/s.
             ddq: (N, n) accelerations in rad/s2.
-            payload_nm: (N, n) torque of a payload, which is added and takes part in load-dependent friction.
+            payload_nm: (N, n) torque of a payload, which is added and also causes load-dependent friction.
 
         Returns:
             (N, n) in N m.

@@ -1,7 +1,7 @@
 """The arm as a chain of revolute joints, and its poses.
 
-A joint FRAME stands where the joint is and turns with it: at q = 0 it lies at `placement` in the previous
-joint's frame, and q turns it about `axis`. The flange is fixed in the last joint's frame.
+A joint FRAME is located at the joint and rotates with it: at q = 0 its pose in the previous joint's frame is
+`placement`, and q rotates it about `axis`. The flange is fixed in the last joint's frame.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ _ROTATION_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Kinematics of an arm with n revolute joints, at most 16, and the gravity that acts on it.
+    """Kinematics of an arm with n revolute joints, at most 16, and gravity.
 
     Attributes:
-        placement: (n, 4, 4) joint frame at q = 0 in the previous joint's frame (the first: in the base).
+        placement: (n, 4, 4) joint frame at q = 0 in the previous joint's frame (of the first joint: in the base).
         axis: (n, 3) unit vector of the joint axis in its own frame.
         flange: (4, 4) flange in the last joint's frame.
         gravity_m_s2: (3,) acceleration of gravity in the base frame, (0, 0, -9.81) on an upright arm.
         packed: Everything above as one array for the kernels of `armload_core`; read-only.
 
     Raises:
-        ModelError: a shape, more joints than the kernels take, an axis without direction, a matrix that is no pose,
-            a number that is not finite.
+        ModelError: a wrong shape, too many joints for the kernels, an axis without direction, a matrix that is not a
+            pose, a number that is not finite.
     """
 
     placement: FloatArray
@@ -75,18 +75,18 @@ class Chain:
 
     @property
     def kinematics_sha256(self) -> str:
-        """Hash of where joints and flange are, to a nanometre and a nanoradian; how the base stands does not count."""
+        """Hash of the kinematics from base to flange, to a nanometre and a nanoradian; independent of gravity."""
         places = np.concatenate([self.placement.ravel(), self.axis.ravel(), self.flange.ravel()])
         return hashlib.sha256((np.round(places, 9) + 0.0).astype("<f8").tobytes()).hexdigest()
 
     def turned_back(self, joint: int) -> FloatArray:
-        """Orientation of a joint frame in the turned one of `packed`, whose z is the joint's axis.
+        """Rotation from a joint frame to the turned one of `packed`, whose z is the joint's axis.
 
         Args:
             joint: Index from 0.
 
         Returns:
-            (3, 3) rotation that takes coordinates in the joint frame to coordinates in the turned one.
+            (3, 3) rotation of coordinates in the joint frame to coordinates in the turned one.
         """
         start = 3 + 12 * self.n + 9 * joint
         return np.array(self.packed[start : start + 9].reshape(3, 3))
@@ -118,8 +118,8 @@ class Chain:
 
             T_i = Rz(theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i)
 
-        A standard D-H frame i sits at the far end of link i. The joint frames of the chain stay at the
-        joints: joint frame i is D-H frame i-1 turned by q_i, and the last row goes into the flange.
+        A standard D-H frame i is located at the far end of link i, but the joint frames of the chain at the joints:
+        joint frame i is D-H frame i-1 rotated by q_i, and the last row becomes part of the flange.
 
         Args:
             rows: (n, 4) alpha_i in rad, a_i in m, d_i in m, and the angle in rad added to q_i.
@@ -165,10 +165,10 @@ class Chain:
         return cls(placement.reshape(-1, 4, 4), np.asarray(axis), np.asarray(flange), np.asarray(gravity_m_s2))
 
     def head(self, joints: int) -> Chain:
-        """The first joints alone, with the flange in the frame of the last of them.
+        """The chain of the first joints, with the flange at the last of these.
 
         Args:
-            joints: How many, 1 to n.
+            joints: Number of joints, 1 to n.
 
         Raises:
             ModelError: not 1 to n.
@@ -220,7 +220,7 @@ def pose_from_xyz_rpy(xyz_m: ArrayLike, rpy_rad: ArrayLike) -> FloatArray:
 
 
 def rpy_rad(rotation: FloatArray) -> FloatArray:
-    """(3,) roll, pitch and yaw about the fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll); yaw is 0 where it is free.
+    """(3,) roll, pitch and yaw about the fixed axes, R = Rz(yaw) Ry(pitch) Rx(roll); yaw is 0 in gimbal lock.
 
     Args:
         rotation: (3, 3).
@@ -233,7 +233,7 @@ def rpy_rad(rotation: FloatArray) -> FloatArray:
 
 
 def _pack(placement: FloatArray, axis: FloatArray, flange: FloatArray, gravity: FloatArray) -> FloatArray:
-    """One array for the kernels, with every joint frame turned so that its axis is z; layout: `chain.h`."""
+    """One array for the kernels, with every joint frame rotated such that its axis is z; layout: `chain.h`."""
     n = placement.shape[0]
     turn = [_turn_z_onto(a) for a in axis]
     before = [np.eye(3), *turn]
@@ -261,7 +261,7 @@ def _turn_z_onto(axis: FloatArray) -> FloatArray:
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(3,) cross product; numpy's takes five times as long for one."""
+    """(3,) cross product; numpy's takes five times as long for a single one."""
     return a[[1, 2, 0]] * b[[2, 0, 1]] - a[[2, 0, 1]] * b[[1, 2, 0]]
 
 
@@ -280,7 +280,7 @@ def _array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatA
 
 
 def _require_poses(poses: FloatArray) -> None:
-    """Raise unless the matrices, those of the joints and of the flange, are rotations and translations."""
+    """Raise unless the matrices of the joints and of the flange are poses."""
     rotation = poses[:, :3, :3]
     skew = np.abs(rotation.transpose(0, 2, 1) @ rotation - np.eye(3)).max(axis=(1, 2))
     proper = (skew <= _ROTATION_TOLERANCE) & (np.linalg.det(rotation) >= 0.0)
@@ -295,7 +295,7 @@ def _require_poses(poses: FloatArray) -> None:
 
 
 def _rotation(axis: FloatArray, angle_rad: float) -> FloatArray:
-    """(4, 4) turn about a unit axis (Rodrigues)."""
+    """(4, 4) rotation about a unit axis (Rodrigues)."""
     x, y, z = axis
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

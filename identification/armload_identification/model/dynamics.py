@@ -1,8 +1,8 @@
-"""Torque of the whole arm, with what hangs on its flange, and its derivative along a motion.
+"""Torque of an arm, with a payload if it has one, and its derivative along a motion.
 
 tau = M(q) ddq + C(q, dq) dq + g(q), rotors included                    Chen 2016, eq. (1) without friction
 
-The one evaluator of such torque: for an arm as specified (`ArmBody`) and as identified (`BodyModel`).
+For both kinds of model: an arm as specified (`ArmBody`) and as identified (`BodyModel`).
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from armload_identification.model.links_and_drives import DRIVE_FIELDS, LinksAnd
 from armload_identification.model.payload import InertialParameters
 
 _TENSOR: Final = np.array([[4, 7, 8], [7, 5, 9], [8, 9, 6]])
-"""Where the elements of the inertia tensor are in theta."""
+"""Indices in theta of the elements of the inertia tensor."""
 _ROWS, _COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-"""Elements of the tensor in the order of theta."""
+"""Rows and columns of the tensor's elements in the order of theta."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmBody(LinksAndDrives):
-    """What an arm itself is made of, as specified.
+    """Links, rotors and friction of an arm, as specified.
 
     Raises:
         ModelError: shapes that do not fit, a number that is not finite, friction or a rotor below zero, or a
@@ -43,11 +43,11 @@ class ArmBody(LinksAndDrives):
 
     @classmethod
     def massless(cls, n: int) -> ArmBody:
-        """An arm of n joints that weighs nothing and has no friction: what is left is the payload's torque."""
+        """An arm of n joints without mass and friction, so that only the payload's torque remains."""
         return cls(np.zeros((n, 10)), np.zeros(n), np.zeros(n), np.zeros(n), np.eye(n))
 
     def carrying(self, chain: Chain, payload: InertialParameters) -> ArmBody:
-        """The same arm with a body at its flange, which becomes a part of the last link.
+        """The same arm with a body at its flange, as part of the last link.
 
         Args:
             chain: The arm's kinematics.
@@ -65,7 +65,7 @@ class ArmDynamics:
     Attributes:
         chain: Kinematics and gravity.
         body: Links, rotors and coupling; its friction is not used.
-        turned_links: (n, 10) the links in the turned joint frames of `chain.packed`, as the kernels take them.
+        turned_links: (n, 10) the links in the turned joint frames of `chain.packed`, for the kernels.
 
     Raises:
         ModelError: numbers of joints that differ.
@@ -81,7 +81,7 @@ class ArmDynamics:
         object.__setattr__(self, "turned_links", _turned(self.chain, self.body.links))
 
     def link_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
-        """Joint torque of the links alone.
+        """Joint torque of the links.
 
         Args:
             q: (N, n) positions in rad.
@@ -129,7 +129,7 @@ class ArmDynamics:
 
 
 def _turned(chain: Chain, links: FloatArray) -> FloatArray:
-    """(n, 10) links in the turned joint frames; all at once, because a feed-forward does it in every cycle."""
+    """(n, 10) links in the turned joint frames; vectorised, because a feed-forward does this in every cycle."""
     turn = np.array([chain.turned_back(i) for i in range(chain.n)])
     tensor = turn @ links[:, _TENSOR] @ turn.transpose(0, 2, 1)
     turned = links.copy()

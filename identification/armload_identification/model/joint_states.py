@@ -1,4 +1,4 @@
-"""Position, velocity and acceleration of all joints, which travel together."""
+"""Position, velocity and acceleration of all joints as one value."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ class JointStates(NamedTuple):
         """Every `step`-th state.
 
         Args:
-            step: 1 keeps all of them.
+            step: At least 1; 1 keeps all of them.
         """
         return JointStates(*(values[::step] for values in self))
 
     def earlier(self, by_s: float, interval_s: float) -> JointStates:
-        """The same smooth motion a little earlier, by its own derivatives.
+        """The states a short time earlier, by a Taylor series with the motion's own derivatives.
 
         Args:
-            by_s: How much earlier; far below the time in which the motion changes.
-            interval_s: Time between the states, which are equidistant.
+            by_s: How much earlier, far less than the time in which the motion changes.
+            interval_s: Time between the equidistant states.
 
         Returns:
-            States exact to the square of `by_s`.
+            Position and velocity to the second order of `by_s`, acceleration to the first.
         """
         position, velocity, acceleration = self
         jerk = np.gradient(acceleration, interval_s, axis=0)

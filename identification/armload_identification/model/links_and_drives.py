@@ -1,4 +1,4 @@
-"""The part that every model of an arm's own torque has: links, rotors and their coupling, friction."""
+"""The common part of all models of an arm's own torque: links, rotors and their coupling, friction."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from armload_identification.identification_errors import ModelError
 from armload_identification.model.regressor import PARAMETERS
 
 DRIVE_FIELDS: Final = ("rotor_inertia_kg_m2", "viscous_nm_s_rad", "coulomb_nm")
-"""What each joint's drive has, one number per joint."""
+"""Parameters of the drives, one number per joint."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinksAndDrives:
     """Links, rotors and friction of an arm of n joints.
 
-    `ArmBody` holds them as specified and refuses what no arm has; `BodyModel` holds them as identified, where links
-    are base parameters and noise may leave a number below zero.
+    `ArmBody` holds them as specified, with checks of their signs; `BodyModel` holds them as identified, where links are
+    base parameters and noise can make a number negative.
 
     Attributes:
         links: (n, 10) inertial parameters of each link in its own JOINT frame, in the order of theta.
-        rotor_inertia_kg_m2: (n,) inertia of each AXIS' rotor, reflected through the gear: ratio squared times its own.
+        rotor_inertia_kg_m2: (n,) inertia of each AXIS's rotor times the square of the gear ratio.
         viscous_nm_s_rad: (n,) friction per speed.
-        coulomb_nm: (n,) friction at any speed.
-        coupling: (n, n) C with q_joint = C q_axis; the identity where every motor turns its own joint alone.
+        coulomb_nm: (n,) friction independent of speed.
+        coupling: (n, n) C with q_joint = C q_axis; the identity if every motor moves only its own joint.
         rotor_mass_kg_m2: (n, n) C^-T diag(I_r) C^-1, the rotors' part of the mass matrix in joint coordinates.
 
     Raises:
@@ -66,12 +66,12 @@ class LinksAndDrives:
 
 
 def require_finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> None:
-    """Refuse a field of another shape, or one that is not finite.
+    """Raise unless a field has the expected shape and finite values.
 
     Args:
-        name: Of the field.
-        value: What it holds.
-        shape: Expected of it.
+        name: Name of the field.
+        value: Its value.
+        shape: The expected shape.
 
     Raises:
         ModelError: naming the field, its shape or its numbers, and what was expected.

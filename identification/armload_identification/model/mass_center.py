@@ -1,4 +1,4 @@
-"""Mass and centre of mass of a payload, and how precisely they are known: what two identifications are compared by."""
+"""Covariance of a payload's mass and centre of mass, by which two identifications are compared."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ _NORMAL_95: Final = 1.959964
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MassCenterCovariance:
-    """Covariance of [mass, cx, cy, cz] in kg and m, the drive gains' share of it apart.
+    """Covariance of [mass, cx, cy, cz] in kg and m, with the drive gains' share kept separately.
 
-    Two results obtained with the same gains share the gains' error; only what it does differently to the two counts
-    when they are compared. Hence the slopes.
+    Two results obtained with the same gains share the gains' error. In a comparison only the difference of its effects
+    on the two matters, which requires the slopes.
 
     Attributes:
         measured: (4, 4) covariance without the gains' share.
-        freedom: Degrees of freedom of `measured`; inf where it is known.
-        gain_nm_a: (n,) gains that currents, or reported torques, were multiplied by; of no length without any.
+        freedom: Degrees of freedom of `measured`; inf if it is known exactly.
+        gain_nm_a: (n,) gains by which currents, or reported torques, were multiplied; empty without any.
         gain_slope: (4, n) change of the four per change of the logarithm of each gain.
         gain_covariance: (n, n) of the logarithms of the gains.
     """
@@ -46,7 +46,7 @@ class MassCenterCovariance:
 
     @classmethod
     def from_intervals(cls, interval_95: FloatArray, mass_kg: float) -> MassCenterCovariance:
-        """From 95 % intervals alone: no correlations, and the share of the gains not separated.
+        """From 95 % intervals only: without correlations, and without separating the gains' share.
 
         Args:
             interval_95: (4, 2) low and high; nan where a value is not determined.
@@ -62,16 +62,16 @@ class MassCenterCovariance:
         return np.asarray(self.gain_slope @ self.gain_covariance @ self.gain_slope.T)
 
     def same_gains_as(self, other: MassCenterCovariance) -> bool:
-        """True where both were obtained with the same gains.
+        """Whether both were obtained with the same gains.
 
         Args:
-            other: Of another identification.
+            other: The covariance of another identification.
         """
         return self.gain_nm_a.size > 0 and np.array_equal(self.gain_nm_a, other.gain_nm_a)
 
 
 def unknown_deviation(mass_kg: float) -> FloatArray:
-    """(4,) standard deviations of what is not determined, all of the mass and a metre: so wide that it decides nothing.
+    """(4,) standard deviations of undetermined values: the mass itself (kg) and 1 m, too wide to affect a comparison.
 
     Args:
         mass_kg: The mass.

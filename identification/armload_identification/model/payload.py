@@ -1,4 +1,4 @@
-"""A payload's ten inertial parameters, whether any body can have them, and what identification says of them."""
+"""A payload's ten inertial parameters, whether they are physically possible, and the result of an identification."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from armload_identification.identification_errors import ModelError
 from armload_identification.model.mass_center import MassCenterCovariance
 
 PARAMETER_NAMES = ("mass", "cx", "cy", "cz", "ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-"""The ten in the order used everywhere: mass, centre of mass, tensor elements."""
+"""The ten values in their order in files and results: mass, centre of mass, tensor elements."""
 
 SMALLEST_MARGIN = 1e-6
-"""A body that is written out has at least this margin, after reading the file back."""
+"""Least margin of a body in a file, after reading it back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +24,13 @@ class InertialParameters:
 
     Attributes:
         theta: (10,) [m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz], inertia as TENSOR elements
-            (Ixy = -int xy dm) about the ORIGIN of the frame, in kg, kg m, kg m2. They need not be possible.
+            (Ixy = -int xy dm) about the ORIGIN of the frame, in kg, kg m, kg m2. They may be physically impossible.
 
     Raises:
         ModelError: not ten finite numbers.
 
     References:
-        Chen 2016, eq. (4), with the sign of the products as URDF has it.
+        Chen 2016, eq. (4), but with the sign convention of URDF for the products of inertia.
     """
 
     theta: FloatArray
@@ -64,7 +64,7 @@ class InertialParameters:
             raise ModelError(
                 f"centre of mass has shape {center.shape}, inertia {inertia.shape}; expected (3,) and (3, 3)"
             )
-        if not np.abs(inertia - inertia.T).max() <= 1e-9 * np.abs(inertia).max():  # nor where it holds a nan
+        if not np.abs(inertia - inertia.T).max() <= 1e-9 * np.abs(inertia).max():  # also True for nan
             raise ModelError(f"inertia {inertia.tolist()} is not symmetric")
         about_origin = inertia + mass_kg * (center @ center * np.eye(3) - np.outer(center, center))
         return cls(np.concatenate([[mass_kg], mass_kg * center, _six(about_origin)]))
@@ -120,7 +120,7 @@ class InertialParameters:
 
     @property
     def values(self) -> FloatArray:
-        """(10,) mass, centre of mass, tensor elements about it, in kg, m, kg m2; as `PARAMETER_NAMES`."""
+        """(10,) mass, centre of mass, tensor elements about it, in kg, m, kg m2; in the order of `PARAMETER_NAMES`."""
         return np.concatenate([[self.mass_kg], self.center_of_mass_m, _six(self.inertia_about_com)])
 
     @property
@@ -140,14 +140,14 @@ class InertialParameters:
 
     @property
     def margin(self) -> float:
-        """Smallest eigenvalue of the pseudo-inertia over its trace; -inf where the trace is not positive."""
+        """Smallest eigenvalue of the pseudo-inertia divided by its trace; -inf if the trace is not positive."""
         matrix = self.pseudo_inertia
         trace = float(np.trace(matrix))
         return float(np.linalg.eigvalsh(matrix)[0]) / trace if trace > 0.0 else -np.inf
 
     @property
     def is_physical(self) -> bool:
-        """True where some distribution of mass in space has these parameters: the margin is positive."""
+        """Whether some distribution of mass has these parameters: the margin is positive."""
         return self.margin > 0.0
 
     def transformed(self, pose: ArrayLike) -> InertialParameters:
@@ -173,9 +173,9 @@ class Provenance:
         armload_version: Version of the program.
         configuration_sha256: Hash of the robot's configuration file.
         recordings_sha256: File name and hash of each recording.
-        calibration_sha256: File name and hash of the arm's calibration; empty where there was none.
-        robot: Name of the arm; empty where it is not known.
-        kinematics_sha256: Its `Chain.kinematics_sha256`; empty where it is not known.
+        calibration_sha256: File name and hash of the arm's calibration; empty without one.
+        robot: Name of the arm; empty if unknown.
+        kinematics_sha256: Its `Chain.kinematics_sha256`; empty if unknown.
     """
 
     armload_version: str
@@ -188,23 +188,23 @@ class Provenance:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PayloadResult:
-    """What an identification says about a payload: the content of a payload file.
+    """Result of an identification: the content of a payload file.
 
     The ten values, their flags and intervals are in the order of `PARAMETER_NAMES`: mass, centre of mass, and
     the inertia's tensor elements about the CENTRE OF MASS.
 
     Attributes:
-        frame: Name of the frame that all values are expressed in.
-        model: The complete, physically possible set for the feed-forward. Determined values are the same numbers.
+        frame: Name of the frame of all values.
+        model: The complete, physically possible set for the feed-forward, which contains the determined values.
         determined: (10,) True where the data determine the value.
         interval_95: (10, 2) low and high end of the 95 % interval; nan where not determined.
-        residual_rms_nm: (n,) measured minus predicted torque, per joint.
+        residual_rms_nm: (n,) RMS of measured minus predicted torque, per joint.
         noise_nm: (n,) standard deviation of the measured torque's noise, per joint, on the same signal.
         provenance: What the result was made from.
-        mass_center: Covariance of mass and centre of mass, for comparison with another identification; None where
-            only the intervals are known, as for a payload from a drawing.
-        known_range: (10, 2) ranges known beforehand that narrowed the intervals, -inf and inf where there is none; None
-            without any.
+        mass_center: Covariance of mass and centre of mass, for comparison with another identification; None if only
+            the intervals are known, as for a payload from a drawing.
+        known_range: (10, 2) known ranges that narrowed the intervals, -inf and inf where there is none; None without
+            any.
     """
 
     frame: str
@@ -224,7 +224,7 @@ class PayloadResult:
 
     @property
     def feedforward_ready(self) -> bool:
-        """True where mass and centre of mass are determined, without which no torque may be fed forward."""
+        """Whether mass and centre of mass are determined, which a feed-forward requires."""
         return bool(np.all(self.determined[:4]))
 
 

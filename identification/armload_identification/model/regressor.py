@@ -1,11 +1,11 @@
-"""Torque of a rigid body on an arm, and the regressors of links and rotors: the array front of the kernels.
+"""Torque of a rigid body on an arm, and the regressors of links and rotors: the array interface of the kernels.
 
     tau_payload = J(q)^T w = Phi_L(q, dq, ddq) theta_L                     Chen 2016, eqs. (2), (5)
 
 theta = [m, m cx, m cy, m cz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz], inertia as TENSOR elements (Ixy = -int xy dm)
 about the ORIGIN of the body's frame: the flange for a payload, the joint frame for a link.
 
-The arrays that go into the kernels are converted and checked here.
+Arrays are converted and checked here before they are passed to the kernels.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ PARAMETERS = kernels.BODY_PARAMETERS
 
 
 def feedforward_model(chain: Chain, theta: ArrayLike) -> FloatArray:
-    """Chain and payload as the one array that the feed-forward's kernel reads.
+    """Chain and payload as one array for the feed-forward's kernel.
 
     Args:
         chain: The arm.
@@ -95,7 +95,7 @@ def link_regressor(chain: Chain, link: int, q: ArrayLike, dq: ArrayLike, ddq: Ar
 
     Args:
         chain: The arm.
-        link: 1 to n; link i turns with joint i. Rows of joints beyond it are zero.
+        link: 1 to n; link i is moved by joint i. Rows of joints beyond it are zero.
         q: (N, n) or (n,) joint positions in rad.
         dq: Velocities in rad/s, same shape.
         ddq: Accelerations in rad/s2, same shape.
@@ -137,7 +137,7 @@ def body_regressor(chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) ->
 
 
 def rotor_columns(ddq: FloatArray, coupling: FloatArray) -> FloatArray:
-    """Joint torque per unit inertia of each axis' rotor: C^-T e_i (C^-1 ddq)_i.
+    """Joint torque per unit inertia of each axis's rotor: C^-T e_i (C^-1 ddq)_i.
 
     Args:
         ddq: (N, n) joint accelerations in rad/s2.
@@ -162,7 +162,7 @@ def _regressor(chain: Chain, joints: int, q: ArrayLike, dq: ArrayLike, ddq: Arra
 def _states(
     chain: Chain, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike
 ) -> tuple[tuple[FloatArray, FloatArray, FloatArray], bool]:
-    """q, dq, ddq as C-contiguous (N, n), and whether they came as a single sample."""
+    """q, dq, ddq as C-contiguous (N, n), and whether they were a single sample."""
     position, velocity, acceleration = (np.ascontiguousarray(a, dtype=np.float64) for a in (q, dq, ddq))
     shape = position.shape
     for name, state in (("q", position), ("dq", velocity), ("ddq", acceleration)):

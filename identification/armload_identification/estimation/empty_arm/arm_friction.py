@@ -1,4 +1,4 @@
-"""Friction of the arm itself in a run, as one number per joint that can be followed from day to day."""
+"""Friction of the arm itself in a run: one number per joint, comparable from day to day."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armload_identification.model.body_model import BodyModel
 
 @dataclass(frozen=True, eq=False)
 class ArmFriction:
-    """Friction of n joints without load, at half the greatest speed that each joint reached.
+    """Friction of n joints without load, at half of each joint's greatest speed.
 
     Attributes:
         torque_nm: (n,) f_c + f_r sqrt(v) + f_v v.
@@ -29,8 +29,8 @@ class ArmFriction:
         Args:
             body: The empty arm.
             velocity_rad_s: (K, n) of the run.
-            change: (2, n) by how much the run's Coulomb (N m) and viscous friction (N m s/rad) differ from the body's;
-                not at all if not given, as where the body was fitted to the run.
+            change: (2, n) the run's Coulomb (N m) and viscous friction (N m s/rad) minus the body's; 0 if not given,
+                for a body that was fitted to the run.
         """
         speed = 0.5 * np.abs(velocity_rad_s).max(axis=0)
         coulomb, viscous = np.zeros((2, body.n)) if change is None else change

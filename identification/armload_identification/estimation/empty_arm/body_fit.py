@@ -1,14 +1,13 @@
 """Fit an arm's body and friction to runs without a payload.
 
-The columns are those of `body`. The kinematics decide which of the links' and rotors' parameters are identifiable
-at all, the run how well these are determined: a prior far wider than for any arm keeps what it does not determine near
-zero, and has no noticeable effect elsewhere.
+The columns are those of `BodyModel`. The kinematics decide which parameters of links and rotors are identifiable, and
+the run how well these are determined: a prior far wider than any arm keeps undetermined ones near zero and has no
+noticeable effect on the others.
 
-Load-dependent friction mu |tau_link| depends on the links' torque without the rotors', and so it makes identifiable
-even the rotors that turn with a link as one, which no torque of links and rotors alone can show. The problem becomes
-bilinear and is solved by Gauss and Newton. A drive's torque may belong to another instant than its position; that
-delay, one for the arm, is fitted too: a millisecond of it shifts a payload's centre of mass by 4 % on the
-paper's motion.
+Load-dependent friction mu |tau_link| depends on the links' torque without the rotors'. It therefore makes rotors
+identifiable that the torque of links and rotors cannot separate from their link. The problem becomes bilinear and is
+solved by the Gauss-Newton method. A drive may report torque and position of different instants; that delay, one for
+the arm, is also fitted: each millisecond shifts a payload's centre of mass by 4 % on the paper's motion.
 
 References:
     Gautier, Numerical calculation of the base inertial parameters of robots, Journal of Robotic Systems 8(4), 1991.
@@ -34,15 +33,15 @@ from armload_identification.signals.motion import Motion
 from armload_identification.signals.reversals import reversal_speed, reversal_weights
 
 _PRIOR_FACTOR: Final = 30.0
-"""Width of the prior in terms of an arm whose greatest torque is its own weight at full reach."""
+"""Width of the prior, relative to an arm whose greatest torque is its own weight at full reach."""
 _PRIOR_DELAY_S: Final = 0.02
 _LEAST_NOISE: Final = 0.01
-"""Share of a joint's torque that no fit is expected to go below: where it starts from."""
+"""Initial noise as a share of a joint's torque; no fit is expected to get below it."""
 _ITERATIONS: Final = 30
 _SEARCHES: Final = 4
 _GRID: Final = 33
 GREATEST_LOAD_FRICTION: Final = 0.5
-"""No gear that an arm is built with loses more of its load to friction."""
+"""No gear of an arm loses a greater share of its load to friction."""
 _SETTLED: Final = 1e-4
 _ZERO: Final = 1e-9
 _SHORTEST: Final = 0.05
@@ -60,11 +59,11 @@ class BodyFit:
         model: The body.
         residual_rms_nm: (n,) RMS of torque minus prediction over all samples used, reversals included.
         torque_rms_nm: (n,) RMS of the torque, for scale.
-        base_parameters: How many parameters of links and rotors are identifiable with the kinematics.
-        determined: How many of these have a standard deviation below a tenth of the prior's.
+        base_parameters: Number of parameters of links and rotors that the kinematics make identifiable.
+        determined: Number of these with a standard deviation below a tenth of the prior's.
         rotor_deviation_kg_m2: (n,) robust standard deviations; 0 where no rotor was fitted.
-        load_deviation: (n,) of the load-dependent friction; inf where none was fitted.
-        delay_deviation_s: Of the torque's delay.
+        load_deviation: (n,) those of the load-dependent friction; inf where none was fitted.
+        delay_deviation_s: That of the torque's delay.
     """
 
     model: BodyModel
@@ -81,12 +80,9 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
     """Fit links, rotors and friction to runs without a payload.
 
     Args:
-        runs: What was measured.
+        runs: Runs without a payload.
         chain: The arm.
         coupling: (n, n) C of its motors.
-
-    Returns:
-        The body.
     """
     system = _System(runs, chain, coupling)
     return system.named(system.fit())
@@ -94,12 +90,12 @@ def fit_body(runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> Body
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A solution and what it leaves.
+    """A solution and its residual.
 
     Attributes:
         cost: Sum of the logarithms of the joints' weighted residuals.
-        parameters: (p,) all of them.
-        used: (p,) which were free.
+        parameters: (p,) all parameters, in the order of `_System`.
+        used: (p,) True for those that were free.
         noise_nm: (n,) weighted residual per joint.
         left: (N, n) residual.
     """
@@ -112,14 +108,14 @@ class _Fit:
 
 
 class _System:
-    """The bilinear model of runs, and its solution by Gauss and Newton.
+    """The bilinear model of runs, and its solution by the Gauss-Newton method.
 
     Parameters in this order: the links' base parameters, rotors, Coulomb, viscous, offset and
-    load-dependent friction, each per joint, and the delay. The links' do not hold what their rotors add; where only
-    the load-dependent friction could separate the two and there is none, the links' do.
+    load-dependent friction, each per joint, and the delay. The links' parameters exclude the rotors, unless only
+    load-dependent friction could separate the two and there is none.
 
-    A joint's torque depends on the links beyond it alone and on its own friction, so that every joint has rows of
-    its own few columns.
+    A joint's torque depends only on the links beyond it and on its own friction, so that its rows have few non-zero
+    columns.
     """
 
     def __init__(self, runs: Sequence[Motion], chain: Chain, coupling: FloatArray) -> None:
@@ -143,7 +139,7 @@ class _System:
         self._inertias = _inertia_columns(chain, q[thin])[:, :, self._base]
         self._turn_over = reversal_speed(dq)
         self._direction = smooth_sign(dq, self._turn_over)
-        # Orthonormal columns of the friction that does not depend on the load.
+        # Orthonormal columns of the friction that is independent of the load.
         own = np.stack([self._direction, dq, np.ones_like(dq)], axis=2) * self._weight[:, :, None]
         self._own = [np.linalg.qr(own[:, joint])[0] for joint in range(n)]
         self._moving = np.abs(dq).max(axis=0) > self._turn_over
@@ -159,7 +155,7 @@ class _System:
         self._place = [self._place_of(joint) for joint in range(n)]
 
     def fit(self) -> _Fit:
-        """The best solution; a joint whose friction does not grow with its load is left without that column."""
+        """The best solution; a joint whose friction does not grow with its load gets no such column."""
         plain = self._gauss_newton(np.zeros(self._n, dtype=bool), None)
         allowed = self._moving
         while allowed.any():
@@ -167,13 +163,13 @@ class _System:
             load = found.parameters[self._of["load"]]
             possible = (load > 0.0) & (load <= GREATEST_LOAD_FRICTION)
             if (possible | ~allowed).all():
-                # A solution that has diverged is worse than none.
+                # This one may have diverged.
                 return found if found.cost <= plain.cost else plain
             allowed = allowed & possible
         return plain
 
     def named(self, fit: _Fit) -> BodyFit:
-        """A solution by name."""
+        """A solution as `BodyFit`."""
         n, of, x = self._n, self._of, fit.parameters
         links = np.zeros(PARAMETERS * n)
         links[self._base] = x[of["links"]]
@@ -205,7 +201,7 @@ class _System:
         )
 
     def _gauss_newton(self, allowed: NDArray[np.bool_], start: _Fit | None) -> _Fit:
-        """A solution with load-dependent friction on the joints allowed."""
+        """A solution with load-dependent friction on the allowed joints."""
         of = self._of
         used = np.ones(self._width.size, dtype=bool)
         used[of["rotors"]] = self._rotor_base | allowed
@@ -237,9 +233,9 @@ class _System:
     def _searched(
         self, start: _Fit, allowed: NDArray[np.bool_], used: NDArray[np.bool_]
     ) -> tuple[FloatArray, FloatArray]:
-        """Where to begin: rotors and load-dependent friction by a search joint by joint, the rest fitted to them.
+        """The starting point: rotors and load-dependent friction searched joint by joint, the rest fitted to them.
 
-        From anywhere else Gauss and Newton may end in a minimum with rotors as heavy as the arm.
+        From other starting points Gauss-Newton may converge to a minimum with rotors as heavy as the arm.
         """
         of, x, noise = self._of, start.parameters.copy(), start.noise_nm
         others = used.copy()
@@ -263,7 +259,7 @@ class _System:
     def _search(
         self, joint: int, total: FloatArray, rotor: FloatArray, greatest: float, left: FloatArray
     ) -> tuple[float, float]:
-        """Rotor and load-dependent friction of a joint, by what its torque leaves without the latter."""
+        """Rotor and load-dependent friction of a joint, from the residual of a fit without the latter."""
         weight, direction, basis = self._weight[:, joint], self._direction[:, joint], self._own[joint]
         inertia = np.linspace(0.0, greatest, _GRID)
         columns = (direction * weight)[:, None] * np.abs(total[:, None] - rotor[:, None] * inertia)
@@ -274,7 +270,7 @@ class _System:
         return float(inertia[best]), float(min(along[best] / size[best], GREATEST_LOAD_FRICTION))
 
     def _left(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(N, n) what the parameters leave of the torque, and the links' own torque."""
+        """(N, n) residual torque, and (N, n) torque of the links."""
         of = self._of
         carried = np.column_stack([columns @ x[of["links"]] for columns in self._links])
         rotors = np.column_stack([columns @ x[of["rotors"]] for columns in self._rotors])
@@ -291,7 +287,7 @@ class _System:
         noise: FloatArray,
         used: NDArray[np.bool_],
     ) -> FloatArray:
-        """(p,) by the equations' Gram matrix: what it rounds off the next step makes good."""
+        """(p,) step, from the normal equations: the next step corrects their rounding errors."""
         gram = np.diag(np.ones(x.size))
         side = -x / self._width
         for joint, rows in enumerate(self._rows(x, left, carried)):
@@ -304,7 +300,7 @@ class _System:
         return step
 
     def _rows(self, x: FloatArray, left: FloatArray, carried: FloatArray) -> Iterator[FloatArray]:
-        """(k, N) per joint: the weighted derivatives of its torque by the parameters of `_place_of`."""
+        """(k, N) per joint: weighted derivatives of its torque with respect to the parameters of `_place_of`."""
         weight, of_velocity = self._weight.T, (self._direction, self._dq, np.ones_like(self._dq))
         factor = self._weight * (1.0 + x[self._of["load"]] * self._direction * np.sign(carried))
         beside = (*of_velocity, self._direction * np.abs(carried), -self._rate(self._torque - left))
@@ -314,14 +310,14 @@ class _System:
             yield np.concatenate([links * by_links, rotors * weight[joint], others[joint]])
 
     def _place_of(self, joint: int) -> NDArray[np.intp]:
-        """(k,) the parameters that a joint's torque depends on."""
+        """(k,) indices of the parameters that a joint's torque depends on."""
         of = self._of
         own = [of[name].start + joint for name in ("coulomb", "viscous", "offset", "load")]
         rotors = of["rotors"].start + self._rotors[joint].place
         return np.concatenate([self._links[joint].place, rotors, own, [self._width.size - 1]])
 
     def _deviations(self, fit: _Fit) -> tuple[FloatArray, FloatArray]:
-        """(p,) standard deviations, if the residual were white and as it is; inf where a parameter was not used."""
+        """(p,) standard deviations for a white residual, and (p,) robust ones; inf where a parameter was not used."""
         x, used = fit.parameters, np.flatnonzero(fit.used)
         _, carried = self._left(x)
         everything = np.zeros((x.size, len(fit.left), self._n))
@@ -330,7 +326,7 @@ class _System:
             place = self._place[joint]
             columns = rows * (self._width[place] / fit.noise_nm[joint])[:, None]
             everything[place, :, joint] = columns
-            # A joint's rows are zero but for its few columns, and their triangle stands for them all.
+            # A joint's rows have few non-zero columns; the R factor of these replaces the rows.
             triangle = np.asarray(np.linalg.qr(columns.T, mode="r"))
             triangles.append(np.zeros((len(triangle), x.size)))
             triangles[-1][:, place] = triangle
@@ -343,12 +339,12 @@ class _System:
         return white, robust
 
     def _noise_of(self, left: FloatArray) -> FloatArray:
-        """(n,) weighted RMS of what is left."""
+        """(n,) weighted RMS of the residual."""
         size = np.sqrt(np.sum((left * self._weight) ** 2, axis=0) / self._used_samples)
         return np.asarray(np.maximum(size, _ZERO))
 
     def _rate(self, torque: FloatArray) -> FloatArray:
-        """(N, n) change of torque with time, run by run."""
+        """(N, n) time derivative of a torque, run by run."""
         rates, first = [], 0
         for length, interval_s in self._parts:
             rates.append(np.gradient(torque[first : first + length], interval_s, axis=0))
@@ -358,11 +354,11 @@ class _System:
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """The columns of a matrix that are not zero.
+    """The non-zero columns of a matrix.
 
     Attributes:
-        values: (k, N) these.
-        place: (k,) where they belong.
+        values: (k, N) the columns.
+        place: (k,) their indices.
     """
 
     values: FloatArray
@@ -377,13 +373,13 @@ class _Columns:
         return np.asarray(parameters[self.place] @ self.values)
 
     def column(self, index: int) -> FloatArray:
-        """(N,) one column of the whole matrix."""
+        """(N,) one column of the full matrix."""
         found = np.flatnonzero(self.place == index)
         return self.values[found[0]] if found.size else np.zeros(self.values.shape[1])
 
 
 def _inertia_columns(chain: Chain, q: FloatArray) -> FloatArray:
-    """(N, n, 10 n) what the links' parameters make of the inertia that each joint turns, the others at rest."""
+    """(N, n, 10 n) slope, by the links' parameters, of the inertia that each joint turns with the others at rest."""
     still = np.zeros_like(q)
     gravity = body_regressor(chain, q, still, still)
     columns = []
@@ -394,6 +390,6 @@ def _inertia_columns(chain: Chain, q: FloatArray) -> FloatArray:
 
 
 def _size(chain: Chain, torque_nm: float) -> tuple[float, float]:
-    """Mass and length that no link of an arm of such torque exceeds by far."""
+    """Upper bounds of mass (kg) and length (m) of a link of an arm with this torque."""
     reach = float(np.sum(np.sqrt(np.sum(chain.placement[:, :3, 3] ** 2, axis=1)))) + _HAND_M
     return _PRIOR_FACTOR * torque_nm / (_GRAVITY_M_S2 * reach), reach

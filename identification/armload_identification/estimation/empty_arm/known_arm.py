@@ -1,4 +1,4 @@
-"""An arm that is known beforehand, from a calibration: its torque, and by how much that torque may be off."""
+"""An arm known from a calibration: its torque, and the errors of that torque."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.model.joint_states import JointStates
 
 TorqueDoubts = Callable[[JointStates, float, FloatArray], FloatArray]
-"""From K states, the time between them and the (K, n) measured torque to (k, K, n): the torque of one standard
-deviation of each independent error of what is left when the empty arm's torque is taken away, gains included; the run's
-own friction is not among them."""
+"""Of K states, the time between them (s) and the (K, n) measured torque (N m): (k, K, n), the change of measured minus
+empty arm's torque for one standard deviation of each independent error, gains included, the run's own changes of
+friction excluded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +21,12 @@ class KnownArm:
 
     Attributes:
         fit: Its body, and how well load-dependent friction, rotors and delay are known.
-        doubts: By how much a payload's torque is off where this body is taken away from one run.
-        drift: (3, n) standard deviation of what a run's Coulomb friction (N m), viscous friction (N m s/rad) and offset
-            (N m) differ by from the body's between the runs of the calibration.
-        friction_spread: (3, n) the same of a run of any day, of a cold arm too: what is known of it beforehand.
-        noise_nm: (n,) standard deviation of what the arm's model leaves of a joint's torque far from reversals.
-        correlation_s: (n,) time for which that stays like itself.
+        doubts: Errors of a payload's torque when this body's torque is subtracted from one run.
+        drift: (3, n) standard deviation, over the runs of the calibration, of a run's Coulomb friction (N m), viscous
+            friction (N m s/rad) and offset (N m) minus the body's.
+        friction_spread: (3, n) the same for a run of any day, cold arms included: the prior.
+        noise_nm: (n,) standard deviation of a joint's torque minus the arm's model, far from reversals.
+        correlation_s: (n,) correlation time of that residual.
     """
 
     fit: BodyFit

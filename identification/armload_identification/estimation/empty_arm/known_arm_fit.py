@@ -1,12 +1,12 @@
-"""A payload from one run of any motion, the empty arm being known: its own torque and friction are taken away first.
+"""A payload from one run of any motion on a known arm, whose own torque and friction are subtracted first.
 
     tau - tau_arm = (1 + mu s sgn(tau_l)) Phi theta + s dFc + dq dFv + dF0,    tau_l torque of links and payload
 
-with tau_arm of the calibrated arm, s the direction of motion, and three changes of friction per joint, which differ
-from run to run by as much as the calibration says, and by a fifth of the friction where the arm is cold. Without them
-the median error of 20 s of the UR10e's motion is three times as great. A row's noise is that which the calibration
-left, or the run's own where that is the greater, and stays like itself for a while: rows within that time count as one.
-Near a reversal rows weigh little.
+with tau_arm of the calibrated arm, s the direction of motion, and three changes of friction per joint. Their prior is
+the spread between the calibration's runs, and a fifth of the friction for a cold arm. Without them the median error
+on 20 s of the UR10e's motion is three times as great. A row's noise is the greater of the calibration's residual and
+the run's own. It is correlated in time: rows within the correlation time count as one. Rows near a reversal have
+little weight.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from armload_identification.model.body_model import BodyModel, smooth_sign
 from armload_identification.model.chain import Chain
 
 CHANGES: Final = 3
-"""Of a run's friction per joint: Coulomb, viscous, offset."""
+"""Changes of a run's friction per joint: Coulomb, viscous, offset."""
 MOVING: Final = 10.0
-"""A row weighs 0.7 at this multiple of the speed about which the direction turns over: a tenth of the greatest speed
-in the calibration, as there."""
+"""Multiple of the reversal speed at which a row's weight is 0.7: as in the calibration, a tenth of the greatest speed
+there."""
 _ITERATIONS: Final = 8
 _SETTLED: Final = 1e-5
 
 
 def moving_weights(velocity_rad_s: FloatArray, body: BodyModel) -> FloatArray:
-    """Weights that leave out standstill and reversals, where no model says what friction is.
+    """Weights that exclude standstill and reversals, where no model describes friction.
 
     Args:
         velocity_rad_s: (K, n).
         body: The calibrated arm.
 
     Returns:
-        (K, n) x / sqrt(1 + x^2), x = (dq / v)^2.
+        (K, n) x / sqrt(1 + x^2), x = (dq / v)^2, v = `MOVING` times the reversal speed.
     """
     ratio = (velocity_rad_s / (MOVING * body.reversal_speed_rad_s)) ** 2
     return np.asarray(ratio / np.sqrt(1.0 + ratio**2))
@@ -50,20 +50,20 @@ def moving_weights(velocity_rad_s: FloatArray, body: BodyModel) -> FloatArray:
 def fit_on_known_arm(
     seen: KnownArmSignal, chain: Chain, arm: KnownArm, prior: Prior | None = None
 ) -> tuple[Estimate, FrictionDifference]:
-    """Fit a payload to one run less its arm.
+    """Fit a payload to one run minus its arm.
 
     Args:
-        seen: The run less the calibrated arm's torque, row by row.
+        seen: The run minus the calibrated arm's torque, row by row.
         chain: The arm.
-        arm: What is known of it.
-        prior: What is known of the payload beforehand.
+        arm: Its calibration.
+        prior: Prior knowledge of the payload.
 
     Returns:
-        The fit, whose parameters behind the ten are the changes of Coulomb friction, viscous friction and offset of all
-        joints, and its friction.
+        The fit, whose parameters after the ten are the changes of Coulomb friction, viscous friction and offset of all
+        joints; and the friction.
 
     Raises:
-        EstimationError: too few samples, or no motion at all.
+        EstimationError: too few samples, or no motion.
     """
     body, n = arm.fit.model, chain.n
     signal, regressor = seen.signal, seen.regressor
@@ -73,8 +73,8 @@ def fit_on_known_arm(
     own = np.concatenate([direction, velocity, np.ones_like(velocity)], axis=1)
     changes = own[:, None, :] * np.tile(np.eye(n), CHANGES)
     known = (prior or NOTHING_KNOWN).and_nuisance(np.zeros(CHANGES * n), arm.friction_spread.ravel())
-    # White noise stays like itself for longer in the rows' window than in the calibration's, but has as much less
-    # variance there than the calibration's noise, by which rows are weighted.
+    # White noise is correlated for longer in the rows' window than in the calibration's, but its variance is smaller
+    # by the same factor than that of the calibration's noise, by which rows are weighted.
     independent = np.sqrt(np.minimum(signal.interval_s / arm.correlation_s, 1.0))
     weight = moving_weights(velocity, body) * seen.onward * independent
     theta = np.zeros(10)
@@ -95,18 +95,18 @@ def friction_covariance(fit: Estimate, n: int) -> FloatArray:
     """Covariance of a run's changes of friction.
 
     Args:
-        fit: As `fit_on_known_arm`.
+        fit: By `fit_on_known_arm`.
         n: Number of joints.
 
     Returns:
-        (n, 2, 2) of each joint's Coulomb (N m) and viscous friction (N m s/rad).
+        (n, 2, 2) for each joint's Coulomb (N m) and viscous friction (N m s/rad).
     """
     both = 10 + np.arange(n)[:, None] + [0, n]
     return np.asarray(fit.covariance[both[:, :, None], both[:, None, :]])
 
 
 def _named(fit: Estimate, torque_nm: FloatArray, arm: KnownArm) -> FrictionDifference:
-    """The friction by name; the load's is the calibration's."""
+    """The friction by name; load-dependent friction is the calibration's."""
     n = arm.noise_nm.size
     nothing, unknown = np.zeros(n), np.full(2 * n, np.inf)
     body = arm.fit.model

@@ -1,9 +1,9 @@
-"""Rows of a payload and of a run's changes of friction on a calibrated arm, in units of what is known beforehand.
+"""Rows of a payload and of a run's changes of friction on a calibrated arm, in units of the prior.
 
     tau - tau_arm = (1 + mu s sgn(tau_l)) Phi theta + s dFc + dq dFv + dF0
 
-What is known beforehand, the size of a payload and the drift of friction, is the unit, so that information about the
-10 + 3 n unknowns begins as the identity.
+The unit of each of the 10 + 3 n unknowns is its prior standard deviation, from the size of a payload and the drift of
+friction, so that the prior information matrix is the identity.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _LEVER_M: Final = 0.5
 
 
 def payload_scale(effort_nm: FloatArray) -> FloatArray:
-    """(10,) size of a payload that an arm may carry: its strongest joint's torque half a metre out, in a tool of 0.3 m.
+    """(10,) size of a payload that an arm may carry: the strongest joint's torque at 0.5 m, in a tool of 0.3 m.
 
     Args:
         effort_nm: (n,) RMS torque of the joints.
@@ -41,8 +41,8 @@ class KnownArmRows:
     """K rows of n joints, weighted.
 
     Attributes:
-        tall: (K n, 10 + 3 n) columns of payload and changes of friction over the row's noise.
-        weight: (K, n) one over a row's noise.
+        tall: (K n, 10 + 3 n) columns of payload and changes of friction, divided by the row's noise.
+        weight: (K, n) inverse of a row's noise.
         scale: (10,) unit of the payload's parameters.
     """
 
@@ -57,11 +57,11 @@ class KnownArmRows:
         """The rows of a motion.
 
         Args:
-            chain: The arm, as level as its calibration says.
-            arm: What is known of it.
+            chain: The arm, with the tilt of its calibration.
+            arm: Its calibration.
             states: (K, n) each.
-            theta: (10,) the payload, about which friction under load is linear.
-            noise_nm: (n,) or (K, n) of a row far from reversals, as if rows were independent.
+            theta: (10,) the payload about which friction under load is linearised.
+            noise_nm: (n,) or (K, n) noise of a row far from reversals, as if rows were independent.
         """
         body, dq = arm.fit.model, states.velocity_rad_s
         scale = payload_scale(arm.fit.torque_rms_nm)
@@ -76,20 +76,20 @@ class KnownArmRows:
         return cls((columns * weight[:, :, None]).reshape(-1, columns.shape[2]), weight, scale)
 
     def covariance(self, repeats: float = 1.0) -> FloatArray:
-        """(10, 10) of the payload, where the rows' noise is all that errs.
+        """(10, 10) covariance of the payload from the rows' noise only.
 
         Args:
-            repeats: How many times the rows are seen.
+            repeats: How many times the rows are measured.
         """
         unit = np.linalg.inv(self._information(repeats))[:10, :10]
         return np.asarray(unit * self.scale[:, None] * self.scale)
 
     def shifts(self, doubts_nm: FloatArray, repeats: float = 1.0) -> FloatArray:
-        """(k, 10) by how much the payload moves with torques that are left of the arm.
+        """(k, 10) changes of the payload due to errors of the arm's torque.
 
         Args:
-            doubts_nm: (k, K, n).
-            repeats: How many times the rows are seen.
+            doubts_nm: (k, K, n) these errors.
+            repeats: How many times the rows are measured.
         """
         pull = repeats * self.tall.T @ (doubts_nm * self.weight).reshape(len(doubts_nm), -1).T
         moved = np.linalg.solve(self._information(repeats), pull)

@@ -1,4 +1,4 @@
-"""One run of any motion as what a payload is fitted to: its torque less that of the calibrated arm, row by row."""
+"""One run of any motion as a payload is fitted to it: its torque minus the calibrated arm's, row by row."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from armload_identification.signals.motion import Motion
 from armload_identification.signals.row_window import RowWindow
 
 _ROW_S: Final = 0.05
-"""Samples closer together than this say the same of one run: it stays like itself for some tenths of a second."""
+"""Samples closer together add no information: the residual is correlated over some tenths of a second."""
 _MODEL_S: Final = 0.01
-"""Samples of the model that a row is a mean of are as far apart as this, or as the run's own."""
+"""Spacing of the model's samples that are averaged into a row, unless the run's own is greater."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +28,9 @@ class KnownArmSignal:
     """K rows of n joints.
 
     Attributes:
-        signal: The run less the calibrated arm's torque, friction included.
-        regressor: (K, n, 10) of the payload, through the same window as the torque.
-        onward: (K, n) weight, 0 where a joint turns or stands within a row's window.
+        signal: The run minus the calibrated arm's torque, friction included.
+        regressor: (K, n, 10) of the payload, averaged over the same window as the torque.
+        onward: (K, n) weight, 0 where a joint reverses or stands still within a row's window.
     """
 
     signal: LoadSignal
@@ -39,12 +39,12 @@ class KnownArmSignal:
 
     @classmethod
     def of(cls, motion: Motion, chain: Chain, arm: KnownArm) -> KnownArmSignal:
-        """The rows of a run; an average period stays as it is, motion and torque of it are filtered alike.
+        """The rows of a run; an average period is used as it is, since its motion and torque are filtered alike.
 
         Args:
             motion: The run.
-            chain: The arm, as level as its calibration says.
-            arm: What is known of it.
+            chain: The arm, with the tilt of its calibration.
+            arm: Its calibration.
         """
         body = arm.fit.model
         moved = motion.with_delay(body.torque_delay_s)
@@ -72,7 +72,7 @@ class KnownArmSignal:
         )
 
     def part(self, start_s: float, end_s: float) -> KnownArmSignal:
-        """The rows from one time to before another.
+        """The rows from one time up to, not including, another.
 
         Args:
             start_s: Since the first row.

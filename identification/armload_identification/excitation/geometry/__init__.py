@@ -1,1 +1,1 @@
-"""Where an arm is and how fast its points move: workspace, collision, reduced speed."""
+"""Workspace, collision geometry, and the speed of an arm's points."""

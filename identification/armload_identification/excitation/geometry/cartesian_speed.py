@@ -1,17 +1,17 @@
-"""How fast points of an arm move: its elbow, its wrist, its flange and its tool centre point.
+"""Speed of points of an arm: its elbow, wrist, flange and tool centre point.
 
-A point p that turns with the first m joints, of axes z_j through o_j in the base frame, moves at
+A point p moved by the first m joints, with axes z_j through o_j in the base frame, has the velocity
 
     v = sum_{j <= m} z_j x (p - o_j) dq_j
 
-and for k <= m its velocity changes with a joint's position by
+and for k <= m this velocity depends on a joint's position by
 
     dv/dq_k = z_k x sum_{k <= j <= m} z_j x (p - o_j) dq_j  +  w_{k-1} x (z_k x (p - o_k))
 
 with w_k = sum_{j <= k} z_j dq_j, the angular velocity of link k.
 
-Between the samples. A vector whose second derivative never exceeds B is nowhere further than B h^2 / 8 from the
-straight line between two samples h apart, and nowhere on that line longer than at its longer end. Hence
+Between samples: a vector whose second derivative is at most B is nowhere further than B h^2 / 8 from the straight line
+between two samples a time h apart, and on that line nowhere longer than at its longer end. Hence
 
     |v(t)| <= max(|v(t_j)|, |v(t_j+1)|) + B h^2 / 8.
 """
@@ -29,19 +29,19 @@ from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.model.chain import Chain
 
 _SAMPLES = 4096
-"""Intervals of a period that the greatest speed is bounded on."""
+"""Number of intervals of a period for the bound of the greatest speed."""
 _APART_M = 1e-6
-"""Points of one link that are closer than this are one."""
+"""Points of one link that are closer than this count as one."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmPoints:
-    """The points of an arm whose speed is looked at: the origin of every joint frame that moves, flange and tool.
+    """The points of an arm whose speed is computed: the origin of every moving joint frame, flange and tool.
 
     Attributes:
         chain: The arm.
         tool_m: (3,) tool centre point in the flange frame.
-        names: (P,) what messages call the points.
+        names: (P,) names of the points in messages.
     """
 
     chain: Chain
@@ -110,7 +110,7 @@ class ArmPoints:
         return slope
 
     def greatest_on(self, trajectory: FourierTrajectory) -> FloatArray:
-        """(P,) what no point is faster than anywhere on a trajectory, between samples too, in m/s."""
+        """(P,) upper bound of the speed of every point along a trajectory, also between samples, in m/s."""
         return np.asarray(self.greatest_in_period(trajectory, _SAMPLES).max(axis=0))
 
     def greatest_in_period(self, trajectory: FourierTrajectory, samples: int) -> FloatArray:
@@ -129,13 +129,13 @@ class ArmPoints:
         duration_s: float,
         samples: int,
     ) -> FloatArray:
-        """What no point is faster than, from each sample of a motion to the next.
+        """Upper bound of the speed of every point from each sample of a motion to the next.
 
         Args:
-            motion: Positions and velocities (N, n) at times (N,).
-            rates: (4, n) what the joints' derivatives never exceed, as `derivative_bounds.rate_bounds` has them.
-            duration_s: From 0 to here.
-            samples: How many intervals of equal length.
+            motion: Returns positions and velocities (N, n) at times (N,).
+            rates: (4, n) bounds of the joints' derivatives, as `derivative_bounds.rate_bounds`.
+            duration_s: End of the motion, which begins at 0.
+            samples: Number of intervals of equal length.
 
         Returns:
             (samples, P) in m/s.
@@ -151,7 +151,7 @@ class ArmPoints:
         return np.asarray(between + bend * (duration_s / samples) ** 2 / 8.0)
 
     def _axes_and_levers(self, q: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-        """Axes (N, n, 3), and for every point its distance (N, m, 3) from the origins of the m joints that move it."""
+        """Axes (N, n, 3), and per point the vectors (N, m, 3) to it from the origins of the m joints that move it."""
         origins, axes, rotations = _frames(self.chain, q)
         levers = []
         for link, at in zip(self._link, self._in_link, strict=True):
@@ -162,7 +162,7 @@ class ArmPoints:
 
 @dataclass(frozen=True, eq=False)
 class SpeedLimit:
-    """What no point of an arm exceeds.
+    """Speed limit of an arm's points.
 
     Attributes:
         points: The points.
@@ -192,7 +192,7 @@ def _frames(chain: Chain, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatA
 
 
 def _velocity(axes: FloatArray, lever: FloatArray, dq: FloatArray) -> FloatArray:
-    """(N, m, 3) velocity of a point that each joint and those beyond it give it; the first is all of it."""
+    """(N, m, 3) velocity of a point due to joint j and those beyond it; for the first joint the total velocity."""
     m = lever.shape[1]
     each = np.cross(axes[:, :m], lever) * dq[:, :m, None]
     return np.asarray(np.cumsum(each[:, ::-1], axis=1)[:, ::-1])

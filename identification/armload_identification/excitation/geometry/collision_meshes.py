@@ -1,15 +1,16 @@
-"""Collision geometry of a URDF: how near an arm's links come to each other and to what stands around it.
+"""Collision geometry of a URDF: distances of an arm's links from each other and from their surroundings.
 
-Boxes, cylinders, spheres and meshes, as the file has them; a mesh counts as its convex hull, which holds it. Joints of
-the file that the arm does not have stand at zero.
+Boxes, cylinders, spheres and meshes, as in the file; a mesh is replaced by its convex hull. Joints of the file that are
+not part of the arm stay at zero.
 
-Between the samples. The distance of two rigid bodies changes at most as fast as the points of one move in the frame of
-the other. For links a < b only the joints between them matter, and a point of b at a distance r from its joint moves at
+Between samples: the distance of two rigid bodies changes at most as fast as the points of one move in the frame of the
+other. For links a < b only the joints between them matter; the speed of a point of b at a distance r from its joint is
+at most
 
     V = sum_{j=a+1..b} |dq_j| (|p_{j+1}| + ... + |p_b| + r)
 
-with p_k the offset of joint k in joint k - 1. From a sample with distance d the next one is taken (d - keep + SURPLUS)
-/ V later, so that with samples no nearer than keep the distance never falls below keep - SURPLUS / 2.
+with p_k the offset of joint k in the frame of joint k - 1. After a sample with distance d the next one is taken a time
+(d - keep + SURPLUS) / V later, so that with no sample below keep the distance never falls below keep - SURPLUS / 2.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 
 SURPLUS_M = 0.003
-"""Room that is kept at least; half of it is what the bound between samples may take off."""
+"""Least distance to keep; half of it is reserved for the bound between samples."""
 _SAME_LINE_M = 1e-3
 _SAME_DIRECTION = 1e-3
 _POSES = 8
@@ -40,18 +41,18 @@ class Meshes:
     """Collision geometry of one arm.
 
     Args:
-        file: The URDF; meshes are looked for beside it.
-        chain: The arm as its configuration has it.
+        file: The URDF; its meshes are searched for relative to it.
+        chain: The arm as configured.
         joint_names: Its joints; the URDF must have joints of the same names.
-        keep_m: Distance that is kept from everything, at least `SURPLUS_M`.
-        touching: Pairs of links that may touch each other, besides those that a joint connects.
+        keep_m: Distance to keep between all pairs; at least `SURPLUS_M` is used.
+        touching: Pairs of links that may touch each other, in addition to those that a joint connects.
 
     Attributes:
-        keep_m: What is kept at every sample.
-        least_m: What is kept at any time.
+        keep_m: Distance that is kept at every sample.
+        least_m: Distance that is kept at all times.
 
     Raises:
-        ModelError: Pinocchio is missing, the file cannot be used, or describes another arm.
+        ModelError: Pinocchio is missing, or the file cannot be used or describes another arm.
     """
 
     def __init__(
@@ -76,17 +77,17 @@ class Meshes:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each distance lies between."""
+        """(K,) the two links of each distance, for messages."""
         return self._names
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """The links that each distance lies between."""
+        """(K,) the two links of each distance."""
         return self._pairs
 
     @property
     def joints_between(self) -> tuple[int, ...]:
-        """How many joints lie between the links of each distance."""
+        """(K,) number of joints between the two links of each distance."""
         return tuple(int(np.count_nonzero(reach)) for reach in self._reach)
 
     def distances(self, q: FloatArray) -> FloatArray:
@@ -96,33 +97,33 @@ class Meshes:
             q: (n,) configuration in rad.
 
         Returns:
-            (K,) in m, negative where they overlap.
+            (K,) in m, negative if they overlap.
         """
         self._pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._placements, q)
         self._pin.computeDistances(self._geometry, self._placements)
         return np.array([result.min_distance for result in self._placements.distanceResults])
 
     def nearest(self, trajectory: FourierTrajectory) -> tuple[float, str]:
-        """What no distance falls below along a motion, or up to the first place where that is less than `least_m`.
+        """Lower bound of all distances along a motion, or up to the first place where it is less than `least_m`.
 
         Args:
             trajectory: One period.
 
         Returns:
-            Distance in m and what it lies between; inf where there is nothing that could touch.
+            The distance in m, and the links; inf if there are no pairs.
         """
         rates = rate_bounds(trajectory)[0]
         return self._nearest(rates, trajectory.period_s, lambda t: trajectory.evaluate(t).position_rad)
 
     def nearest_on_line(self, start_rad: FloatArray, goal_rad: FloatArray) -> tuple[float, str]:
-        """As `nearest`, on the straight way between two configurations (n,)."""
+        """As `nearest`, on the straight line between two configurations (n,)."""
         way = goal_rad - start_rad
         return self._nearest(np.abs(way), 1.0, lambda share: start_rad + share * way)
 
     def _nearest(
         self, rates: FloatArray, duration_s: float, position: Callable[[float], FloatArray]
     ) -> tuple[float, str]:
-        """Samples as far apart as the distances allow; speeds (n,) bound the joints'."""
+        """`nearest` by samples as far apart as the distances allow; rates (n,) bound the joints' speeds."""
         if not self._names:
             return np.inf, "nothing"
         speed = np.maximum(np.array([reach @ rates for reach in self._reach]), _SLOW_M_S)
@@ -137,7 +138,7 @@ class Meshes:
             time_s = min(time_s + float(((distances - self.keep_m + SURPLUS_M) / speed).min()), duration_s)
 
     def _require_same_arm(self, file: Path, chain: Chain, joint_names: tuple[str, ...]) -> None:
-        """The URDF's joints are the configuration's, turning about the same lines."""
+        """Raise unless the URDF's joints are those configured, with the same axes."""
         pin, model = self._pin, self._model
         found = tuple(model.names)[1:]
         if found != joint_names or model.nq != chain.n:
@@ -159,7 +160,7 @@ class Meshes:
                     )
 
     def _make_solid(self, file: Path, body: Any) -> None:
-        """A mesh becomes its convex hull."""
+        """Replace a mesh by its convex hull."""
         shape = body.geometry
         if isinstance(shape, self._coal.BVHModelBase):
             shape.buildConvexHull(True, "Qt")
@@ -169,7 +170,7 @@ class Meshes:
         body.geometry.computeLocalAABB()
 
     def _pair(self, apart: frozenset[frozenset[str]], links: list[str]) -> None:
-        """All pairs of bodies whose links are neither one nor connected, and the reach of their relative motion."""
+        """Find all pairs of bodies on different, unconnected links, and the levers of their relative motion."""
         bodies = list(self._geometry.geometryObjects)
         offsets = [float(np.linalg.norm(placement.translation)) for placement in self._model.jointPlacements]
         names, reaches, pairs = [], [], []
@@ -192,7 +193,7 @@ class Meshes:
 
 
 def _known(file: Path, touching: tuple[tuple[str, str], ...], links: list[str]) -> set[frozenset[str]]:
-    """Pairs that may touch, each of links that are there."""
+    """Pairs that may touch, checked for unknown links."""
     for name in {name for pair in touching for name in pair}:
         if name not in links:
             known = ", ".join(sorted(set(links)))

@@ -1,7 +1,7 @@
-"""Spheres around the links of a URDF's arm, from its collision geometry: a workspace to begin with.
+"""Spheres around the links of a URDF's arm, from its collision geometry: an initial workspace.
 
-The surface of a link is cut across its longest direction into slices about as long as they are wide, and each slice
-gets the sphere about the middle of its box that holds all of it.
+The surface of a link is cut across its longest direction into slices about as long as they are wide. Each slice gets a
+sphere that contains it, centred in the slice's bounding box.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from armload_identification.excitation.geometry.workspace import Sphere
 
 MOST_SLICES = 3
 SURFACE_M = 0.02
-"""The surface is looked at in points about so far apart; what bulges out between them is far less than `MARGIN_M`."""
+"""Approximate spacing of the surface's points; the surface bulges between them by far less than `MARGIN_M`."""
 MARGIN_M = 0.005
 _THIN_M = 0.03
 _CORNERS = 24
-"""Of the polygon that stands for a circle."""
+"""Corners of the polygon that represents a circle."""
 
 
 def enclosing_spheres(loaded: UrdfGeometry) -> tuple[Sphere, ...]:
@@ -39,7 +39,7 @@ def enclosing_spheres(loaded: UrdfGeometry) -> tuple[Sphere, ...]:
         points = _surface(loaded.coal, body.geometry) * np.array(body.meshScale)
         placed = points @ body.placement.rotation.T + body.placement.translation
         link = int(body.parentJoint)
-        # what stands still can be a torso with a head and another arm: spheres around all of it would leave no room
+        # fixed parts can be a torso with a head and another arm: spheres around all of them would leave no room
         surfaces.setdefault((link, int(body.parentFrame) if link == 0 else 0), []).append(placed)
     return tuple(
         Sphere(link, centre, radius)
@@ -49,7 +49,7 @@ def enclosing_spheres(loaded: UrdfGeometry) -> tuple[Sphere, ...]:
 
 
 def _slices(points: FloatArray) -> list[tuple[FloatArray, float]]:
-    """Centre and radius of the spheres around (N, 3) points of a surface."""
+    """Centre (m) and radius (m) of the spheres around (N, 3) points of a surface."""
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     turn = np.linalg.svd(np.cov((points - middle).T) if len(points) > 1 else np.eye(3))[0]
     along = (points - middle) @ turn
@@ -66,7 +66,7 @@ def _slices(points: FloatArray) -> list[tuple[FloatArray, float]]:
 
 
 def _surface(coal: Any, shape: Any) -> FloatArray:
-    """(N, 3) points of a surface, or of one around it, in its own frame."""
+    """(N, 3) points of a surface, or of an enclosing one, in its own frame."""
     if isinstance(shape, coal.BVHModelBase):
         triangles = [[shape.tri_indices(i)[k] for k in range(3)] for i in range(shape.num_tris)]
         return _between(np.array(shape.vertices()), np.array(triangles))
@@ -89,7 +89,7 @@ def _surface(coal: Any, shape: Any) -> FloatArray:
 
 
 def _between(vertices: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Vertices, and points of the triangles whose edges are long."""
+    """Vertices, and further points of triangles with long edges."""
     corners = vertices[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     parts = [vertices]

@@ -1,10 +1,9 @@
-"""The collision geometry of one arm in a URDF, through Pinocchio: its joints turn, all others stand at zero.
+"""The collision geometry of one arm in a URDF, through Pinocchio: its joints move, all others stay at zero.
 
-Files as they are found are made fit for it first: joints outside the arm are fixed, continuous ones get an angle like
-any other, and meshes are looked for relative to the file: `package://NAME/PATH` in any folder above it, as PATH or
-NAME/PATH.
+The file is adapted first: joints outside the arm become fixed, continuous ones revolute, and meshes are searched for
+relative to the file: `package://NAME/PATH` in any parent folder, as PATH or NAME/PATH.
 
-Needs Pinocchio with coal (the `urdf` extra); nothing here is loaded before a URDF is named.
+Requires Pinocchio with coal (the `urdf` extra), which is loaded only if a URDF is given.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from armload_identification.identification_errors import ModelError
 _PACKAGE = "package://"
 _TURNING = ("revolute", "continuous")
 _ANY_LIMIT = {"lower": "-10", "upper": "10", "effort": "1", "velocity": "1"}
-"""Of joints that give none: nothing here depends on it, and Pinocchio requires one."""
+"""Limits of joints without any: Pinocchio requires them, nothing here depends on them."""
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfGeometry:
-    """What was loaded; types of Pinocchio and coal, which have none of their own.
+    """A loaded URDF; objects of Pinocchio and coal, which have no type hints.
 
     Attributes:
         pin: Pinocchio.
@@ -68,7 +67,7 @@ def load_urdf_geometry(file: Path, joint_names: Collection[str]) -> UrdfGeometry
 
 
 def _prepared(file: Path, joint_names: Collection[str]) -> tuple[ElementTree.Element, frozenset[frozenset[str]]]:
-    """The file with other joints fixed and meshes found; and the links that joints connect."""
+    """The file with other joints fixed and paths of meshes resolved; and the pairs of links that joints connect."""
     try:
         root = ElementTree.parse(file).getroot()
     except (OSError, ElementTree.ParseError) as error:
@@ -93,7 +92,7 @@ def _prepared(file: Path, joint_names: Collection[str]) -> tuple[ElementTree.Ele
 
 
 def _mesh_file(file: Path, name: str) -> Path:
-    """Where a mesh lies."""
+    """Path of a mesh."""
     inner = name.removeprefix("file://")
     places = [file.parent / inner]
     if name.startswith(_PACKAGE):

@@ -1,16 +1,16 @@
-"""Where an arm may be: spheres around its links and its tool, and what they must not touch.
+"""Workspace of an arm: spheres around its links and its tool, and obstacles that these must not touch.
 
 Obstacles are half-spaces (a floor, a wall) and boxes; links may also be kept apart from each other, sphere by
-sphere. A CLEARANCE is the distance of a sphere's surface from one of them, negative inside it.
+sphere. A CLEARANCE is the distance of a sphere's surface from an obstacle, negative inside.
 
-Between the samples. The distance from a half-space, from a box and from
-another sphere's centre each change at most as fast as the centres move: they are distances from convex sets, or
-norms, and so 1-Lipschitz. Every time t lies within half a step h of a sample t_j, hence
+Between samples: the distances from a half-space, from a box and from another sphere's centre change at most as fast as
+the centres move: they are distances from convex sets, or norms, and so 1-Lipschitz. Every time t is within half a step
+h of a sample t_j, hence
 
     clearance(t) >= clearance(t_j) - V h / 2,
 
 with V the greatest speed of the centre (the sum of both for two spheres) from `derivative_bounds`. `least`
-returns the smallest sample less V h / 2: a bound for every time, at most SURPLUS_M too small per sphere.
+returns the smallest sample minus V h / 2: a lower bound for all times, at most SURPLUS_M too small per sphere.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from armload_identification.model.chain import Chain
 IntArray = NDArray[np.int64]
 
 SURPLUS_M = 0.003
-"""What the bound between the samples may take off a sphere's clearance; it sets the number of samples."""
+"""Allowed error per sphere of the bound between samples; it determines the number of samples."""
 MOST_SAMPLES = 65536
-"""At most this many: a motion far beyond the limits, which is of no use, is bounded more coarsely."""
+"""Upper limit: a motion far beyond the limits, which is useless anyway, is bounded more coarsely."""
 _FEWEST_SAMPLES = 64
 _AT_ONCE = 8192
 _UNIT_TOLERANCE = 1e-9
@@ -45,7 +45,7 @@ class Sphere:
     """A sphere around a part of the arm.
 
     Attributes:
-        link: What it is fixed in: 0 the base, i the link that turns with joint i, n + 1 the flange, for the tool.
+        link: What it is attached to: 0 the base, i the link moved by joint i, n + 1 the flange, for the tool.
         center_m: (3,) centre in the base frame, in joint frame i, or in the flange frame.
         radius_m: Radius.
     """
@@ -57,13 +57,13 @@ class Sphere:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class HalfSpace:
-    """Everything on the far side of a plane, such as a floor.
+    """Everything behind a plane, such as a floor.
 
     Attributes:
         name: For messages.
-        normal: (3,) unit vector in the base frame, pointing to where the arm may be.
+        normal: (3,) unit vector in the base frame, pointing to the side of the arm.
         offset_m: Distance of the plane from the base frame's origin, along the normal.
-        links: What must not touch it, as `Sphere.link`.
+        links: Links that must not touch it, as `Sphere.link`.
     """
 
     name: str
@@ -74,13 +74,13 @@ class HalfSpace:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Box:
-    """A box that stands in the way.
+    """A box-shaped obstacle.
 
     Attributes:
         name: For messages.
         pose: (4, 4) of its centre in the base frame; its edges are parallel to the axes of this pose.
         size_m: (3,) lengths of its edges.
-        links: What must not touch it, as `Sphere.link`.
+        links: Links that must not touch it, as `Sphere.link`.
     """
 
     name: str
@@ -91,21 +91,21 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """Where an arm may be.
+    """Workspace of an arm.
 
     Attributes:
         chain: The arm.
         spheres: Around its links and its tool.
-        half_spaces: Where it must not be.
-        boxes: Where it must not be.
+        half_spaces: Obstacles.
+        boxes: Obstacles.
         apart: Pairs of links, as `Sphere.link`, whose spheres must not touch each other.
-        keep_m: Distance that a motion is to keep from everything.
-        names: (K,) what each clearance is a distance from.
-        between: (K,) the part of the arm that each clearance belongs to, and what it is a distance from, in words.
+        keep_m: Distance that a motion has to keep from all obstacles and between these pairs.
+        names: (K,) name of the obstacle, or pair of links, of each clearance.
+        between: (K,) the part of the arm and the obstacle of each clearance, in words.
 
     Raises:
-        ModelError: a link that the arm does not have, a size not above 0, a normal that is not a unit vector, an
-            obstacle or a pair without any sphere that it could meet.
+        ModelError: a link that the arm does not have, a size not above 0, a normal that is not a unit vector, or an
+            obstacle or pair to which no sphere applies.
     """
 
     chain: Chain
@@ -157,7 +157,7 @@ class Workspace:
         object.__setattr__(self, "_packed", packed)
 
     def centres(self, q: FloatArray) -> FloatArray:
-        """Where the spheres are.
+        """Positions of the spheres.
 
         Args:
             q: (n,) configuration in rad.
@@ -169,7 +169,7 @@ class Workspace:
         return np.array([poses[s.link, :3, :3] @ s.center_m + poses[s.link, :3, 3] for s in self.spheres])
 
     def clearances(self, q: FloatArray) -> FloatArray:
-        """Distance of every sphere from all that it must not touch.
+        """All clearances.
 
         Args:
             q: (N, n) configurations in rad.
@@ -200,26 +200,26 @@ class Workspace:
         return slope
 
     def least(self, trajectory: FourierTrajectory) -> FloatArray:
-        """What each clearance never falls below along a trajectory, between samples too.
+        """Lower bound of each clearance along a trajectory, also between samples.
 
         Args:
             trajectory: One period of the motion.
 
         Returns:
-            (K,) in m, negative where the bound does not exclude a touch.
+            (K,) in m, negative if the bound does not exclude contact.
         """
         rates, period_s = rate_bounds(trajectory), trajectory.period_s
         return self._least(rates, period_s, 0.0, lambda t: trajectory.evaluate(t).position_rad)
 
     def least_on_line(self, start_rad: FloatArray, goal_rad: FloatArray) -> FloatArray:
-        """What each clearance never falls below on the straight way between two configurations.
+        """Lower bound of each clearance on the straight line between two configurations.
 
         Args:
-            start_rad: (n,) where it begins.
-            goal_rad: (n,) where it ends.
+            start_rad: (n,) first configuration.
+            goal_rad: (n,) last configuration.
 
         Returns:
-            (K,) in m, negative where the bound does not exclude a touch.
+            (K,) in m, negative if the bound does not exclude contact.
         """
         way = goal_rad - start_rad
         rates = np.zeros((4, len(way)))
@@ -231,7 +231,7 @@ class Workspace:
     ) -> FloatArray:
         """(K,) the smallest clearance of a motion, from samples and the joints' greatest rates (4, n).
 
-        The first sample lies that many steps after the beginning: 0 where the end is the beginning, else 0.5.
+        `first` is the position of the first sample in steps: 0 for a periodic motion, else 0.5.
         """
         if not self.names:
             return np.zeros(0)
@@ -257,34 +257,34 @@ class Workspace:
         return float(point_rates(self.chain, rates, min(sphere.link, self.chain.n), lever_m)[0])
 
     def _in_link(self, sphere: Sphere) -> FloatArray:
-        """(3,) centre in the link's joint frame, a tool's in the last one's."""
+        """(3,) centre in the link's joint frame; for the tool in the last joint's."""
         if sphere.link <= self.chain.n:
             return sphere.center_m
         flange = self.chain.flange
         return np.asarray(flange[:3, :3] @ sphere.center_m + flange[:3, 3])
 
     def _packed_sphere(self, sphere: Sphere) -> list[float]:
-        """Centre in the turned frame, and radius."""
+        """Centre in the kernels' frame of the link, and radius."""
         center = self._in_link(sphere)
         if sphere.link > 0:
             center = self.chain.turned_back(min(sphere.link, self.chain.n) - 1) @ center
         return [*center.tolist(), sphere.radius_m]
 
     def _meeting(self, obstacles: Sequence[HalfSpace | Box]) -> list[tuple[int, int]]:
-        """Sphere and obstacle, for all that may meet."""
+        """Indices of sphere and obstacle for all pairs to check."""
         return [(s, k) for k, o in enumerate(obstacles) for s, ball in enumerate(self.spheres) if ball.link in o.links]
 
     def _link(self, link: int) -> str:
-        """What a message calls a link."""
+        """Name of a link in a message."""
         return "base" if link == 0 else "tool" if link == self.chain.n + 1 else f"link {link}"
 
     def _part(self, sphere: int) -> str:
-        """What a sentence calls the link that a sphere is fixed in."""
+        """Name, with its article, of the link that a sphere is attached to."""
         link = self.spheres[sphere].link
         return self._link(link) if 0 < link <= self.chain.n else f"the {self._link(link)}"
 
     def _require_sense(self) -> None:
-        """Refuse what no arm and no cell can have."""
+        """Raise for unknown links and invalid sizes, distances and normals."""
         known = range(self.chain.n + 2)
         used = [s.link for s in self.spheres] + [link for pair in self.apart for link in pair]
         used += [link for o in self._obstacles for link in o.links]
