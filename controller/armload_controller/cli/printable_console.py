@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import select
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from errno import EIO, EPIPE
-from typing import Any, TextIO, cast
+from typing import IO, Any, TextIO, cast
 
 from rich.console import Console
 from rich.text import Text
@@ -52,6 +53,17 @@ class OutlivingStream:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
+
+
+def accepts_output(stream: IO[str]) -> bool:
+    """Whether a line can be written to a stream at once; True for what is no file.
+
+    A terminal that is halted (Ctrl-S), or whose remote reader has stalled, lets a writer wait.
+    """
+    try:
+        return bool(select.select([], [stream.fileno()], [], 0.0)[1])
+    except (OSError, ValueError):
+        return True
 
 
 class PrintableConsole(Console):

@@ -1,7 +1,8 @@
 """What the operator sees while something runs: steps, progress bars, tables, prompts.
 
-A bar is drawn only when a whole percent has been added, by the thread that reports the progress: a drawing
-thread of its own would take the cycle's time at random.
+A bar is drawn only when a whole percent has been added, by the thread that reports the progress, which may be the
+cycle's: a drawing thread of its own would take the cycle's time at random. While the terminal accepts no output
+(Ctrl-S, a remote connection that stalls) nothing is drawn, as the cycle would wait for it.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from rich.text import Text
 
 from armload_controller.cli.console_text import fitted
 from armload_controller.cli.keyboard import HINT, Keyboard
-from armload_controller.cli.printable_console import PrintableConsole
+from armload_controller.cli.printable_console import PrintableConsole, accepts_output
 from armload_controller.cli.printable_text import printable
 from armload_controller.control_errors import CommissioningError
 
@@ -97,7 +98,8 @@ class Screen:
             def done(count: int) -> None:
                 nonlocal drawn, asked
                 now = "" if self._keyboard is None else self._keyboard.poll()
-                if count - drawn >= total / 100 or count >= total or now != asked:
+                new = count - drawn >= total / 100 or count >= total or now != asked
+                if new and accepts_output(self.console.file):
                     drawn, asked = count, now
                     bar.update(task, completed=count, refresh=True, description=f"{text}, {now}" if now else text)
 

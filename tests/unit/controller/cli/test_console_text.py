@@ -1,9 +1,12 @@
 """What a narrow console, a file and a terminal without colours show: every word and every number."""
 
 import io
+import os
 import re
 import subprocess
 import sys
+import termios
+import threading
 
 import numpy as np
 import pytest
@@ -129,8 +132,37 @@ def test_a_line_of_progress_fits_the_terminal(width):
     assert len(last) <= width
 
 
+def test_a_terminal_that_accepts_nothing_does_not_halt_what_reports_its_progress():
+    """Ctrl-S, or a remote connection that stalls, while the cycle draws the bar."""
+    reader, terminal = os.openpty()
+    screen = Screen()
+    with os.fdopen(reader, "rb", 0) as shown_bytes, os.fdopen(terminal, "w") as stream:
+        screen.console = Console(file=stream, width=60, force_terminal=True, color_system=None)
+        with screen.track("loaded: identification", 100) as done:
+
+            def go_on():
+                for count in range(11, 91):
+                    done(count)
+
+            done(10)
+            termios.tcflow(terminal, termios.TCOOFF)
+            cycle = threading.Thread(target=go_on, daemon=True)
+            cycle.start()
+            cycle.join(10.0)
+            halted = cycle.is_alive()
+            termios.tcflow(terminal, termios.TCOON)
+            done(91)
+        output = shown_bytes.read(100_000).decode()
+    assert not halted
+    assert " 10%" in output
+    assert " 50%" not in output
+    assert " 91%" in output
+
+
 NOTED = """
 import sys
+import termios
+import threading
 from armload_controller.cli import main
 from armload_controller.control_errors import MotionError
 from armload_drivers.driver_errors import BusError
