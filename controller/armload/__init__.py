@@ -8,8 +8,8 @@
     >>> result = armload.identify("er50", loaded, unloaded)
     >>> result.save("payload.toml")
 
-Every name is loaded when it is first used, so that a control process that imports `PayloadFeedforward` loads neither
-the command line nor a bus. Units are SI, and names carry them.
+Each name is loaded on first use, so that a control process that imports `PayloadFeedforward` loads neither the command
+line nor a bus. All units are SI and are part of the names.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ _HOMES: Final = {
     "read_urdf_arm": ("armload_controller.config.urdf_arm", "read_urdf_arm"),
     "validate": ("armload_controller.analysis.robot_payload", "validate"),
 }
-"""Module and name there of each public name; the imports above say the same to type checkers."""
+"""Module of each public name, and its name in that module; the imports above state the same for type checkers."""
 
 
 def __getattr__(name: str) -> Any:

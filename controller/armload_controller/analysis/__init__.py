@@ -1,1 +1,1 @@
-"""What is done with a configured arm and files, without a bus: identify, validate, design an excitation."""
+"""Operations on a configured arm and its files, without a bus: identify, validate, watch, design an excitation."""

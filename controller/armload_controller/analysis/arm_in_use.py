@@ -1,6 +1,6 @@
-"""The arm as it is used: by its configuration, or calibrated by a file.
+"""The arm model in use: from the robot's file, or corrected by a calibration file.
 
-Readers of files are loaded where a file is given: most commands have none.
+The readers are imported only if a file is given: most commands have none.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ FilePath = str | PathLike[str]
 
 @dataclass(frozen=True, eq=False)
 class ArmInUse:
-    """The arm as its configuration, or a calibration of it, describes it.
+    """The arm model from the robot's file, or from its calibration.
 
     Attributes:
-        chain: Kinematics, and gravity as it pulls on a base that may not be level.
-        transmission: Gains and coupling.
-        known: The empty arm by its calibration; None without one.
-        calibration: What it was calibrated with; None without.
+        chain: Kinematics and gravity in the base frame; a calibration accounts for a base that is not level.
+        transmission: Current-to-torque gains and coupling.
+        known: Model of the empty arm from the calibration; None without one.
+        calibration: The calibration; None without one.
         calibration_sha256: File name and hash of the calibration; empty without one.
     """
 
@@ -41,10 +41,10 @@ class ArmInUse:
     calibration_sha256: dict[str, str] = field(default_factory=dict)
 
     def calibrated(self, why: str) -> tuple[ArmCalibration, KnownArm]:
-        """The calibration, and the empty arm by it.
+        """The calibration and its model of the empty arm.
 
         Args:
-            why: What they are needed for, as the beginning of a sentence.
+            why: What they are needed for; starts the error message.
 
         Raises:
             EstimationError: the arm is not calibrated.
@@ -57,16 +57,16 @@ class ArmInUse:
 
 
 def arm_in_use(robot: MeasuredArm, calibration: FilePath | None = None) -> ArmInUse:
-    """The arm, calibrated where a calibration is given, or named in the robot's file.
+    """The arm model, calibrated if a calibration is given or the robot's file names one.
 
     Args:
         robot: The arm.
-        calibration: Calibration file; it wins over the one that the robot's file names.
+        calibration: Calibration file; takes precedence over the one that the robot's file names.
 
     Raises:
-        ConfigurationError: the robot's file names a calibration that is not there.
-        CalibrationFileError: it cannot be used.
-        ModelError: it belongs to another arm.
+        ConfigurationError: the calibration that the robot's file names does not exist.
+        CalibrationFileError: the calibration cannot be used.
+        ModelError: the calibration belongs to another arm.
     """
     path = robot.calibration_file if calibration is None else Path(calibration)
     if path is None:

@@ -1,12 +1,12 @@
-"""What happens to an arm that is watched, from one estimate to the next.
+"""Events of a watched arm, found by comparing each estimate with the previous one.
 
-    grasped, dropped        the payload changed, and by how much is known within a quarter of it
-    changed tool            it changed, its mass did not, and its centre of mass is elsewhere
-    contact                 at rest something pushes harder than friction could hold
-    friction drifting       a joint's friction is `DRIFTING` times as far from the calibration's as it was between runs
-    calibration out of date `OUTDATED` times as far; or the arm carries less than nothing
+        grasped, dropped        the payload's mass changed, and the change is known to within a quarter of its value
+    changed tool            the payload changed: same mass, different centre of mass
+    contact                 at rest, an external force exceeds what friction could hold
+    friction drifting       a joint's friction differs from the calibration by `DRIFTING` times the scatter between runs
+    calibration out of date the same with `OUTDATED` times the scatter; or the estimated mass is below zero
 
-Friction and mass are judged after `MOVED_S` of motion, and only what has held for `HELD_S` is an event.
+Friction and a negative mass are assessed after `MOVED_S` of motion, and count only if they have persisted for `HELD_S`.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.verdict.friction_validity import FAR
 
 WEIGHED_WITHIN: Final = 0.25
-"""A change of payload is weighed when the half widths of both masses are below this share of it."""
+"""A change of mass is known if the half widths of the masses before and after are below this share of it."""
 SAME_WITHIN: Final = 0.1
-"""A mass is the same after a change when it is, with half widths, within this share of it."""
+"""The mass is unchanged if difference plus half width is below this share of it."""
 MOVED_WITHIN_M: Final = 0.01
-"""A centre of mass is elsewhere when it is, without its half widths, by more than this."""
+"""The centre of mass has moved if the difference exceeds the half widths by more than this."""
 DRIFTING: Final = 3.0
 """Standard deviations of the drift between runs."""
 OUTDATED: Final = FAR
 MOVED_S: Final = 5.0
-"""Time in motion from which on friction and a mass below zero are judged."""
+"""Time in motion after which friction and a mass below zero are assessed."""
 HELD_S: Final = 10.0
 
 
 @dataclass(frozen=True)
 class PayloadEvent:
-    """Something that happened to the arm.
+    """An event of the arm.
 
     Attributes:
-        time_s: When, as the recording's stamps have it.
-        kind: "changed", as soon as it is noticed; then "grasped", "dropped" or "changed tool", when it is weighed;
-            "contact" at rest, and "contact over"; "friction drifting"; "calibration out of date".
-        mass_kg: By how much the payload changed; None where that is not known or means nothing.
-        joint: Name of the joint whose friction it is about; None for the others.
+        time_s: Time on the clock of the recording's stamps.
+        kind: "changed" as soon as a change is detected; then "grasped", "dropped" or "changed tool" once its size is
+            known; "contact" at rest, and "contact over"; "friction drifting"; "calibration out of date".
+        mass_kg: Change of the payload's mass; None if unknown or not applicable.
+        joint: Name of the joint whose friction has changed; None for other events.
     """
 
     time_s: float
@@ -54,12 +54,12 @@ class PayloadEvent:
     joint: str | None = None
 
     def __str__(self) -> str:
-        """In a few words."""
+        """One line of text."""
         text = self.kind if self.mass_kg is None else f"{self.kind} ({self.mass_kg:+.2f} kg)"
         return text if self.joint is None else f"{text}: {self.joint}"
 
     def to_dict(self) -> dict[str, Any]:
-        """As `armload/watch/1` has it."""
+        """As in the schema `armload/watch/1`."""
         return {"time_s": self.time_s, "kind": self.kind, "mass_kg": self.mass_kg, "joint": self.joint}
 
 
@@ -83,15 +83,15 @@ class PayloadEvents:
         self._said: set[tuple[str, str | None]] = set()
 
     def of(self, found: LivePayload) -> tuple[PayloadEvent, ...]:
-        """What has happened since the estimate before.
+        """The events since the previous estimate.
 
         Args:
-            found: The estimate of now.
+            found: The current estimate.
         """
         return (*self._changed(found), *self._contact(found), *self._outdated(found))
 
     def _changed(self, found: LivePayload) -> list[PayloadEvent]:
-        """Another payload: noticed, and weighed as soon as both are known well enough."""
+        """A change of payload: when it is detected, and again once both payloads are known well enough."""
         events = []
         if found.changes > self._changes:
             self._changes = found.changes
@@ -116,7 +116,7 @@ class PayloadEvents:
         return [PayloadEvent(found.time_s, "contact" if found.contact else "contact over")]
 
     def _outdated(self, found: LivePayload) -> list[PayloadEvent]:
-        """What says that the calibration does not hold any more, each thing once."""
+        """Signs that the calibration no longer holds, each reported once."""
         if found.moving_s.max() < MOVED_S:
             self._since.clear()
             return []
@@ -134,11 +134,11 @@ class PayloadEvents:
 
 
 def kind_of_change(before: LivePayload, after: LivePayload) -> str | None:
-    """What a change of payload was; None where one of the two is not known well enough.
+    """Kind of a change of payload; None while either payload is not known well enough.
 
     Args:
         before: The payload before the change.
-        after: The one after it, as it is known now.
+        after: The current estimate of the payload after the change.
     """
     change = after.mass_kg - before.mass_kg
     doubt = max(after.half_width_95[0], before.half_width_95[0])

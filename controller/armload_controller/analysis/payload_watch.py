@@ -1,4 +1,4 @@
-"""Watch what a calibrated arm carries: its recording, finished or still growing, sample by sample."""
+"""Watch the payload of a calibrated arm sample by sample, in a recording that is finished or still growing."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from armload_identification.recording.reading_options import Effort, ReadingOpti
 from armload_identification.recording.row_block import RowBlock
 
 SHOWN_S: Final = 3.0
-"""Time in motion from which on an estimate is shown."""
+"""Time in motion after which an estimate is shown."""
 NEVER_LOOKED: Final = -2
 IDLE_LOOKS: Final = 10
-"""Looks without anything new after which a recording counts as finished."""
+"""Number of looks without new data after which a recording counts as finished."""
 
 
 @dataclass(frozen=True)
 class HeardBus:
-    """What was heard of an arm on its bus.
+    """The state of an arm as received from its bus.
 
     Attributes:
-        cycles: Cycles so far.
-        missing: Of them, by joint, those without its answer.
-        enabled: The drives are in OPERATION ENABLED; else nothing is weighed.
-        silent_s: For how long nothing has been heard.
+        cycles: Number of cycles so far.
+        missing: Per joint, number of cycles without its feedback.
+        enabled: Whether the drives are in OPERATION ENABLED; otherwise no payload is estimated.
+        silent_s: Time since the last frame.
     """
 
     cycles: int
@@ -47,13 +47,13 @@ class HeardBus:
 
 @dataclass(frozen=True, eq=False)
 class WatchedMoment:
-    """What is known at one moment.
+    """Everything known at one moment.
 
     Attributes:
-        time_s: Of the last sample.
-        payload: The estimate; None where an arm is recorded that is not calibrated.
-        events: What has happened since the moment before.
-        bus: What was heard; None of a recording.
+        time_s: Time of the last sample.
+        payload: The estimate; None if the arm is only recorded because it is not calibrated.
+        events: Events since the previous moment.
+        bus: State of the bus; None for a recording.
     """
 
     time_s: float
@@ -150,17 +150,20 @@ class PayloadWatch:
 
     @staticmethod
     def _usable(blocks: Iterator[RowBlock], garbage: GarbageFilter) -> Iterator[RowBlock]:
-        """Without rows that cannot be right."""
+        """The blocks without implausible rows."""
         for block in blocks:
             yield from garbage.add(block)
         yield from garbage.finish()
 
     def rows(self, path: Path, block: RowBlock) -> Iterator[WatchedMoment]:
-        """Take rows; those that are not later than the last are passed over.
+        """Process rows; those not later than the last one are skipped.
 
         Args:
-            path: What messages call the recording.
+            path: The recording, for messages.
             block: The rows.
+
+        Raises:
+            RecordingError: the rows lack the effort that the arm was calibrated with, or have other joints.
         """
         effort = block.torque_nm if self.effort is Effort.TORQUE else block.current_a
         if effort is None:
@@ -189,7 +192,7 @@ class PayloadWatch:
             start = end
 
     def take(self, time_s: FloatArray, position: FloatArray, effort: FloatArray) -> None:
-        """Take samples.
+        """Process samples.
 
         Args:
             time_s: (N,) stamps.
@@ -201,29 +204,29 @@ class PayloadWatch:
             self._last_s = float(time_s[-1])
 
     def moment(self, bus: HeardBus | None = None) -> WatchedMoment:
-        """The estimate, and what has happened since the moment before.
+        """The estimate, and the events since the previous moment.
 
         Args:
-            bus: What was heard, of an arm on its bus.
+            bus: State of the bus, for an arm on its bus.
         """
         found = self._estimator.estimate()
         return WatchedMoment(found.time_s, found, self._events.of(found), bus)
 
 
 def follow(watch: PayloadWatch, path: Path, wait: Callable[[float], None], every_s: float) -> Iterator[WatchedMoment]:
-    """Watch a recording until it has its final name, or until it is no longer written to.
+    """Watch a recording until it has its final name, or is no longer being written.
 
     Args:
-        watch: Of the arm.
-        path: The recording that grows, such as NAME.partial.mcap.
-        wait: Waits for a time in s.
+        watch: The watch of the arm.
+        path: The growing recording, such as NAME.partial.mcap.
+        wait: Waits for the given time in s.
         every_s: Time between two looks.
 
     Yields:
         Moments.
 
     Raises:
-        RecordingError: there is no such recording, or it does not fit.
+        RecordingError: the recording does not exist, or does not fit the arm.
     """
     idle, size = 0, NEVER_LOOKED
     while idle < IDLE_LOOKS:

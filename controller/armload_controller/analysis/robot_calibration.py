@@ -13,7 +13,7 @@ from armload_identification.calibration.calibrate_arm import calibrate_arm
 from armload_identification.extras import Extra, require_extra
 
 _PARTS = 100
-"""Steps of either half of the progress, reading and calibrating."""
+"""Steps of progress for each half: reading, then calibrating."""
 
 
 def calibrate_from_files(
@@ -23,12 +23,12 @@ def calibrate_from_files(
 
     Args:
         robot: The arm.
-        paths: One table of runs, or recordings that say what they carried.
-        progress: Takes how much is done, and of how much.
+        paths: One table of runs, or recordings that state their payload.
+        progress: Called with the steps done and their total.
 
     Raises:
-        RunTableError: a table that makes no sense.
-        EstimationError: no usable run, an arm that is mounted otherwise than entered, or no agreement.
+        RunTableError: the table of runs is invalid.
+        EstimationError: no usable run, a mounting other than entered, or runs that contradict each other.
     """
     require_extra(Extra.IDENTIFY, "calibrating an arm")
 
@@ -43,15 +43,15 @@ def calibrate_from_files(
 def calibrate_from_runs(
     robot: Robot, runs: ArmRuns, progress: Callable[[int, int], None] | None = None
 ) -> ArmCalibration:
-    """Calibrate an arm from recordings that were read.
+    """Calibrate an arm from recordings in memory.
 
     Args:
         robot: The arm.
-        runs: The recordings, what they carried, and what could not be read.
-        progress: Takes how much is done, and of how much.
+        runs: The recordings with their payloads, and those that could not be read.
+        progress: Called with the steps done and their total.
 
     Raises:
-        EstimationError: no usable run, an arm that is mounted otherwise than entered, or no agreement.
+        EstimationError: no usable run, a mounting other than entered, or runs that contradict each other.
     """
     require_extra(Extra.IDENTIFY, "calibrating an arm")
     return calibrate_arm(

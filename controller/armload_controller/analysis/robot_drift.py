@@ -25,18 +25,18 @@ def drift(
     calibration: FilePath | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ArmHistory:
-    """Hold an arm's runs against its calibration, one after the other.
+    """Compare an arm's runs with its calibration, one after the other.
 
     Args:
         robot: The arm.
-        paths: Recordings of any motions, or one table of runs. A payload that a table does not name, or the calibration
-            does not know, is fitted with the run.
+        paths: Recordings of any motions, or one table of runs. A payload that is not named in the table, or is unknown
+            to the calibration, is estimated with the run.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
-        progress: Takes how many were read, and of how many.
+        progress: Called with the number of recordings read and their total.
 
     Raises:
         EstimationError: the arm is not calibrated, or no run can be used.
-        RunTableError: a table that makes no sense, or a table among recordings.
+        RunTableError: the table of runs is invalid, or is given together with recordings.
     """
     used = arm_in_use(robot, calibration)
     known, _ = used.calibrated("comparing runs requires the arm's calibration")
@@ -78,7 +78,7 @@ def drift(
 
 
 def _rows(paths: Sequence[Path]) -> list[tuple[TableRow, str | None]]:
-    """Recordings and what a table says that they carried; None where nothing says it."""
+    """The recordings, each with its mounting as stated by the table; None without a table."""
     tables = [path for path in paths if is_run_table(path)]
     if not tables:
         return [(TableRow(path, "", None, None), None) for path in paths]

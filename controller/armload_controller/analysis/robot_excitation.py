@@ -1,4 +1,4 @@
-"""Design an excitation for a configured arm: within its limits, clear of obstacles, as its bus can stream it."""
+"""Design an excitation for a configured arm: within its limits, clear of obstacles, at a period its bus can stream."""
 
 from __future__ import annotations
 
@@ -34,35 +34,35 @@ POSITION_MARGIN_RAD: Final = 0.1
 RATE_SHARE: Final = 0.7
 """Share of speed, acceleration and jerk limits that the excitation uses; the phase ramps need the rest."""
 TORQUE_SHARE: Final = 0.8
-"""Share of the torque limits that arm and heaviest payload use; ramps, and what no model knows, have the rest."""
+"""Share of the torque limits that arm and heaviest payload use; the rest is for ramps and model errors."""
 _SHORTEST_PERIOD_S: Final = 2.0
 _LONGEST_PERIOD_S: Final = 20.0
-"""Where an automatic period is looked for."""
+"""Range in which an automatic period is chosen."""
 _PERIOD_STEP_S: Final = 0.1
 """A chosen period is a multiple of at least this, in whole cycles of the bus."""
 _MEASURED_S: Final = 30.0
-"""What a run records where no number of periods is given."""
+"""Measured time of a run if no number of periods is given."""
 _LEAST_PERIODS: Final = 3
-"""Fewer say little about the scatter between them."""
+"""Fewer do not show the scatter between periods."""
 _LEAST_CYCLES: Final = 10
-"""Setpoints that a period of the highest harmonic needs at least."""
+"""Minimum number of setpoints per period of the highest harmonic."""
 _PICTURE_DPI: Final = 150
 
 
 class UnstreamablePeriod(ControlError):
-    """A period that is no time, or that setpoints at the bus's rate cannot follow."""
+    """A period that is not a positive duration, or that setpoints at the bus's rate cannot follow."""
 
 
 @dataclass(frozen=True, eq=False)
 class DesignedExcitation:
-    """An excitation with what was found of it; printed, it is three lines.
+    """A designed excitation and its figures; prints as three lines.
 
     Attributes:
-        arm: The arm that it is for.
-        result: Trajectory, criterion and room to every limit.
-        envelope: The limits that it was designed within.
-        periods: Periods that a run records.
-        options: The options of `armload design` that make it again, but for the output.
+        arm: The arm it was designed for.
+        result: Trajectory, criterion and margin to every limit.
+        envelope: The limits it was designed within.
+        periods: Number of periods that a run records.
+        options: Options of `armload design` that reproduce it, without the output.
     """
 
     arm: Robot
@@ -84,7 +84,7 @@ class DesignedExcitation:
         draw_excitation(Path(path), self._excitation(Path(path).name), self.envelope, self.arm.joint_names)
 
     def nearest(self) -> dict[str, tuple[str, float]]:
-        """The smallest room to every kind of limit: joint or pair of bodies, and the room in the key's unit."""
+        """The smallest margin to every kind of limit: joint or pair of bodies, and the margin in the key's unit."""
         room = self.result.margins
         found = {}
         for key in ("position_rad", "velocity_rad_s", "acceleration_rad_s2", "torque_nm"):
@@ -100,12 +100,12 @@ class DesignedExcitation:
 
     @cached_property
     def speed_m_s(self) -> float:
-        """What no point of the arm exceeds at full speed."""
+        """Greatest speed of any point of the arm at full rate."""
         return float(self.arm.limits.points.greatest_on(self.result.trajectory).max())
 
     @cached_property
     def slow_round_s(self) -> float:
-        """How long the slow round before it lasts, in which no point exceeds `paths.PLANNED_SPEED_M_S`."""
+        """Duration of the preceding slow round, in which no point exceeds `paths.PLANNED_SPEED_M_S`."""
         path = self.result.trajectory
         paced, _ = reduced_pace(path, bound_phase(path, self.arm.limits.motion), self.arm.limits.points)
         return paced.pace.lasts_s
@@ -131,7 +131,7 @@ class DesignedExcitation:
         }
 
     def __str__(self) -> str:
-        """Figures, and the smallest room to every kind of limit."""
+        """Figures, and the smallest margin to every kind of limit."""
         words = {
             "position_rad": ("range ", "rad"),
             "velocity_rad_s": ("speed ", "rad/s"),
@@ -170,25 +170,24 @@ def design(
 ) -> DesignedExcitation:
     """Design an excitation for a robot's expected payload, within all limits and clear of all obstacles at any time.
 
-    Several starts run in processes of their own, so a program that calls this needs the usual guard
-    `if __name__ == "__main__":`.
+    Several starts run in separate processes, so a calling program needs the usual guard `if __name__ == "__main__":`.
 
     Args:
         robot: The arm: a robot, the name of a shipped one, or the path of its TOML.
         seed: Seed of the random starts; the same seed gives the same excitation.
         restarts: Number of random starts; the best result is used.
         harmonics: Harmonics of the Fourier series.
-        period_s: Duration of one period; "auto" is as fast as torque, following error and rates allow.
+        period_s: Duration of one period; "auto" chooses the fastest that torque, following error and rates allow.
         periods: Periods that a run records; by default 30 s and at least three.
         criterion: One of `information.CRITERIA`.
-        progress: Called with the number of starts that are done.
+        progress: Called with the number of starts completed.
 
     Returns:
         The excitation, to print, save and draw.
 
     Raises:
-        ConfigurationError: the file lacks what a design needs.
-        UnstreamablePeriod: the bus cannot stream such a period.
+        ConfigurationError: the robot's file lacks data that a design needs. UnstreamablePeriod: the bus cannot stream
+            such a period.
         ExcitationError: no start found an excitation within the limits.
 
     Examples:
@@ -246,10 +245,10 @@ def draw_excitation(path: Path, excitation: Excitation, envelope: Envelope, join
 
 
 def design_envelope(robot: Robot) -> Envelope:
-    """What an excitation of a robot is designed within: its limits, less what ramps, servos and surprises need.
+    """The limits for designing an excitation: the robot's, less the margins for ramps, servos and model errors.
 
     Raises:
-        ConfigurationError: the file lacks what a design needs.
+        ConfigurationError: the robot's file lacks data that a design needs.
         ExcitationError: nothing is left of a range.
     """
     return robot.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
@@ -257,7 +256,7 @@ def design_envelope(robot: Robot) -> Envelope:
 
 @contextmanager
 def _workers(restarts: int) -> Iterator[Executor | None]:
-    """A process per core; none for a single start."""
+    """One process per core; none for a single start."""
     cores = min(restarts, len(os.sched_getaffinity(0)))
     if cores == 1:
         yield None
@@ -267,7 +266,7 @@ def _workers(restarts: int) -> Iterator[Executor | None]:
 
 
 def _frequency(arm: Robot, period_s: float | Literal["auto"], harmonics: int) -> float | PeriodRange:
-    """The base frequency, or the range to choose the period from; both as the arm's bus can stream them."""
+    """The base frequency, or the range of periods to choose from, such that the arm's bus can stream them."""
     if isinstance(period_s, str):
         cycle_s = 1 / arm.bus.cycle_hz
         step_s = ceil(_PERIOD_STEP_S / cycle_s - 1e-9) * cycle_s

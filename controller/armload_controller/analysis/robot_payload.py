@@ -1,6 +1,6 @@
-"""A payload from the recordings of a configured arm, and what further recordings say of it.
+"""Identify a payload from recordings of a configured arm, and validate it with further recordings.
 
-Robots, recordings and files are given as objects or by name and path.
+Robots, recordings and files are given as objects, names or paths.
 """
 
 from __future__ import annotations
@@ -51,17 +51,17 @@ def read_run(
 
     Args:
         path: MCAP of armload, ROS 2 bag, CSV, Parquet, LeRobot data set or NumPy archive.
-        robot: The arm it belongs to; its `[log]` says which columns of a table hold what.
-        columns: Columns of a table, such as "time=0 position=1-6 current=7-12"; else `[log]` or the names
-            of the header say it.
-        effort: What the effort of a ROS message is, "torque" or "current".
-        between_s: Times since the first row between which rows are used.
-        joints: Which of the recorded joints are the arm's, from 0; else those of its names, or all.
-        episode: Number of the recording to take from a data set of several.
+        robot: The arm it belongs to; its `[log]` assigns the columns of a table.
+        columns: Columns of a table, such as "time=0 position=1-6 current=7-12"; if not given, `[log]` or the header's
+            names apply.
+        effort: Meaning of the effort in a ROS message, "torque" or "current".
+        between_s: Interval of rows to use, as times since the first row.
+        joints: Indices, from 0, of the recorded joints that are the arm's; if not given, matched by name, or all.
+        episode: Number of the recording to read from a data set of several.
 
     Raises:
-        RecordingError: it cannot be read, or has other joints.
-        CommissioningError: it was recorded on another arm.
+        RecordingError: the recording cannot be read, or has other joints.
+        CommissioningError: the recording is of another arm.
 
     Examples:
         >>> import armload
@@ -91,23 +91,23 @@ def identify(
     estimator: Estimator = Estimator.FRICTION,
     tolerance: Tolerance | None = None,
 ) -> Findings:
-    """Identify the payload that one run carried and the other did not.
+    """Identify the payload from a run that carried it and one that did not.
 
     Args:
         robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
         loaded: Run with the payload.
-        unloaded: Run of the same motion without it; may be left out where the arm is calibrated.
+        unloaded: Run of the same motion without it; may be omitted if the arm is calibrated.
         validation: A loaded and an unloaded run of another motion, to judge the result.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
-        known: What is known of the payload beforehand.
-        estimator: How to fit.
-        tolerance: By how much the payload may be off; 2 % of its mass and 10 mm if not given.
+        known: Prior knowledge of the payload.
+        estimator: Estimation method.
+        tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
 
     Returns:
         Payload, intervals and verdict, to print, save and report.
 
     Raises:
-        RecordingError: recordings that do not fit the arm or each other, or cannot be right.
+        RecordingError: recordings that do not fit the arm or each other, or are implausible.
         EstimationError: neither unloaded run nor calibration, or data that no payload explains.
 
     Examples:
@@ -164,20 +164,20 @@ def identify(
 def identify_over_time(
     robot: MeasuredArm | str, loaded: Recording | FilePath, every_s: float, *, calibration: FilePath | None = None
 ) -> PayloadOverTime:
-    """Identify what a calibrated arm carried in one window of a run of any motion after the other.
+    """Identify the payload of a calibrated arm in successive windows of one run of any motion.
 
     Args:
         robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
         loaded: The run.
-        every_s: Length of a window; 10 to 20 s of brisk motion are good.
+        every_s: Length of a window; 10 to 20 s of fast motion are recommended.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
 
     Returns:
         Mass and centre of mass with intervals, to print, save as JSON and draw.
 
     Raises:
-        EstimationError: the arm is not calibrated, or the windows are too short to say anything.
-        RecordingError: a recording that does not fit the arm or cannot be right.
+        EstimationError: the arm is not calibrated, or the windows are too short.
+        RecordingError: the recording does not fit the arm or is implausible.
     """
     require_extra(Extra.IDENTIFY, "identifying a payload")
     arm = _robot(robot)
@@ -202,7 +202,7 @@ def validate(
     calibration: FilePath | None = None,
     tolerance: Tolerance | None = None,
 ) -> Findings:
-    """Judge a payload by a pair of runs that it was not identified from.
+    """Validate a payload with a pair of runs that it was not identified from.
 
     Args:
         robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
@@ -210,7 +210,7 @@ def validate(
         loaded: Run with the payload.
         unloaded: Run of the same motion without it.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
-        tolerance: By how much the payload may be off; 2 % of its mass and 10 mm if not given.
+        tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
 
     Returns:
         The payload with the verdict, to print and report.
@@ -241,7 +241,7 @@ def findings_from_files(
     calibration: FilePath | None = None,
     tolerance: Tolerance | None = None,
 ) -> Findings:
-    """What files say of a payload, without identifying it again.
+    """Findings on a payload from existing files, without identifying it again.
 
     Args:
         robot: The arm: a robot or a `UrdfArm`, the name of a shipped robot, or the path of its TOML.
@@ -249,7 +249,7 @@ def findings_from_files(
         fitted: The runs that it was identified from.
         validation: Runs that it was not identified from.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
-        tolerance: By how much the payload may be off; 2 % of its mass and 10 mm if not given.
+        tolerance: Permitted error of the payload; 2 % of its mass and 10 mm if not given.
 
     Raises:
         PayloadFileError: the payload's file cannot be read, or it is not given in the flange frame.
@@ -272,7 +272,7 @@ def findings_from_files(
 def _validated(
     findings: Findings, arm: MeasuredArm, used: ArmInUse, pair: RunPair, tolerance: Tolerance | None
 ) -> Findings:
-    """The same findings, judged by a pair of runs."""
+    """The findings with the verdict of a pair of runs."""
     loaded, unloaded = (_run(arm, run) for run in pair)
     judged = payload_validation.validate(
         loaded, unloaded, used.chain, used.transmission, findings.payload, tolerance, arm=used.known
@@ -282,7 +282,7 @@ def _validated(
 
 
 def _taken_in_order(arm: MeasuredArm, run: Recording) -> str | None:
-    """What to check where a recording names its joints otherwise than the arm's file; None where nothing is."""
+    """What to check if none of the recorded joint names is the arm's; None if the names match or are missing."""
     recorded = run.source.joint_names
     if not recorded or set(recorded) & set(arm.joint_names):
         return None

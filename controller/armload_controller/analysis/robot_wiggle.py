@@ -1,4 +1,4 @@
-"""The shortest motion about the place where a calibrated arm stands that shows what it carries."""
+"""The shortest motion about a calibrated arm's present pose that determines the payload's mass."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ from armload_identification.pipeline.mass_prospect import MassProspect
 from armload_identification.pipeline.wiggle import Wiggle, shortest_wiggle
 
 _WITHOUT_BUS_S: Final = 0.01
-"""Time between setpoints of an arm whose file names no bus."""
+"""Time between setpoints for an arm without a `[bus]`."""
 
 
 @dataclass(frozen=True, eq=False)
 class DesignedWiggle:
-    """A short motion that shows a mass, with what was found of it; printed, it is some lines.
+    """A short motion that determines a mass, with its figures; prints as a few lines.
 
     Attributes:
         arm: The arm.
-        at_rad: (n,) the place.
-        wiggle: The motion, and what it shows.
-        envelope: The limits that it was designed within.
-        path: The motion as it may be driven.
-        command: The command that makes it again, without the output.
+        at_rad: (n,) the pose that the motion is centred on.
+        wiggle: The motion and its predicted accuracy.
+        envelope: The limits it was designed within.
+        path: The motion, checked for execution.
+        command: The command that reproduces it, without the output.
     """
 
     arm: Robot
@@ -58,24 +58,24 @@ class DesignedWiggle:
 
     @property
     def share(self) -> float:
-        """Half width of the mass' 95 % interval over the mass that is expected."""
+        """Half width of the mass's 95 % interval divided by the expected mass."""
         return self.wiggle.half_width_kg / self.arm.payloads.expected.mass_kg
 
     @property
     def measured_s(self) -> float:
-        """All periods, and the ramps up and down."""
+        """Duration of all periods and both ramps."""
         leg = self.path.measured.leg
         return leg.end_s - leg.start_s
 
     @property
     def amplitude_rad(self) -> FloatArray:
-        """(n,) greatest distance of every joint from the place."""
+        """(n,) greatest distance of every joint from `at_rad`."""
         reach = self.wiggle.trajectory.bounds()
         return np.maximum(reach.position_max_rad - self.at_rad, self.at_rad - reach.position_min_rad)
 
     @property
     def speed_m_s(self) -> float:
-        """What no point of the arm exceeds."""
+        """Greatest speed of any point of the arm."""
         return float(self.arm.limits.points.greatest_on(self.wiggle.trajectory).max())
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -121,7 +121,7 @@ class DesignedWiggle:
         }
 
     def __str__(self) -> str:
-        """What it shows, how long it takes, and where it goes."""
+        """Accuracy, duration and extent."""
         way = ", ".join(f"{np.degrees(size):.1f}" for size in self.amplitude_rad)
         wiggle = self.wiggle
         return (
@@ -146,23 +146,23 @@ def design_wiggle(
     seed: int = 1,
     progress: Callable[[int, int], None],
 ) -> DesignedWiggle:
-    """Find the shortest motion about a place that shows the mass of the robot's expected payload.
+    """Find the shortest motion about a pose that determines the mass of the robot's expected payload.
 
     Args:
         robot: The arm.
-        at_rad: (n,) the place; if not given, the middle of its excitation.
-        within_rad: What no joint leaves the place by.
-        mass_share: Half width of the mass' 95 % interval that is wanted, over the mass.
-        speed_m_s: What no point of the arm is to exceed; if not given, what the robot's file says.
+        at_rad: (n,) the pose; if not given, the middle of the robot's excitation.
+        within_rad: Greatest distance of any joint from the pose.
+        mass_share: Required half width of the mass's 95 % interval, divided by the mass.
+        speed_m_s: Speed that no point of the arm exceeds; if not given, the limit in the robot's file.
         calibration: Calibration file of `armload calibrate`; if not given, the one that the robot's file names.
-        seed: Same seed, same motion.
-        progress: Takes how much is done, and of how much.
+        seed: Seed of the random starts; the same seed gives the same motion.
+        progress: Called with the steps done and their total.
 
     Raises:
         EstimationError: the arm is not calibrated.
-        ConfigurationError: no place is given or known, or the robot's file lacks what a design needs.
-        ExcitationError: no such motion keeps all limits, or none shows so much.
-        BlockedWay: the way from the place onto the motion is not free.
+        ConfigurationError: no pose is given or known, or the robot's file lacks data that a design needs.
+        ExcitationError: no such motion keeps all limits, or none is accurate enough.
+        BlockedWay: the approach from the pose to the motion is not free.
     """
     used = arm_in_use(robot, calibration)
     _, known = used.calibrated("predicting what a motion will determine requires the arm's calibration")
@@ -196,7 +196,7 @@ def design_wiggle(
 
 
 def _place(robot: Robot, at_rad: Sequence[float]) -> FloatArray:
-    """Where the arm stands."""
+    """The pose that the motion is centred on."""
     if len(at_rad):
         at = np.asarray(at_rad, dtype=np.float64)
         if at.shape != (robot.n,) or not np.isfinite(at).all():
@@ -216,7 +216,7 @@ def _place(robot: Robot, at_rad: Sequence[float]) -> FloatArray:
 
 
 def _about(robot: Robot, at: FloatArray, within_rad: float, speed_m_s: float | None) -> Envelope:
-    """The robot's limits, and a box about the place."""
+    """The robot's limits, restricted to a box about the pose."""
     whole = robot.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
     joints = whole.joints
     low, high = joints.position_min_rad, joints.position_max_rad

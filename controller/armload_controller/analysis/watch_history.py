@@ -1,4 +1,4 @@
-"""What was watched, for a report: moments and events of one watch."""
+"""The moments and events of one watch, collected for its report."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _MARKED: Final = frozenset({"grasped", "dropped", "changed tool"})
 
 
 class WatchDiary:
-    """Keeps the moments of one watch.
+    """Collects the moments of one watch.
 
     Args:
         robot: The arm.
-        watching: What watches it.
-        watched: The recording or the bus, in words.
-        armload_version: Of the program.
+        watching: The watch of the arm.
+        watched: The recording or the bus, for the report.
+        armload_version: Version of the program.
     """
 
     def __init__(self, robot: MeasuredArm, watching: PayloadWatch, watched: str, armload_version: str) -> None:
@@ -32,7 +32,7 @@ class WatchDiary:
         self._last: WatchedMoment | None = None
 
     def add(self, moment: WatchedMoment) -> None:
-        """Keep a moment."""
+        """Add a moment."""
         found = moment.payload
         self._events += [WatchedEvent(each.time_s, str(each), each.kind in _MARKED) for each in moment.events]
         if found is None:
@@ -42,7 +42,7 @@ class WatchDiary:
         self._last = moment
 
     def history(self) -> WatchHistory:
-        """All that was kept."""
+        """Everything collected so far."""
         time_s, mass_kg, width_kg, known = np.array(self._rows, dtype=np.float64).reshape(-1, 4).T
         return WatchHistory(
             robot=self._robot.name,
@@ -66,7 +66,7 @@ class WatchDiary:
         write_watch_report(path, self.history())
 
     def _joints(self) -> tuple[WatchedJoint, ...]:
-        """How the joints stand."""
+        """Motion, friction change and lost feedback of every joint."""
         if self._last is None or self._last.payload is None:
             return ()
         found, bus, arm = self._last.payload, self._last.bus, self._watching.calibration

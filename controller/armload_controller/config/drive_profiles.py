@@ -1,7 +1,7 @@
-"""Profiles of drives: what a product needs, one file per product family, named from a robot's `[joints.drive]`.
+"""Profiles of drives: settings of a product family, one file each, named in a robot's `[joints.drive]`.
 
-A profile holds facts about the product. It accepts nothing that is missing and says nothing of the arm: that is the
-robot's file, whose keys go before the profile's.
+A profile holds facts about the product. It cannot consent to missing safety properties and does not describe the arm;
+both belong to the robot's file, whose keys take precedence.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ def read_profile(name: str, folder: Path, file: str, key: str) -> ProfileFile:
 
     Args:
         name: Name of a shipped profile, or of a TOML file beside the robot's.
-        folder: Where the robot's file lies.
+        folder: Folder of the robot's file.
         file: The robot's file, for messages.
         key: Key that names the profile, for messages.
 
     Raises:
-        ConfigurationError: there is none of that name, or it cannot be used.
+        ConfigurationError: no profile has that name, or the profile cannot be used.
     """
     shipped = shipped_profiles()
     if name in shipped:
@@ -52,8 +52,8 @@ def with_profiles(values: Mapping[str, Any], folder: Path, file: str) -> dict[st
     """The values of a robot's file, its drives completed from the profiles that they name.
 
     Args:
-        values: As TOML has them; not checked yet.
-        folder: Where the robot's file lies.
+        values: Values parsed from TOML, not yet checked.
+        folder: Folder of the robot's file.
         file: The robot's file, for messages.
 
     Raises:
@@ -66,7 +66,7 @@ def with_profiles(values: Mapping[str, Any], folder: Path, file: str) -> dict[st
 
 
 def _completed(joint: object, number: int, folder: Path, file: str) -> object:
-    """One joint; what is no table is left for the check of the whole file."""
+    """One joint; anything but a table is left to the check of the whole file."""
     drive = joint.get("drive") if isinstance(joint, dict) else None
     name = drive.get("profile") if isinstance(drive, dict) else None
     if not isinstance(joint, dict) or not isinstance(drive, dict) or not isinstance(name, str):

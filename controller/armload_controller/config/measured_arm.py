@@ -1,4 +1,4 @@
-"""An arm whose recordings are evaluated: what identification and validation need of it, and nothing that moves it."""
+"""The interface that identification and validation need of an arm, without anything that moves it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class MeasuredArm(Protocol):
 
     @property
     def file(self) -> str:
-        """Where it was read from, for messages."""
+        """The file it was read from, for messages."""
 
     @property
     def name(self) -> str:
@@ -24,11 +24,11 @@ class MeasuredArm(Protocol):
 
     @property
     def description(self) -> str:
-        """What the robot is, in a line."""
+        """One line that describes the robot."""
 
     @property
     def sha256(self) -> str:
-        """Hash of what it was read from."""
+        """SHA-256 of the file it was read from."""
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -44,19 +44,19 @@ class MeasuredArm(Protocol):
 
     @property
     def csv_columns(self) -> CsvColumns | None:
-        """Columns of other programs' logs; None where the arm's file does not say."""
+        """Columns of other programs' logs; None if the arm's file does not state them."""
 
     @property
     def calibration_file(self) -> Path | None:
         """The calibration that the arm's file names; None where it names none."""
 
     def own(self, recording: Recording) -> Recording:
-        """A recording as one of this arm: its joints, base first.
+        """A recording with this arm's joints, base first.
 
         Args:
             recording: Any recording; joints that it names are matched by name, others by their order.
 
         Raises:
-            CommissioningError: it says that it was recorded on another arm.
-            RecordingError: it has other joints, or nothing that is a torque for this arm.
+            CommissioningError: the recording states another arm.
+            RecordingError: the recording has other joints, or no torque usable for this arm.
         """

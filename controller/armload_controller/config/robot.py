@@ -1,8 +1,8 @@
-"""One robot from its TOML file: reading, checking, and the parts that the other layers work with.
+"""One robot from its TOML file: reading, checking, and the parts that the other layers use.
 
-Three kinds of file have the same tables: an arm on a bus (`[bus]` and a drive per joint), an arm known from logs
-(`[log]`), and either with a `[simulation]`. Beyond the tables' form and agreement it is checked that the bus has room
-for the cycle, that the joints can hold the payloads named, and that the files named beside it can be used.
+Three kinds of file share the same tables: an arm on a bus (`[bus]` and a drive per joint), an arm known only from logs
+(`[log]`), and either of these with a `[simulation]`. Besides the form and consistency of the tables, it is checked that
+the cycle fits the bus, that the joints can hold the stated payloads, and that the files it names can be used.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Robot:
 
     Attributes:
         source: The file it comes from.
-        excitations: Excitation by role ("identification", "validation"); empty where the file names none.
+        excitations: Excitation by role ("identification", "validation"); empty if the file names none.
     """
 
     source: RobotSource
@@ -53,17 +53,17 @@ class Robot:
 
     @property
     def file(self) -> str:
-        """Where it was read from, for messages."""
+        """The file it was read from, for messages."""
         return self.source.file
 
     @property
     def text(self) -> str:
-        """The file's text, which recordings keep."""
+        """The file's text, which is stored in recordings."""
         return self.source.text
 
     @property
     def sha256(self) -> str:
-        """Hash of the file."""
+        """SHA-256 of the file's text."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     @property
@@ -73,7 +73,7 @@ class Robot:
 
     @property
     def description(self) -> str:
-        """What the robot is, in a line."""
+        """One line that describes the robot."""
         return self.source.tables.robot.description
 
     @property
@@ -93,10 +93,10 @@ class Robot:
 
     @property
     def calibration_file(self) -> Path | None:
-        """The calibration that the file names, relative to it; None where it names none.
+        """The calibration that the file names, relative to the file; None if it names none.
 
         Raises:
-            ConfigurationError: it is not there.
+            ConfigurationError: the calibration does not exist.
         """
         name = self.source.tables.robot.calibration
         if name is None:
@@ -112,12 +112,12 @@ class Robot:
 
     @property
     def plugins(self) -> Mapping[str, Mapping[str, object]]:
-        """Settings of the plug-ins of the cycle that the file names; what they are is theirs to say."""
+        """Settings of the cycle's plug-ins by name; each plug-in defines and checks its own."""
         return self.source.tables.plugins
 
     @property
     def has_bus(self) -> bool:
-        """Whether the file has a `[bus]`; else the robot is known from logs only."""
+        """Whether the file has a `[bus]`; without one the robot is known only from logs."""
         return self.source.tables.bus is not None
 
     @property
@@ -131,7 +131,7 @@ class Robot:
 
     @property
     def csv_columns(self) -> CsvColumns | None:
-        """Columns of other programs' logs; None where the file has no `[log]`."""
+        """Columns of other programs' logs; None if the file has no `[log]`."""
         log = self.source.tables.log
         return None if log is None else log.csv_columns()
 
@@ -141,7 +141,7 @@ class Robot:
         return self.drives.transmission
 
     def own(self, recording: Recording) -> Recording:
-        """A recording as one of this arm; see `MeasuredArm`."""
+        """A recording with this arm's joints; see `MeasuredArm.own`."""
         path, name = recording.source.path, recording.source.run().get("robot", self.name)
         if name != self.name:
             raise CommissioningError(
@@ -159,7 +159,7 @@ class Robot:
 
     @cached_property
     def _magnitudes(self) -> ArmMagnitudes:
-        """What the joints can have."""
+        """Ranges and torques that the joints can physically have."""
         limits = self.limits.motion
         body = None if self.source.tables.body is None else self.strength.arm_body
         return ArmMagnitudes(
@@ -173,17 +173,17 @@ class Robot:
 
     @cached_property
     def limits(self) -> RobotLimits:
-        """What the joints may do."""
+        """Limits and noise of the joints."""
         return RobotLimits(self.source)
 
     @cached_property
     def payloads(self) -> RobotPayloads:
-        """What the arm may carry."""
+        """The payloads that the file names."""
         return RobotPayloads(self.source)
 
     @cached_property
     def strength(self) -> RobotStrength:
-        """How much torque the joints have for a motion and a payload."""
+        """Torque available to the joints for a motion with a payload."""
         return RobotStrength(self.source, self.payloads, self.drives.coupling)
 
     @cached_property
@@ -198,10 +198,10 @@ class Robot:
 
     @cached_property
     def workspace(self) -> Workspace:
-        """Spheres around the arm and what they must not touch; nothing without a `[workspace]` in the file.
+        """Spheres around the arm and the obstacles; empty without a `[workspace]` in the file.
 
         Raises:
-            ConfigurationError: obstacles that make no sense.
+            ConfigurationError: the obstacles are invalid.
         """
         table = self.source.tables.workspace
         if table is None:
@@ -213,7 +213,7 @@ class Robot:
 
     @cached_property
     def obstacles(self) -> Obstacles:
-        """The workspace, and the meshes of its URDF.
+        """The workspace and the meshes of its URDF.
 
         Raises:
             ConfigurationError: the URDF that the file names cannot be used.
@@ -229,9 +229,9 @@ class Robot:
         """All limits that an excitation is designed within.
 
         Args:
-            position_margin_rad: Taken off at both ends of every joint's range.
-            rate_share: Share of the joints' speed, acceleration and jerk.
-            torque_share: Share of the joints' torque.
+            position_margin_rad: Margin at both ends of every joint's range.
+            rate_share: Usable share of the joints' speed, acceleration and jerk limits.
+            torque_share: Usable share of the joints' torque.
 
         Raises:
             ConfigurationError: the file states neither the arm's body nor its share of the torque.
@@ -264,11 +264,11 @@ class Robot:
         )
 
     def require_complete_for_real_arm(self) -> None:
-        """Refuse to move an arm that may be real where the file leaves out what keeps a motion from doing harm.
+        """Refuse to move an arm that may be real if the file lacks data that protects people and arm.
 
         Raises:
-            ConfigurationError: naming the key: who a drive is (1018), what the joints can give or must carry, or the
-                workspace.
+            ConfigurationError: naming the missing key: a drive's identity (1018), the joints' torque, the payload to
+                carry, or the workspace.
         """
         self.drives.require_identities()
         self.strength.require_stated()
@@ -297,7 +297,7 @@ class Robot:
         return replace(self, source=source)
 
     def with_simulated_payload(self, name: str) -> Robot:
-        """The same robot with another of its payloads mounted in simulation.
+        """The same robot, with another of its payloads mounted in simulation.
 
         Raises:
             ConfigurationError: the file has no simulation, or no payload of that name.

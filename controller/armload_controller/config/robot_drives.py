@@ -1,4 +1,4 @@
-"""A robot's drives: what the driver layer is set to, and how currents become torque."""
+"""A robot's drives: settings for the driver layer, and conversion of current to torque."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class RobotDrives:
 
     @cached_property
     def settings(self) -> ArmSettings:
-        """What the driver layer has to know.
+        """Settings for the driver layer.
 
         Raises:
             ConfigurationError: the robot has no bus, a joint no drive, or a device description cannot be used.
@@ -51,7 +51,7 @@ class RobotDrives:
 
     @cached_property
     def descriptions(self) -> dict[str, DeviceDescription]:
-        """Device description by joint, where the file names one.
+        """Device description by joint, for joints whose file entry names one.
 
         Raises:
             ConfigurationError: a description cannot be used.
@@ -66,7 +66,7 @@ class RobotDrives:
 
     @cached_property
     def profiles(self) -> dict[str, ProfileFile]:
-        """Profile of its drive by joint, where the file names one.
+        """Drive profile by joint, for joints whose file entry names one.
 
         Raises:
             ConfigurationError: a profile cannot be used.
@@ -77,7 +77,7 @@ class RobotDrives:
         }
 
     def _named(self, file: str) -> Iterator[tuple[str, str, str]]:
-        """Joints whose drives name a file of that kind, its key, and the name."""
+        """Joint, key and file name for every drive that names a file of that kind."""
         for number, joint in enumerate(self.source.tables.joints, start=1):
             name = None if joint.drive is None else getattr(joint.drive, file)
             if name is not None:
@@ -85,22 +85,22 @@ class RobotDrives:
 
     @property
     def peculiarities(self) -> tuple[str, ...]:
-        """What an integrator should know of the products that the joints' profiles name, in words."""
+        """Remarks for the integrator on the products that the joints' profiles name."""
         products = {profile.product.name: profile.product for profile in self.profiles.values()}
         return tuple(f"{name}: {text}" for name, product in products.items() for text in product.peculiarities)
 
     @property
     def transmission(self) -> Transmission:
-        """How motor currents become joint torques.
+        """Conversion of motor currents to joint torques.
 
         Raises:
-            ConfigurationError: a joint's drive reports current and the joint has no torque constant, or a joint has
-                one of gear ratio and torque constant only.
+            ConfigurationError: a joint's drive reports current but the joint has no torque constant, or a joint has
+                only one of gear ratio and torque constant.
         """
         gains = []
         for number, joint in enumerate(self.source.tables.joints, start=1):
             if self._reports_torque(joint):
-                gains.append(1.0)  # never applied: such recordings hold torque, see require_current_gains
+                gains.append(1.0)  # never applied: these recordings contain torque, see require_current_gains
                 continue
             for key in ("gear_ratio", "torque_constant_nm_a"):
                 if getattr(joint, key) is None:
@@ -111,10 +111,10 @@ class RobotDrives:
         return Transmission(np.array(gains), self.coupling)
 
     def require_current_gains(self, recording: str) -> None:
-        """Refuse a recording of currents where the file does not say what torque they are.
+        """Refuse a recording of currents if the file lacks the gains to convert them to torque.
 
         Args:
-            recording: What messages call it.
+            recording: The recording, for messages.
 
         Raises:
             ConfigurationError: naming the first key that is missing.
@@ -130,7 +130,7 @@ class RobotDrives:
 
     @staticmethod
     def _reports_torque(joint: JointTable) -> bool:
-        """Whether recordings of a joint contain torque: its drive reports it, or nothing is known about a motor."""
+        """Whether recordings of a joint contain torque: its drive reports torque, or no motor data is given."""
         if joint.drive is not None:
             return joint.drive.feedback == "torque"
         return joint.gear_ratio is None and joint.torque_constant_nm_a is None
@@ -143,7 +143,7 @@ class RobotDrives:
 
     @property
     def weak_points(self) -> tuple[str, ...]:
-        """What an operator should know of the drives before the arm moves, in words."""
+        """Warnings about the drives for the operator, before the arm moves."""
         drives = self.settings.drives
         found = [f"{d.joint} has no brake: it falls when torque is removed" for d in drives if not d.has_brake]
         for of in Safety:
@@ -176,7 +176,7 @@ class RobotDrives:
                 )
 
     def require_scales(self) -> None:
-        """Refuse drives whose scale is left to be read from them.
+        """Refuse drives whose scale the file does not state but leaves to be read from the drive.
 
         Raises:
             ConfigurationError: naming the key.
@@ -192,10 +192,10 @@ class RobotDrives:
                 )
 
     def require_bus_load(self) -> None:
-        """Refuse a cycle whose frames do not fit the bus.
+        """Refuse a cycle rate whose frames exceed the bus's capacity.
 
         Raises:
-            ConfigurationError: naming a cycle that does.
+            ConfigurationError: naming a rate that fits.
         """
         try:
             require_room(self.settings)

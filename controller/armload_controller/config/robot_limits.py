@@ -1,4 +1,4 @@
-"""What a robot's joints may do."""
+"""Limits and noise of a robot's joints."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class RobotLimits:
 
     @property
     def motion(self) -> MotionLimits:
-        """What a motion must respect; a joint without a drive has no window for its following error."""
+        """Limits for every motion; a joint without a drive has no following error window."""
         joints = self.source.tables.joints
         return MotionLimits(
             joint_names=self.source.joint_names,
@@ -40,7 +40,7 @@ class RobotLimits:
 
     @property
     def excitation(self) -> ExcitationLimits:
-        """What an excitation is designed within; where a drive's lag is known, its following error is kept too."""
+        """Limits for designing an excitation; the following error counts for drives whose lag is known."""
         limits = self.motion
         return ExcitationLimits(
             limits.position_min_rad,
@@ -52,18 +52,18 @@ class RobotLimits:
 
     @property
     def following_speed_rad_s(self) -> FloatArray:
-        """(n,) speed at which the following error reaches its window; inf where the drive's lag is not known."""
+        """(n,) speed at which the following error reaches its window; inf if the drive's lag is unknown."""
         return np.array([_speed_at_following_error(joint) for joint in self.source.tables.joints])
 
     @property
     def points(self) -> ArmPoints:
-        """The points of the arm whose speed is limited; the tool centre point is the flange without a `[tool]`."""
+        """The points of the arm whose speed is limited; without a `[tool]` the tool centre point is the flange."""
         tool = self.source.tables.tool
         return ArmPoints(self.source.chain, np.zeros(3) if tool is None else np.array(tool.xyz_m))
 
     @property
     def speed(self) -> SpeedLimit | None:
-        """What none of these points exceeds at full speed; None where the file sets no limit."""
+        """Limit for the speed of these points at full rate; None if the file sets none."""
         limits = self.source.tables.limits
         return None if limits is None else SpeedLimit(self.points, limits.tcp_speed_m_s)
 
@@ -74,7 +74,7 @@ class RobotLimits:
 
     @property
     def added_torque_max_nm(self) -> FloatArray:
-        """(n,) greatest torque that may be added: the joint's, or what its drive allows (6072) where that is less."""
+        """(n,) greatest torque that may be added: the lesser of the joint's limit and its drive's (6072)."""
         return np.array([joint.added_torque_max_nm for joint in self.source.tables.joints])
 
     @property
@@ -84,7 +84,7 @@ class RobotLimits:
 
 
 def _speed_at_following_error(joint: JointTable) -> float:
-    """Speed at which the following error reaches its window, rad/s; inf where the drive's lag is not known."""
+    """Speed at which the following error reaches its window, rad/s; inf if the drive's lag is unknown."""
     drive = joint.drive
     if drive is None or drive.following_lag_s is None:
         return np.inf

@@ -16,7 +16,7 @@ _POSES = 512
 
 @dataclass(frozen=True, eq=False)
 class RobotPayloads:
-    """What a robot may carry, in the flange frame.
+    """The payloads of a robot's file, in the flange frame.
 
     Attributes:
         source: The robot's file.
@@ -29,7 +29,7 @@ class RobotPayloads:
         """The payload that excitations are designed for.
 
         Raises:
-            ConfigurationError: the file names none.
+            ConfigurationError: the file names no expected payload.
         """
         table = self.source.tables.expected_payload
         if table is None:
@@ -43,7 +43,7 @@ class RobotPayloads:
 
     @property
     def heaviest(self) -> InertialParameters:
-        """The heaviest payload that a motion must be safe with; the expected one where the file names none.
+        """The heaviest payload that a motion must be safe with; the expected one if the file names none.
 
         Raises:
             ConfigurationError: the file names neither.
@@ -55,17 +55,17 @@ class RobotPayloads:
 
     @property
     def heaviest_if_stated(self) -> InertialParameters | None:
-        """The same, or None where the file names neither."""
+        """The same, or None if the file names neither."""
         table = self.source.tables.heaviest_payload or self.source.tables.expected_payload
         return None if table is None else table.inertial()
 
     @property
     def design_set(self) -> tuple[InertialParameters, ...]:
-        """The payloads that a robust excitation is designed for; empty where the file names none."""
+        """The payloads that a robust excitation is designed for; empty if the file names none."""
         return tuple(payload.inertial() for payload in self.source.tables.payload_set.values())
 
     def require_carried(self) -> None:
-        """Refuse payloads that the arm is not made for or that its joints cannot hold up.
+        """Refuse payloads above the rated one, or that the joints cannot hold.
 
         Raises:
             ConfigurationError: naming the payload, and the joint that is too weak for it.

@@ -1,4 +1,4 @@
-"""Recordings of an arm: read with its column map, refused where they belong to another arm."""
+"""Recordings of an arm: read with its column map, refused if they belong to another arm."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from armload_identification.recording.recording import Recording
 
 @dataclass(frozen=True)
 class RecordingChoice:
-    """What is used of a recording, and what is known of it beforehand.
+    """Which part of a recording is used, and how its columns are interpreted.
 
     Attributes:
-        columns: What stands where in a table; if not given, as the arm's file or the header says.
-        effort: What the effort of a ROS message is.
-        between_s: Times since the first row; everything if not given.
+        columns: Assignment of a table's columns; if not given, the arm's file or the header applies.
+        effort: Meaning of the effort in a ROS message.
+        between_s: Interval as times since the first row; everything if not given.
         episode: Number of the recording in a data set of several.
-        joints: Columns of the arm's joints among those that were recorded, from 0; by name or all if not given.
+        joints: Indices, from 0, of the arm's joints among the recorded ones; by name or all if not given.
     """
 
     columns: CsvColumns | None = None
@@ -39,14 +39,14 @@ def read_of(arm: MeasuredArm, path: Path, choice: RecordingChoice = EVERYTHING) 
     """Read one recording.
 
     Args:
-        arm: The arm it should belong to. Logs of other programs do not say where they come from, but may name the
-            joints, and show how many there are.
+        arm: The expected arm. Logs of other programs do not state their arm; only the number of joints, and their names
+            if recorded, can be checked.
         path: A recording of any format.
-        choice: What is used of it.
+        choice: Which part of it is used.
 
     Raises:
-        CommissioningError: it was recorded on another arm.
-        RecordingError: it cannot be read, or is of an arm with other joints.
+        CommissioningError: the recording is of another arm.
+        RecordingError: the recording cannot be read, or has other joints.
     """
     columns = choice.columns or arm.csv_columns
     recording = read_recording(
@@ -65,10 +65,10 @@ def chosen_joints(recording: Recording, joints: tuple[int, ...]) -> Recording:
 
     Args:
         recording: The recording.
-        joints: Their columns, from 0; none for all of them.
+        joints: Their indices, from 0; empty for all.
 
     Raises:
-        RecordingError: it does not have so many.
+        RecordingError: the recording has no joint of that index.
     """
     beyond = [joint + 1 for joint in joints if joint >= recording.n]
     if beyond:

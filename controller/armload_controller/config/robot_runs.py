@@ -1,4 +1,4 @@
-"""The runs of an arm that a calibration is made from: by a table, or as the recordings themselves say."""
+"""The runs for an arm's calibration, with payloads from a table or from the recordings themselves."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _LOADED, UNLOADED = "loaded", "unloaded"
 
 @dataclass(frozen=True, eq=False)
 class ArmRuns:
-    """What was read.
+    """Runs read from files.
 
     Attributes:
-        runs: Recordings that could be read, and what they carried.
-        weighed: What is known of the payloads, by mounting.
-        left_out: File name and reason of those that could not be read.
+        runs: Readable recordings with their mounting.
+        weighed: Known payloads, by mounting.
+        left_out: File name and reason for each recording that could not be read.
     """
 
     runs: tuple[MountedRun, ...]
@@ -36,7 +36,7 @@ class ArmRuns:
 
 
 def is_run_table(path: Path) -> bool:
-    """Whether a file is a table of runs: its first line names the column `recording`, however it is separated."""
+    """Whether a file is a table of runs: its first line names the column `recording`, with any separator."""
     try:
         with path.open("rb") as file:
             line = file.readline().removeprefix(b"\xef\xbb\xbf")
@@ -50,15 +50,15 @@ def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int]
 
     Args:
         robot: The arm.
-        paths: One table of runs, or recordings that say what they carried.
-        progress: Takes how many were read, and of how many.
+        paths: One table of runs, or recordings that state their payload.
+        progress: Called with the number of recordings read and their total.
 
     Returns:
         The runs; a recording that cannot be read is named in `left_out`.
 
     Raises:
-        RunTableError: a table that makes no sense, or a table among recordings.
-        FileError: a payload file that cannot be used.
+        RunTableError: the table is invalid, is given together with recordings, or a recording states no payload.
+        FileError: a payload file cannot be used.
     """
     tables = [path for path in paths if is_run_table(path)]
     if tables and len(paths) > 1:
@@ -83,23 +83,23 @@ def read_runs(robot: Robot, paths: Sequence[Path], progress: Callable[[int, int]
 
 
 def runs_as_recorded(recordings: Sequence[Recording]) -> ArmRuns:
-    """Recordings that say what they carried.
+    """Runs with the payloads that the recordings themselves state.
 
     Args:
-        recordings: Of one arm.
+        recordings: Recordings of one arm.
 
     Raises:
-        RunTableError: one does not say it.
+        RunTableError: a recording does not state its payload.
     """
     runs = tuple(MountedRun(recording, _mounting_of(recording)) for recording in recordings)
     return ArmRuns(runs, _weighed_as_recorded(runs), ())
 
 
 def _mounting_of(recording: Recording) -> str:
-    """What a recording says it carried: the payload of its folder, or nothing.
+    """The mounting that a recording states: its folder's name if loaded, empty if unloaded.
 
     Raises:
-        RunTableError: it says nothing.
+        RunTableError: the recording states neither.
     """
     load = recording.source.run().get("load")
     if load == UNLOADED:
@@ -116,13 +116,13 @@ def _mounting_of(recording: Recording) -> str:
 
 
 def _weighed_as_recorded(runs: Sequence[MountedRun]) -> dict[str, WeighedPayload]:
-    """What the recordings state about their payloads."""
+    """Masses that the recordings state, by mounting."""
     said = {run.mounting: run.recording.source.run().get("mass_kg") for run in runs if run.mounting}
     return {name: WeighedPayload(float(mass_kg)) for name, mass_kg in said.items() if mass_kg is not None}
 
 
 def _weighed(rows: Sequence[TableRow]) -> dict[str, WeighedPayload]:
-    """What scales and payload files say, by mounting."""
+    """Masses and payload files from the table, by mounting."""
     weighed: dict[str, WeighedPayload] = {}
     for row in rows:
         if row.payload is not None:

@@ -18,16 +18,16 @@ from armload_identification.model.payload import InertialParameters
 NO_PAYLOAD = "none"
 """Name of the empty flange."""
 PAYLOAD_FILE = ".toml"
-"""What the name of a payload ends with that is a file's."""
+"""Ending by which a payload's name is recognised as a file."""
 HARSH_GAIN_ERROR = 0.02
-"""The harsh twin's torque gains are off by up to this share, the same in every run."""
+"""Greatest relative error of the harsh twin's torque gains, the same in every run."""
 HARSH_SECOND_RUN_FRICTION = 1.03
-"""The harsh twin's friction in every run after the first."""
+"""Factor on the harsh twin's friction in every run after the first."""
 
 
 @dataclass(frozen=True, eq=False)
 class RobotSimulation:
-    """What is simulated in a robot's place; every use but `start_rad` needs a `[simulation]`.
+    """The simulated twin of a robot; everything except `start_rad` requires a `[simulation]`.
 
     Attributes:
         source: The robot's file.
@@ -39,7 +39,7 @@ class RobotSimulation:
 
     @property
     def start_rad(self) -> FloatArray:
-        """(n,) where the axes are at first; zeros where there is no twin."""
+        """(n,) initial position of the axes; zeros without a twin."""
         table = self.source.tables.simulation
         return np.zeros(self.source.n) if table is None else np.array(table.start_position_rad)
 
@@ -61,7 +61,7 @@ class RobotSimulation:
         return self._table(name).inertial()
 
     def mounted(self, name: str) -> RigidBody | None:
-        """What hangs on the flange, by its name on the command line.
+        """The body mounted on the flange, by its name on the command line.
 
         Args:
             name: A payload of `[simulation.payloads]`, the path of a payload file, or `NO_PAYLOAD`.
@@ -85,9 +85,9 @@ class RobotSimulation:
         """The simulated arm.
 
         Args:
-            payload: What hangs on the flange, as for `mounted`; None is the empty flange.
-            run: Number of the run, so that no two runs share their noise; the harsh twin's friction rises after 0.
-            changes: What is mounted and taken off later, in the order of time.
+            payload: Body on the flange, as for `mounted`; None for the empty flange.
+            run: Number of the run, so that no two runs share their noise; the harsh twin's friction is higher after 0.
+            changes: Payloads mounted and removed later, in order of time.
 
         Raises:
             ConfigurationError: the file has no simulation, or no payload of that name.

@@ -1,4 +1,4 @@
-"""A robot's file as it was read: its tables, and what names it in messages."""
+"""A robot's file as read: its tables, and its name for messages."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from armload_identification.model.chain import Chain
 
 @dataclass(frozen=True, eq=False)
 class RobotSource:
-    """What every part of a robot is made from.
+    """The common source of all parts of a robot.
 
     Attributes:
-        file: Where it was read from, for messages.
-        text: The file's text, kept for the recordings.
-        folder: Where it lies, and what it names beside it.
+        file: The file's name, for messages.
+        text: The file's text, for the recordings.
+        folder: The file's folder; other files are named relative to it.
         tables: Its content.
     """
 
@@ -74,7 +74,7 @@ class RobotSource:
         return self.tables.simulation
 
     def with_tables(self, **tables: object) -> RobotSource:
-        """The same with some of the file's tables replaced.
+        """A copy with some of the tables replaced.
 
         Args:
             tables: Table by its key; checked by the caller.
@@ -82,11 +82,11 @@ class RobotSource:
         return replace(self, tables=self.tables.model_copy(update=tables))
 
     def refused(self, key: str, found: object, expected: str) -> ConfigurationError:
-        """The error that names this file.
+        """An error that names this file.
 
         Args:
             key: Dotted path of the key.
-            found: The value found; None where it is missing.
-            expected: What would have been accepted, as the end of a sentence.
+            found: The value found; None if missing.
+            expected: What was expected; ends the message.
         """
         return ConfigurationError(self.file, key, found, expected)

@@ -1,4 +1,4 @@
-"""How much torque a robot's joints have for a motion and a payload, from `[body]` or the joints' shares."""
+"""Torque available to a robot's joints for a motion with a payload, from `[body]` or the joints' shares."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from armload_identification.excitation.joint_strength import TorqueLimits
 from armload_identification.model.dynamics import ArmBody
 
 ROUNDED_SHARE = 1e-3
-"""A drive's limit (6072) is a whole number of per mille: what that rounds off does not make an axis weaker."""
+"""A drive's limit (6072) is an integer in per mille; an axis is not considered weaker because of its rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class RobotStrength:
-    """The torque of the joints, and what the arm itself takes of it.
+    """The torque of the joints, and the part that the arm itself requires.
 
     Attributes:
         source: The robot's file.
-        payloads: What the arm may carry.
+        payloads: Payloads of the robot.
         coupling: (n, n) C with q_joint = C q_axis.
     """
 
@@ -44,14 +44,14 @@ class RobotStrength:
         return self._first_missing_share is None
 
     def limits(self, share: float) -> TorqueLimits:
-        """What the joints can give.
+        """Torque limits of the joints.
 
         Args:
-            share: Of every joint's torque_max_nm that a motion may use.
+            share: Share of every joint's torque_max_nm that a motion may use.
 
         Raises:
-            ConfigurationError: neither a body nor the shares are given, no payload is, or a joint has no torque left
-                to move with.
+            ConfigurationError: the file gives neither a body nor the shares, or no payload, or friction leaves a joint
+                no torque for motion.
         """
         chain, payload = self.source.chain, self.payloads.heaviest
         usable = share * self._torque_max_nm
@@ -72,10 +72,10 @@ class RobotStrength:
         return TorqueLimits.from_share(chain, self._shares, payload, usable)
 
     def expected_torque(self, *, loaded: bool) -> ExpectedTorque | None:
-        """Between which torques motions lie; None where the file says too little of arm or payload.
+        """The range of torque expected in motion; None if the file does not describe arm or payload sufficiently.
 
         Args:
-            loaded: Something up to the heaviest payload hangs on the flange; else nothing.
+            loaded: Whether the flange carries a payload up to the heaviest one; otherwise it is empty.
         """
         heaviest = self.payloads.heaviest_if_stated
         if not self.is_stated or (loaded and heaviest is None):
@@ -92,7 +92,7 @@ class RobotStrength:
 
     @property
     def limits_if_stated(self) -> TorqueLimits | None:
-        """What the joints can give in all; None where the file says too little of arm or payload.
+        """Limits at the joints' full torque; None if the file does not describe arm or payload sufficiently.
 
         Raises:
             ConfigurationError: friction alone uses up a joint's torque.
@@ -103,7 +103,7 @@ class RobotStrength:
 
     @property
     def axis_limits_if_stated(self) -> TorqueLimits | None:
-        """What the drives allow the motors' axes; None where it is not stated, or no less than the joints can ask for.
+        """Limits by which the drives (6072) restrict the axes; None if not stated, or not below the joints' limits.
 
         Raises:
             ConfigurationError: friction alone uses up an axis's torque.
@@ -126,7 +126,7 @@ class RobotStrength:
         return limits.of_axes(self.coupling, left_nm)
 
     def require_stated(self) -> None:
-        """Refuse to move an arm that may be real where the file leaves out what its joints can give or must carry.
+        """Refuse to move an arm that may be real if the file does not state its joints' torque shares or its payload.
 
         Raises:
             ConfigurationError: naming the first key that is missing.
@@ -145,13 +145,13 @@ class RobotStrength:
 
     @property
     def _shares(self) -> FloatArray:
-        """(n,) what the arm itself takes of each joint's torque; nan where it is not stated."""
+        """(n,) share of each joint's torque that the arm itself requires; NaN if not stated."""
         shares = [joint.arm_torque_share for joint in self.source.tables.joints]
         return np.array([np.nan if share is None else share for share in shares])
 
     @property
     def _first_missing_share(self) -> int | None:
-        """Number of the first joint without a share, where there is no `[body]`."""
+        """Number of the first joint without a share; None if there is none or the file has a `[body]`."""
         missing = np.flatnonzero(np.isnan(self._shares))
         return int(missing[0]) + 1 if missing.size and self.source.tables.body is None else None
 

@@ -1,13 +1,13 @@
-"""An arm from a URDF: the chain of revolute joints from a base link to a flange link, and what its joints may do.
+"""An arm from a URDF: the chain of revolute joints from a base link to a flange link, and its joints' limits.
 
-    pose of a joint's frame  =  pose of the parent link  *  origin  *  turn about the axis by q
+    pose of a joint's frame  =  pose of the parent link  *  origin  *  rotation about the axis by q
 
-Fixed joints are folded into the origins. A joint that is neither fixed nor revolute or continuous, and one that mimics
-another, is refused where it lies between base and flange, and left out and named elsewhere.
+Fixed joints are folded into the origins. A mimic joint, or one that is neither fixed, revolute nor continuous, is
+refused between base and flange; elsewhere it is listed and ignored.
 
-Where `base` is not given it is the link without a parent. Where `flange` is not given it is the end of the only chain
-of at least four revolute joints; of several links fixed to each other at that end the one that ROS-Industrial calls
-`tool0` or `flange`. Anything else is ambiguous: the error lists what can be asked for.
+The default `base` is the link without a parent. The default `flange` is the end of the only chain of at least four
+revolute joints; of several links fixed to each other at that end, the one that ROS-Industrial calls `tool0` or
+`flange`. Anything else is ambiguous, and the error lists the choices.
 
 References:
     URDF XML specification, ROS; REP 103 (units and axes); ROS-Industrial REP-I0001 draft (tool0, flange).
@@ -39,31 +39,31 @@ from armload_identification.verdict.magnitudes import ArmMagnitudes, require_pos
 
 FEWEST_JOINTS, MOST_JOINTS = 4, 16
 STANDARD_FLANGES = ("tool0", "flange")
-"""Names of the frame that tools are mounted to, the preferred one first."""
+"""Names of the frame to which tools are mounted, preferred first."""
 STANDARD_GRAVITY_M_S2 = (0.0, 0.0, -9.81)
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfArm:
-    """An arm of n joints as a URDF describes it; NaN where it does not say.
+    """An arm of n joints described by a URDF; values that the URDF does not give are NaN.
 
     Attributes:
-        file: Where it was read from, for messages.
+        file: The file's name, for messages.
         sha256: Hash of the file and of the choice of base and flange.
-        name: Of the robot.
-        base: Link that the chain begins at.
-        flange: Link that it ends at.
+        name: Name of the robot.
+        base: First link of the chain.
+        flange: Last link of the chain.
         chain: Kinematics; gravity along -z of the root, with the joints between root and base at zero.
-        joint_names: From the base to the flange.
-        position_min_rad: (n,) -inf for a continuous joint.
-        position_max_rad: (n,) inf for a continuous joint.
+        joint_names: Names from the base to the flange.
+        position_min_rad: (n,) lower limit; -inf for a continuous joint.
+        position_max_rad: (n,) upper limit; inf for a continuous joint.
         velocity_max_rad_s: (n,) from `<limit>`.
         torque_max_nm: (n,) effort of `<limit>`.
         viscous_nm_s_rad: (n,) damping of `<dynamics>`.
         coulomb_nm: (n,) friction of `<dynamics>`.
-        links: Of each joint, what turns with it and with no later one, in its frame and with all joints outside the
-            chain at zero; None where no mass is given.
-        other_joints: Movable joints of the file that are not of the chain.
+        links: Per joint, the body between it and the next joint, in its frame, with all joints outside the chain at
+            zero; None if no mass is given.
+        other_joints: Movable joints of the file outside the chain.
     """
 
     file: str
@@ -89,12 +89,12 @@ class UrdfArm:
 
     @property
     def description(self) -> str:
-        """What the robot is, in a line."""
+        """One line that describes the robot."""
         return f"from {Path(self.file).name}, {self.base} to {self.flange}"
 
     @property
     def csv_columns(self) -> CsvColumns | None:
-        """None: a URDF says nothing of logs."""
+        """None: a URDF does not describe logs."""
         return None
 
     @property
@@ -104,11 +104,11 @@ class UrdfArm:
 
     @property
     def transmission(self) -> Transmission:
-        """What joints report is joint torque; a URDF knows no motors."""
+        """Unit gains: a URDF does not describe motors, so recordings must contain joint torque."""
         return Transmission(np.ones(self.n), np.eye(self.n))
 
     def own(self, recording: Recording) -> Recording:
-        """A recording as one of this arm; see `MeasuredArm`. Effort is joint torque."""
+        """A recording with this arm's joints; see `MeasuredArm.own`. Effort is joint torque."""
         if recording.torque_nm is None:
             raise RecordingError(
                 f"{recording.source.path}: no joint torque, only motor currents, and a URDF has no torque constants. "
@@ -122,7 +122,7 @@ class UrdfArm:
 
     @property
     def _magnitudes(self) -> ArmMagnitudes:
-        """What its joints can have; NaN where the file gives 0, as some do for what they leave open."""
+        """Ranges and torques of the joints; NaN where the file gives 0, which some files use for unspecified limits."""
         body, none = None, np.zeros(self.n)
         links = [link.theta for link in self.links if link is not None]
         if len(links) == self.n:
@@ -144,18 +144,18 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
         >>> isinstance(arm, armload.UrdfArm), arm.base, arm.flange, len(arm.joint_names)
         (True, 'link_0', 'link_4', 4)
 
-    `identify` and `validate` take it in place of a robot; its chain is what `PayloadFeedforward` takes.
+    `identify` and `validate` accept it in place of a robot, and `PayloadFeedforward` accepts its chain.
 
     Args:
         path: The file, with its xacro macros expanded.
-        base: Link that the chain begins at; None for the root.
-        flange: Link that it ends at; None where the file leaves one choice only.
+        base: First link of the chain; None for the root.
+        flange: Last link of the chain; None if the file leaves only one choice.
 
     Returns:
         The arm.
 
     Raises:
-        ConfigurationError: the file is no URDF, a link does not exist or the choice is ambiguous (the candidates are
+        ConfigurationError: the file is not a URDF, a link does not exist or the choice is ambiguous (the candidates are
             listed), a joint of the chain is of a kind that is not supported, or their number is not 4 to 16.
     """
     tree = read_urdf_tree(Path(path))
@@ -186,7 +186,7 @@ def read_urdf_arm(path: str | PathLike[str], base: str | None = None, flange: st
 
 
 def _base(tree: UrdfTree, base: str | None) -> str:
-    """The link that the chain begins at."""
+    """The first link of the chain."""
     if base is not None:
         return _known(tree, "--base", base)
     roots = [link for link in tree.links if link not in tree.above]
@@ -198,14 +198,14 @@ def _base(tree: UrdfTree, base: str | None) -> str:
 
 
 def _known(tree: UrdfTree, option: str, link: str) -> str:
-    """A link that was asked for and exists."""
+    """A requested link, after checking that it exists."""
     if link not in tree.links:
         raise ConfigurationError(str(tree.path), option, link, f"one of its links: {', '.join(tree.links)}")
     return link
 
 
 def _flange(tree: UrdfTree, flange: str | None, base: str) -> str:
-    """The link that the chain ends at."""
+    """The last link of the chain."""
     if flange is not None:
         return _known(tree, "--flange", flange)
     ends: dict[tuple[str, ...], list[str]] = {}
@@ -234,7 +234,7 @@ def _flange(tree: UrdfTree, flange: str | None, base: str) -> str:
 
 
 def _turning_names(tree: UrdfTree, link: str, base: str) -> tuple[str, ...] | None:
-    """Names of the joints from the base to a link; None where one is not revolute or the link is not below it."""
+    """Names of the joints from the base to a link; None if one is not revolute or the link is not below the base."""
     names = []
     for joint in tree.upwards(link):
         if link == base:
@@ -267,7 +267,7 @@ def _way(tree: UrdfTree, base: str, flange: str) -> list[UrdfJoint]:
 
 
 def _require_supported(path: Path, moving: Sequence[UrdfJoint], base: str, flange: str) -> None:
-    """Refuse a chain that is not of 4 to 16 independent revolute joints."""
+    """Refuse a chain that does not consist of 4 to 16 independent revolute joints."""
     for joint in moving:
         if joint.mimics is not None:
             raise ConfigurationError(
@@ -333,7 +333,7 @@ def _limits(tree: UrdfTree, joint: UrdfJoint) -> tuple[float, float, float, floa
 
 
 def _links(tree: UrdfTree, moving: Sequence[UrdfJoint]) -> tuple[InertialParameters | None, ...]:
-    """What turns with each joint of the chain, other joints at zero; None where no mass is given."""
+    """The body moved by each joint of the chain, other joints at zero; None if no mass is given."""
     place = {joint.name: i for i, joint in enumerate(moving)}
     sums = np.zeros((len(moving), 10))
     for name, element in tree.links.items():
@@ -350,7 +350,7 @@ def _links(tree: UrdfTree, moving: Sequence[UrdfJoint]) -> tuple[InertialParamet
 
 
 def _inertial(tree: UrdfTree, owner: str, inertial: ElementTree.Element, pose: FloatArray) -> InertialParameters:
-    """An `<inertial>` in another frame, (4, 4) the pose of its link there."""
+    """An `<inertial>` expressed in another frame; `pose` is the (4, 4) pose of its link in that frame."""
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     values = [tree.number(owner, "mass", mass, "value")]
     values += [tree.number(owner, "inertia", inertia, key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")]

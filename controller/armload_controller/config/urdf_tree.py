@@ -1,4 +1,4 @@
-"""A URDF as it stands: links, joints, and which joint is above which link. What makes an arm of it is `urdf_arm`.
+"""The elements of a URDF: links, joints, and the joint above each link. `urdf_arm` makes an arm of them.
 
 References:
     URDF XML specification, ROS.
@@ -31,8 +31,8 @@ class UrdfJoint:
         kind: Its type, such as "revolute".
         parent: The link above it.
         child: The link below it.
-        mimics: The joint that it follows; None where it has a motor of its own.
-        element: All of it.
+        mimics: The joint that it follows; None if it is independent.
+        element: The XML element.
     """
 
     name: str
@@ -44,7 +44,7 @@ class UrdfJoint:
 
     @property
     def turns(self) -> bool:
-        """Whether an arm may be made of it."""
+        """Whether it can be a joint of an arm: revolute or continuous, and independent."""
         return self.kind in _TURNING and self.mimics is None
 
 
@@ -55,9 +55,9 @@ class UrdfTree:
     Attributes:
         path: The file.
         sha256: Hash of its content.
-        name: Of the robot.
-        links: Element by name.
-        joints: As the file has them.
+        name: Name of the robot.
+        links: XML element by name.
+        joints: Joints in the file's order.
         above: The joint above each link that has one.
     """
 
@@ -69,7 +69,7 @@ class UrdfTree:
     above: Mapping[str, UrdfJoint]
 
     def upwards(self, link: str) -> Iterator[UrdfJoint]:
-        """The joints above a link, nearest first; a ring ends where it began."""
+        """The joints above a link, nearest first; stops if the links form a ring."""
         seen = set()
         while link in self.above and link not in seen:
             seen.add(link)
@@ -77,30 +77,30 @@ class UrdfTree:
             link = self.above[link].parent
 
     def pose(self, owner: str, element: ElementTree.Element) -> FloatArray:
-        """(4, 4) the `<origin>` of an element; the identity where it has none.
+        """(4, 4) the `<origin>` of an element; the identity if it has none.
 
         Args:
-            owner: What messages call the element.
-            element: Of a joint, an inertial or a geometry.
+            owner: The element's name, for messages.
+            element: A joint, an inertial or a geometry.
 
         Raises:
-            ConfigurationError: no three finite numbers.
+            ConfigurationError: an attribute is not three finite numbers.
         """
         origin = element.find("origin")
         values = [self.numbers(owner, "origin", origin, key, _ORIGIN) for key in ("xyz", "rpy")]
         return pose_from_xyz_rpy(values[0], values[1])
 
     def number(self, owner: str, tag: str, element: ElementTree.Element | None, key: str) -> float:
-        """One attribute of an element; NaN where either is not there.
+        """One attribute of an element; NaN if the element or the attribute is missing.
 
         Args:
-            owner: What messages call the joint or link that it belongs to.
+            owner: Name of the joint or link that contains it, for messages.
             tag: Name of the element.
             element: The element.
             key: Name of the attribute.
 
         Raises:
-            ConfigurationError: no finite number.
+            ConfigurationError: the attribute is not a finite number.
         """
         text = None if element is None else element.get(key)
         return math.nan if text is None else self._floats(owner, tag, key, text, 1)[0]
@@ -118,7 +118,7 @@ class UrdfTree:
         return default if text is None else self._floats(owner, tag, key, text, 3)
 
     def _floats(self, owner: str, tag: str, key: str, text: str, count: int) -> tuple[float, ...]:
-        """Finite numbers of a text."""
+        """Finite numbers from a text."""
         try:
             values = tuple(float(word) for word in text.split())
         except ValueError:
@@ -136,7 +136,7 @@ def read_urdf_tree(path: Path) -> UrdfTree:
         path: The file, with its xacro macros expanded.
 
     Raises:
-        ConfigurationError: it cannot be read, is no URDF, or its joints and links are no tree.
+        ConfigurationError: the file cannot be read, is not a URDF, or its joints and links do not form a tree.
     """
     try:
         data = read_whole(path)
@@ -150,7 +150,7 @@ def read_urdf_tree(path: Path) -> UrdfTree:
 
 
 def _parsed(path: Path, data: bytes) -> ElementTree.Element:
-    """The `<robot>` of a file."""
+    """The `<robot>` element of a file."""
     try:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, LookupError, ValueError) as error:

@@ -52,11 +52,11 @@ FRAMES_SCHEMA: Final[dict[str, Any]] = {
 
 
 class ArmFrames:
-    """Makes a message of the pose of every link in the one before it.
+    """Makes messages with the pose of every link relative to the previous one.
 
     Args:
         chain: The arm of n joints.
-        joint_names: Its joints' names, which are the names of the links that turn with them.
+        joint_names: Names of its joints, also used for the links that they move.
     """
 
     def __init__(self, chain: Chain, joint_names: Sequence[str]) -> None:

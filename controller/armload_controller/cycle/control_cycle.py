@@ -1,11 +1,11 @@
-"""The cycle: one setpoint out, one feedback in, until the way is over or something stops it.
+"""The cycle: one setpoint out, one feedback in, until the path ends or the motion is stopped.
 
-Rules. Every setpoint is checked against the limits after Ruckig and before it is sent. What Ruckig makes of
-it may not be off the plan by more than `PATH_TOLERANCE_RAD`. Whatever happens, the arm is brought to rest by
-the row of `safety.DECISIONS` that the cause belongs to before an error leaves this module.
+Rules. Every setpoint is checked against the limits after Ruckig and before it is sent. Ruckig's output may deviate
+from the plan by at most `PATH_TOLERANCE_RAD`. Before an error leaves this module, the arm is brought to rest as the
+row of `safety.DECISIONS` for its cause prescribes.
 
-Order within a cycle: the next setpoint is computed and checked, plug-ins see it together with the last feedback
-(monitors judge that feedback now, before anything more is sent), their torque passes the gate, the command leaves.
+Order within a cycle: the next setpoint is computed and checked, plug-ins receive it with the last feedback (monitors
+check that feedback now, before anything else is sent), their torque passes the gate, and the command is sent.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from armload_core.arrays import FloatArray
 from armload_drivers.servos import JointCommand, JointFeedback, JointServos
 
 PATH_TOLERANCE_RAD = 1e-4
-"""Greatest distance between plan and command; the arm may only be where it was checked."""
+"""Greatest distance between plan and command: the arm may only move where the path was checked."""
 FLIGHT_RECORDER_CYCLES = 50
-"""Cycles that an error carries with it."""
+"""Number of last cycles that an error contains."""
 
 Progress = Callable[[float], None]
-"""Takes the share that is over, 0 to 1."""
+"""Called with the fraction completed, 0 to 1."""
 
 
 class Cycle:
@@ -46,10 +46,10 @@ class Cycle:
     Args:
         servos: A connected arm.
         limits: Limits of its joints.
-        gate: What added torque passes.
-        control: The operator's hand on the motion.
-        plugins: Take part in every cycle, in this order; the recorder and monitors among them.
-        stopwatch: Measures plug-ins.
+        gate: Limits added torque.
+        control: The operator's requests: pause, speed, stop.
+        plugins: Called in every cycle, in this order; they include the recorder and the monitors.
+        stopwatch: Clock in s that plug-ins are timed with.
     """
 
     def __init__(
@@ -69,25 +69,25 @@ class Cycle:
 
     @property
     def timings(self) -> tuple[PluginTiming, ...]:
-        """What each plug-in cost so far."""
+        """Time that each plug-in has taken so far."""
         return self._host.timings
 
     def standing_rad(self) -> FloatArray:
-        """(n,) where the arm stands; it has no torque.
+        """(n,) position of the arm at standstill, without torque.
 
         Raises:
-            DriverError: a drive does not say.
+            DriverError: a drive does not report its position.
         """
         return self._servos.standing_rad()
 
     @contextmanager
     def powered(self) -> Iterator[PoweredArm]:
-        """Enable the arm; leaving the block brings it to rest and disables it, whatever happened in there.
+        """Enable the arm; leaving the block in any way brings the arm to rest and disables it.
 
         Raises:
             DriverError: the arm cannot be enabled; nothing has moved.
-            MotionError: the motion was stopped; the arm is at rest and disabled. Or a stop was asked for before:
-                then nothing was switched on.
+            MotionError: the motion was stopped, and the arm is at rest and disabled; or a stop had been requested
+                before, and nothing was switched on.
         """
         require_going(self._control)
         self._gate.close()
@@ -96,17 +96,17 @@ class Cycle:
         try:
             yield arm
             arm.release_torque()
-        except BaseException as error:  # noqa: BLE001 - whatever it is, the arm is brought to rest first
+        except BaseException as error:  # noqa: BLE001 - the arm is brought to rest before any error leaves
             arm.bring_to_rest(error)
         self._servos.stop()
         self._servos.disable()
 
 
 def require_going(control: MotionControl) -> None:
-    """Refuse to switch anything on after a stop was asked for.
+    """Refuse to enable the drives after a stop was requested.
 
     Raises:
-        MotionError: it was; its cause is the reason.
+        MotionError: a stop was requested; the error's cause is the reason.
     """
     stop = control.goal.stop
     if stop is not None:
@@ -114,17 +114,17 @@ def require_going(control: MotionControl) -> None:
 
 
 def not_switched_on(error: ControlError) -> MotionError:
-    """The error about a motion that was not begun."""
+    """The error for a motion that was not started."""
     cause = cause_of(error)
     return MotionError(f"Nothing was switched on: {cause.value}: {error}. Next: {DECISIONS[cause].advice}.", ())
 
 
 def stop_message(error: BaseException, more: str = "") -> str:
-    """What the operator reads about a motion that was stopped.
+    """The operator's message for a stopped motion.
 
     Args:
-        error: Why it was.
-        more: What else there is to say about that.
+        error: The reason.
+        more: Further detail, appended to the reason.
     """
     cause = cause_of(error)
     decision = DECISIONS[cause]
@@ -133,10 +133,10 @@ def stop_message(error: BaseException, more: str = "") -> str:
 
 
 class PoweredArm:
-    """An arm with torque on, as `Cycle.powered` yields it.
+    """An arm with torque on, yielded by `Cycle.powered`.
 
     Attributes:
-        position_rad: (n,) the last position it was commanded to.
+        position_rad: (n,) the last commanded position.
     """
 
     def __init__(
@@ -163,8 +163,8 @@ class PoweredArm:
         """Run a leg from rest to rest; the operator may pause it and change its speed.
 
         Args:
-            leg: The way; it begins where the arm stands.
-            progress: Called with the share that is over.
+            leg: The leg; it begins at the arm's present position.
+            progress: Called with the fraction completed, 0 to 1.
 
         Raises:
             StopRequested: a stop was requested; the arm is at rest on the path, still powered.
@@ -178,7 +178,7 @@ class PoweredArm:
         self._control.require_no_stop()
 
     def hold(self, done: Callable[[], bool]) -> None:
-        """Stand still until something is over; plug-ins go on.
+        """Stand still until `done` returns true; plug-ins continue to be called.
 
         Raises:
             StopRequested: a stop was requested.
@@ -188,7 +188,7 @@ class PoweredArm:
             self._control.require_no_stop()
 
     def release_torque(self) -> None:
-        """Ramp added torque to zero, standing, and let the plug-ins see the last feedback."""
+        """Ramp added torque to zero at standstill, and pass the last feedback to the plug-ins."""
         self._gate.release()
         self._exchange(self._standing())
         while not self._gate.empty:
@@ -196,7 +196,7 @@ class PoweredArm:
         self._call_plugins(self._command(self._standing()), self._standing())
 
     def bring_to_rest(self, error: BaseException) -> None:
-        """Carry out the decision for a cause, then raise what happened.
+        """Carry out the decision for the error's cause, then raise.
 
         Raises:
             MotionError: always.
@@ -213,7 +213,7 @@ class PoweredArm:
         for step in decision.category.sequence:
             try:
                 steps[step]()
-            except BaseException as trouble:  # noqa: BLE001 - the next step has to follow whatever this one met
+            except BaseException as trouble:  # noqa: BLE001 - the next step must follow after any failure
                 said = [str(trouble) or type(trouble).__name__, *getattr(trouble, "__notes__", ())]
                 troubles.append(f"{step.value}: {' '.join(said)}")
         late = self._host.slowest() if isinstance(error, LateCycle) else None
@@ -227,11 +227,11 @@ class PoweredArm:
     # ---------------------------------------------------------------------------------------------------------
 
     def _ramp_down(self) -> None:
-        """To rest along the path, and added torque to zero."""
+        """Bring the arm to rest along the path and added torque to zero."""
         self._control.stop(PluginStop("cycle", "coming to rest"))
         self._gate.release()
         if self._unsent is not None:
-            # A plug-in stood between this setpoint and the drives; left out, it would be missing as a jump.
+            # A plug-in raised before this setpoint was sent; skipping it would cause a jump.
             self._send(*self._unsent)
         interpolator = self._interpolator
         while interpolator is not None and (reference := interpolator.next_reference()) is not None:
@@ -244,7 +244,7 @@ class PoweredArm:
         return Reference(self.position_rad, nothing, nothing, Segment.HOLD, PhaseState(0.0, 0.0, 0.0))
 
     def _exchange(self, reference: Reference) -> None:
-        """Send one setpoint and take the answer."""
+        """Send one setpoint and receive the feedback."""
         if self._control.goal.stop is not None:
             self._gate.release()
         command = self._command(reference)
@@ -253,7 +253,7 @@ class PoweredArm:
         self._send(JointCommand(command.position_rad, command.velocity_rad_s, torque), reference)
 
     def _send(self, command: JointCommand, reference: Reference) -> None:
-        """Send a command that was checked."""
+        """Send a checked command."""
         self._unsent = None
         self._feedback = _sealed(self._servos.exchange(command))
         self._last.append(self._feedback)
@@ -261,11 +261,11 @@ class PoweredArm:
         self.position_rad = command.position_rad
 
     def _command(self, reference: Reference) -> JointCommand:
-        """The setpoint that leaves for a reference, checked.
+        """The checked setpoint for a reference.
 
         Raises:
-            PathDeviation: it is not where the reference is.
-            LimitViolation: it breaks a limit.
+            PathDeviation: the setpoint deviates from the reference.
+            LimitViolation: the setpoint exceeds a limit.
         """
         position, velocity, acceleration = self._follower.follow(
             reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2
@@ -278,18 +278,18 @@ class PoweredArm:
         return JointCommand(position, velocity, self._gate.torque_nm)
 
     def _call_plugins(self, command: JointCommand, reference: Reference) -> FloatArray:
-        """Let plug-ins see the last feedback and the next command."""
+        """Call the plug-ins with the last feedback and the next command."""
         return self._host.call(
             CycleStep(self._feedback, self._sent, self._sent_reference, command, reference, self._ask_to_stop)
         )
 
     def _ask_to_stop(self, reason: str) -> None:
-        """A plug-in's request."""
+        """A plug-in requests a stop."""
         self._control.stop(PluginStop(self._host.calling, reason))
 
 
 def _sealed(feedback: JointFeedback) -> JointFeedback:
-    """A feedback that no plug-in can write to: where the arm stands is where it is held, and rows of it are kept."""
+    """A feedback that no plug-in can change: the arm is held at this position, and errors keep these rows."""
     for values in (feedback.position_rad, feedback.velocity_rad_s, feedback.current_a, feedback.torque_nm):
         if values is not None:
             values.setflags(write=False)

@@ -1,19 +1,19 @@
-"""Feedback that cannot be true: a plug-in that judges what drives report of themselves, one error per kind of lie.
+"""Implausible feedback: a plug-in that checks what drives report, with one error class per kind of contradiction.
 
 Every cycle
 
-    position against the last one       it moves no faster than the setpoints did lately, and some of the limit besides
-    statusword                          voltage (bit 4) and remote (bit 9) stay set where they were; following error
+        position against the last one       it moves no faster than the recent setpoints, plus a share of the limit
+    statusword                          voltage (bit 4) and remote (bit 9), if set at first, stay set; following error
                                         (bit 13) stays clear, an internal limit (bit 11) does not last
 
-and every `EVERY_S`, on the motors' side of the transmission, where one encoder is one number,
+and every `EVERY_S`, in the motors' axes, where each position is that of one encoder,
 
     position against the setpoints      it changes while they move, and in their direction
-    velocity against position           over `WINDOW_S` they say the same, where drives report a velocity
+        velocity against position           over `WINDOW_S` they agree, if drives report a velocity
     current or torque                   it is not exactly zero while the motor turns
 
-What the sign of a torque is worth is judged after the slow round: `torque_signs`. The following error has a monitor of
-its own. A joint whose feedback is missing repeats its last values; for it only time passes.
+The sign of a torque is checked after the slow round: `torque_signs`. The following error has its own monitor. A joint
+whose feedback is missing repeats its last values; only its elapsed time grows.
 """
 
 from __future__ import annotations
@@ -31,30 +31,32 @@ EVERY_S = 0.02
 WINDOW_S = 0.4
 """Time over which directions and velocities are compared."""
 RECENT_S = 0.1
-"""Time constant in which the greatest speed of the setpoints is forgotten; twice the lag of the simulated servos."""
+"""Time constant with which the setpoints' greatest speed decays; twice the lag of the simulated servos."""
 JUMP_FACTOR, JUMP_SHARE, JUMP_RAD = 2.0, 0.2, 1e-3
-"""A position may move at so many times the setpoints' recent speed, at so much of the limit besides, and so far."""
+"""A position may move by this factor times the setpoints' recent speed, plus this share of the limit, plus this
+distance."""
 FROZEN_SHARE = 0.4
-"""A position stands still when the setpoints have moved by so much of the following error's window without it."""
+"""A position is frozen if it stays while the setpoints move by this share of the following error window."""
 SAME_RAD = 1e-9
 """Positions this close are the same count of an encoder."""
 STRAIGHT_SHARE, LEAST_WAY_RAD, BACKWARDS_SHARE = 0.95, 0.01, 0.5
-"""Setpoints that went one way, this far at least; a position goes the other way when it has gone by so much of that."""
+"""Setpoints count as one-way at this share of net to total travel and this distance; a position is reversed if it moves
+against them by the last share."""
 APART_SHARE = 0.2
-"""Meanwhile it is so much of the following error's window away from them: friction held a joint of the simulated PRBT
-back until its setpoints were on their way back, 16 mrad away and 0.08 of the window."""
+"""The position must also be this share of the following error window away: friction held a joint of the simulated PRBT
+back until its setpoints had already reversed, 16 mrad away or 0.08 of the window."""
 VELOCITY_FACTOR, VELOCITY_SHARE = 0.3, 0.05
-"""A reported velocity may differ by so much of the position's, and so much of the limit besides."""
+"""A reported velocity may differ from the position's by this share of it, plus this share of the limit."""
 IDLE_RAD = 0.1
-"""A motor that turns by so much takes a current."""
+"""A motor that turns by this angle must draw current."""
 LIMITED_S = 0.1
-"""A drive may report an internal limit for so long."""
+"""A drive may report an internal limit for at most this time."""
 
 _VOLTAGE, _REMOTE, _LIMITED, _FOLLOWING = 0x0010, 0x0200, 0x0800, 0x2000
 
 
 class FeedbackError(ControlError):
-    """Something that a drive reports cannot be true, or must not be.
+    """A drive reports something implausible or forbidden.
 
     Attributes:
         joint: Name of the joint.
@@ -70,15 +72,15 @@ class PositionJumps(FeedbackError):
 
 
 class PositionFrozen(FeedbackError):
-    """A position does not change while its joint is moved."""
+    """A position does not change while its setpoints move."""
 
 
 class PositionReversed(FeedbackError):
-    """A position goes the other way."""
+    """A position moves against its setpoints."""
 
 
 class VelocityContradicts(FeedbackError):
-    """A velocity is not that of the position."""
+    """A velocity contradicts the change of position."""
 
 
 class TorqueMissing(FeedbackError):
@@ -94,7 +96,7 @@ class VoltageLost(FeedbackError):
 
 
 class RemoteLost(FeedbackError):
-    """A drive does not take commands from the bus any more (statusword bit 9)."""
+    """A drive no longer accepts commands from the bus (statusword bit 9)."""
 
 
 class InternalLimit(FeedbackError):
@@ -106,10 +108,10 @@ class DriveLag(FeedbackError):
 
 
 class FeedbackTruth:
-    """Judges whether feedback can be true.
+    """Checks feedback for plausibility.
 
     Args:
-        limits: Of the joints.
+        limits: Limits of the joints.
         coupling: (n, n) C with q_joint = C q_axis.
         reports_lag: (n,) whether bit 13 of a drive's statusword is a following error, as it is in CSP.
         cycle_s: Duration of a cycle.
@@ -124,7 +126,7 @@ class FeedbackTruth:
         self._coupling = coupling
         self._spare_rad_s = JUMP_SHARE * limits.velocity_max_rad_s
         self._velocity_max = limits.velocity_max_rad_s
-        # A joint without a window of its own is judged by its range of speed over the window of time.
+        # For a joint without a following error window: its greatest speed times the window of time.
         window_rad = np.minimum(limits.following_error_rad, limits.velocity_max_rad_s * WINDOW_S)
         self._frozen_rad, self._apart_rad = FROZEN_SHARE * window_rad, APART_SHARE * window_rad
         self._forbidden = np.where(reports_lag, _FOLLOWING, 0).astype(np.uint16)
@@ -136,10 +138,10 @@ class FeedbackTruth:
         self._n = n
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Judge one feedback.
+        """Check one feedback.
 
         Raises:
-            FeedbackError: naming the joint, of the class that the lie has.
+            FeedbackError: naming the joint; its class states the contradiction.
         """
         feedback = step.feedback
         if step.sent is None:
@@ -155,7 +157,7 @@ class FeedbackTruth:
             self._judge_motion(feedback, step.sent.position_rad)
 
     def _begin(self, feedback: JointFeedback) -> None:
-        """The arm has just got torque: nothing of an earlier motion counts."""
+        """Start afresh after the arm is enabled; an earlier motion does not count."""
         self._required = feedback.statusword & np.uint16(_VOLTAGE | _REMOTE)
         self._accepted = b""
         self._limited_since_s: float | None = None
@@ -173,10 +175,10 @@ class FeedbackTruth:
         self._ring = np.zeros((3, self._rows, self._n))
 
     def _judge_words(self, feedback: JointFeedback) -> None:
-        """Judge the bits of the statuswords.
+        """Check the bits of the statuswords.
 
         Raises:
-            FeedbackError: a bit is not as it must be.
+            FeedbackError: a bit is wrong.
         """
         word = feedback.statusword
         seen = word.tobytes()
@@ -204,10 +206,10 @@ class FeedbackTruth:
             raise InternalLimit(self._names[joint], "the drive limits the motion by itself (statusword bit 11)")
 
     def _judge_step(self, feedback: JointFeedback, speed_rad_s: FloatArray) -> None:
-        """Judge a position by the last one.
+        """Check a position against the last one.
 
         Raises:
-            PositionJumps: a joint moved farther than it can.
+            PositionJumps: a joint moved farther than possible.
         """
         self._since_s += feedback.time_s - self._time_s
         self._time_s = feedback.time_s
@@ -225,10 +227,10 @@ class FeedbackTruth:
         self._since_s *= feedback.missing
 
     def _judge_motion(self, feedback: JointFeedback, target_rad: FloatArray) -> None:
-        """Judge positions, velocities and torques by the motion.
+        """Check positions, velocities and torques against the motion.
 
         Raises:
-            FeedbackError: one of them cannot be.
+            FeedbackError: one of them is implausible.
         """
         axes, wanted = self._to_axes @ feedback.position_rad, self._to_axes @ target_rad
         moved, way = np.abs(axes - self._axes), np.abs(wanted - self._wanted)
@@ -252,7 +254,7 @@ class FeedbackTruth:
         self._kept += 1
 
     def _judge_standing(self, axes: FloatArray, way: FloatArray) -> None:
-        """Whether a position stands still while its setpoints move."""
+        """Check that a position changes while its setpoints move."""
         changed = np.abs(axes - self._changed) > SAME_RAD
         self._changed = np.where(changed, axes, self._changed)
         self._unchanged_way = np.where(changed, 0.0, self._unchanged_way + way)
@@ -265,7 +267,7 @@ class FeedbackTruth:
             )
 
     def _judge_idling(self, feedback: JointFeedback, moved: FloatArray) -> None:
-        """Whether a motor turns without any current or torque."""
+        """Check that a motor draws current or torque when it turns."""
         effort = feedback.current_a
         if effort is None and feedback.torque_nm is not None:
             effort = self._coupling.T @ feedback.torque_nm
@@ -280,7 +282,7 @@ class FeedbackTruth:
             )
 
     def _judge_direction(self, moved: FloatArray, wanted: FloatArray, way: FloatArray) -> None:
-        """Whether a position goes the other way."""
+        """Check that a position moves in the direction of its setpoints."""
         straight = (np.abs(wanted) > STRAIGHT_SHARE * way) & (np.abs(wanted) > LEAST_WAY_RAD)
         backwards = moved * np.sign(wanted) < -BACKWARDS_SHARE * np.abs(wanted)
         wrong = straight & backwards & (np.abs(self._wanted - self._axes) > self._apart_rad)
@@ -292,7 +294,7 @@ class FeedbackTruth:
             )
 
     def _judge_velocity(self, moved_rad_s: FloatArray, reported_rad_s: FloatArray) -> None:
-        """Whether reported velocities are those of the positions."""
+        """Check that reported velocities match the positions."""
         allowed = VELOCITY_FACTOR * np.abs(moved_rad_s) + VELOCITY_SHARE * self._velocity_max
         excess = np.abs(reported_rad_s - moved_rad_s) - allowed
         if (excess > 0.0).any():

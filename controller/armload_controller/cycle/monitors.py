@@ -1,4 +1,4 @@
-"""Monitors: plug-ins that judge every feedback before the next setpoint leaves, and count."""
+"""Monitors: plug-ins that check every feedback before the next setpoint is sent, and keep counts."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from armload_drivers.servos import JointFeedback
 from armload_identification.signals.joint_torque import Transmission
 
 TORQUE_FILTER_S = 0.02
-"""Time constant that noise is taken out of the measured torque with, before it is compared."""
+"""Time constant of the low-pass filter on the measured torque."""
 MODEL_EVERY_S = 0.01
-"""Interval at which the model is evaluated; motions within the joints' limits change little in between."""
+"""Interval at which the model is evaluated; motions within the joints' limits change little in this time."""
 REACH_BACK_S = 0.1
-"""Setpoints of so long ago may still be on their way: twice the lag of the simulated servos."""
+"""The arm may lag its setpoints by up to this time: twice the lag of the simulated servos."""
 
 
 class FollowingError(ControlError):
-    """A joint is farther from its target than its window.
+    """A joint's distance to its target exceeds its window.
 
     Attributes:
         joint: Name of the joint.
@@ -39,11 +39,11 @@ class FollowingError(ControlError):
 
 
 class TorqueError(ControlError):
-    """A joint's torque is not what it should be.
+    """A joint's torque is outside the expected range.
 
     Attributes:
         joint: Name of the joint.
-        measured_nm: Torque measured, noise filtered out.
+        measured_nm: Measured torque, filtered.
         least_nm: Least torque expected.
         greatest_nm: Greatest torque expected.
     """
@@ -57,7 +57,7 @@ class TorqueError(ControlError):
 
 
 class StaleFeedback(ControlError):
-    """The feedback is one that was there before."""
+    """A feedback was repeated."""
 
 
 class LateCycle(ControlError):
@@ -74,7 +74,7 @@ class LateCycle(ControlError):
 
 @dataclass(frozen=True, slots=True)
 class CycleSummary:
-    """What a run counted.
+    """Counts of a run.
 
     Attributes:
         cycles: Setpoints sent.
@@ -92,11 +92,11 @@ class CycleSummary:
 
 
 class FollowingMonitor:
-    """Judges following error, stale feedback and late cycles.
+    """Checks following error, stale feedback and late cycles.
 
     Args:
-        limits: With the windows.
-        max_skipped_cycles: So many cycles may be skipped in a row.
+        limits: Limits with the following error windows.
+        max_skipped_cycles: Greatest number of cycles that may be skipped in a row.
     """
 
     name = "monitor"
@@ -113,7 +113,7 @@ class FollowingMonitor:
         self._last_s = float("nan")
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Judge and count one feedback.
+        """Check and count one feedback.
 
         Raises:
             FollowingError: naming the joint.
@@ -135,7 +135,7 @@ class FollowingMonitor:
             raise LateCycle(feedback.skipped_cycles, self._max_skipped)
 
     def summary(self) -> CycleSummary:
-        """What was counted so far."""
+        """The counts so far."""
         return CycleSummary(self._cycles, self._duration_s, self._missing.copy(), self._skipped, self._worst_rad.copy())
 
     def _count(self, feedback: JointFeedback, error_rad: FloatArray) -> None:
@@ -150,7 +150,7 @@ class FollowingMonitor:
 
 
 class TorqueModel(Protocol):
-    """Something that knows between which torques a motion lies."""
+    """Predicts the range of torque of a motion."""
 
     def bounds_nm(
         self, position_rad: FloatArray, velocity_rad_s: FloatArray, acceleration_rad_s2: FloatArray
@@ -159,16 +159,16 @@ class TorqueModel(Protocol):
 
 
 class TorqueWindow:
-    """Judges measured torque against a model, or where there is none against the joint's greatest torque.
+    """Checks measured torque against a model, or without one against the joint's greatest torque.
 
-    An arm is where its setpoints were some time ago, so torque may be what any of the last setpoints takes.
+    The arm lags its setpoints, so the torque may be that of any setpoint of the last `REACH_BACK_S`.
 
     Args:
         joint_names: Names, for messages.
-        transmission: From motor current to joint torque.
+        transmission: Converts motor current to joint torque.
         torque_max_nm: (n,) greatest torque of each joint.
         cycle_s: Duration of a cycle.
-        model: What the motion should take; None expects anything that the joints can give.
+        model: Predicts the motion's torque; None allows up to each joint's greatest torque.
     """
 
     name = "torque window"
@@ -193,7 +193,7 @@ class TorqueWindow:
         self._calls = 0
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Judge one feedback.
+        """Check one feedback.
 
         Raises:
             TorqueError: naming the joint.
@@ -223,11 +223,11 @@ def measured_torque(feedback: JointFeedback, transmission: Transmission) -> Floa
     """Measured joint torque of a feedback.
 
     Args:
-        feedback: Of one cycle.
-        transmission: From motor current to joint torque.
+        feedback: Feedback of one cycle.
+        transmission: Converts motor current to joint torque.
 
     Returns:
-        (n,) in N m; NaN where the drives report neither torque nor current.
+        (n,) in N m; NaN if the drives report neither torque nor current.
     """
     torque = transmission.measured(feedback.torque_nm, feedback.current_a)
     return np.full(len(feedback.position_rad), np.nan) if torque is None else torque

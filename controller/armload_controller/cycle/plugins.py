@@ -1,11 +1,11 @@
-"""Plug-ins of the cycle: the recorder, the monitors, the feed-forward, and whatever users attach.
+"""Plug-ins of the cycle: the recorder, the monitors, the feed-forward, and those that users attach.
 
-A plug-in is called once per cycle, in the cycle's thread and in the order of attachment, with the feedback that has
-come in and the setpoint that is about to leave. It may return torque to be added, raise, or ask for a stop.
+A plug-in is called once per cycle, in the cycle's thread and in the order of attachment, with the feedback just
+received and the setpoint about to be sent. It may return torque to be added, raise, or request a stop.
 
-Rules. What it costs is measured. One that takes more than `BUDGET_SHARE` of the cycle `OVERRUNS_IN_A_ROW` times in a
-row is named and not called again, and the arm stops; one that blocks makes the cycle late, which is not caught up
-with: see `Cause.LATE`. Torque of plug-ins goes through one `TorqueGate` and never to a drive directly.
+Rules. Each call is timed. A plug-in that takes more than `BUDGET_SHARE` of the cycle `OVERRUNS_IN_A_ROW` times in a row
+is reported and not called again, and the arm stops; one that blocks makes the cycle late, and the lost time is not made
+up: see `Cause.LATE`. Torque of plug-ins goes through one `TorqueGate`, never directly to a drive.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from armload_drivers.servos import JointCommand, JointFeedback
 BUDGET_SHARE = 0.5
 """Share of the cycle that one call of a plug-in may take."""
 OVERRUNS_IN_A_ROW = 5
-"""So many calls over the budget, one after the other, are the plug-in's and not the computer's."""
+"""After this many consecutive calls over the budget, the plug-in is blamed and not the computer."""
 
 AskToStop = Callable[[str], None]
-"""Takes the reason, in the operator's words."""
+"""Called with the reason, as text for the operator."""
 
 
 @dataclass(frozen=True, slots=True)
 class CycleStep:
-    """What a plug-in sees of one cycle.
+    """One cycle as passed to a plug-in.
 
     Attributes:
-        feedback: What the drives answered last.
+        feedback: Last feedback of the drives.
         sent: The command that this feedback belongs to; None in the first cycle after enabling.
-        sent_reference: Where on the run that command was; None likewise.
-        command: The command about to leave, before this cycle's torque is added.
-        reference: Where on the run it is; its acceleration belongs to the command's velocity.
+        sent_reference: Reference of that command; None likewise.
+        command: The command about to be sent, before this cycle's torque is added.
+        reference: Its reference; contains the acceleration that belongs to the command's velocity.
         ask_to_stop: Brings the arm to rest on its path.
     """
 
@@ -52,24 +52,24 @@ class CycleStep:
 
 
 class CyclePlugin(Protocol):
-    """Something that takes part in the cycle.
+    """A plug-in of the cycle.
 
     Attributes:
-        name: What messages call it.
+        name: Its name, for messages.
     """
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Its name, for messages."""
 
     def on_cycle(self, step: CycleStep) -> FloatArray | None:
-        """Take part in one cycle.
+        """Process one cycle.
 
         Args:
-            step: What there is to see; its arrays are read-only.
+            step: The cycle; its arrays are read-only.
 
         Returns:
-            (n,) joint torque to add, in N m, or None. The array is used before the next call.
+            (n,) joint torque to add, in N m, or None. The array may be reused in the next call.
         """
 
 
@@ -90,19 +90,20 @@ class PluginFailed(PluginError):
 
 
 class PluginTooSlow(PluginError):
-    """A plug-in takes more time than the cycle can give."""
+    """A plug-in takes more time than its budget."""
 
 
 @dataclass(slots=True)
 class PluginTiming:
-    """What a plug-in cost.
+    """Time that a plug-in has taken.
 
     Attributes:
         name: The plug-in.
-        calls: How often it was called.
+        calls: Number of calls.
         total_s: Time of all calls.
-        longest_s: Time of the longest.
-        last_s: Time of the last.
+        longest_s: Time of the longest call.
+        last_s: Time of the last call.
+        overruns: Number of consecutive calls over the budget.
     """
 
     name: str
@@ -122,17 +123,17 @@ class PluginTiming:
 
 
 class PluginHost:
-    """Calls plug-ins, measures them, adds up their torque.
+    """Calls plug-ins, times them, and adds up their torque.
 
     Args:
-        plugins: In the order of their calls.
+        plugins: The plug-ins, in the order of their calls.
         n: Number of joints.
         cycle_s: Duration of the cycle.
-        stopwatch: Monotonic clock that calls are measured with, in s.
+        stopwatch: Monotonic clock that calls are timed with, in s.
 
     Attributes:
         calling: Name of the plug-in called last.
-        failed: Name of the plug-in whose call ended in an error; empty while none did.
+        failed: Name of the plug-in whose call ended in an error; empty if none.
     """
 
     def __init__(self, plugins: Sequence[CyclePlugin], n: int, cycle_s: float, stopwatch: Callable[[], float]) -> None:
@@ -147,28 +148,28 @@ class PluginHost:
 
     @property
     def timings(self) -> tuple[PluginTiming, ...]:
-        """What each plug-in cost so far, those that were detached included."""
+        """Time that each plug-in has taken so far, including detached ones."""
         return self._timings
 
     def detach(self, name: str) -> None:
-        """Do not call a plug-in again."""
+        """Stop calling a plug-in."""
         self._entries = [entry for entry in self._entries if entry[0].name != name]
 
     def slowest(self) -> PluginTiming | None:
-        """The plug-in whose last call took more than a whole cycle, the longest of them."""
+        """The plug-in with the longest last call, if longer than a cycle; otherwise None."""
         late = [timing for timing in self._timings if timing.last_s > self._cycle_s]
         return max(late, key=lambda timing: timing.last_s) if late else None
 
     def call(self, step: CycleStep) -> FloatArray:
-        """One cycle of all plug-ins.
+        """Call all plug-ins for one cycle.
 
         Returns:
-            (n,) their torques added up; the array is this object's own.
+            (n,) sum of their torques in N m; the array is reused by the next call.
 
         Raises:
             PluginTooSlow: naming the plug-in.
-            PluginFailed: likewise; what it raised is the cause.
-            ControlError: what a monitor raises is its own and comes as it is.
+            PluginFailed: naming the plug-in; the original exception is the cause.
+            ControlError: raised by a monitor, and passed on unchanged.
         """
         self._torque[:] = 0.0
         begun_s = self._stopwatch()

@@ -1,13 +1,13 @@
-"""The process tuned for the cycle, as far as it is permitted.
+"""Real-time tuning of the process for the cycle, as far as permitted.
 
-    SCHED_FIFO            nothing ordinary runs before the cycle's thread, nor before those that share its interpreter
-    locked memory         no page of the process must be read from disk
+    SCHED_FIFO            the cycle's thread, and those that share its interpreter, precede all ordinary processes
+    locked memory         no page of the process is swapped out
     CPU affinity          the cycle's thread stays on one CPU
     garbage collection    none while the arm moves
-    switch interval       a busy Python thread gives the interpreter back within 0.5 ms, instead of 5
+        switch interval       a busy Python thread releases the interpreter within 0.5 ms instead of 5
 
-Everything is set back afterwards. What is not permitted is reported once, in words, and the cycle runs without it.
-Not for lockstep simulations, where nothing waits for a clock and a real-time thread would only starve others.
+Everything is restored afterwards. What is not permitted is reported once, and the cycle runs without it. Not for
+lockstep simulations, where nothing waits for a clock and a real-time thread would only starve other processes.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _MCL_CURRENT, _MCL_FUTURE = 1, 2
 
 @contextmanager
 def tuned_for_cycles(report: Callable[[str], None]) -> Iterator[None]:
-    """Tune this process and the calling thread for a while.
+    """Tune this process and the calling thread within a `with` block.
 
     Args:
-        report: Called with what was not permitted, in one line, if anything.
+        report: Called with one line that lists what was not permitted, if anything.
     """
     refused: list[str] = []
     with ExitStack() as stack:
@@ -54,10 +54,10 @@ def tuned_for_cycles(report: Callable[[str], None]) -> Iterator[None]:
 
 
 def _real_time() -> Callable[[], None]:
-    """SCHED_FIFO for the calling thread and the others of this interpreter, unless there is but one CPU.
+    """SCHED_FIFO for the calling thread and the others of this interpreter, unless there is only one CPU.
 
-    The others come one priority below. They share the interpreter's lock: one that holds it and is kept from running by
-    other programs keeps the cycle from running as well, whatever the cycle's own priority is.
+    The others run one priority lower. They share the interpreter's lock: a thread that holds it and is preempted by
+    another program delays the cycle too, whatever the cycle's own priority is.
     """
     if len(os.sched_getaffinity(0)) == 1:
         raise OSError(errno.EBUSY, "there is only one CPU")
@@ -71,7 +71,7 @@ def _real_time() -> Callable[[], None]:
 
 
 def _raise(thread: int, priority: int) -> Callable[[], None]:
-    """SCHED_FIFO for one thread; what sets it back."""
+    """Set SCHED_FIFO for one thread; returns the function that restores its policy."""
     try:
         policy, parameters = os.sched_getscheduler(thread), os.sched_getparam(thread)
         os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
@@ -86,7 +86,7 @@ def _raise(thread: int, priority: int) -> Callable[[], None]:
 
 
 def _locked_memory() -> Callable[[], None]:
-    """Present and future memory locked."""
+    """Lock present and future memory."""
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE):
         number = ctypes.get_errno()
@@ -95,14 +95,14 @@ def _locked_memory() -> Callable[[], None]:
 
 
 def _one_cpu() -> Callable[[], None]:
-    """The last CPU of those allowed: interrupts are served by the first ones."""
+    """Pin the thread to the last allowed CPU: interrupts are usually served by the first ones."""
     allowed = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {max(allowed)})
     return lambda: os.sched_setaffinity(0, allowed)
 
 
 def _quiet_interpreter() -> Callable[[], None]:
-    """No garbage collection, short switch interval."""
+    """Disable garbage collection and shorten the switch interval."""
     interval, collecting = sys.getswitchinterval(), gc.isenabled()
     gc.collect()
     gc.freeze()

@@ -1,9 +1,8 @@
-"""The recorder: one MCAP file per run, as `armload_identification.recording.recording` defines it.
+"""The recorder: one MCAP file per run, in the format of `armload_identification.recording.recording`.
 
-A run is recorded as NAME.partial.mcap and gets its name when it is complete, so that what was stopped on the way is
-never taken for a whole run, and the run can be made again. Append-only: every `FLUSH_S` of recorded time the chunk in
-progress is closed and handed to the operating system, so that a crash or a kill -9 loses less than a quarter of a
-second.
+A run is recorded as NAME.partial.mcap and renamed when complete, so that an interrupted run is never mistaken for a
+complete one and can be repeated. The file is append-only: every `FLUSH_S` of recorded time the current chunk is closed
+and written to the operating system, so that a crash or kill -9 loses less than a quarter of a second.
 """
 
 from __future__ import annotations
@@ -29,28 +28,27 @@ from armload_drivers.servos import JointCommand, JointFeedback
 from armload_identification.recording.run_format import MESSAGE_SCHEMA, SCHEMA_NAME, TOPIC
 
 FLUSH_S = 0.2
-"""Recorded time between two flushes; a quarter of a second is promised."""
+"""Recorded time between two flushes; at most a quarter of a second is guaranteed."""
 
 
 FRAMES_S = 0.05
-"""Recorded time between two messages of where the links are; only to look at."""
+"""Recorded time between two messages with the links' frames, which serve display only."""
 
 
 class Recorder:
-    """Writes one run; a context manager that leaves a readable, indexed file however the run ended.
+    """Writes one run; a context manager that leaves a readable, indexed file however the run ends.
 
-    A plug-in of the cycle. A run of which nothing was written leaves no file; one that ends with an error stays
-    partial.
+    It is a plug-in of the cycle. A run without rows leaves no file; one that ends with an error keeps its partial name.
 
     Args:
         path: File to write; it must not exist.
         attachments: Text by name, written first.
-        frames: Where the arm's links are, recorded every `FRAMES_S` for Foxglove; None where the arm is not known.
-        clock_ns: Wall-clock time in ns since 1970; asked once, at the first row.
+        frames: Frames of the arm's links, recorded every `FRAMES_S` for Foxglove; None if the arm is unknown.
+        clock_ns: Wall-clock time in ns since 1970; read once, at the first row.
 
     Attributes:
-        rows: How many were written.
-        measured_rows: How many of them lie within the whole periods.
+        rows: Number of rows written.
+        measured_rows: Number of rows within the measured periods.
 
     Raises:
         CommissioningError: the file exists or cannot be written.
@@ -82,7 +80,7 @@ class Recorder:
         self.measured_rows = 0
 
     def _begin(self, attachments: Mapping[str, str]) -> None:
-        """What comes before the first row, on the disk: where there is no room for that, nothing is switched on."""
+        """Write everything before the first row; on a full disk this fails before anything is switched on."""
         self._writer = Writer(self._file)
         try:
             self._writer.start(profile="", library="armload")
@@ -102,11 +100,11 @@ class Recorder:
             raise
 
     def attach(self, name: str, text: str) -> None:
-        """Add a text that became known after the recorder was opened.
+        """Add an attachment after the recorder was opened.
 
         Args:
-            name: Of the attachment.
-            text: What it holds.
+            name: Name of the attachment.
+            text: Its content.
 
         Raises:
             RecordingFailed: it could not be written.
@@ -150,10 +148,10 @@ class Recorder:
         """Record one cycle.
 
         Args:
-            feedback: What the drives answered.
-            command: What they had been sent; None where that is not known.
+            feedback: Feedback of the drives.
+            command: The command it belongs to; None if unknown.
             segment: One of `run_format.SEGMENTS`.
-            phase_s: Along the excitation; None outside the whole periods.
+            phase_s: Phase along the excitation; None outside the measured periods.
 
         Raises:
             RecordingFailed: the disk is full, or another error of the file.
@@ -188,7 +186,7 @@ class Recorder:
             raise RecordingFailed(f"{self._partial} was removed while it was being written")
 
     def _flush_to_disk(self) -> None:
-        """What has the name of a whole run is on the disk."""
+        """Force the data to disk, so that a file with its final name is complete there."""
         self._file.flush()
         os.fsync(self._file.fileno())
 
@@ -197,20 +195,20 @@ class Recorder:
 
 
 def phase_of(reference: Reference) -> float | None:
-    """Where on the excitation a reference is; None outside the whole periods."""
+    """Phase of a reference along the excitation, in s; None outside the measured periods."""
     return reference.state.phase_s if reference.segment is Segment.PERIODS else None
 
 
 def joint_row(
     feedback: JointFeedback, command: JointCommand | None, segment: str, phase_s: float | None
 ) -> dict[str, object]:
-    """One cycle as `run_format.MESSAGE_SCHEMA` has it.
+    """One cycle as a message of `run_format.MESSAGE_SCHEMA`.
 
     Args:
-        feedback: What the drives answered.
-        command: What they answered to; None where that is not known.
+        feedback: Feedback of the drives.
+        command: The command it belongs to; None if unknown.
         segment: The part of the run, one of `run_format.SEGMENTS`.
-        phase_s: Phase along the excitation, None outside the whole periods.
+        phase_s: Phase along the excitation; None outside the measured periods.
     """
     row: dict[str, object] = {
         "cycle": feedback.cycle,
@@ -233,7 +231,7 @@ def joint_row(
 
 
 def _partial_of(path: Path) -> Path:
-    """A name for the run while it is not complete; what an earlier attempt left is kept."""
+    """A free name for the incomplete run; files of earlier attempts are kept."""
     attempt = 1
     while True:
         suffix = ".partial.mcap" if attempt == 1 else f".partial-{attempt}.mcap"

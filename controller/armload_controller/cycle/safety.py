@@ -1,6 +1,6 @@
-"""What is done when something goes wrong: one table from cause to stop.
+"""The reaction to every fault: one table from cause to stop.
 
-Categories, mildest first. ALONG_PATH: the phase rate goes to zero, the arm comes to rest on the path that was checked.
+Categories, mildest first. ALONG_PATH: the phase rate goes to zero and the arm comes to rest on the checked path.
 QUICK_STOP: the drives decelerate on their own ramps (605A) and hold with torque on. TORQUE_OFF: no more commands can be
 sent and the drives are disabled at once; if the bus is lost, their own reaction to the lost master (1016, 6007) stops
 the arm.
@@ -47,7 +47,7 @@ from armload_drivers.driver_errors import (
 
 
 class StopStep(Enum):
-    """One thing that is done to bring the arm to rest."""
+    """One step of bringing the arm to rest."""
 
     RAMP_DOWN = "ramp down along the path, added torque to zero"
     QUICK_STOP = "quick stop, torque on"
@@ -63,7 +63,7 @@ class StopCategory(Enum):
 
     @property
     def sequence(self) -> tuple[StopStep, ...]:
-        """What is done, in this order."""
+        """The steps, in this order."""
         return _SEQUENCES[self]
 
 
@@ -75,7 +75,7 @@ _SEQUENCES = {
 
 
 class Cause(Enum):
-    """Why the motion ends early."""
+    """Reason why the motion ends early."""
 
     OPERATOR = "the operator requested a stop"
     OPERATOR_AGAIN = "the operator requested an immediate stop"
@@ -115,7 +115,7 @@ class Decision:
     """One row of the table.
 
     Attributes:
-        category: How to stop; its sequence is what is done.
+        category: How the arm is stopped; defines the steps.
         advice: What the operator can do.
     """
 
@@ -167,7 +167,7 @@ DECISIONS: dict[Cause, Decision] = {
 
 
 class PathDeviation(ControlError):
-    """The setpoint from Ruckig is not on the checked path."""
+    """A setpoint from Ruckig is off the checked path."""
 
 
 CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
@@ -206,9 +206,9 @@ CAUSES: tuple[tuple[type[BaseException], Cause], ...] = (
     (StateError, Cause.PROGRAM),
     (DriverError, Cause.DRIVE),
 )
-"""From exception to cause; the first that fits counts."""
+"""Cause of each exception class; the first match applies."""
 
 
 def cause_of(error: BaseException) -> Cause:
-    """The row of the table that an exception belongs to."""
+    """The cause of an exception."""
     return next((cause for kind, cause in CAUSES if isinstance(error, kind)), Cause.PROGRAM)

@@ -1,9 +1,9 @@
-"""The one way by which added torque (60B2) reaches the drives: clamped, rate limited, ramped in, ramped out.
+"""The only path of added torque (60B2) to the drives: clamped, rate limited, ramped in and out.
 
-    wanted -> clamp to a share of the joint's greatest torque -> limit the change per cycle -> times the gate's opening
+    requested -> clamp to a share of the joint's greatest torque -> limit the change per cycle -> times the opening
 
-The opening goes from 0 to 1 and back within `OPENING_S`. Once it is released, on every stop, the last torque is
-ramped to zero whatever plug-ins still want.
+The gate's opening goes from 0 to 1 and back within `OPENING_S`. Every stop releases the gate: the last torque is then
+ramped to zero, whatever plug-ins still request.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from armload_core.arrays import FloatArray
 TORQUE_SHARE = 0.8
 """Share of a joint's greatest torque that may be added; the rest is the servo's margin."""
 FULL_SWING_S = 0.5
-"""Added torque may go from zero to the joint's greatest torque within this time, not faster."""
+"""Shortest time in which added torque may rise from zero to the joint's greatest torque."""
 OPENING_S = 0.4
-"""Time of ramping in and out."""
+"""Duration of the ramps in and out."""
 
 
 class TorqueGate:
-    """Added torque of one arm.
+    """Limits the added torque of one arm.
 
     Args:
-        torque_max_nm: (n,) greatest torque of each joint, 6072 and the joint's own limit considered.
+        torque_max_nm: (n,) greatest torque of each joint: the lesser of its own limit and its drive's (6072).
         cycle_s: Duration of a cycle.
 
     Attributes:
-        released: The torque is being ramped out for good.
-        torque_nm: (n,) what was passed last.
+        released: Whether the torque is being ramped out, until `close`.
+        torque_nm: (n,) the torque that passed last.
     """
 
     def __init__(self, torque_max_nm: FloatArray, cycle_s: float) -> None:
@@ -39,14 +39,14 @@ class TorqueGate:
         self.close()
 
     def close(self) -> None:
-        """No torque, and ready to open: what an arm that is enabled begins with."""
+        """Reset to no torque, ready to open; called whenever the arm is enabled."""
         self.released = False
         self._opening = 0.0
         self._followed = np.zeros_like(self._limit)
         self.torque_nm: FloatArray = np.zeros_like(self._limit)
 
     def release(self) -> None:
-        """From now on to zero, whatever is wanted."""
+        """Ramp to zero from now on, whatever is requested."""
         self.released = True
 
     @property
@@ -55,10 +55,10 @@ class TorqueGate:
         return not self.torque_nm.any()
 
     def passed(self, wanted_nm: FloatArray) -> FloatArray:
-        """What of a wanted torque is added in this cycle.
+        """The part of a requested torque that is added in this cycle.
 
         Args:
-            wanted_nm: (n,) joint torque.
+            wanted_nm: (n,) requested joint torque.
 
         Returns:
             (n,) a new array.
@@ -75,5 +75,5 @@ class TorqueGate:
 
 
 def _within(values: FloatArray, bound: FloatArray) -> FloatArray:
-    """Values clamped to +- their bounds; for a handful of them a third of what `np.clip` takes."""
+    """Values clamped to +- their bounds; for a few values three times as fast as `np.clip`."""
     return np.minimum(np.maximum(values, -bound), bound)

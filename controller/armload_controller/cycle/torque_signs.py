@@ -1,13 +1,12 @@
-"""Whether measured torques have the right sign: a motor that moves a joint to and fro works against its friction.
+"""Check the sign of measured torques: a motor that moves a joint to and fro works against its friction.
 
-Weight may drive a joint or hold it back, and nothing is known of the payload; but weight depends on where the arm is,
-friction on where it is going. After a slow round, in which nothing but these two counts, every joint's torque is fitted
-with
+Gravity may drive or oppose a joint, and the payload is unknown; but gravity torque depends on position, friction on
+direction. After a slow round, in which only these two matter, every joint's torque is fitted with
 
     tau = G(q) phi + f tanh(dq / v)
 
-with the columns G of any masses on any link, and v a share of the joint's greatest speed. f must not be below zero by
-more than what the residual explains; and torque that never changes was not measured.
+where the columns G describe arbitrary masses on every link, and v is a share of the joint's greatest speed. f must not
+be below zero by more than the residual explains, and a torque that never changes was not measured.
 """
 
 from __future__ import annotations
@@ -24,26 +23,26 @@ from armload_identification.model.regressor import payload_regressor
 from armload_identification.signals.joint_torque import Transmission
 
 EVERY_S = 0.05
-"""Interval at which torque is kept."""
+"""Interval between the rows used."""
 SPEED_SHARE = 0.05
-"""Share of a joint's greatest speed at which friction has most of its size."""
+"""Share of a joint's greatest speed at which friction reaches most of its value."""
 LEAST_TRAVEL_RAD = 0.2
-"""A joint that moved less in all says nothing."""
+"""A joint with less total travel is not checked."""
 CORRELATED_ROWS = 10.0
-"""So many rows in a row are taken to share one error."""
+"""Number of consecutive rows whose errors are assumed to be fully correlated."""
 SURE = 4.0
-"""Standard errors of friction below zero at which it is not doubted."""
+"""Friction this many standard errors below zero counts as negative."""
 _FIRST_MOMENTS = 4
-"""Mass and first moments: the parameters of a body that its weight depends on."""
+"""Mass and first moments: the parameters that gravity torque depends on."""
 
 
 class TorqueSigns:
-    """Plug-in that keeps torques of a slow round, to be judged when it is over.
+    """Plug-in that collects torques during a slow round, to be checked afterwards.
 
     Args:
         joint_names: Names, for messages.
         chain: The arm.
-        transmission: From motor current to joint torque.
+        transmission: Converts motor current to joint torque.
         cycle_s: Duration of a cycle.
     """
 
@@ -57,7 +56,7 @@ class TorqueSigns:
         self._torque: list[FloatArray] = []
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Keep one row where one is due."""
+        """Keep one row if due."""
         reference = step.sent_reference
         if reference is None or reference.segment is not Segment.SLOW:
             return
@@ -67,11 +66,11 @@ class TorqueSigns:
             self._torque.append(measured_torque(step.feedback, self._transmission))
 
     def judge(self) -> None:
-        """Judge what was kept.
+        """Check the collected rows.
 
         Raises:
             TorqueMissing: a joint's torque never changed.
-            TorqueReversed: it has the wrong sign.
+            TorqueReversed: a joint's torque has the wrong sign.
         """
         if len(self._position) < 2 * _FIRST_MOMENTS * self._chain.n:
             return
@@ -98,7 +97,7 @@ class TorqueSigns:
 
 
 def _weight_columns(chain: Chain, position: FloatArray) -> FloatArray:
-    """(N, n, K) torque of the weight of unit masses and first moments of every link."""
+    """(N, n, K) gravity torque of unit masses and first moments of every link."""
     still = np.zeros_like(position)
     columns = []
     for link in range(1, chain.n + 1):
@@ -111,10 +110,10 @@ def _weight_columns(chain: Chain, position: FloatArray) -> FloatArray:
 
 
 def _friction(weight: FloatArray, speed: FloatArray, torque: FloatArray) -> tuple[float, float]:
-    """Friction that fits best, and its standard error, both in N m."""
+    """Least-squares estimate of friction and its standard error, both in N m."""
     direction = np.tanh(speed / (SPEED_SHARE * np.abs(speed).max()))
     known = np.column_stack([np.ones_like(speed), weight])
-    # What weight explains is taken out of both: what is left of the direction is orthogonal to all that.
+    # Project gravity out of both signals: the remaining direction is orthogonal to its columns.
     basis, sizes, _ = np.linalg.svd(known, full_matrices=False)
     basis = basis[:, sizes > 1e-9 * sizes[0]]
     turned, left = (signal - basis @ (basis.T @ signal) for signal in (direction, torque))

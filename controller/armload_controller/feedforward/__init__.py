@@ -1,1 +1,1 @@
-"""The payload's torque: in a loop of your own, and into the drives."""
+"""The payload's torque: computed for any control loop, and sent to the drives."""

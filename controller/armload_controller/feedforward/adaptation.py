@@ -1,12 +1,12 @@
-"""Feed-forward that follows what the arm is found to carry: a plug-in of the cycle around estimator and injection.
+"""Feed-forward that adapts to the estimated payload: a plug-in of the cycle around estimator and injection.
 
-Every cycle the estimator takes the feedback, which costs microseconds. Its estimate, and the possible body nearest to
-it, take tens of milliseconds and are made beside the cycle, every `LOOK_S`. The body is what is fed, and so what is
-checked, compared and recorded: it is fed once two in a row agree and no rule speaks against them; the first doubt takes
-all torque away. A payload that changes is noticed in the cycle itself.
+The estimator processes the feedback in every cycle, which takes microseconds. Its estimate, and the nearest physically
+possible body, take tens of milliseconds and are computed outside the cycle, every `LOOK_S`. The body is what is fed
+forward, and therefore what is checked, compared and recorded. It is fed once two in succession agree and satisfy all
+rules; the first violation removes all torque. A change of payload is detected in the cycle itself.
 
-How the torque gets there is the injection's (`FeedforwardPlugin`): its transition, the joints that were found usable,
-and the gate behind it.
+The injection (`FeedforwardPlugin`) adds the torque, with its transition, on the joints found usable, and through the
+gate.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ from armload_identification.recording.reading_options import Effort
 LOOK_S: Final = 1.0
 """Time between two estimates."""
 FEED_S: Final = 0.5
-"""Time in which a payload, or a better estimate of it, is faded in."""
+"""Time in which a payload, or a refined estimate of it, is faded in."""
 DROP_S: Final = 0.2
-"""Time in which it is taken away."""
+"""Time in which its torque is removed."""
 BETTER: Final = 0.05
 BETTER_M: Final = 0.01
-"""A body replaces the one that is fed when it differs by this share of the mass, or by this length."""
+"""A body replaces the one being fed if it differs by this share of the mass, or by this length."""
 _MASS_AND_CENTER: Final = np.arange(10) < 4
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What is made beside the cycle.
+    """An estimate computed outside the cycle.
 
     Attributes:
-        found: The estimate; None where its equations could not be solved.
-        body: What is fed of it; None where it must not be.
-        doubt: Why it must not be; empty where it may.
+        found: The estimate; None if its equations could not be solved.
+        body: The body to feed; None if it must not be fed.
+        doubt: The reason why not; empty if it may be fed.
     """
 
     found: LivePayload | None
@@ -59,50 +59,50 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """What may be fed.
+    """A body that may be fed.
 
     Attributes:
         found: The estimate.
-        body: What is fed of it.
+        body: The body to feed.
     """
 
     found: LivePayload
     body: InertialParameters
 
     def agrees(self, before: Candidate) -> bool:
-        """Whether the bodies of two estimates can be one payload.
+        """Whether the bodies of two estimates can be the same payload.
 
         Args:
-            before: The candidate before.
+            before: The previous candidate.
         """
         apart = np.abs(mass_and_center(self.body) - mass_and_center(before.body))
         return bool(np.all(apart <= np.maximum(self.found.half_width_95, before.found.half_width_95)))
 
     def is_worth(self, fed: InertialParameters) -> bool:
-        """Whether the body is worth a change of what is fed.
+        """Whether the body differs enough to replace the one being fed.
 
         Args:
-            fed: The body that is fed.
+            fed: The body being fed.
         """
         apart = np.abs(mass_and_center(self.body) - mass_and_center(fed))
         return bool(apart[0] > BETTER * fed.mass_kg or apart[1:].max() > BETTER_M)
 
 
 Beside = Callable[[Callable[[], Look]], "Future[Look]"]
-"""Has a look made beside the cycle."""
+"""Computes a look outside the cycle."""
 
 
 class DecisionKind(StrEnum):
-    """What was decided."""
+    """Kind of a decision."""
 
     FED = "fed"
     """A payload's torque is faded in."""
     REFINED = "refined"
-    """A better estimate takes its place."""
+    """A refined estimate replaces it."""
     DROPPED = "dropped"
-    """All torque is taken away."""
+    """All torque is removed."""
     REFUSED = "refused"
-    """Nothing is fed, and an estimate is not to be."""
+    """Nothing is fed, and an estimate was rejected."""
 
 
 @dataclass(frozen=True)
@@ -111,14 +111,14 @@ class Decision:
 
     Attributes:
         time_s: Time stamp of the feedback that it followed.
-        kind: What was decided.
-        reason: Why, in words; empty where a payload is fed.
-        mass_kg: The estimate then; None, as the next two, where its equations could not be solved.
-        half_width_95_kg: Half width of its interval.
-        center_of_mass_m: The estimate, in the flange frame.
-        fed_mass_kg: Mass of the body that is fed from then on, the possible one nearest to the estimate; None where
-            nothing is fed.
-        fed_center_of_mass_m: Likewise, in the flange frame.
+        kind: Kind of the decision.
+        reason: The reason, for the operator; empty if a payload is fed.
+        mass_kg: Estimated mass; None, as the next two, if the equations could not be solved.
+        half_width_95_kg: Half width of its 95 % interval.
+        center_of_mass_m: Estimated centre of mass, in the flange frame.
+        fed_mass_kg: Mass of the body fed from then on, the possible one nearest to the estimate; None if nothing is
+            fed.
+        fed_center_of_mass_m: Its centre of mass, in the flange frame.
     """
 
     time_s: float
@@ -134,14 +134,14 @@ class Decision:
     def of(
         cls, time_s: float, kind: DecisionKind, reason: str, found: LivePayload | None, body: InertialParameters | None
     ) -> Decision:
-        """A decision by an estimate.
+        """A decision with the figures of its estimate.
 
         Args:
             time_s: Time stamp of the feedback that it followed.
-            kind: What was decided.
-            reason: Why, in words.
-            found: The estimate, where there is one.
-            body: What is fed from then on; None where nothing is.
+            kind: Kind of the decision.
+            reason: The reason, for the operator.
+            found: The estimate, if any.
+            body: The body fed from then on; None if nothing is fed.
         """
         return cls(
             time_s,
@@ -155,7 +155,7 @@ class Decision:
         )
 
     def __str__(self) -> str:
-        """In a line."""
+        """One line of text."""
         what = f"{self.time_s:8.2f} s  {self.kind}"
         if self.mass_kg is not None:
             what += f": {self.mass_kg:.2f} +- {self.half_width_95_kg:.2f} kg"
@@ -165,23 +165,23 @@ class Decision:
         return what + (f", {self.reason}" if self.reason else "")
 
     def to_dict(self) -> dict[str, Any]:
-        """As a document has it."""
+        """For a JSON document."""
         return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
 
 
 def at_once(look: Callable[[], Look]) -> Future[Look]:
-    """Look in the cycle: for simulations in virtual time, which are alike in every run."""
+    """Compute the look in the cycle itself: for simulations in virtual time, which must be reproducible."""
     made: Future[Look] = Future()
     made.set_result(look())
     return made
 
 
 class EstimatorPlugin:
-    """The estimator as a plug-in of the cycle: it takes the feedback, and adds no torque.
+    """The estimator as a plug-in of the cycle; it adds no torque.
 
     Args:
-        estimator: Of a calibrated arm.
-        effort: What it was calibrated with.
+        estimator: Estimator of a calibrated arm.
+        effort: The effort that the arm was calibrated with.
     """
 
     name = "payload estimator"
@@ -191,7 +191,7 @@ class EstimatorPlugin:
         self._with_torque = effort is Effort.TORQUE
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Take one cycle's feedback; a cycle in which a joint's is missing is left out."""
+        """Process one cycle's feedback; cycles with a joint's feedback missing are skipped."""
         feedback = step.feedback
         effort = feedback.torque_nm if self._with_torque else feedback.current_a
         if effort is not None and not feedback.missing.any():
@@ -202,16 +202,16 @@ class PayloadAdaptation:
     """Estimator, rules and injection as one plug-in.
 
     Args:
-        estimated: Takes the feedback.
-        rules: Judge the estimates.
-        feedforward: Adds the torque, once it is allowed to; it begins with no payload.
+        estimated: Processes the feedback.
+        rules: Check the estimates.
+        feedforward: Adds the torque once allowed; starts without payload.
         robot: Name of the robot.
         n: Number of joints.
-        beside: Has estimates made beside the cycle.
+        beside: Computes estimates outside the cycle.
         report: Called with every decision.
 
     Attributes:
-        decisions: All so far.
+        decisions: All decisions so far.
     """
 
     name = "adaptation"
@@ -239,24 +239,24 @@ class PayloadAdaptation:
 
     @property
     def fade_in_cycles(self) -> int:
-        """Cycles from `allow` until the whole torque is added."""
+        """Number of cycles from `allow` until the full torque is added."""
         return self._feedforward.fade_in_cycles
 
     def allow(self, joints: NDArray[np.bool_]) -> None:
-        """Begin to add torque: what has been decided by then, and what is decided later.
+        """Start adding torque, for decisions already made and for later ones.
 
         Args:
-            joints: (n,) True where torque may be added, as `OffsetCheck` found.
+            joints: (n,) joints on which torque may be added, from `OffsetCheck`.
         """
         self._feedforward.allow(joints)
 
     def on_cycle(self, step: CycleStep) -> FloatArray:
-        """Take the feedback, decide where there is something to decide, and add the torque."""
+        """Process the feedback, decide on a new estimate if there is one, and add the torque."""
         self._estimated.on_cycle(step)
         time_s = step.feedback.time_s
         if self._pending is not None and self._pending.done():
             look, self._pending = self._pending.result(), None
-            # An estimate from before a change is of another payload.
+            # An estimate from before a change belongs to another payload.
             if look.found is None or look.found.changes == self._changes:
                 self._decide(time_s, look)
         changes = self._estimated.estimator.changes
@@ -271,7 +271,7 @@ class PayloadAdaptation:
         return self._feedforward.on_cycle(step)
 
     def _look(self) -> Look:
-        """An estimate, and the possible body that would be fed; beside the cycle."""
+        """Compute an estimate and the body that would be fed; runs outside the cycle."""
         try:
             found = self._estimated.estimator.estimate()
         except np.linalg.LinAlgError:
@@ -289,7 +289,7 @@ class PayloadAdaptation:
         return Look(found, body) if doubt is None else Look(found, None, doubt)
 
     def _decide(self, time_s: float, look: Look) -> None:
-        """What becomes of an estimate."""
+        """Decide what to do with an estimate."""
         if look.found is None or look.body is None:
             self._agreed = None
             if self._fed is not None:
@@ -307,13 +307,13 @@ class PayloadAdaptation:
             self._feed(time_s, DecisionKind.REFINED, self._agreed)
 
     def _feed(self, time_s: float, kind: DecisionKind, candidate: Candidate) -> None:
-        """Hand a body to the injection, which judges it as any payload."""
+        """Pass a body to the injection, which checks it like any payload."""
         self._feedforward.set_payload(_result(candidate.body, self._robot, self._n), FEED_S)
         self._fed, self._refused = candidate, ""
         self._note(time_s, kind, candidate.found, "")
 
     def _drop(self, time_s: float, found: LivePayload | None, why: str) -> None:
-        """Take all torque away."""
+        """Remove all torque."""
         self._feedforward.drop_payload(DROP_S)
         self._fed, self._refused = None, why
         self._note(time_s, DecisionKind.DROPPED, found, why)
@@ -326,7 +326,7 @@ class PayloadAdaptation:
 
 
 def _result(body: InertialParameters, robot: str, n: int) -> PayloadResult:
-    """A body as the injection takes it: mass and centre of mass are determined, nothing else is."""
+    """A body as a payload for the injection; only mass and centre of mass count as determined."""
     values = np.stack([body.values, body.values], axis=1)
     nothing = np.zeros(n)
     provenance = Provenance("", "", {}, robot=robot)

@@ -1,17 +1,17 @@
-"""When the payload that an arm was found to carry may be fed forward: every condition, and what is said if one fails.
+"""Conditions for feeding an estimated payload forward, each with the message for its violation.
 
-What is fed is the possible body nearest to the estimate. It is fed while none of these speaks against it, and dropped
-as soon as one does; those of mass and centre are asked of the estimate and of the body:
+The body that is fed is the possible one nearest to the estimate. It is fed while all conditions hold, and dropped as
+soon as one fails; those on mass and centre of mass apply to both the estimate and the body:
 
-    nothing pushes against the arm at rest          a push is not weight
-    mass known within half of it                    so that added torque at least halves what is wrong
-    moment known within `MOMENT_SHARE` of that of   likewise, on the wrist
-      the rated payload at 0.1 m
-    its interval within what was declared           an unexpected payload is not compensated
-      which is at most `RATED_SHARE` of the rated payload
+    no external force on the arm at rest            an external force is not a payload
+    mass known to within half its value             so that added torque at least halves the error
+    moment known within `MOMENT_SHARE` of that of   the same for the wrist
+     the rated payload at 0.1 m
+    interval of the mass within the declared range  an unexpected payload is not compensated
+     of at most `RATED_SHARE` of the rated payload
     centre of mass at most `REACH_M` away           no tool reaches further
-    friction not far from the calibration's         else the arm is not the one that was calibrated
-    body within the intervals of the estimate       else the arm does not carry what the estimate says
+    friction near the calibration's                 else the calibration no longer describes the arm
+    body within the intervals of the estimate       else the body does not represent the estimate
 """
 
 from __future__ import annotations
@@ -31,30 +31,30 @@ from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.verdict.friction_validity import FAR
 
 MASS_WITHIN: Final = 0.5
-"""Half width of the mass' interval, as a share of the mass."""
+"""Half width of the mass's interval, as a share of the mass."""
 MOMENT_SHARE: Final = 0.1
 RATED_SHARE: Final = 0.8
-"""Of the robot's rated payload; what is left is for the error of the estimate."""
+"""Share of the robot's rated payload; the rest is for the error of the estimate."""
 REACH_M: Final = 0.5
 SPHERE_M: Final = 0.05
-"""Radius of the sphere that stands for the inertia, which a working motion hardly shows."""
+"""Radius of the sphere that represents the inertia, which working motions hardly reveal."""
 
 
 class AdaptationRefused(ControlError):
-    """What was declared cannot be adapted to."""
+    """The declared range of mass is not possible."""
 
 
 @dataclass(frozen=True)
 class DeclaredMass:
-    """What the operator expects the arm to carry.
+    """The range of mass that the operator expects.
 
     Attributes:
-        least_kg: At least; 0 where the flange may be empty.
-        most_kg: At most.
+        least_kg: Lower bound; 0 if the flange may be empty.
+        most_kg: Upper bound.
         rated_kg: Rated payload of the robot.
 
     Raises:
-        AdaptationRefused: no range, or beyond the rated payload.
+        AdaptationRefused: the range is empty, or exceeds `RATED_SHARE` of the rated payload.
     """
 
     least_kg: float
@@ -76,16 +76,16 @@ class DeclaredMass:
 
     @property
     def greatest_kg(self) -> float:
-        """What is fed forward at most."""
+        """Greatest mass that is fed forward."""
         return RATED_SHARE * self.rated_kg
 
 
 class AdaptationRules:
-    """Judges estimates of one arm.
+    """Checks estimates of one arm.
 
     Args:
-        declared: What it may carry.
-        calibration: What the estimates come from.
+        declared: The expected range of mass.
+        calibration: The calibration that the estimates are based on.
         joint_names: Names of the joints.
     """
 
@@ -95,7 +95,7 @@ class AdaptationRules:
         self._usual_nm = calibration.usual_change_nm
 
     def why_not(self, found: LivePayload) -> str | None:
-        """Why an estimate must not be fed forward, in words; None where it may.
+        """Why an estimate must not be fed forward; None if it may be.
 
         Args:
             found: The estimate.
@@ -111,11 +111,11 @@ class AdaptationRules:
         return None
 
     def why_not_fed(self, found: LivePayload, body: InertialParameters) -> str | None:
-        """Why the body of an estimate must not be fed forward, in words; None where it may.
+        """Why the body of an estimate must not be fed forward; None if it may be.
 
         Args:
-            found: An estimate that no rule speaks against.
-            body: What would be fed of it.
+            found: An estimate that satisfies all rules.
+            body: The body that would be fed.
         """
         values = mass_and_center(body)
         if not np.all(np.abs(values - found.values) <= found.half_width_95):
@@ -123,7 +123,7 @@ class AdaptationRules:
         return self._why_not(values, found.half_width_95)
 
     def _why_not(self, values: FloatArray, half_width_95: FloatArray) -> str | None:
-        """Why a mass and a centre of mass, (4,), must not be fed forward."""
+        """Why a mass and centre of mass, (4,), must not be fed forward; None if they may be."""
         mass, width = float(values[0]), float(half_width_95[0])
         if not width <= MASS_WITHIN * mass:
             return "the mass is not known well enough"
@@ -141,13 +141,13 @@ def mass_and_center(body: InertialParameters) -> FloatArray:
     """(4,) mass and centre of mass.
 
     Args:
-        body: Of a mass above 0.
+        body: A body with a mass above 0.
     """
     return np.array([body.mass_kg, *body.center_of_mass_m])
 
 
 def friction_change_nm(found: LivePayload, speed_rad_s: FloatArray) -> FloatArray:
-    """(n,) by how much the friction of each joint differs from the calibration's at some speed.
+    """(n,) difference of each joint's friction from the calibration's at a speed, in N m.
 
     Args:
         found: An estimate.
@@ -159,14 +159,14 @@ def friction_change_nm(found: LivePayload, speed_rad_s: FloatArray) -> FloatArra
 def carried_body(found: LivePayload) -> InertialParameters | None:
     """The body that is fed forward: mass and centre of the possible body nearest to the estimate.
 
-    A coordinate of the centre that may be zero by its interval is zero, and its inertia is that of a small sphere.
-    Takes tens of milliseconds.
+    A coordinate whose interval contains zero is set to zero, and the inertia is that of a small sphere. Takes tens of
+    milliseconds.
 
     Args:
-        found: An estimate that no rule speaks against.
+        found: An estimate that satisfies all rules.
 
     Returns:
-        None where the arm may carry nothing.
+        The body; None if the arm may carry nothing.
 
     Raises:
         EstimationError: no possible body is near the estimate.

@@ -1,13 +1,13 @@
-"""What the arm itself adds to a payload's torque, by its calibration.
+"""The arm's own torque in addition to a payload's, from its calibration.
 
-Two amounts of it, to be fed forward beside the payload's J^T w:
+Two options, fed forward in addition to the payload's J^T w:
 
     LoadFriction    mu s (|tau_link + tau_payload| - |tau_link|)
-    ArmTorque       all that the arm takes: tau_link + rotors + f_v dq
+    ArmTorque       all torque of the arm: tau_link + rotors + f_v dq
                     + s (f_c + f_r sqrt|dq| + mu |tau_link + tau_payload|)
 
-with s a smooth direction of motion. A gear under load rubs more, so that the first belongs to the payload's torque as
-a motor sees it. The torque that a drive reports at no load is its sensor's offset, and is not fed forward.
+with s the smoothed sign of velocity. Gear friction rises with load, so the first belongs to the payload's torque at the
+motor. The torque that a drive reports at no load is its sensor's offset, and is not fed forward.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
 
 HOLDING_SHARE = 0.5
-"""Share of a joint's Coulomb friction that holds it in place for certain."""
+"""Share of a joint's Coulomb friction that reliably holds it in place."""
 
 
 class ArmTerm(Protocol):
-    """Torque that belongs to the arm, beside a payload's."""
+    """Torque of the arm, in addition to a payload's."""
 
     def torque_nm(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray) -> FloatArray:
-        """(n,) torque to add to the payload's, at one state of (n,) each."""
+        """(n,) torque in N m to add to the payload's, at one state of (n,) each."""
 
 
 def held_torque(body: BodyModel) -> FloatArray:
-    """(n,) torque that each joint's friction holds safely: what is tried at standstill for the arm's own torque."""
+    """(n,) torque in N m that each joint's friction holds safely: tried at standstill for the arm's own torque."""
     return np.asarray(HOLDING_SHARE * body.coulomb_nm)
 
 
@@ -50,14 +50,14 @@ class LoadFriction:
         self._dynamics, self._body = ArmDynamics(chain, body), body
 
     def torque_nm(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray) -> FloatArray:
-        """(n,) friction of the loaded arm beyond the empty one's."""
+        """(n,) additional friction of the loaded arm over the empty one, in N m."""
         empty = self._dynamics.link_torque(q[None], dq[None], ddq[None])[0]
         direction = smooth_sign(dq, self._body.reversal_speed_rad_s)
         return self._body.load_friction * load_column(empty, payload_nm, direction)
 
 
 class ArmTorque:
-    """All torque that the arm takes, friction included.
+    """All torque of the arm, including friction.
 
     Args:
         chain: The arm.
@@ -68,7 +68,7 @@ class ArmTorque:
         self._chain, self._body = chain, body
 
     def torque_nm(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, payload_nm: FloatArray) -> FloatArray:
-        """(n,) torque of the loaded arm beyond the payload's."""
+        """(n,) torque of the loaded arm without the payload's, in N m."""
         body = self._body
         whole = body.torque(self._chain, q[None], dq[None], ddq[None], payload_nm[None])[0]
         return np.asarray(whole - body.offset_nm - payload_nm)

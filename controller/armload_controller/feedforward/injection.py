@@ -1,14 +1,13 @@
-"""The payload's torque into the drives: a plug-in of the cycle around `PayloadFeedforward`.
+"""Injection of the payload's torque into the drives: a plug-in of the cycle around `PayloadFeedforward`.
 
-The torque belongs to the state that the arm is in while it acts, and an arm follows its setpoints with a lag (40 ms
-on the simulated ones; without it the following error falls by 60 to 70 % where 85 to 90 % are there to be had). So the
-setpoints of a lag ago are what the torque is computed from: they are free of noise. The lag is measured while the
-arm moves, from the following error per speed.
+The torque must match the arm's state while it acts, and an arm lags its setpoints (by 40 ms on the simulated arms;
+ignoring the lag reduces the following error by 60 to 70 % instead of 85 to 90 %). So the torque is computed from the
+setpoints of one lag ago, which are free of noise. The lag is measured during motion, as following error over speed.
 
-With the arm's body known, friction that the payload causes in the gears, or all of the arm's own torque, goes with it:
-see `arm_torque`.
+If the arm's body is known, the gear friction that the payload causes, or all of the arm's own torque, is added: see
+`body_torque`.
 
-What keeps the arm safe is not here: the gate (`torque_gate`) clamps, limits the rate, ramps in and out.
+Safety is not ensured here but by the gate (`torque_gate`), which clamps, limits the rate, and ramps in and out.
 """
 
 from __future__ import annotations
@@ -31,21 +30,21 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters, PayloadResult
 
 LONGEST_LAG_S = 0.2
-"""A servo that follows later than this is no servo; the lag is taken to be at most this."""
+"""Upper bound of the lag; no servo follows later than this."""
 FADE_IN_S = 0.5
 """Time in which the torque is faded in once it is allowed."""
 LAG_MEMORY_S = 5.0
-"""Time constant of forgetting; the lag is that of about these last seconds of motion."""
+"""Forgetting time constant: the lag is that of about the last seconds of motion."""
 _MOVED_RAD2 = 1e-4
-"""Integral of squared speed over cycles, from which on a joint's lag counts."""
+"""Integral of squared speed over time, in rad2/s, above which a joint's lag counts."""
 
 
 class PayloadRefused(ControlError):
-    """A payload that must not be fed forward."""
+    """A payload must not be fed forward."""
 
 
 class FollowingLag:
-    """How long after its setpoints an arm is where they were, as the median over joints that move.
+    """Time by which an arm lags its setpoints: the median over the joints that move.
 
         lag = sum e dq / sum dq^2        e the following error, dq the commanded speed
 
@@ -54,7 +53,7 @@ class FollowingLag:
         cycle_s: Duration of a cycle.
 
     Attributes:
-        lag_s: 0 until something has moved.
+        lag_s: The lag; 0 until a joint has moved.
     """
 
     def __init__(self, n: int, cycle_s: float) -> None:
@@ -65,7 +64,7 @@ class FollowingLag:
         self.lag_s = 0.0
 
     def add(self, error_rad: FloatArray, velocity_rad_s: FloatArray) -> None:
-        """Take one cycle into account; a standstill changes nothing."""
+        """Process one cycle; standstill has no effect."""
         moving = velocity_rad_s * velocity_rad_s * self._cycle_s
         if not moving.any():
             return
@@ -78,16 +77,16 @@ class FollowingLag:
 
 
 class FeedforwardPlugin:
-    """Adds a payload's torque, once it is allowed to.
+    """Adds a payload's torque once allowed.
 
     Args:
         chain: The arm.
         robot: Its name, for messages.
-        payload: The payload at its flange; None begins with an empty flange.
+        payload: The payload at its flange; None for an empty flange.
         cycle_s: Duration of a cycle.
-        beside: What the arm itself adds; None adds the payload's torque alone.
-        commanded: (n, n) what drives whose gains are off are to be given for a torque, from the right; the torque
-            itself if not given.
+        beside: The arm's own torque; None adds only the payload's.
+        commanded: (n, n) matrix that the row of torques is multiplied with to compensate for gain errors of the
+            drives; identity if not given.
 
     Raises:
         PayloadRefused: the payload's mass or centre of mass is not determined, or it belongs to another arm.
@@ -118,42 +117,42 @@ class FeedforwardPlugin:
 
     @property
     def fade_in_cycles(self) -> int:
-        """Cycles from `allow` until the whole torque is added."""
+        """Number of cycles from `allow` until the full torque is added."""
         return round(FADE_IN_S / self._cycle_s) + 1
 
     @property
     def lag_s(self) -> float:
-        """The arm's lag as measured so far."""
+        """The lag of the arm measured so far."""
         return self._lag.lag_s
 
     def allow(self, joints: NDArray[np.bool_]) -> None:
-        """Begin to add torque, faded in.
+        """Start adding torque, faded in.
 
         Args:
-            joints: (n,) True where torque may be added, as `OffsetCheck` found.
+            joints: (n,) joints on which torque may be added, from `OffsetCheck`.
         """
         self._joints = joints.astype(np.float64)
         self._feedforward.set_payload(self._payload, FADE_IN_S, self._cycle_s)
 
     def set_payload(self, payload: PayloadResult, transition_s: float) -> None:
-        """Change the payload while running, without a step; from any thread.
+        """Change the payload while running, without a step; may be called from any thread.
 
         Args:
-            payload: The new one.
-            transition_s: Time that the change takes.
+            payload: The new payload.
+            transition_s: Duration of the change.
 
         Raises:
-            PayloadRefused: it must not be fed forward; the present one stays.
+            PayloadRefused: it must not be fed forward; the present payload is kept.
         """
         self._require(payload)
         self._change(payload.model, transition_s)
 
     def drop_payload(self, transition_s: float) -> None:
-        """The flange is empty from now on; from any thread."""
+        """Fade the payload's torque out: the flange is empty; may be called from any thread."""
         self._change(NOTHING, transition_s)
 
     def on_cycle(self, step: CycleStep) -> FloatArray:
-        """The payload's torque where the arm will be while it acts."""
+        """The payload's torque at the state that the arm will be in while it acts."""
         if step.sent is not None and step.sent_reference is not None:
             error = step.sent.position_rad - step.feedback.position_rad
             self._lag.add(error, step.sent_reference.velocity_rad_s)
@@ -161,7 +160,7 @@ class FeedforwardPlugin:
         self._states.appendleft(
             np.array([reference.position_rad, reference.velocity_rad_s, reference.acceleration_rad_s2])
         )
-        # The error is sampled at SYNC; torque acts from there to the next one, on average half a cycle later.
+        # The error is sampled at SYNC; torque acts from then until the next one, on average half a cycle later.
         delay = max(self._lag.lag_s / self._cycle_s - 0.5, 0.0)
         last = len(self._states) - 1
         before = min(int(delay), last)
@@ -174,7 +173,7 @@ class FeedforwardPlugin:
         return self._joints * (torque @ self._commanded)
 
     def _change(self, payload: InertialParameters, transition_s: float) -> None:
-        """What is at the flange from now on; added at once only where torque is allowed, else with `allow`."""
+        """Set the payload; its torque changes now if torque is allowed, otherwise when `allow` is called."""
         self._payload = payload
         if self._joints.any():
             self._feedforward.set_payload(payload, transition_s, self._cycle_s)
@@ -186,25 +185,25 @@ class FeedforwardPlugin:
 
 
 class Feeding(Protocol):
-    """A plug-in that adds torque once it is allowed to: `FeedforwardPlugin`, or one around it."""
+    """A plug-in that adds torque once allowed: `FeedforwardPlugin`, or a wrapper of it."""
 
     @property
     def fade_in_cycles(self) -> int:
-        """Cycles from `allow` until the whole torque is added."""
+        """Number of cycles from `allow` until the full torque is added."""
 
     def allow(self, joints: NDArray[np.bool_]) -> None:
-        """Begin to add torque on some joints, faded in."""
+        """Start adding torque on some joints, faded in."""
 
     def on_cycle(self, step: CycleStep) -> FloatArray:
         """(n,) torque to add."""
 
 
 class CheckedFeedforward:
-    """The feed-forward and the check that must precede it, as one plug-in.
+    """The feed-forward and the preceding check of the torque offset, as one plug-in.
 
     Args:
-        feedforward: Adds nothing until `begin` allows it.
-        check: Tries the torque offset while `check` has it try.
+        feedforward: Adds nothing until `begin` or `fade_in` allows it.
+        check: Tries the torque offset during `begin`.
     """
 
     name = "feed-forward"
@@ -215,15 +214,15 @@ class CheckedFeedforward:
         self._checking = False
 
     def on_cycle(self, step: CycleStep) -> FloatArray | None:
-        """The check's torque while it runs, else the payload's."""
+        """The check's torque while it runs, otherwise the payload's."""
         torque = self.feedforward.on_cycle(step)
         return self._check.on_cycle(step) if self._checking else torque
 
     def begin(self, arm: PoweredArm) -> OffsetVerdict:
-        """Try the offset of a standing arm, then fade the payload's torque in.
+        """Try the torque offset at standstill, then fade the payload's torque in.
 
         Raises:
-            OffsetRefused: a drive makes something else of its offset; no torque is added.
+            OffsetRefused: a drive responds wrongly to its offset; no torque is added.
         """
         self._checking = True
         arm.hold(self._check.done)
@@ -233,10 +232,10 @@ class CheckedFeedforward:
         return verdict
 
     def fade_in(self, arm: PoweredArm, verdict: OffsetVerdict) -> None:
-        """Fade the payload's torque in on a standing arm whose offset was tried before.
+        """Fade the payload's torque in at standstill, after an earlier trial of the offset.
 
         Raises:
-            OffsetRefused: the trial said no; no torque is added.
+            OffsetRefused: the trial failed; no torque is added.
         """
         self.feedforward.allow(verdict.require())
         cycles = iter(range(self.feedforward.fade_in_cycles))

@@ -1,15 +1,15 @@
-"""Does a drive's torque offset (60B2) do what it should? Asked at standstill, before any of it reaches motion.
+"""Check of the drives' torque offset (60B2) at standstill, before it is used in motion.
 
-A fifth of the greatest torque that the payload is going to need is faded in and out, over and over. What the drives
-report (6077, 6078) is the motor's whole torque: the servo's own and the offset. Friction holds a geared joint in
-place while the offset changes by less than it, so the servo does not respond, and the whole torque changes by
-exactly what the drive made of the offset:
+A fifth of the greatest torque that the payload will require is faded in and out repeatedly. The drives report (6077,
+6078) the motor's total torque: the servo's own plus the offset. Friction holds a geared joint in place while the offset
+changes by less than the friction, so the servo does not respond, and the total torque changes exactly by the drive's
+implementation of the offset:
 
     measured = constant + drift + gain offset + delay d(offset)/dt        gain 1: sign and scale are right
 
-fitted to a few fades at a time, since servos creep and slip at standstill; the median of the fits counts. Where the
-servo answers by as much (gain 0: no friction, or no 60B2), sign and scale cannot be determined and nothing is injected:
-the servo's own torque falls by the offset then, but it would with the wrong sign as well.
+fitted to a few fades at a time, since servos creep and slip at standstill; the median of the fits counts. If the servo
+compensates fully (gain 0: no friction, or no 60B2), sign and scale cannot be determined and nothing is injected: the
+total torque would stay constant with the wrong sign as well.
 """
 
 from __future__ import annotations
@@ -34,30 +34,30 @@ CHECK_SHARE = 0.2
 TOLERANCE = 0.35
 """Greatest distance of the gain from 1."""
 CERTAINTY = 0.12
-"""The gain's standard error at which it is believed; a third of the tolerance."""
+"""Greatest standard error at which a gain counts as known; a third of the tolerance."""
 SMALLEST_SHARE = 1e-3
-"""A joint that the payload's weight loads by less than this share of the most loaded one is not tried."""
+"""A joint on which the payload's gravity torque is below this share of the greatest one is not tried."""
 FADE_S = 0.25
 """One fade in and out."""
 FADES = 4
-"""Fades that a gain is fitted to; drift is slower, a slip spoils one of many fits."""
+"""Fades per fit of a gain: short enough for slow drift, and a slip spoils only one of many fits."""
 LEAST_FITS = 8
 MOST_FITS = 20
-"""After this number of fits a joint that is still not certain is left without feed-forward."""
+"""After this number of fits, a joint whose gain is still uncertain gets no feed-forward."""
 _MEDIAN_EFFICIENCY = 1.2533
-"""Standard error of a median in terms of a mean's."""
+"""Standard error of a median relative to that of a mean, for normal errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class OffsetVerdict:
-    """What the check found, per joint.
+    """Result of the check, per joint.
 
     Attributes:
-        joint_names: Names.
+        joint_names: Names of the joints.
         tried_nm: (n,) greatest offset.
-        gain: (n,) what the drives made of it; 1 is right.
-        sigma: (n,) its standard error.
-        fits: How many gains were fitted.
+        gain: (n,) response to it; 1 is right.
+        sigma: (n,) standard error of the gain.
+        fits: Number of fits.
     """
 
     joint_names: tuple[str, ...]
@@ -68,24 +68,24 @@ class OffsetVerdict:
 
     @property
     def certain(self) -> NDArray[np.bool_]:
-        """(n,) where the gain is known well enough to judge."""
+        """(n,) whether the gain is known accurately enough."""
         return self.sigma <= CERTAINTY
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """(n,) where torque may be added: known well enough, and right."""
+        """(n,) whether torque may be added: the gain is certain and right."""
         return self.certain & (np.abs(self.gain - 1.0) <= TOLERANCE)
 
     @property
     def wrong(self) -> NDArray[np.bool_]:
-        """(n,) where the answer is certainly wrong; a joint that slips now and then is no proof of that."""
+        """(n,) whether the gain is certainly wrong; needs a smaller error, as a joint may slip now and then."""
         return (self.sigma <= CERTAINTY / 2.0) & (np.abs(self.gain - 1.0) > TOLERANCE)
 
     def require(self) -> NDArray[np.bool_]:
-        """Joints that torque may be added on; on the others the answer cannot be determined, and nothing is added.
+        """(n,) joints on which torque may be added; on the others the gain is undetermined, and nothing is added.
 
         Raises:
-            OffsetRefused: a drive makes something else of its offset, or no joint is usable.
+            OffsetRefused: a drive responds wrongly to its offset, or no joint is usable.
         """
         wrong = np.flatnonzero(self.wrong)
         if wrong.size or not self.usable.any():
@@ -97,7 +97,7 @@ class OffsetVerdict:
         return self.usable
 
     def _account(self, joint: int) -> str:
-        """What is wrong with one joint, and what to look at."""
+        """Description of one joint's wrong response, and what to check."""
         gain = self.gain[joint]
         if abs(gain) <= TOLERANCE:
             what = "the servo compensates for it, or the drive ignores it: sign and scale cannot be determined"
@@ -112,11 +112,11 @@ class OffsetVerdict:
 
 
 class OffsetCheck:
-    """Plug-in that tries the offset of all joints at once, the arm standing.
+    """Plug-in that tries the offset of all joints simultaneously at standstill.
 
     Args:
         joint_names: Names, for messages.
-        transmission: From motor current to joint torque.
+        transmission: Converts motor current to joint torque.
         tried_nm: (n,) greatest offset of each joint.
         cycle_s: Duration of a cycle.
     """
@@ -138,7 +138,7 @@ class OffsetCheck:
         self._gains: list[FloatArray] = []
 
     def on_cycle(self, step: CycleStep) -> FloatArray | None:
-        """Fade in and out, and evaluate; the first fades open the gate and are not."""
+        """Fade in and out, and evaluate; the first fades, in which the gate opens, are not evaluated."""
         if step.sent is not None and self._cycle > self._length:
             self._offset.append(step.sent.torque_offset_nm)
             self._torque.append(measured_torque(step.feedback, self._transmission))
@@ -151,7 +151,7 @@ class OffsetCheck:
         return np.asarray(share * self._tried)
 
     def done(self) -> bool:
-        """Whether enough is known, or more would not help."""
+        """Whether the result is certain, or further fits are not worthwhile."""
         fits = len(self._gains)
         if fits < LEAST_FITS:
             return False
@@ -159,7 +159,7 @@ class OffsetCheck:
         return fits >= MOST_FITS or bool(verdict.usable[self._tried_joints].all() or verdict.wrong.any())
 
     def verdict(self) -> OffsetVerdict:
-        """What was found so far."""
+        """The result so far."""
         gains = np.array(self._gains)
         gain = np.median(gains, axis=0)
         spread = np.maximum(deviation_by_median(gains - gain), gains.std(axis=0))
@@ -182,15 +182,15 @@ class OffsetCheck:
 
 
 def tried_torque(chain: Chain, payload: InertialParameters, position_rad: FloatArray) -> FloatArray:
-    """What to try: a fifth of the greatest torque that the payload's weight takes along a path.
+    """The torque to try: a fifth of the payload's greatest gravity torque along a path.
 
     Args:
         chain: The arm.
-        payload: At its flange.
-        position_rad: (N, n) along the path.
+        payload: Payload at its flange.
+        position_rad: (N, n) positions along the path.
 
     Returns:
-        (n,) joint torques, none below zero.
+        (n,) joint torques in N m, none below zero.
     """
     still = np.zeros_like(position_rad)
     return np.asarray(

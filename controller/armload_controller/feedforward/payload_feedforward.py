@@ -1,7 +1,7 @@
-"""The payload's torque for a control loop: give joint state, get joint torque.
+"""The payload's torque for a control loop, computed from the joint state.
 
-Made to be imported into other people's control processes: numpy and the compiled kernels are all it loads, and a
-call allocates nothing.
+Intended for import into any control process: it loads only numpy and the compiled kernels, and a call allocates
+nothing.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import feedforward_model
 
 NOTHING = InertialParameters(np.zeros(10))
-"""The empty flange, to begin with or to change to."""
+"""The empty flange."""
 
 
 class PayloadFeedforward(kernels.PayloadTorque):
-    """Torque that a payload at the flange asks of the joints.
+    """Joint torque required by a payload at the flange.
 
         tau = J(q)^T w(q, dq, ddq, theta)
 
-    `torque_nm(position_rad, velocity_rad_s, acceleration_rad_s2)`, all (n,), gives the (n,) torques in N m. It is
-    the compiled class's own method, without a line of Python around it: the array that it returns changes with the
-    next call, and a state that is not of n joints raises ValueError. It belongs to one thread, the loop's;
-    `set_payload` may be called from any.
+    `torque_nm(position_rad, velocity_rad_s, acceleration_rad_s2)`, all (n,), returns the (n,) torques in N m. It is the
+    compiled class's own method without a Python wrapper: the returned array is overwritten by the next call, and a
+    state that does not have n joints raises ValueError. Call it from one thread only, the loop's; `set_payload` may be
+    called from any.
 
     Args:
         chain: The arm, n joints.
@@ -49,18 +49,18 @@ class PayloadFeedforward(kernels.PayloadTorque):
         super().__init__(feedforward_model(chain, payload.theta), np.zeros(chain.n))
 
     def set_payload(self, payload: InertialParameters, transition_s: float, cycle_s: float) -> None:
-        """Change the payload while running, without a step in torque: after a grasp, after a release.
+        """Change the payload while running, without a step in torque: after a grasp or a release.
 
-        The parameters go from what they are at the next call to the new ones, with rest at both ends. Torque is
-        linear in them, and everything in between is a possible body. A second change takes up where the first is.
+        From the next call the parameters move to the new ones, with zero rate at both ends. Torque is linear in them,
+        and every intermediate body is physically possible. A second change continues from the present values.
 
         Args:
-            payload: The new payload, in the flange frame; `NOTHING` for an empty one.
-            transition_s: Time that the change takes; 0 for at once.
+            payload: The new payload, in the flange frame; `NOTHING` for an empty flange.
+            transition_s: Duration of the change; 0 for immediately.
             cycle_s: Time between two calls of `torque_nm`.
 
         Raises:
-            ValueError: a time below zero.
+            ValueError: `transition_s` is negative, or `cycle_s` is not positive.
         """
         if not (transition_s >= 0.0 and cycle_s > 0.0):
             raise ValueError(f"transition_s = {transition_s} and cycle_s = {cycle_s}: expected >= 0 and > 0")

@@ -1,4 +1,4 @@
-"""Whether a payload may be used: the same words wherever it is refused."""
+"""Whether a payload may be used, with the same message wherever it is refused."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from armload_identification.pipeline.payload_identification import FLANGE
 
 
 def another_arms(payload: PayloadResult, chain: Chain, robot: str) -> str | None:
-    """Why a payload is not one of this arm, as far as its file says; None where nothing speaks against it.
+    """Why a payload's file shows that it belongs to another arm; None if it does not.
 
     Args:
-        payload: As it was read.
+        payload: The payload from its file.
         chain: Kinematics of the arm.
         robot: Name of the arm.
     """
@@ -30,13 +30,13 @@ def another_arms(payload: PayloadResult, chain: Chain, robot: str) -> str | None
 
 
 def why_not_usable(payload: PayloadResult, chain: Chain, robot: str, use: str) -> str | None:
-    """Why a payload must not be given to a controller, with what to do about it; None where it may.
+    """Why a payload must not be given to a controller, and what to do about it; None if it may be.
 
     Args:
-        payload: As it was read.
+        payload: The payload from its file.
         chain: Kinematics of the arm that carries it.
         robot: Name of that arm.
-        use: What was going to happen to it, "exported" or "fed forward".
+        use: The intended use, "exported" or "fed forward".
     """
     if not payload.feedforward_ready:
         missing = ", ".join(

@@ -1,15 +1,15 @@
-"""Checked motion: the only thing that can be commanded to an arm.
+"""Checked motion: the only motion that can be commanded to an arm.
 
-`PoweredArm.follow` takes a `CheckedLeg` and nothing else. Legs come from a `CheckedPath`, and that from `check_path`,
-which refuses an excitation that anywhere, at any speed up to the planned one and under any pause or stop
+`PoweredArm.follow` accepts only a `CheckedLeg`. Legs come from a `CheckedPath`, which comes from `check_path`. That
+refuses an excitation that anywhere, at any speed up to the planned one and under any pause or stop
 
-    breaks a joint's limit of position, velocity, acceleration or jerk, or fills its following-error window,
+    exceeds a joint's limit of position, velocity, acceleration or jerk, or its following error window,
     requires more torque than a joint has, for the arm alone or with its heaviest payload,
     touches an obstacle of the workspace, or brings collision meshes too close to each other,
     moves a point of the arm faster than the robot's file allows, or in the slow round faster than reduced speed.
 
-The way onto a path begins wherever the arm stands, so it is checked in the same way when that is known, on its own
-straight stretches: `CheckedPath.approach_from`.
+The approach to a path begins at the arm's present position, so it is checked in the same way once that is known,
+segment by segment: `CheckedPath.approach_from`.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from armload_core.arrays import FloatArray
 from armload_identification.excitation.fourier import Excitation
 
 STANDING_RAD = 1e-9
-"""An arm that is this close to where it is to go is there."""
+"""Within this distance of its target the arm has arrived."""
 SAG_RAD = 0.01
-"""So far a joint may sink or spring while it gets torque and its brake opens."""
+"""Greatest movement of a joint while it is enabled and its brake opens."""
 
 
 @final
 @dataclass(frozen=True, eq=False, init=False)
 class CheckedLeg:
-    """One way from rest to rest that passed every check; only the functions of this module make one.
+    """A leg from rest to rest that passed every check; only the functions of this module create one.
 
     Attributes:
-        leg: The way.
+        leg: The leg.
     """
 
     leg: Leg
@@ -62,14 +62,14 @@ class CheckedLeg:
 @final
 @dataclass(frozen=True, eq=False, init=False)
 class CheckedPath:
-    """An excitation that passed every check of one arm; only `check_path` makes one.
+    """An excitation that passed every check of one arm; only `check_path` creates one.
 
     Attributes:
         excitation: Path and number of periods.
-        constraints: What it was checked against.
-        cycle_s: Time between setpoints that it was checked for.
+        constraints: The constraints it was checked against.
+        cycle_s: The time between setpoints it was checked for.
         slow: One period at reduced speed.
-        measured: Ramp up, whole periods, ramp down; begins where the slow round ends.
+        measured: Ramp up, complete periods, ramp down; begins where the slow round ends.
     """
 
     excitation: Excitation
@@ -83,13 +83,13 @@ class CheckedPath:
 
     @property
     def start_rad(self) -> FloatArray:
-        """(n,) where both legs begin."""
+        """(n,) start position of both legs."""
         leg = self.measured.leg
         return leg.path.evaluate(leg.start_s).position_rad
 
     @property
     def slow_round_s(self) -> float:
-        """How long the slow round lasts, ramps and pauses left out."""
+        """Duration of the slow round, without ramps and pauses."""
         return self.slow.leg.end_s - self.slow.leg.start_s
 
     @property
@@ -98,17 +98,17 @@ class CheckedPath:
         return greatest_speed_m_s(self.slow.leg, self.constraints.points)
 
     def approach_from(self, position_rad: FloatArray) -> tuple[CheckedLeg, ...]:
-        """The way from where the arm stands to where the legs begin: straight, else by via points.
+        """The approach from the arm's present position to the start of the legs: straight, or through via points.
 
         Args:
-            position_rad: (n,) where it stands.
+            position_rad: (n,) present position.
 
         Returns:
-            The stretches, each from rest to rest; none where it is there already.
+            The segments, each from rest to rest; empty if the arm is already there.
 
         Raises:
-            LimitViolation: the arm stands beyond a joint's limit.
-            BlockedWay: on every way that was found something would be touched, or a joint is too weak for it.
+            LimitViolation: the present position is beyond a joint's limit.
+            BlockedWay: on every approach found, something would be touched or a joint is too weak.
         """
         if np.abs(self.start_rad - position_rad).max() < STANDING_RAD:
             return ()
@@ -137,17 +137,20 @@ class CheckedPath:
         return tuple(legs)
 
     def back_to(self, stood_rad: FloatArray, position_rad: FloatArray) -> CheckedLeg | None:
-        """The way back to where the arm stood before it got torque and its brakes opened, where the approach begins.
+        """The leg back to the position before the arm was enabled and its brakes opened, where the approach begins.
 
-        It is that short that nothing but the joints' limits is checked: the arm has just come this way by itself.
+        It is so short that only the joints' limits are checked: the arm has just moved along it by itself.
 
         Args:
-            stood_rad: (n,) where it stood.
-            position_rad: (n,) where it is now.
+            stood_rad: (n,) position before enabling.
+            position_rad: (n,) present position.
+
+        Returns:
+            The leg; None if the arm has not moved.
 
         Raises:
-            LimitViolation: the arm stands beyond a joint's limit.
-            BlockedWay: it has moved by more than `SAG_RAD`.
+            LimitViolation: the present position is beyond a joint's limit.
+            BlockedWay: the arm has moved by more than `SAG_RAD`.
         """
         moved = np.abs(position_rad - stood_rad)
         if moved.max() < STANDING_RAD:
@@ -172,16 +175,16 @@ def check_path(
 
     Args:
         excitation: Path and number of periods.
-        constraints: Of the arm.
+        constraints: Constraints of the arm.
         cycle_s: Time between setpoints.
-        file: Where the excitation is named, for messages: a file, or the command line.
+        file: The file or command line that names the excitation, for messages.
         key: Its key or option there.
 
     Raises:
-        LimitViolation: a joint's limit is broken, or the limit of the arm's speed.
-        InfeasibleMotion: no ramp onto the path within the limits, or a period that is no whole number of cycles.
-        ConfigurationError: the excitation is another arm's, touches something, or requires more torque than a joint
-            has.
+        LimitViolation: a limit of a joint, or of the arm's speed, is exceeded.
+        InfeasibleMotion: no ramp onto the path within the limits, or a period that is not a whole number of cycles.
+        ConfigurationError: the excitation has another number of joints, touches something, or requires more torque
+            than a joint has.
     """
     path, limits = excitation.trajectory, constraints.limits
     n = len(limits.joint_names)
@@ -213,7 +216,7 @@ def check_path(
 
 
 def _checked_leg(leg: Leg) -> CheckedLeg:
-    """Mark a leg as checked, past the constructor that refuses everybody else."""
+    """Create a CheckedLeg, bypassing the constructor, which always raises."""
     checked = object.__new__(CheckedLeg)
     object.__setattr__(checked, "leg", leg)
     return checked

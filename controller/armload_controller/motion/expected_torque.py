@@ -1,13 +1,13 @@
-"""The range in which the torques of a motion lie, as far as the robot's file specifies links, friction and payload.
+"""The expected range of torque in a motion, from the links, friction and payload that the robot's file specifies.
 
     tau_arm + f_v dq + x tau_payload  +-  (FRICTION_SHARE f_c + LOSS_SHARE |tau_carried| + SPARE_SHARE tau_max)
 
-with the heaviest payload expected and x from -HALF to 1 + HALF where a payload hangs on the flange, else 0: what hangs
-there may have its centre of mass elsewhere. Where the file has no [body], the arm's own torque is anything within
-its `arm_torque_share`.
+with tau_payload of the heaviest payload, and x from -HALF to 1 + HALF if the flange is loaded, else 0: the actual
+payload's centre of mass may be elsewhere. Without a [body] in the file, the arm's own torque is anything within its
+`arm_torque_share`.
 
-The shares are what friction near standstill, gears of bad efficiency (0.75), a drive's gain and the ringing of elastic
-joints need: no commissioning of either simulated plant uses more than four fifths of the room.
+The shares cover friction near standstill, gears of low efficiency (0.75), a drive's gain error and the vibration of
+elastic joints: no commissioning of either simulated plant uses more than four fifths of the range.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.model.regressor import feedforward_model
 
 FRICTION_SHARE = 2.0
-"""Friction at standstill in terms of Coulomb friction."""
+"""Friction at standstill divided by Coulomb friction."""
 LOSS_SHARE = 0.35
-"""What a gear may lose of the torque that it passes on."""
+"""Share of the transmitted torque that a gear may lose."""
 SPARE_SHARE = 0.1
-"""Share of a joint's greatest torque for noise, ringing, and what the file has rounded."""
+"""Share of a joint's greatest torque for noise, vibration and rounded values in the file."""
 HALF = 0.5
-"""So much of the heaviest payload's torque a payload may take beyond it, or the other way."""
+"""A payload's torque may exceed the heaviest payload's, or have the opposite sign, by this share of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +39,9 @@ class ExpectedTorque:
 
     Attributes:
         chain: The arm.
-        body: Its links, rotors and friction; massless where they are not specified.
-        arm_nm: (n,) further torque of the arm itself, either way; 0 where the body is specified.
-        payload: The heaviest one; None where the flange is empty.
+        body: Its links, rotors and friction; massless if they are not specified.
+        arm_nm: (n,) further torque of the arm itself, in either direction; 0 if the body is specified.
+        payload: The heaviest payload; None if the flange is empty.
         torque_max_nm: (n,) greatest torque of each joint.
     """
 

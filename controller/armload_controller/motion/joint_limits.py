@@ -1,4 +1,4 @@
-"""The limits of motion, and the pure check that every setpoint passes before it is sent."""
+"""The limits of motion, and the check of every setpoint before it is sent."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from armload_controller.control_errors import ControlError
 from armload_core.arrays import FloatArray
 
 RELATIVE_TOLERANCE = 1e-9
-"""Rounding allowed beyond a limit: as a share of it, and for a position limit as a share of the joint's range."""
+"""Rounding error allowed beyond a limit, as a share of it; for a position limit as a share of the joint's range."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """What the joints may do; every array has shape (n,).
+    """Limits of the joints; every array has shape (n,).
 
     Attributes:
         joint_names: Names, for messages.
@@ -48,13 +48,13 @@ class MotionLimits:
             object.__setattr__(self, name, np.array(rows)[:, None])
 
     def excess(self, states: FloatArray) -> FloatArray:
-        """How far positions, velocities and accelerations lie beyond their limits, rounding allowed for.
+        """Distance of positions, velocities and accelerations beyond their limits, allowing for rounding.
 
         Args:
             states: (3, N, n) in rad, rad/s and rad/s2.
 
         Returns:
-            (3, N, n) likewise; 0 or less within the limits, NaN for what is no number.
+            (3, N, n) in the same units; 0 or less within the limits, NaN where the input is NaN.
         """
         return np.maximum(states - self._greatest, self._least - states)
 
@@ -65,8 +65,8 @@ class LimitViolation(ControlError):
     Attributes:
         joint: Name of the joint.
         quantity: "position", "velocity" or "acceleration".
-        value: The value asked for.
-        bound: The limit it breaks.
+        value: The requested value.
+        bound: The limit that it exceeds.
     """
 
     def __init__(self, joint: str, quantity: str, value: float, bound: float, unit: str) -> None:
@@ -86,7 +86,7 @@ def check_setpoints(
     acceleration_rad_s2: FloatArray,
     limits: MotionLimits,
 ) -> None:
-    """Check one setpoint (n,) or a whole plan (N, n).
+    """Check one setpoint (n,) or a plan (N, n).
 
     Raises:
         LimitViolation: naming joint, quantity, value and bound of the worst excess.
@@ -94,7 +94,7 @@ def check_setpoints(
     joints = len(limits.joint_names)
     states = np.array((position_rad, velocity_rad_s, acceleration_rad_s2)).reshape(3, -1, joints)
     excess = limits.excess(states)
-    if excess.item(excess.argmax()) <= 0.0:  # NaN is the greatest to argmax, and never within a limit
+    if excess.item(excess.argmax()) <= 0.0:  # argmax returns a NaN, if any, and that fails the test
         return
     for row, (quantity, unit, low, high) in enumerate(
         (

@@ -1,12 +1,12 @@
-"""How a leg is run through, one row per cycle, replanned whenever the operator's goal changes.
+"""Interpolation of a leg, one row per cycle, replanned whenever the operator's goal changes.
 
-Rows of (phase, rate, acceleration) come from ramps (`phase`), with steady rows in between. Rules:
+Rows of (phase, rate, acceleration) come from ramps (`phase`), with rows at constant rate in between. Rules:
 
 - The rate is never negative and never above the leg's.
 - Measured periods run at rate 1 with the phase on the grid of cycles. After a pause the ramp ends on a grid point
   (position interface, target rate 1), so that later periods are sampled at the same phases as the first.
-- A change of the goal discards what was planned beyond the row that was taken last, and plans from that row. That
-  costs a few Ruckig calls (8 us each) and one chunk of rows, whatever the leg's length.
+- A change of the goal discards all rows after the last one taken and replans from there. That costs a few Ruckig
+  calls (8 us each) and one chunk of rows, whatever the leg's length.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ CHUNK = 32
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What the joints are to do in one cycle.
+    """The reference of one cycle.
 
     Attributes:
-        position_rad: (n,).
-        velocity_rad_s: (n,).
-        acceleration_rad_s2: (n,).
+        position_rad: (n,) joint positions.
+        velocity_rad_s: (n,) joint velocities.
+        acceleration_rad_s2: (n,) joint accelerations.
         segment: Part of the run.
         state: The phase.
     """
@@ -63,12 +63,12 @@ class _Mode(Enum):
 
 
 class LegInterpolator:
-    """Rows of one leg, one per cycle, after the operator's goal.
+    """Rows of one leg, one per cycle, following the operator's goal.
 
     Args:
-        leg: The way.
+        leg: The leg.
         cycle_s: Time between rows.
-        control: Asked before every row.
+        control: The goal; read before every row.
     """
 
     def __init__(self, leg: Leg, cycle_s: float, control: MotionControl) -> None:
@@ -81,17 +81,17 @@ class LegInterpolator:
 
     @property
     def done(self) -> float:
-        """Share of the leg that is over."""
+        """Completed fraction of the leg, 0 to 1."""
         whole = self._leg.end_s - self._leg.start_s
         return min(max((self._sent.phase_s - self._leg.start_s) / whole, 0.0), 1.0) if whole > 0 else 1.0
 
     @property
     def first_segment(self) -> Segment:
-        """What the first row will be recorded as."""
+        """Segment of the first row."""
         return self._segment
 
     def next_reference(self) -> Reference | None:
-        """The next row; None when the leg is over or has been stopped."""
+        """The next row; None if the leg has ended or was stopped."""
         goal = self._control.goal
         if goal != self._goal:
             self._goal = goal
@@ -113,16 +113,16 @@ class LegInterpolator:
         return reference
 
     def remaining(self) -> list[tuple[PhaseState, Segment]]:
-        """All rows up to the end, for a plan; no row may be asked for afterwards."""
+        """All rows up to the end, for a plan; `next_reference` must not be called afterwards."""
         rows = []
         while (row := self._advance()) is not None:
             rows.append(row)
         return rows
 
-    # Planning: everything below is ahead of what was taken by up to a chunk. ----------------------------------
+    # Planning: everything below is up to one chunk ahead of the rows taken. -----------------------------------
 
     def _plan(self, state: PhaseState) -> None:
-        """Decide how to go on from a state."""
+        """Choose the next ramp or mode from a state."""
         leg, goal, cycle_s = self._leg, self._goal, self._cycle_s
         self._state = state
         rate = leg.rate * goal.share
@@ -139,7 +139,7 @@ class LegInterpolator:
             self._begin_forward(ramp_to_rate(state, rate, leg.bounds, cycle_s), _Mode.STEADY, Segment.SLOW)
 
     def _go_to_end(self, rate: float) -> None:
-        """To rest at the leg's end; what is faster than the rate slows down first, where there is room."""
+        """Come to rest at the leg's end, first slowing down to the given rate if the distance allows it."""
         leg, state, cycle_s = self._leg, self._state, self._cycle_s
         if abs(leg.end_s - state.phase_s) < CLOSE and state.rate < CLOSE:
             self._mode = _Mode.OVER
@@ -155,14 +155,14 @@ class LegInterpolator:
         self._begin_forward(ramp, _Mode.OVER, leg.segment)
 
     def _begin_forward(self, ramp: PhaseRamp, then: _Mode, segment: Segment) -> None:
-        """A ramp, or rest first where the ramp would run backwards on its way, as it may just before a rest."""
+        """Begin a ramp, or first come to rest if the ramp would run backwards, as it may just before a rest."""
         if self._state.rate > CLOSE and ramp.lowest_rate < -CLOSE:
             self._come_to_rest(_Mode.PLAN, Segment.SLOW)
         else:
             self._begin(ramp, then, segment)
 
     def _come_to_rest(self, then: _Mode, segment: Segment) -> None:
-        """To rest, wherever that is: the whole path was checked."""
+        """Come to rest anywhere on the path: all of it was checked."""
         if abs(self._state.rate) < CLOSE and abs(self._state.acceleration_1_s) < CLOSE:
             self._mode, self._segment = then, segment
         else:
@@ -199,19 +199,19 @@ class LegInterpolator:
         return state, segment if self._leg.segment is Segment.PERIODS else self._leg.segment
 
     def _end_ramp(self, state: PhaseState) -> None:
-        """What comes after a ramp's last row."""
+        """Continue after a ramp's last row."""
         self._mode = self._then
         if self._mode is _Mode.PLAN:
             self._plan(PhaseState(state.phase_s, max(state.rate, 0.0), 0.0))
         elif self._mode is _Mode.ON_GRID:
             self._cycle = round(state.phase_s / self._cycle_s)
-            if state.rate < 1.0 - CLOSE:  # half way on a detour
+            if state.rate < 1.0 - CLOSE:  # the ramp went to half the rate only, see ramp_to_grid
                 self._plan(state)
         if self._mode in (_Mode.ON_GRID, _Mode.STEADY):
             self._end_periods(state)
 
     def _end_periods(self, state: PhaseState) -> None:
-        """Ramp down where the whole periods end."""
+        """Ramp down at the end of the periods."""
         if state.phase_s >= self._leg.end_s - CLOSE:
             self._come_to_rest(_Mode.OVER, Segment.RAMP_DOWN)
 
@@ -226,5 +226,5 @@ def along(path: Path, states: list[PhaseState]) -> tuple[FloatArray, FloatArray,
         state.acceleration_rad_s2 * rate[:, None] ** 2 + state.velocity_rad_s * acceleration[:, None],
     )
     for values in joints:
-        values.setflags(write=False)  # a plug-in sees them before the drives do
+        values.setflags(write=False)  # plug-ins receive them before the drives do
     return joints

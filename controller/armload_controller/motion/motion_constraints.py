@@ -1,4 +1,4 @@
-"""Constraints on every motion of an arm, under any master."""
+"""Constraints on every motion of an arm."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ class MotionConstraints:
     """Constraints of one arm of n joints in its workspace.
 
     Attributes:
-        robot_sha256: Hash of the file that they come from; what is checked against them is for that robot.
-        limits: Position, velocity, acceleration and jerk limits, and following-error windows.
-        following_speed_rad_s: (n,) speed at which a servo's lag fills its following-error window; inf where the lag
-            is not known.
-        torque: What the joints can give, and what the arm and its heaviest payload require; None where the robot's
-            file specifies neither.
-        axis_torque: The same of the motors' axes, which drives limit (6072); None where the joints' limits imply it.
-        obstacles: What the arm must not touch.
-        points: Of the arm, whose speed is limited.
-        speed: What none of them exceeds at full speed; None where the file sets no limit.
+        robot_sha256: Hash of the robot's file; a motion checked against these constraints is valid for that robot only.
+        limits: Position, velocity, acceleration and jerk limits, and following error windows.
+        following_speed_rad_s: (n,) speed at which a servo's lag fills its following error window; inf if the lag is
+            unknown.
+        torque: Torque of the joints, and what the arm and its heaviest payload require; None if the robot's file does
+            not specify them.
+        axis_torque: The same for the motors' axes, which drives limit (6072); None if the joints' limits imply it.
+        obstacles: Obstacles that the arm must not touch.
+        points: Points of the arm whose speed is limited.
+        speed: Speed limit of these points at full rate; None if the file sets none.
     """
 
     robot_sha256: str

@@ -1,6 +1,6 @@
-"""What operators and programs may request of a motion while it runs: pause, resume, another speed, stop.
+"""Requests to a running motion by operators and programs: pause, resume, another speed, stop.
 
-The cycle looks at the goal once per cycle. A stop is final; to move again, make a new control.
+The goal is read once per cycle. A stop is final; to move again, create a new control.
 """
 
 from __future__ import annotations
@@ -11,22 +11,22 @@ from dataclasses import dataclass
 from armload_controller.control_errors import ControlError
 
 SLOWEST_SHARE = 0.01
-"""The slowest override."""
+"""Smallest speed override."""
 
 
 class StopRequested(ControlError):
-    """A stop was requested; the base of the reasons."""
+    """A stop was requested; base class of the reasons."""
 
 
 class OperatorStop(StopRequested):
-    """The operator asked for a stop: Ctrl-C, a key, a button."""
+    """The operator requested a stop: Ctrl-C, a key, a button."""
 
 
 class TerminationStop(StopRequested):
-    """The operating system asked the program to end: SIGTERM, SIGQUIT, or SIGHUP when the terminal is gone.
+    """The operating system requested the program to end: SIGTERM, SIGQUIT, or SIGHUP when the terminal is closed.
 
     Attributes:
-        signal_number: Of the signal.
+        signal_number: Number of the signal.
     """
 
     def __init__(self, text: str, signal_number: int = signal.SIGTERM) -> None:
@@ -35,7 +35,7 @@ class TerminationStop(StopRequested):
 
 
 class PluginStop(StopRequested):
-    """A plug-in asked for a stop.
+    """A plug-in requested a stop.
 
     Attributes:
         plugin: Its name.
@@ -52,12 +52,12 @@ class SpeedOutOfRange(ControlError):
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """What is requested.
+    """The requested state of a motion.
 
     Attributes:
         share: Speed override, 0.01 to 1.
-        paused: Stand on the path until resumed.
-        stop: Reason of a final stop; None while there is none.
+        paused: Whether to stand on the path until resumed.
+        stop: Reason for a final stop; None if none was requested.
     """
 
     share: float = 1.0
@@ -66,12 +66,12 @@ class Goal:
 
 
 class MotionControl:
-    """The operator's hand on a motion.
+    """Requests to a motion.
 
-    Every request is one assignment, so that threads and signal handlers may make it without a lock.
+    Every request is one assignment, so threads and signal handlers can make it without a lock.
 
     Args:
-        share: Speed override to begin with.
+        share: Initial speed override.
     """
 
     def __init__(self, share: float = 1.0) -> None:
@@ -81,7 +81,7 @@ class MotionControl:
 
     @property
     def goal(self) -> Goal:
-        """What is requested now."""
+        """The present goal."""
         return Goal(self._share, self._paused, self._stop)
 
     def pause(self) -> None:
@@ -89,7 +89,7 @@ class MotionControl:
         self._paused = True
 
     def resume(self) -> None:
-        """Go on where the arm stands."""
+        """Continue from the present position."""
         self._paused = False
 
     def set_speed(self, share: float) -> None:
@@ -99,17 +99,17 @@ class MotionControl:
             share: 0.01 to 1 of the planned speed.
 
         Raises:
-            SpeedOutOfRange: another value.
+            SpeedOutOfRange: the value is outside this range.
         """
         if not SLOWEST_SHARE <= share <= 1.0:
             raise SpeedOutOfRange(f"speed {share * 100:g} %: choose 1 to 100 %; a checked path is never run faster")
         self._share = share
 
     def require_no_stop(self) -> None:
-        """Go on only if no stop was requested.
+        """Raise if a stop was requested.
 
         Raises:
-            StopRequested: the reason that was given.
+            StopRequested: the reason of the request.
         """
         if self._stop is not None:
             raise self._stop

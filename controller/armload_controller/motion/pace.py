@@ -1,19 +1,20 @@
-"""The pace of a slow round: a path run through at a rate that varies along it, so that no point of the arm is fast.
+"""The pace of a slow round: a path run at a rate that varies along it, so that no point of the arm exceeds a speed.
 
-The slowness w = du/ds is a cubic B-spline over the path's own phase s, periodic as the path is; its coefficients are
-raised until it is nowhere less than what the speed of the arm's points needs. The new phase u is its integral, and
+The slowness w = du/ds is a cubic B-spline over the path's own phase s, with the path's period; its coefficients are
+raised until it is nowhere below the slowness that the speed of the arm's points requires. The new phase u is its
+integral, and
 
     q(u) = q(s(u))      ds/du = 1/w      d2s/du2 = -w'/w^3      d3s/du3 = (3 w'^2 - w w'')/w^5
 
-with w' = dw/ds. Run at any rate of u up to 1, s moves at ds/du at most. What s does then,
+with w' = dw/ds. At any rate of u up to 1, s moves at most at ds/du. The derivatives of s to time,
 
     |ds/dt| <= g      |d2s/dt2| <= S_2 + g alpha      |d3s/dt3| <= S_3 + 3 S_2 alpha + g beta
 
-with g, S_2, S_3 the greatest derivatives of s to u and alpha, beta what the phase u may do, is kept within what the
-path's phase may do: whatever was checked for the path holds on the slow round.
+with g, S_2, S_3 the greatest derivatives of s to u, and alpha, beta the limits of phase u, are kept within the limits
+of the path's phase. So everything checked for the path also holds in the slow round.
 
-Between the samples, h apart: w'' is linear between two knots and so greatest at one of its ends; w' is at most
-|w''| h / 2 above its samples, and w at most |w''| h^2 / 8 below.
+Between samples, h apart: w'' is linear between two knots and therefore greatest at an end of the interval; |w'| is at
+most |w''| h / 2 above its samples, and w at most |w''| h^2 / 8 below.
 """
 
 from __future__ import annotations
@@ -34,24 +35,25 @@ _SAMPLES = 2048
 """Samples of a period at which the speed of the arm's points is computed."""
 _MOST_KNOTS, _FEWEST_KNOTS = 256, 8
 _SHARE = 0.5
-"""What a pace that varies may take of the phase's acceleration and jerk; ramps, pauses and stops have the rest."""
+"""Share of the phase's acceleration and jerk that a varying pace may use; the rest is for ramps, pauses and stops."""
 _ROUNDS = 50
-"""So often are coefficients raised at most; four rounds are usual."""
+"""Greatest number of times that coefficients are raised; four are usual."""
 _OVER = 1.0 + 1e-6
 _MOST_STEPS = 60
 """Three or four are usual; halving alone would need 47 for `_SETTLED`."""
 _SETTLED = 1e-14
 _BASIS = np.array([[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]) / 6.0
-"""Powers of the place between two knots, by row, that each of the four coefficients about it contributes."""
+"""Contribution of the four neighbouring coefficients (columns) to each power (row) of the position between two
+knots."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pace:
-    """A periodic slowness, and the phase that it makes of a path's.
+    """A periodic slowness, and the new phase that it defines on a path.
 
     Attributes:
         period_s: Period of the path.
-        slowness: (K,) coefficients of the spline, the k-th greatest at knot k + 2.
+        slowness: (K,) coefficients of the spline; the k-th has its greatest weight at knot k + 2.
     """
 
     period_s: float
@@ -69,14 +71,14 @@ class Pace:
 
     @property
     def lasts_s(self) -> float:
-        """Time of a period at full rate."""
+        """Duration of a period at full rate."""
         return float(self._begins_s[-1])
 
     def bounds(self, samples: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Least slowness, and greatest sizes of its derivatives, from each sample of a period to the next.
+        """Least slowness, and greatest magnitudes of its derivatives, between each sample of a period and the next.
 
         Args:
-            samples: How many; a multiple of the number of knots.
+            samples: Number of samples; a multiple of the number of knots.
 
         Returns:
             (samples,) each: w, |w'| and |w''|.
@@ -95,7 +97,7 @@ class Pace:
 
     @property
     def rates(self) -> tuple[float, float, float]:
-        """What the derivatives of the path's phase never exceed: g, S_2 and S_3."""
+        """Bounds of the derivatives of the path's phase: g, S_2 and S_3."""
         w, first, second = self.bounds(_SAMPLES)
         return (
             float((1.0 / w).max()),
@@ -104,7 +106,7 @@ class Pace:
         )
 
     def within(self, bounds: PhaseLimits) -> PhaseLimits | None:
-        """What the new phase may do, so that the path's keeps to its own bounds; None where the pace alone does not."""
+        """Limits of the new phase that keep the path's phase within its bounds; None if the pace alone exceeds them."""
         g, second, third = self.rates
         if second > _SHARE * bounds.acceleration_1_s:
             return None
@@ -115,7 +117,7 @@ class Pace:
         return PhaseLimits(acceleration, (bounds.jerk_1_s2 - varying) / g)
 
     def phase_of(self, path_s: float) -> float:
-        """The new phase of a place on the path."""
+        """The new phase that belongs to a phase of the path."""
         turns, rest = divmod(path_s, self.period_s)
         knot = min(int(rest / self._knot_s), len(self.slowness) - 1)
         x = rest / self._knot_s - knot
@@ -123,10 +125,10 @@ class Pace:
         return float(turns * self.lasts_s + self._begins_s[knot] + within)
 
     def evaluate(self, phase_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """The path's phase, and its first three derivatives to the new one.
+        """The path's phase, and its first three derivatives to the new phase.
 
         Args:
-            phase_s: (N,) or a single one.
+            phase_s: (N,) new phases, or a single one.
         """
         turns = np.floor(phase_s / self.lasts_s)
         rest = np.asarray(phase_s - turns * self.lasts_s)
@@ -142,10 +144,10 @@ class Pace:
         return path_s, 1.0 / w, -slope / w**3, (3.0 * slope**2 - w * bend) / w**5
 
     def _place(self, knot: int, into_s: float) -> float:
-        """Where between a knot, 0, and the next, 1, the path is so long after the knot.
+        """Position between a knot (0) and the next (1) that is reached `into_s` of the new phase after the knot.
 
-        The slowness' integral only grows: Newton's steps, and halves of what is left where one leads out of it. A loop
-        over plain numbers: in the cycle there is one of them, and arrays of one take thirty times as long.
+        The integral of the slowness is monotonic: Newton's method, with bisection if a step leaves the bracket. A loop
+        over plain floats: the cycle evaluates one, for which arrays take thirty times as long.
         """
         p0, p1, p2, p3 = self._rows[knot]
         wanted = into_s / self._knot_s
@@ -171,18 +173,18 @@ class Pace:
 
 @dataclass(frozen=True, eq=False)
 class PacedPath:
-    """A path over a phase that lasts longer where the arm would be fast.
+    """A path over a new phase that is stretched where the arm would be fast.
 
     Attributes:
         path: The path over its own phase.
-        pace: How the two phases belong together.
+        pace: Relation of the two phases.
     """
 
     path: FourierTrajectory
     pace: Pace
 
     def evaluate(self, t_s: ArrayLike) -> FourierState:
-        """Position and derivatives to the new phase; (n,) for one, (N, n) for N."""
+        """Position and derivatives to the new phase; (n,) for one phase, (N, n) for N."""
         s, first, second, third = self.pace.evaluate(np.asarray(t_s, dtype=np.float64))
         state = self.path.evaluate(s)
         g, h, k = (np.asarray(derivative)[..., None] for derivative in (first, second, third))
@@ -191,15 +193,15 @@ class PacedPath:
 
 
 def reduced_pace(path: FourierTrajectory, bounds: PhaseLimits, points: ArmPoints) -> tuple[PacedPath, PhaseLimits]:
-    """The quickest pace found at which no point of the arm exceeds `PLANNED_SPEED_M_S`, nor the rate `SLOW_RATE`.
+    """The fastest pace found at which no point exceeds `PLANNED_SPEED_M_S`, and the rate does not exceed `SLOW_RATE`.
 
     Args:
         path: The path.
-        bounds: What its phase may do.
-        points: Of the arm.
+        bounds: Limits of its phase.
+        points: Points of the arm whose speed is limited.
 
     Returns:
-        The path at that pace, and what its phase may do.
+        The path at that pace, and the limits of its phase.
     """
     fastest = points.greatest_in_period(path, _SAMPLES).max(axis=1)
     needed = np.maximum(1.0 / SLOW_RATE, fastest / PLANNED_SPEED_M_S)
@@ -216,14 +218,14 @@ def reduced_pace(path: FourierTrajectory, bounds: PhaseLimits, points: ArmPoints
 
 
 def _above(needed: FloatArray, period_s: float, knots: int) -> Pace | None:
-    """A pace that is nowhere quicker than needed (samples,); None where raising its coefficients does not end."""
+    """A pace with at least the required slowness (samples,); None if raising its coefficients does not converge."""
     slowness = np.roll(needed[:: len(needed) // knots], -2)
     for _ in range(_ROUNDS):
         pace = Pace(period_s, slowness)
         missing = (needed / pace.bounds(len(needed))[0]).reshape(knots, -1).max(axis=1)
         if missing.max() <= 1.0:
             return pace
-        # The middle two of the four coefficients about an interval have most of the weight.
+        # The middle two of the four coefficients of an interval have most of the weight.
         raised = np.maximum(np.roll(missing, -1), np.roll(missing, -2))
         slowness = slowness * np.maximum(raised * _OVER, 1.0)
     return None

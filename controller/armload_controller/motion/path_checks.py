@@ -1,4 +1,4 @@
-"""The checks of a path, for every phase and for everything that ramps, pauses, overrides and stops make of it.
+"""The checks of a path, valid at every phase and under all ramps, pauses, overrides and stops.
 
 With V, A, J the greatest derivatives of the path to its phase, a phase rate r from 0 to 1 and, from `PhaseLimits`,
 |dr/dt| <= alpha and |d2r/dt2| <= beta, no joint ever exceeds
@@ -27,7 +27,7 @@ RAMP_SAMPLES = 1024
 SPEED_SAMPLES = 2048
 """Samples of a leg at which the speed of the arm's points is computed."""
 LINE_STEP_RAD = 0.01
-"""Greatest way of any joint between two samples of a straight line."""
+"""Greatest travel of any joint between two samples of a straight line."""
 
 
 def require_joint_limits(reach: FourierBounds, phase: PhaseLimits, constraints: MotionConstraints) -> None:
@@ -35,8 +35,8 @@ def require_joint_limits(reach: FourierBounds, phase: PhaseLimits, constraints: 
 
     Args:
         reach: Range and greatest derivatives of the path to its phase.
-        phase: What its phase may do.
-        constraints: Of the arm.
+        phase: Limits of its phase.
+        constraints: Constraints of the arm.
 
     Raises:
         LimitViolation: naming joint, quantity, value and bound.
@@ -64,7 +64,7 @@ def greatest_speed_m_s(leg: Leg, points: ArmPoints) -> float:
 def require_reduced_speed(leg: Leg, points: ArmPoints) -> None:
     """Check that no point of the arm exceeds reduced speed on a leg.
 
-    From samples; that there is no more between them is how such legs are planned, with a reserve (`pace`, `paths`).
+    Only samples are checked; between them the planning of such legs keeps the limit, with a margin (`pace`, `paths`).
 
     Raises:
         LimitViolation: naming the point and its speed.
@@ -73,7 +73,7 @@ def require_reduced_speed(leg: Leg, points: ArmPoints) -> None:
 
 
 def require_tcp_speed(path: FourierTrajectory, constraints: MotionConstraints) -> None:
-    """Check the Cartesian speed of a path at its full rate, between samples too, where the robot's file limits it.
+    """Check the Cartesian speed of a path at full rate, also between samples, if the robot's file limits it.
 
     Raises:
         LimitViolation: naming the point and its speed.
@@ -86,7 +86,7 @@ def require_tcp_speed(path: FourierTrajectory, constraints: MotionConstraints) -
 def torque_objection(
     path: FourierTrajectory | LinePath, phase: PhaseLimits, constraints: MotionConstraints
 ) -> str | None:
-    """The joint or motor that is too weak for arm and heaviest payload somewhere on a path, in words; None without."""
+    """Description of a joint or motor too weak for arm and heaviest payload on a path; None if there is none."""
     names = constraints.limits.joint_names
     for torque, owner in ((constraints.torque, ""), (constraints.axis_torque, "the motor of ")):
         if torque is None:
@@ -103,7 +103,7 @@ def torque_objection(
 
 
 def _needed(path: FourierTrajectory | LinePath, phase: PhaseLimits, torque: TorqueLimits) -> FloatArray:
-    """(n,) greatest torque on a path, its ramps included."""
+    """(n,) greatest torque on a path, including its ramps."""
     alpha = phase.acceleration_1_s
     if isinstance(path, LinePath):
         steps = int(np.ceil(np.abs(path.goal_rad - path.start_rad).max() / LINE_STEP_RAD)) + 1
@@ -111,14 +111,14 @@ def _needed(path: FourierTrajectory | LinePath, phase: PhaseLimits, torque: Torq
     else:
         samples = RAMP_SAMPLES * path.harmonics
         state = path.evaluate(np.arange(samples) * (path.period_s / samples))
-        # At steady rates the bound holds between samples too; ramps are far smoother than what lies between these.
+        # At constant rate the bound also holds between samples; ramps vary slowly compared with their spacing.
         ramps = _greatest(torque, state, alpha) - _greatest(torque, state, 0.0)
         needed = torque.greatest(path) + ramps
     return np.asarray(needed.reshape(torque.cases, -1).max(axis=0))
 
 
 def _greatest(torque: TorqueLimits, state: FourierState, alpha: float) -> FloatArray:
-    """(cases n,) greatest demand at samples, at rates 0 and 1 and phase accelerations of both signs."""
+    """(cases * n,) greatest demand at samples, at rates 0 and 1 and phase accelerations of both signs."""
     q, v, a = state.position_rad, state.velocity_rad_s, state.acceleration_rad_s2
     still = np.zeros_like(q)
     demands = [

@@ -1,12 +1,12 @@
-"""Paths: joint positions over one parameter, the phase, and what the phase may do so that no joint exceeds a limit.
+"""Paths: joint positions over one parameter, the phase, and the limits of the phase that keep all joint limits.
 
-Every motion is a path q(s) and a phase rate r = ds/dt. Ramps, pauses, overrides and stops change the rate alone,
-so that the arm is never anywhere but on a path that was checked:
+Every motion is a path q(s) and a phase rate r = ds/dt. Ramps, pauses, overrides and stops change only the rate, so
+that the arm never leaves a checked path:
 
     dq/dt   = q'(s) r
     d2q/dt2 = q''(s) r^2 + q'(s) dr/dt
 
-A slow round has a path of its own, over a phase that lasts longer where the arm would be fast: see `pace`.
+A slow round has its own phase, which is stretched where the arm would be fast: see `pace`.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from armload_identification.excitation.fourier import FourierBounds, FourierStat
 from armload_identification.excitation.geometry.cartesian_speed import ArmPoints
 
 REDUCED_SPEED_M_S = 0.25
-"""What no point of the arm exceeds on approaches and slow rounds: reduced speed of ISO 10218-1."""
+"""Speed limit for every point of the arm on approaches and slow rounds: reduced speed of ISO 10218-1."""
 PLANNED_SPEED_M_S = 0.98 * REDUCED_SPEED_M_S
-"""What they are planned with; a servo may overshoot its setpoints."""
+"""Speed that they are planned with: a servo may overshoot its setpoints."""
 APPROACH_SHARE = 0.25
-"""Share of the velocity, acceleration and jerk limits that the way onto a path uses."""
+"""Share of the velocity, acceleration and jerk limits that an approach uses."""
 RAMP_ACCELERATION_SHARE = 0.95
 """Share of a joint's acceleration limit that path and ramp together use."""
 _LINE_SAMPLES = 512
 """Samples of a straight line at which the speed of the arm's points is computed."""
 SHORTEST_RAMP_S = 0.5
-"""A phase ramp lasts at least about this long, however strong the arm."""
+"""Approximate minimum duration of a phase ramp, even for a strong arm."""
 
 
 class InfeasibleMotion(ControlError):
@@ -42,12 +42,12 @@ class InfeasibleMotion(ControlError):
 
 
 class BlockedWay(ControlError):
-    """The way from where the arm is to where its path begins is not free, or asks too much of a joint."""
+    """The approach from the arm's position to the start of its path is not free, or too demanding for a joint."""
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseLimits:
-    """Bounds of the phase's second and third derivative; its first is at most 1, backwards it never goes."""
+    """Bounds of the phase's second and third derivatives; the first is always between 0 and 1."""
 
     acceleration_1_s: float
     jerk_1_s2: float
@@ -55,12 +55,12 @@ class PhaseLimits:
 
 @dataclass(frozen=True, eq=False)
 class LinePath:
-    """Straight in joint space from one position to another, all joints at once.
+    """A straight line in joint space, all joints moving simultaneously.
 
     Attributes:
-        start_rad: (n,) where the phase is 0.
-        goal_rad: (n,) where it is `duration_s`.
-        duration_s: Time at the full rate.
+        start_rad: (n,) position at phase 0.
+        goal_rad: (n,) position at phase `duration_s`.
+        duration_s: Duration at full rate.
     """
 
     start_rad: FloatArray
@@ -69,13 +69,13 @@ class LinePath:
 
     @classmethod
     def within(cls, start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits, points: ArmPoints) -> LinePath:
-        """The line whose full rate is the greatest that `APPROACH_SHARE` and `PLANNED_SPEED_M_S` allow.
+        """The fastest line that `APPROACH_SHARE` and `PLANNED_SPEED_M_S` allow.
 
         Args:
-            start_rad: (n,) where it begins.
-            goal_rad: (n,) where it ends.
-            limits: Of the joints.
-            points: Of the arm, none of which is to be fast.
+            start_rad: (n,) start position.
+            goal_rad: (n,) goal position.
+            limits: Limits of the joints.
+            points: Points of the arm whose speed is limited.
         """
         way = goal_rad - start_rad
         duration_s = float((np.abs(way) / (APPROACH_SHARE * limits.velocity_max_rad_s)).max())
@@ -83,7 +83,7 @@ class LinePath:
         return cls(start_rad, goal_rad, duration_s * max(1.0, fastest_m_s / PLANNED_SPEED_M_S))
 
     def greatest_speed_m_s(self, points: ArmPoints) -> float:
-        """What no point of the arm exceeds at the full rate, between samples too."""
+        """Bound on the speed of all points of the arm at full rate, also between samples."""
         rates = np.zeros((4, len(self.start_rad)))
         rates[0] = np.abs(self.goal_rad - self.start_rad) / self.duration_s
 
@@ -100,7 +100,7 @@ class LinePath:
         return FourierBounds(low, high, speed, np.zeros_like(speed), np.zeros_like(speed))
 
     def phase_limits(self, limits: MotionLimits) -> PhaseLimits:
-        """What the phase may do so that every joint keeps to its share of the limits."""
+        """Limits of the phase that keep every joint within its share of the limits."""
         speed = np.abs(self.goal_rad - self.start_rad) / self.duration_s
         moving = speed > 0
         return PhaseLimits(
@@ -124,14 +124,14 @@ class Path(Protocol):
 
 
 def bound_phase(path: FourierTrajectory, limits: MotionLimits) -> PhaseLimits:
-    """Phase acceleration and jerk that keep every joint within its limits, anywhere on the path.
+    """Phase acceleration and jerk that keep every joint within its limits everywhere on the path.
 
         |q''| r^2 + |q'| |dr/dt| <= a_max           |q'''| + 3 |q''| |dr/dt| + |q'| |d2r/dt2| <= j_max
 
-    with the path's greatest derivatives, between samples too, and r <= 1.
+    with the path's greatest derivatives, also between samples, and r <= 1.
 
     Raises:
-        InfeasibleMotion: the path itself uses up a joint's acceleration or jerk.
+        InfeasibleMotion: the path itself uses a joint's full acceleration or jerk.
     """
     greatest = path.bounds()
     v, a, j = greatest.velocity_max_rad_s, greatest.acceleration_max_rad_s2, greatest.jerk_max_rad_s3

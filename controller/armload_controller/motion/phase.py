@@ -1,4 +1,4 @@
-"""The phase of a path as a motion of its own: states, legs, and jerk-limited ramps between states by Ruckig."""
+"""The phase of a path as a one-dimensional motion: states, legs, and jerk-limited ramps between states by Ruckig."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from ruckig import (
 from armload_controller.motion.paths import InfeasibleMotion, Path, PhaseLimits
 
 GRID_TRIES = 6
-"""Grid points that a ramp onto the grid may end on; the soonest is taken."""
+"""Grid points tried as the end of a ramp onto the grid; the fastest ramp is used."""
 GRID_PATIENCE_CYCLES = 25
-"""A ramp onto the grid may take this much longer than one that need not hit it; else it goes by half the rate."""
+"""A ramp onto the grid may take this much longer than a free one; otherwise it first goes to half the rate."""
 BEGINNING_CYCLES = 64
-"""Rows of a new ramp that are searched for a rate below zero."""
+"""Number of first rows of a ramp that are searched for a negative rate."""
 CLOSE = 1e-9
-"""Rates and phases this close are the same."""
+"""Rates and phases this close count as equal."""
 
 
 class Segment(StrEnum):
@@ -33,22 +33,22 @@ class Segment(StrEnum):
 
     APPROACH = "approach"
     SLOW = "slow"
-    """On the path at another rate than 1: the slow round, overrides, pauses and what leads there and back."""
+    """On the path at a rate other than 1: the slow round, overrides, pauses, and the transitions to and from them."""
     RAMP_UP = "ramp_up"
     PERIODS = "periods"
     RAMP_DOWN = "ramp_down"
     HOLD = "hold"
-    """At rest, where torque is ramped in and out."""
+    """At rest, while torque is ramped in and out."""
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseState:
-    """Where the phase is.
+    """State of the phase.
 
     Attributes:
         phase_s: Phase.
-        rate: Its derivative to time.
-        acceleration_1_s: Its second derivative.
+        rate: Its time derivative.
+        acceleration_1_s: Its second time derivative.
     """
 
     phase_s: float
@@ -58,15 +58,15 @@ class PhaseState:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """One way from rest to rest along a path.
+    """A motion from rest to rest along a path.
 
     Attributes:
         path: The path.
-        bounds: What its phase may do.
-        start_s: Phase at which it begins, at rest.
-        end_s: Where it ends: at rest (`rest_at_end`), or where whole periods end and the ramp down begins.
-        rate: Its rate, 1 or less.
-        segment: What its rows are recorded as; PERIODS for a leg with ramps and whole periods.
+        bounds: Limits of its phase.
+        start_s: Phase at the start, at rest.
+        end_s: Phase at the end: at rest (`rest_at_end`), or where the periods end and the ramp down begins.
+        rate: Its rate, at most 1.
+        segment: Segment recorded for its rows; PERIODS for a leg with ramps and complete periods.
     """
 
     path: Path
@@ -78,7 +78,7 @@ class Leg:
 
     @property
     def rest_at_end(self) -> bool:
-        """Whether the leg ends at rest at `end_s`; a leg of whole periods passes it and ramps down."""
+        """Whether the leg ends at rest at `end_s`; a leg of periods passes it and then ramps down."""
         return self.segment is not Segment.PERIODS
 
 
@@ -86,15 +86,15 @@ class PhaseRamp:
     """A jerk-limited transition of the phase, sampled at whole cycles.
 
     Args:
-        problem: Ruckig's, one degree of freedom; its limits are set here.
+        problem: Ruckig's input for one degree of freedom; its limits are set here.
         bounds: Limits of the phase.
         cycle_s: Time between rows.
 
     Attributes:
-        cycles: Rows of the ramp, the start left out; at least 1.
+        cycles: Number of rows without the start; at least 1.
 
     Raises:
-        InfeasibleMotion: Ruckig finds none.
+        InfeasibleMotion: Ruckig finds no ramp.
     """
 
     def __init__(self, problem: InputParameter, bounds: PhaseLimits, cycle_s: float) -> None:
@@ -118,17 +118,17 @@ class PhaseRamp:
 
     @property
     def lowest_rate(self) -> float:
-        """The lowest rate at its beginning, where the state it starts from is still felt."""
+        """The lowest rate in its first rows, where the initial acceleration still matters."""
         return min(self.row(cycle).rate for cycle in range(1, min(self.cycles, BEGINNING_CYCLES) + 1))
 
     @property
     def end(self) -> PhaseState:
-        """Where it ends."""
+        """The final state."""
         return self.row(self.cycles)
 
 
 def ramp_to_rate(state: PhaseState, rate: float, bounds: PhaseLimits, cycle_s: float) -> PhaseRamp:
-    """The quickest way to a rate, wherever that ends."""
+    """The fastest ramp to a rate, at any final phase."""
     problem = _problem(state)
     problem.control_interface = ControlInterface.Velocity
     problem.target_velocity = [rate]
@@ -136,7 +136,7 @@ def ramp_to_rate(state: PhaseState, rate: float, bounds: PhaseLimits, cycle_s: f
 
 
 def ramp_to_rest_at(state: PhaseState, phase_s: float, rate: float, bounds: PhaseLimits, cycle_s: float) -> PhaseRamp:
-    """The quickest way to rest at a phase, at most at a rate."""
+    """The fastest ramp to rest at a phase, without exceeding a rate."""
     problem = _problem(state)
     problem.target_position, problem.target_velocity = [phase_s], [0.0]
     problem.max_velocity = [rate]
@@ -144,10 +144,10 @@ def ramp_to_rest_at(state: PhaseState, phase_s: float, rate: float, bounds: Phas
 
 
 def ramp_to_grid(state: PhaseState, bounds: PhaseLimits, cycle_s: float) -> PhaseRamp:
-    """The quickest way to rate 1 at a phase that is a whole number of cycles; None of it runs backwards.
+    """The fastest ramp to rate 1 at a phase that is a whole number of cycles.
 
-    From some states with much acceleration left no such ramp is quick; from them it goes to half the rate, and the
-    caller asks again from there.
+    From some states with high acceleration no such ramp is fast; the ramp then goes to half the rate, and the caller
+    plans again from there.
     """
     free = ramp_to_rate(state, 1.0, bounds, cycle_s)
     first = free.end.phase_s / cycle_s

@@ -1,11 +1,11 @@
-"""Setpoints: the legs of a run, plans of uninterrupted motions, and the last instance before the drives.
+"""Setpoints: the legs of a run, plans of uninterrupted motions, and the last stage before the drives.
 
-    approach    straight in joint space from where the arm stands to where the path begins, or by via points
+    approach    straight in joint space from the arm's position to the start of the path, or through via points
     slow round  one period at a quarter of the rate or less; it begins and ends where the ramp up begins
-    measured    ramp up, whole periods at rate 1, ramp down
+    measured    ramp up, complete periods at rate 1, ramp down
 
-`RuckigFollower` is the last instance before the drives: it passes a feasible reference through unchanged
-(within 4e-10 rad) and turns anything else into a jerk-limited motion.
+`RuckigFollower` is the last stage before the drives: it passes a feasible reference unchanged (within 4e-10 rad) and
+turns anything else into a jerk-limited motion.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ class MotionPlan:
     """Every setpoint of an uninterrupted motion; N cycles, n joints.
 
     Attributes:
-        position_rad: (N, n).
-        velocity_rad_s: (N, n).
-        acceleration_rad_s2: (N, n).
-        phase_s: (N,) phase of the path that the row lies on.
+        position_rad: (N, n) joint positions.
+        velocity_rad_s: (N, n) joint velocities.
+        acceleration_rad_s2: (N, n) joint accelerations.
+        phase_s: (N,) phase on the path.
         phase_rate: (N,) ds/dt.
         phase_acceleration_1_s: (N,) its derivative.
-        segment: (N,) part of the run.
+        segment: N parts of the run.
     """
 
     position_rad: FloatArray
@@ -64,15 +64,15 @@ class MotionPlan:
 
 
 def plan_measured(excitation: Excitation, limits: MotionLimits, cycle_s: float) -> Leg:
-    """Ramp up, whole periods, ramp down.
+    """Plan ramp up, complete periods and ramp down.
 
     Args:
         excitation: Path and number of periods.
-        limits: Of the joints.
+        limits: Limits of the joints.
         cycle_s: Time between setpoints.
 
     Raises:
-        InfeasibleMotion: no ramp within the limits, or a period that is no whole number of cycles.
+        InfeasibleMotion: no ramp within the limits, or a period that is not a whole number of cycles.
     """
     path = excitation.trajectory
     in_period = path.period_s / cycle_s
@@ -87,12 +87,12 @@ def plan_measured(excitation: Excitation, limits: MotionLimits, cycle_s: float) 
 
 
 def plan_slow(excitation: Excitation, measured: Leg, points: ArmPoints) -> Leg:
-    """One period at reduced speed; it begins and ends where the measured leg begins.
+    """Plan one period at reduced speed; it begins and ends where the measured leg begins.
 
     Args:
         excitation: Path and number of periods.
-        measured: What `plan_measured` made of it.
-        points: Of the arm, none of which is to be fast.
+        measured: The leg from `plan_measured`.
+        points: Points of the arm whose speed is limited.
     """
     paced, bounds = reduced_pace(excitation.trajectory, measured.bounds, points)
     start_s = paced.pace.phase_of(measured.start_s)
@@ -100,12 +100,12 @@ def plan_slow(excitation: Excitation, measured: Leg, points: ArmPoints) -> Leg:
 
 
 def plan_approach(line: LinePath, limits: MotionLimits) -> Leg:
-    """The way from one position to another, straight in joint space."""
+    """The leg along a straight line in joint space."""
     return Leg(line, line.phase_limits(limits), 0.0, line.duration_s, 1.0, Segment.APPROACH)
 
 
 def plan_leg(leg: Leg, cycle_s: float) -> MotionPlan:
-    """Every setpoint of an uninterrupted leg, from the one at rest where it begins."""
+    """Every setpoint of an uninterrupted leg, including its start at rest."""
     interpolator = LegInterpolator(leg, cycle_s, MotionControl())
     rows = [(PhaseState(leg.start_s, 0.0, 0.0), interpolator.first_segment), *interpolator.remaining()]
     states = [state for state, _ in rows]
@@ -114,7 +114,7 @@ def plan_leg(leg: Leg, cycle_s: float) -> MotionPlan:
 
 
 class RuckigFollower:
-    """The last instance before the drives: every setpoint passes through Ruckig."""
+    """The last stage before the drives: every setpoint passes through Ruckig."""
 
     def __init__(self, start_rad: FloatArray, limits: MotionLimits, cycle_s: float) -> None:
         n = len(start_rad)
@@ -151,6 +151,6 @@ class RuckigFollower:
         output = self._output
         output.pass_to_input(self._input)
         state = np.array([output.new_position, output.new_velocity, output.new_acceleration])
-        state.setflags(write=False)  # a plug-in sees them before the drives do
+        state.setflags(write=False)  # plug-ins receive them before the drives do
         position, velocity, acceleration = state
         return position, velocity, acceleration

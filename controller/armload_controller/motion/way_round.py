@@ -1,8 +1,8 @@
-"""A way between two configurations that does not touch anything: straight, or by a few via points.
+"""A collision-free path between two configurations: straight, or through a few via points.
 
-The straight way is tried first. Where it is not free, the shortest of the ways over a fixed set of configurations is
-looked for, and a stretch is checked only when it is part of the shortest way left. What is found depends on nothing
-but the question, and after `MOST_STRETCHES` stretches no further way is looked for.
+The straight path is tried first. If it is not free, the fastest path over a fixed set of configurations is searched
+for; a segment is checked only when it is part of the fastest remaining path. The result is deterministic, and the
+search ends after `MOST_STRETCHES` segments.
 
 References:
     Bohlin, Kavraki, Path planning using lazy PRM, ICRA 2000.
@@ -22,13 +22,13 @@ from armload_controller.motion.paths import BlockedWay
 from armload_core.arrays import FloatArray
 
 VIA_POINTS = 120
-"""Configurations that a way may lead over; half of them near the straight way, half anywhere."""
+"""Number of via points; half of them near the straight path, half anywhere."""
 MOST_STRETCHES = 400
-"""After so many straight stretches no further way is looked for."""
+"""Greatest number of straight segments that are checked."""
 _NEAR_RAD = 0.8
-"""Configurations near the straight way are at most this far outside the box that it spans."""
+"""Via points near the straight path are at most this far outside the box that it spans."""
 _MARGIN_SHARE = 0.02
-"""Share of a joint's range that via points stay away from its ends."""
+"""Distance of via points from a joint's limits, as a share of its range."""
 _PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
 
 
@@ -38,19 +38,19 @@ def find_way(
     limits: MotionLimits,
     objection: Callable[[FloatArray, FloatArray], str | None],
 ) -> tuple[FloatArray, ...]:
-    """Where to go, one straight stretch after the other.
+    """Find a path of straight segments.
 
     Args:
-        start_rad: (n,) where the arm stands.
-        goal_rad: (n,) where it is to go.
-        limits: Of the joints.
-        objection: What speaks against the straight way between two configurations; None where nothing does.
+        start_rad: (n,) present position of the arm.
+        goal_rad: (n,) goal.
+        limits: Limits of the joints.
+        objection: Why the straight line between two configurations is not free; None if it is free.
 
     Returns:
-        The ends of the stretches; the last is the goal.
+        The ends of the segments; the last is the goal.
 
     Raises:
-        BlockedWay: no way was found; with what speaks against the straight one.
+        BlockedWay: no path was found; the message says why the straight one is blocked.
     """
     straight = objection(start_rad, goal_rad)
     if straight is None:
@@ -82,7 +82,7 @@ def find_way(
 
 
 def _shortest(time_s: FloatArray) -> list[int] | None:
-    """Nodes of the quickest way from 0 to 1 by Dijkstra's method; None where there is none."""
+    """Nodes of the fastest path from 0 to 1 by Dijkstra's method; None if there is none."""
     quickest = np.full(len(time_s), np.inf)
     quickest[0] = 0.0
     before = np.full(len(time_s), -1)
@@ -104,7 +104,7 @@ def _shortest(time_s: FloatArray) -> list[int] | None:
 
 
 def _via_points(start_rad: FloatArray, goal_rad: FloatArray, limits: MotionLimits) -> FloatArray:
-    """(V, n) configurations spread evenly, near the straight way and all over the joints' ranges."""
+    """(V, n) configurations spread evenly, near the straight path and over the joints' ranges."""
     margin = _MARGIN_SHARE * (limits.position_max_rad - limits.position_min_rad)
     low, high = limits.position_min_rad + margin, limits.position_max_rad - margin
     near_low = np.clip(np.minimum(start_rad, goal_rad) - _NEAR_RAD, low, high)

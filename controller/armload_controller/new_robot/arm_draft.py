@@ -1,4 +1,4 @@
-"""What is known of an arm that gets its first robot file: kinematics, limits and links, from a URDF or from answers."""
+"""Known data of an arm for its first robot file: kinematics, limits and links, from a URDF or from answers."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from armload_identification.storage.toml_text import array, inline
 
 @dataclass(frozen=True, eq=False)
 class ArmDraft:
-    """An arm of n joints; NaN where a limit is not known.
+    """An arm of n joints; unknown limits are NaN.
 
     Attributes:
-        name: Of the robot.
-        description: What it is, in a line.
-        convention: Of the kinematics, as in a robot's file.
-        rows: (n) TOML of each row or origin.
+        name: Name of the robot.
+        description: One line that describes it.
+        convention: Convention of the kinematics, as in a robot's file.
+        rows: TOML of the n rows or origins.
         flange: TOML of the flange's pose in the last joint's frame.
         chain: The same as a chain.
-        joint_names: From the base to the flange.
-        position_min_rad: (n,) -inf where a joint turns without end.
-        position_max_rad: (n,) inf likewise.
+        joint_names: Names from the base to the flange.
+        position_min_rad: (n,) lower limit; -inf for a continuous joint.
+        position_max_rad: (n,) upper limit; inf for a continuous joint.
         velocity_max_rad_s: (n,) greatest speed.
         torque_max_nm: (n,) greatest torque.
-        viscous_nm_s_rad: (n,) friction per speed.
-        coulomb_nm: (n,) friction at any speed.
-        links: What turns with each joint, in its frame; None where it is not known.
-        other_joints: Of the URDF, not the arm's; they are taken as fixed.
-        source: What the numbers come from.
+        viscous_nm_s_rad: (n,) viscous friction.
+        coulomb_nm: (n,) Coulomb friction.
+        links: The body moved by each joint, in its frame; None if unknown.
+        other_joints: Joints of the URDF outside the arm, taken as fixed.
+        source: Origin of the numbers, for the file's header.
     """
 
     name: str
@@ -61,7 +61,7 @@ class ArmDraft:
 
 
 def draft_of_urdf(arm: UrdfArm) -> ArmDraft:
-    """The arm of a URDF; a limit of zero, as some files have for what they leave open, is not known.
+    """The arm of a URDF; a limit of zero, which some files use for unspecified limits, counts as unknown.
 
     Args:
         arm: The arm.
@@ -109,15 +109,15 @@ def within(draft: ArmDraft, range_rad: FloatArray) -> ArmDraft:
 
 
 def _positive(values: FloatArray) -> FloatArray:
-    """NaN for what is not above zero."""
+    """The values, with NaN in place of those not above zero."""
     return np.where(values > 0.0, values, np.nan)
 
 
 def _pose(pose: FloatArray) -> dict[str, str]:
-    """A (4, 4) pose as keys and values of TOML."""
+    """A (4, 4) pose as TOML keys and values."""
     return {"xyz_m": array(_rounded(pose[:3, 3])), "rpy_rad": array(_rounded(rpy_rad(pose[:3, :3])))}
 
 
 def _rounded(values: FloatArray) -> FloatArray:
-    """Without the last digits, in which only the arithmetic shows."""
+    """The values without the last digits, which contain only rounding errors."""
     return np.round(values, 12) + 0.0

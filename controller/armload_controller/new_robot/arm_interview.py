@@ -1,4 +1,4 @@
-"""An arm from an operator's answers: Denavit-Hartenberg rows or joint origins, and what each joint may do."""
+"""An arm from an operator's answers: Denavit-Hartenberg rows or joint origins, and each joint's limits."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _CONVENTIONS: Final = ("modified-dh", "standard-dh", "joint-origins")
 
 
 class _Interview:
-    """Questions that are put again until the answer can be used."""
+    """Questions that are repeated until the answer is valid."""
 
     def __init__(self, ask: Ask, say: Callable[[str], None]) -> None:
         self._ask, self._say = ask, say
 
     def numbers(self, question: str, count: int, default: tuple[float, ...] | None = None) -> FloatArray:
-        """So many finite numbers; an empty answer is the default, where there is one."""
+        """A given count of finite numbers; an empty answer means the default, if there is one."""
         while True:
             answer = self._ask(question)
             if not answer.strip() and default is not None:
@@ -44,7 +44,7 @@ class _Interview:
             )
 
     def ordered(self, question: str) -> FloatArray:
-        """A least and a greatest value."""
+        """A lower and an upper value."""
         while True:
             low, high = self.numbers(question, 2)
             if low < high:
@@ -52,7 +52,7 @@ class _Interview:
             self._say(f"  {low:g} is not below {high:g}: give the lower value first")
 
     def positive(self, question: str) -> float:
-        """A number above zero; an empty answer leaves it open."""
+        """A number above zero; an empty answer means NaN, unknown."""
         while True:
             value = float(self.numbers(question, 1, (np.nan,))[0])
             if np.isnan(value) or value > 0.0:
@@ -75,14 +75,14 @@ class _Interview:
 
 
 def interviewed(ask: Ask, say: Callable[[str], None]) -> ArmDraft:
-    """Ask for an arm.
+    """Ask the operator for an arm.
 
     Args:
-        ask: Puts a question.
+        ask: Asks a question and returns the answer.
         say: Shows a line.
 
     Returns:
-        The arm; limits that were left open are NaN.
+        The arm; limits without an answer are NaN.
     """
     talk = _Interview(ask, say)
     name = talk.text("Name of the arm [my_arm]: ", "my_arm")
@@ -124,7 +124,7 @@ def interviewed(ask: Ask, say: Callable[[str], None]) -> ArmDraft:
 
 
 def _kinematics(talk: _Interview, convention: str, joints: int) -> tuple[tuple[str, ...], str, Chain | str]:
-    """Rows, flange, and the chain or what is wrong with it."""
+    """Rows, flange, and the chain or the reason why it is invalid."""
     origins = convention == "joint-origins"
     what = (
         "x y z roll pitch yaw of its frame in the previous one, then its axis x y z" if origins else "alpha a d theta"

@@ -1,7 +1,7 @@
-"""Where in the joints' ranges the first excitations are looked for, and where a simulated arm stands at first.
+"""The ranges in which the first excitations are searched for, and the initial pose of a simulated arm.
 
-A design avoids spheres while it searches, and meshes only afterwards: where spheres leave out what meshes object to, it
-may find no motion in the whole range that is clear of both. And in a range of which little is clear it may end between
+A design avoids spheres during its search, but checks meshes only afterwards: if the spheres do not cover the meshes, it
+may find no motion in the full range that is clear of both. And in a range with little free space it may end up between
 two obstacles.
 """
 
@@ -19,19 +19,19 @@ from armload_identification.excitation.design_envelope import CLEARANCE_SCALE_M,
 _POSES: Final = 200
 _SEED: Final = 1
 _BOXES: Final = (1.0, 0.7, 0.5, 0.35, 0.25)
-"""Shares of the joints' ranges that are tried, the widest first."""
+"""Shares of the joints' ranges to try, widest first."""
 _CLEAR: Final = 0.95
-"""Share of a box's poses that must have room."""
+"""Share of a box's poses that must be clear."""
 
 
 @dataclass(frozen=True, eq=False)
 class DesignRange:
-    """Where to look for an excitation of n joints.
+    """Ranges to search for an excitation of n joints.
 
     Attributes:
-        boxes: (2, n) least and greatest positions, the one to try first: the widest in which hardly any mesh surprises
-            a design, then the widest that is clear of everything.
-        roomiest_rad: (n,) pose with the most room among many.
+        boxes: Each (2, n), least and greatest positions, in the order to try: the widest in which the spheres cover
+            nearly all meshes, then, if different, the widest that is nearly clear of everything.
+        roomiest_rad: (n,) the random pose with the greatest clearance.
     """
 
     boxes: tuple[FloatArray, ...]
@@ -39,11 +39,11 @@ class DesignRange:
 
 
 def design_range(robot: Robot, envelope: Envelope) -> DesignRange:
-    """Where to look for the excitations of a robot.
+    """Find the ranges to search for the excitations of a robot.
 
     Args:
         robot: The arm.
-        envelope: What its excitations are designed within.
+        envelope: The limits for its excitations.
 
     Raises:
         ConfigurationError: the URDF that the file names cannot be used.
@@ -74,7 +74,7 @@ def _poses(box: FloatArray) -> FloatArray:
 
 
 def _room(envelope: Envelope, poses: FloatArray) -> FloatArray:
-    """(N,) what a design has left at rest: of clearances in `CLEARANCE_SCALE_M`, of torque as a share of it."""
+    """(N,) margin at rest: the lesser of clearance over `CLEARANCE_SCALE_M` and remaining share of torque."""
     still = np.zeros_like(poses)
     demand = envelope.torque.demand(poses, still, still)
     torque = 1.0 - (demand / np.tile(envelope.torque.available_nm, envelope.torque.cases)).max(axis=1)
@@ -83,7 +83,7 @@ def _room(envelope: Envelope, poses: FloatArray) -> FloatArray:
 
 
 def _mesh_room(robot: Robot, poses: FloatArray) -> FloatArray:
-    """(N,) what is left between meshes, in `CLEARANCE_SCALE_M`."""
+    """(N,) clearance between meshes, in units of `CLEARANCE_SCALE_M`."""
     meshes = robot.obstacles.meshes
     if meshes is None:
         return np.full(len(poses), np.inf)

@@ -1,6 +1,6 @@
-"""The text of a first robot file, and the list of what could not be known.
+"""The text of a first robot file, and the list of unknown values.
 
-Three kinds of value: known, from the URDF, the bus or answers; `# assumed`, which is safe to begin with and must be
+There are three kinds of value: known, from the URDF, the bus or answers; `# assumed`, a cautious initial value to be
 checked; and a HOLE, text instead of a number, so that the file is refused until it is filled in.
 """
 
@@ -22,7 +22,7 @@ from armload_identification.model.payload import InertialParameters
 from armload_identification.storage.toml_text import array, inline, number, text
 
 HOLE: Final = '"FILL IN"'
-"""In place of a number that only the arm's manufacturer or user knows."""
+"""Stands for a number that only the arm's manufacturer or user knows."""
 FULL_SPEED_AFTER_S: Final = 0.5
 JERK_PER_ACCELERATION: Final = 100.0
 NOISE_SHARE: Final = 0.005
@@ -31,7 +31,7 @@ BODY_SHARE: Final = 0.5
 DENSITY_KG_M3: Final = 2000.0
 CYCLE_HZ: Final = 100.0
 _WORST_FRICTION: Final = 0.5
-"""Of a joint's torque: no arm has more, so that a URDF which says so has a number from somewhere else."""
+"""Greatest plausible share of friction in a joint's torque; a greater value in a URDF is not a friction torque."""
 
 
 @dataclass
@@ -39,8 +39,8 @@ class DraftedFile:
     """A robot's file as text.
 
     Attributes:
-        holes: What must be filled in before the file is accepted, each with its place.
-        unchecked: What was assumed or left out, one sentence each.
+        holes: Keys that must be filled in before the file is accepted.
+        unchecked: Assumptions and omissions, one sentence each.
     """
 
     holes: list[str] = field(default_factory=list)
@@ -53,15 +53,15 @@ class DraftedFile:
         return "\n".join(self._lines) + "\n"
 
     def add(self, *lines: str) -> None:
-        """Lines as they are."""
+        """Add lines unchanged."""
         self._lines += lines
 
     def value(self, key: str, value: float, where: str, comment: str = "") -> None:
-        """A number, or a hole where it is NaN."""
+        """Add a line with a number, or with a hole if it is NaN."""
         self.add(f"{key} = {self.number(value, f'{where}.{key}')}" + (f"  # {comment}" if comment else ""))
 
     def number(self, value: float, place: str) -> str:
-        """TOML of a number; where it is NaN a hole, which is listed."""
+        """TOML of a number; a hole, which is listed, if it is NaN."""
         if np.isnan(value):
             self.holes.append(place)
             return HOLE
@@ -69,7 +69,7 @@ class DraftedFile:
 
 
 def cube(mass_kg: float) -> InertialParameters:
-    """A payload of which the mass is known alone: a cube in front of the flange.
+    """A payload of known mass, assumed to be a cube in front of the flange.
 
     Args:
         mass_kg: Mass.
@@ -81,11 +81,11 @@ def cube(mass_kg: float) -> InertialParameters:
 
 
 def tool_sphere(n: int, mass_kg: float | None) -> Sphere:
-    """The sphere around that cube; around the flange where no mass is known.
+    """The sphere around that cube; around the flange if the mass is unknown.
 
     Args:
-        n: Joints of the arm.
-        mass_kg: Mass of the payload.
+        n: Number of joints.
+        mass_kg: Mass of the payload; None if unknown.
     """
     edge = 0.1 if mass_kg is None else _edge_m(mass_kg)
     return Sphere(n + 1, np.array([0.0, 0.0, 0.5 * edge]), 0.87 * edge)
@@ -109,13 +109,13 @@ def draft_file(
 
     Args:
         arm: Kinematics, limits, links.
-        payload_kg: The heaviest payload; None where it is not known.
-        workspace: What it must not touch.
-        urdf: The URDF as the file names it, where its meshes are checked.
-        bus: Its drives; None leaves a template.
-        excitations: The files of identification and validation.
-        twin_start_rad: (n,) where a simulated arm stands at first; with it, drives and arm are simulated, in place of
-            `bus`; for links and a payload that are known.
+        payload_kg: The heaviest payload; None if unknown.
+        workspace: The workspace.
+        urdf: Path of the URDF to write into the file if its meshes are checked.
+        bus: Its drives; None writes a template.
+        excitations: Files of the identification's and the validation's excitation.
+        twin_start_rad: (n,) initial pose of a simulated arm; if given, drives and arm are simulated, in place of
+            `bus`. Requires known links and payload.
     """
     twin = twin_start_rad is not None
     file = DraftedFile()
@@ -258,7 +258,7 @@ def _workspace(file: DraftedFile, arm: ArmDraft, workspace: WorkspaceDraft, urdf
 
 
 def _whole_body(links: Sequence[InertialParameters | None]) -> list[InertialParameters] | None:
-    """The links, where each of them is known."""
+    """The links; None if one of them is unknown."""
     known = [link for link in links if link is not None]
     return known if len(known) == len(links) else None
 
@@ -285,7 +285,7 @@ def _body(file: DraftedFile, arm: ArmDraft, links: Sequence[InertialParameters])
 
 
 def _coulomb(arm: ArmDraft, joint: int) -> tuple[float, str]:
-    """Friction of a joint, and the comment where it is assumed."""
+    """Coulomb friction of a joint in N m, and a comment if it is assumed."""
     given, greatest = float(arm.coulomb_nm[joint]), float(arm.torque_max_nm[joint])
     if 0.0 < given < _WORST_FRICTION * float(np.nan_to_num(greatest, nan=np.inf)):
         return given, ""
@@ -353,7 +353,7 @@ def _joint(file: DraftedFile, arm: ArmDraft, joint: int, *, has_body: bool) -> N
 
 
 def _drive(file: DraftedFile, joint: int, drive: DriveDraft | None, bus: BusDraft | None) -> None:
-    """The drive's table, or the template of one in comments."""
+    """The drive's table, or a commented-out template of it."""
     where = f"joints[{joint + 1}]"
     lines = ["[joints.drive]"]
 

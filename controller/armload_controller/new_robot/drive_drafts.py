@@ -21,16 +21,16 @@ DEFAULT_BITRATE: Final = 1_000_000
 
 @dataclass(frozen=True)
 class DriveDraft:
-    """One joint's drive as far as it is known.
+    """Known data of one joint's drive.
 
     Attributes:
         node_id: Its node.
-        identity: 1018; None where not known.
-        mode: "csp" or "ip"; None where it offers neither, or does not say.
-        feedback: "torque" or "current"; None where it is not known which it reports.
-        torque_offset: Whether it has 60B2; None where it is not known.
-        max_torque_permille: What 6072 holds after a reset; None where it is not known.
-        missing: Names of the properties that safety rests on and that it has no object for.
+        identity: Object 1018; None if unknown.
+        mode: "csp" or "ip"; None if it supports neither, or this is unknown.
+        feedback: "torque" or "current"; None if unknown.
+        torque_offset: Whether it has 60B2; None if unknown.
+        max_torque_permille: Value of 6072 after a reset; None if unknown.
+        missing: Names of the safety properties for which it has no object.
     """
 
     node_id: int
@@ -50,9 +50,9 @@ class BusDraft:
         drives: One per joint, from the base to the flange.
         interface: python-can interface.
         channel: Its channel.
-        bitrate: In bit/s.
-        description: The device description, as the robot's file will name it; None without one.
-        source: What is known comes from here, in words.
+        bitrate: Bit rate, bit/s.
+        description: Path of the device description to write into the robot's file; None without one.
+        source: Origin of the data, for the operator.
     """
 
     drives: tuple[DriveDraft, ...]
@@ -64,15 +64,15 @@ class BusDraft:
 
 
 def drives_found(nodes: Sequence[FoundNode], n: int, described: DeviceDescription | None) -> tuple[DriveDraft, ...]:
-    """The drives that answered, lowest node id at the base.
+    """The drives found on a bus, lowest node id at the base.
 
     Args:
-        nodes: Everything that answered.
-        n: Joints of the arm.
-        described: Their device description, where there is one.
+        nodes: All nodes that answered.
+        n: Number of joints.
+        described: Their device description; None without one.
 
     Raises:
-        ConfigurationError: another number of CiA 402 drives than the arm has joints.
+        ConfigurationError: the number of CiA 402 drives differs from that of the joints.
     """
     drives = sorted((node for node in nodes if node.is_drive), key=lambda node: node.node_id)
     if len(drives) != n:
@@ -101,7 +101,7 @@ def drives_found(nodes: Sequence[FoundNode], n: int, described: DeviceDescriptio
 
 
 def drive_described(description: DeviceDescription, node_id: int) -> DriveDraft:
-    """What a device description says of one drive.
+    """One drive's data from a device description.
 
     Args:
         description: The description.
@@ -124,11 +124,11 @@ def drive_described(description: DeviceDescription, node_id: int) -> DriveDraft:
 
 
 def nodes_described(description: DeviceDescription, n: int) -> tuple[DriveDraft, ...]:
-    """The same drive at every joint, nodes counted from the base; from 1 on, or from the node of a DCF.
+    """The same drive at every joint, with nodes numbered from the base, starting at 1 or at the node of a DCF.
 
     Args:
         description: The description.
-        n: Joints of the arm.
+        n: Number of joints.
     """
     first = description.node_id or 1
     return tuple(drive_described(description, first + joint) for joint in range(n))
@@ -138,7 +138,7 @@ def bus_address(text: str) -> tuple[str, str]:
     """Interface and channel of INTERFACE:CHANNEL.
 
     Raises:
-        ConfigurationError: it is not of this form.
+        ConfigurationError: the text does not have this form.
     """
     interface, colon, channel = text.partition(":")
     if not interface or not colon or not channel:
@@ -147,12 +147,12 @@ def bus_address(text: str) -> tuple[str, str]:
 
 
 def path_beside(file: Path, output: Path) -> str:
-    """A file's path as a robot's file in another folder names it."""
+    """A file's path relative to the folder of a robot's file."""
     return Path(os.path.relpath(file.resolve(), output.resolve().parent)).as_posix()
 
 
 def _mode(modes: tuple[int, ...]) -> str | None:
-    """The mode that armload would drive in."""
+    """The mode that armload would use; None if neither is supported."""
     if OperationMode.CYCLIC_SYNCHRONOUS_POSITION in modes:
         return "csp"
     return "ip" if OperationMode.INTERPOLATED_POSITION in modes else None

@@ -1,6 +1,6 @@
 """A simulated twin of a new arm: drives on the virtual bus, and a `[simulation]` of its links with assumed friction.
 
-Its numbers are assumed, but for the links; it shows what a commissioning of the arm is like, not what the arm is like.
+All numbers except the links' are assumed: it shows what a commissioning looks like, not how the arm behaves.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from armload_identification.storage.toml_text import array, inline, number, text
 
 COUNTS_PER_TURN: Final = 2**20
 PEAK_OF_RATED: Final = 3
-"""Greatest torque over the rated one."""
+"""Ratio of greatest to rated torque."""
 ROTOR_SHARE: Final = 0.05
-"""Of a joint's greatest torque, what its rotor takes at the greatest acceleration."""
+"""Share of a joint's greatest torque that its rotor requires at the greatest acceleration."""
 LOAD_FRICTION: Final = 0.05
 
 
 def twin_bus(name: str) -> list[str]:
-    """Lines of `[bus]`: a bus within the process, at the cycle of the drives' template.
+    """Lines of `[bus]` for a bus inside the process.
 
     Args:
-        name: Of the robot.
+        name: Name of the robot.
     """
     return ["[bus]", 'interface = "virtual"  # no real bus', f"channel = {text(f'armload-{name}')}"]
 
@@ -37,7 +37,7 @@ def twin_drive(arm: ArmDraft, joint: int) -> list[str]:
 
     Args:
         arm: The arm.
-        joint: Counted from 0.
+        joint: Index of the joint, from 0.
     """
     return [
         "[joints.drive]  # simulated",
@@ -65,9 +65,9 @@ def twin_simulation(
 
     Args:
         arm: The arm.
-        links: What turns with each joint.
-        payload: What hangs on the flange.
-        start_rad: (n,) where it stands.
+        links: The body moved by each joint.
+        payload: The payload on the flange.
+        start_rad: (n,) initial pose.
         friction_nm: Coulomb friction of each joint.
         acceleration_rad_s2: (n,) greatest acceleration.
     """

@@ -1,7 +1,7 @@
-"""A first `[workspace]` from a URDF's collision geometry: spheres, floor, what is kept apart, which meshes may touch.
+"""A first `[workspace]` from a URDF's collision geometry: spheres, floor, pairs kept apart, meshes that may touch.
 
-Whether two links can be kept apart is seen in random poses: parts that overlap in nearly all of them are neighbours
-that their shapes, coarse as they are, make touch.
+Random poses show whether two links can be kept apart: parts that overlap in nearly all of them are neighbours whose
+coarse shapes touch.
 """
 
 from __future__ import annotations
@@ -23,37 +23,37 @@ from armload_identification.excitation.geometry.workspace import HalfSpace, Sphe
 from armload_identification.identification_errors import ModelError
 
 KEEP_M: Final = 0.02
-"""Clearance to everything."""
+"""Clearance to all obstacles."""
 BARE_RADIUS_M: Final = 0.05
-"""Around the origin of a link without a geometry."""
+"""Radius of the sphere around the origin of a link without geometry."""
 _POSES: Final = 200
 _MESH_POSES: Final = 40
 _SEED: Final = 1
 _MOSTLY: Final = 0.5
-"""Share of the poses in which spheres must be clear to be kept apart: others would forbid most of the joints' range."""
+"""Share of poses in which a pair's spheres must be clear; keeping other pairs apart would forbid most of the range."""
 _TOUCHES: Final = 0.9
-"""Share of the poses from which two meshes are neighbours that touch."""
+"""Share of poses above which two touching meshes count as neighbours."""
 _HULLS_TOUCH: Final = 0.7
-"""The same for links at most `_NEAR_JOINTS` joints apart: the convex hulls that stand for the meshes fill the room
+"""The same for links at most `_NEAR_JOINTS` joints apart: the convex hulls that represent the meshes fill the space
 between them (Baxter: torso and elbow, in 81 % of the poses)."""
 _NEAR_JOINTS: Final = 3
 
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceDraft:
-    """What a `[workspace]` is written from.
+    """Data for a `[workspace]`.
 
     Attributes:
-        spheres: Around every link and the tool.
-        bare: Links whose sphere stands for no geometry.
+        spheres: Spheres around every link and the tool.
+        bare: Links without geometry, which get a default sphere.
         floor_m: Height of the floor over the base frame: that of the URDF's root.
-        above_floor: Links that are kept above it, the tool n + 1; others reach it in nearly every pose, as what is next
-            to the base does.
+        above_floor: Links that are kept above it, the tool being n + 1; the others reach it in nearly every pose, for
+            example those next to the base.
         apart: Pairs of links that are kept apart.
         overlapping: Pairs that are not, because their spheres overlap in most poses.
         meshes: Whether the URDF's meshes are checked as well.
         touching: Pairs of the URDF's links that may touch.
-        why_no_meshes: Why they are not; empty where they are.
+        why_no_meshes: Why the meshes are not checked; empty if they are.
     """
 
     spheres: tuple[Sphere, ...]
@@ -72,8 +72,8 @@ def workspace_of_urdf(arm: UrdfArm, draft: ArmDraft, tool: Sphere) -> WorkspaceD
 
     Args:
         arm: The arm.
-        draft: The same, for its ranges.
-        tool: Around what the flange carries.
+        draft: The same arm, with the ranges to use.
+        tool: Sphere around tool and payload.
 
     Raises:
         ModelError: the geometry cannot be loaded.
@@ -105,13 +105,13 @@ def workspace_of_urdf(arm: UrdfArm, draft: ArmDraft, tool: Sphere) -> WorkspaceD
 def workspace_of_spheres(
     draft: ArmDraft, spheres: list[Sphere], tool: Sphere, why: str = "", floor_m: float = 0.0
 ) -> WorkspaceDraft:
-    """A workspace of spheres alone.
+    """A workspace with spheres only.
 
     Args:
         draft: The arm.
-        spheres: Those that are known.
-        tool: Around what the flange carries.
-        why: Why there are no meshes.
+        spheres: The known spheres.
+        tool: Sphere around tool and payload.
+        why: Why meshes are not checked.
         floor_m: Height of the floor over the base frame.
     """
     n = draft.n
@@ -145,17 +145,17 @@ def _poses(draft: ArmDraft, count: int) -> FloatArray:
 
 
 def _least(draft: ArmDraft) -> FloatArray:
-    """(n,) least positions, at most half a turn off."""
+    """(n,) least positions, limited to -pi."""
     return np.maximum(np.nan_to_num(draft.position_min_rad, nan=-np.pi, neginf=-np.pi), -np.pi)
 
 
 def _greatest(draft: ArmDraft) -> FloatArray:
-    """(n,) greatest positions, at most half a turn off."""
+    """(n,) greatest positions, limited to pi."""
     return np.minimum(np.nan_to_num(draft.position_max_rad, nan=np.pi, posinf=np.pi), np.pi)
 
 
 def _least_by_pair(model: Workspace, pairs: list[tuple[int, int]], poses: FloatArray) -> FloatArray:
-    """(poses, pairs) the least clearance of each pair of links."""
+    """(poses, pairs) least clearance of each pair of links."""
     clearances = model.clearances(poses)
     columns: dict[tuple[int, int], list[int]] = {pair: [] for pair in pairs}
     at = 0
@@ -167,7 +167,7 @@ def _least_by_pair(model: Workspace, pairs: list[tuple[int, int]], poses: FloatA
 
 
 def up_of(draft: ArmDraft) -> FloatArray:
-    """(3,) unit vector against gravity, in the base frame."""
+    """(3,) unit vector opposite to gravity, in the base frame."""
     return np.asarray(-draft.chain.gravity_m_s2 / np.linalg.norm(draft.chain.gravity_m_s2))
 
 

@@ -1,4 +1,4 @@
-"""Rigid bodies in a robot's file: payloads, simulated links, and `[body]`, what the arm itself is made of."""
+"""Rigid bodies in a robot's file: payloads, simulated links, and the arm's own links in `[body]`."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ class BodyTable(Table):
     inertia_kg_m2: InertiaTable
 
     def rigid_body(self) -> RigidBody:
-        """As the simulated arm takes it."""
+        """For the simulated arm."""
         return RigidBody(self.mass_kg, np.array(self.center_of_mass_m), self.inertia_kg_m2.tensor())
 
     def inertial(self) -> InertialParameters:
-        """As the identification takes it."""
+        """For the identification."""
         return InertialParameters.from_center_of_mass(
             self.mass_kg, np.array(self.center_of_mass_m), self.inertia_kg_m2.tensor()
         )
 
 
 class PayloadTable(BodyTable):
-    """A body in the flange frame that some mass distribution can have."""
+    """A physically possible body in the flange frame."""
 
     @model_validator(mode="after")
     def _possible(self) -> PayloadTable:
@@ -62,9 +62,9 @@ class PayloadTable(BodyTable):
 
 
 class ArmLinkTable(BodyTable):
-    """One link in its joint frame, with its joint's friction and the rotor of the axis of the same number.
+    """One link in its joint frame, with its joint's friction and the rotor of the axis with the same number.
 
-    Where `[transmission]` couples motors, that rotor turns with q_axis = C^-1 q_joint.
+    If `[transmission]` couples the motors, the rotor turns with q_axis = C^-1 q_joint.
     """
 
     reflected_rotor_inertia_kg_m2: NonNegative
@@ -73,12 +73,12 @@ class ArmLinkTable(BodyTable):
 
 
 class ArmBodyTable(Table):
-    """What the arm itself is made of, from its manufacturer or a CAD model."""
+    """The arm's own links, from its manufacturer or a CAD model."""
 
     links: list[ArmLinkTable]
 
     def arm_body(self, coupling: FloatArray) -> ArmBody:
-        """Links, rotors and friction as the dynamics take them.
+        """Links, rotors and friction for the dynamics.
 
         Args:
             coupling: (n, n) C with q_joint = C q_axis.

@@ -1,4 +1,4 @@
-"""`[bus]` and `[joints.drive]`, and the settings of the driver layer that are made from them."""
+"""`[bus]` and `[joints.drive]`, and the driver layer's settings made from them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _NUMBER_TYPES = {
 
 
 VIRTUAL = "virtual"
-"""The interface that lives in one process, and with it its simulated drives."""
+"""The interface inside one process, shared with its simulated drives."""
 
 
 class BusTable(Table):
@@ -52,7 +52,7 @@ class BusTable(Table):
 
     @property
     def in_virtual_time(self) -> bool:
-        """Whether a cycle takes as long as it takes to compute: master and drives wait for each other."""
+        """Whether time is virtual: master and drives wait for each other, and a cycle takes only its computing time."""
         return self.interface == VIRTUAL
 
     @model_validator(mode="after")
@@ -62,10 +62,10 @@ class BusTable(Table):
         return self
 
     def arm_settings(self, drives: Sequence[DriveSettings], coupling: FloatArray) -> ArmSettings:
-        """As the driver layer takes them.
+        """Settings for the driver layer.
 
         Args:
-            drives: From the base to the flange.
+            drives: The drives, from the base to the flange.
             coupling: (n, n) C with q_joint = C q_axis.
         """
         return ArmSettings(
@@ -81,7 +81,7 @@ class BusTable(Table):
 
 
 class IdentityTable(Table):
-    """What object 1018 must hold."""
+    """Expected content of object 1018."""
 
     vendor_id: int
     product_code: int
@@ -117,7 +117,7 @@ class TemperatureObjectTable(Table):
 
 
 class VendorSettingTable(Table):
-    """A vendor's object that gives the drive a property that safety rests on: written, and read back."""
+    """A vendor's object that provides a safety property of the drive; it is written and read back."""
 
     index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
     subindex: Annotated[int, Field(ge=0, le=254)]
@@ -135,13 +135,13 @@ class VendorSettingTable(Table):
         return self
 
     def setting(self) -> VendorSetting:
-        """As the driver layer takes it."""
+        """Setting for the driver layer."""
         entry = Entry(self.index, self.subindex, "vendor's setting", _NUMBER_TYPES[self.type])
         return VendorSetting(entry, self.value, self.meets)
 
 
 class DriveTable(Table):
-    """One joint's drive. A scale that is left out is read from the drive."""
+    """One joint's drive. A scale that is not given is read from the drive."""
 
     profile: str | None = None
     node_id: Annotated[int, Field(ge=1, le=127)]
@@ -182,7 +182,7 @@ class DriveTable(Table):
         return self
 
     def missing_scale(self) -> str | None:
-        """Key of a scale that is left to the drive, which only a real one can report; None where there is none."""
+        """Key of a scale that must be read from the drive, which only a real one can provide; None if all are given."""
         needed = ["counts_per_axis_turn", "rated_torque_nm"] + ["rated_current_a"] * (self.feedback == "current")
         return next((name for name in needed if getattr(self, name) is None), None)
 
@@ -193,12 +193,12 @@ class DriveTable(Table):
         gear_ratio: float | None,
         description: DeviceDescription | None,
     ) -> DriveSettings:
-        """As the driver layer takes them.
+        """Settings for the driver layer.
 
         Args:
             joint: Name of the joint.
             position_rad: Least and greatest position of the joint.
-            gear_ratio: Motor turns per axis turn, where it is known.
+            gear_ratio: Motor turns per axis turn; None if unknown.
             description: The vendor's device description.
         """
         csp = self.mode == "csp"
@@ -231,12 +231,12 @@ class DriveTable(Table):
         )
 
     def _identity(self) -> Identity:
-        """What 1018 must hold; anything where the file does not say."""
+        """Expected content of 1018; unrestricted if the file does not state it."""
         table = self.identity
         return Identity(None, None) if table is None else Identity(table.vendor_id, table.product_code, table.revision)
 
     def _vendor_effort(self) -> VendorEffort | None:
-        """The vendor's object for the effort."""
+        """The vendor's object for motor current or torque."""
         table = self.effort_object
         if table is None:
             return None

@@ -38,7 +38,7 @@ class JointTable(Table):
 
     @property
     def axis_torque_max_nm(self) -> float:
-        """Greatest torque that its drive allows the axis (6072); inf where the file does not say."""
+        """Greatest torque that the drive allows the axis (6072); inf if the file does not state it."""
         drive = self.drive
         if drive is None or drive.rated_torque_nm is None:
             return math.inf
@@ -46,5 +46,5 @@ class JointTable(Table):
 
     @property
     def added_torque_max_nm(self) -> float:
-        """Greatest torque that may be added: the joint's, or what its drive allows (6072) where that is less."""
+        """Greatest torque that may be added: the lesser of the joint's limit and its drive's (6072)."""
         return min(self.torque_max_nm, self.axis_torque_max_nm)

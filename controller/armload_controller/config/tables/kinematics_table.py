@@ -1,4 +1,4 @@
-"""`[kinematics]` and `[transmission]`: where the joints are, and how the motors are coupled to them."""
+"""`[kinematics]` and `[transmission]`: placement of the joints, and coupling of the motors to them."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class KinematicsTable(Table):
         """Kinematics up to the flange.
 
         Args:
-            gravity_m_s2: (3,) acceleration of a falling body in the base frame.
+            gravity_m_s2: (3,) gravitational acceleration in the base frame.
         """
         flange = pose_from_xyz_rpy(self.flange.xyz_m, self.flange.rpy_rad)
         if self.origins is not None:
@@ -74,7 +74,7 @@ class TransmissionTable(Table):
     coupling: list[list[float]]
 
     def check(self, n: int) -> None:
-        """Refuse what is no coupling of n joints.
+        """Refuse a matrix that is not an invertible coupling of n joints.
 
         Raises:
             BadValue: naming the key.

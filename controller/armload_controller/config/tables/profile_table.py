@@ -12,7 +12,7 @@ from armload_identification.storage.strict_toml import Table, Text
 
 
 class ProductTable(Table):
-    """The product family, and what an integrator should know of it."""
+    """The product family, with remarks for the integrator."""
 
     name: Text
     source: Text
@@ -34,7 +34,7 @@ class DriveProfileTable(Table):
     vendor_settings: list[VendorSettingTable] | None = None
 
     def given(self) -> dict[str, Any]:
-        """The keys that the profile gives, as TOML has them."""
+        """The keys that the profile gives, as in TOML."""
         return self.model_dump(exclude_none=True)
 
 

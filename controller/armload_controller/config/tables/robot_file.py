@@ -1,6 +1,6 @@
-"""The whole file of a robot: its tables, and what must agree between them.
+"""A robot's file: all tables, and their consistency.
 
-Every limit must be given, an unknown key is an error, numbers must be numbers.
+Every limit must be given, an unknown key is an error, and text is not accepted as a number.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from armload_identification.storage.strict_toml import BadValue, Table, Text
 
 
 class RobotTable(Table):
-    """What the arm is."""
+    """Name, rated payload and mounting of the arm."""
 
     name: str
     description: str
@@ -31,13 +31,13 @@ class RobotTable(Table):
 
 
 class ToolTable(Table):
-    """What is on the flange when the arm moves, for its speed."""
+    """The tool on the flange during motion, for the limit of its speed."""
 
     xyz_m: Vector3
 
 
 class LimitsTable(Table):
-    """Limits of the arm as a whole."""
+    """Limits that belong to the arm rather than to a joint."""
 
     tcp_speed_m_s: Positive
 
@@ -54,7 +54,7 @@ _Columns = Annotated[list[_Column], Field(min_length=1)]
 
 
 class LogTable(Table):
-    """Columns of other programs' logs: counted from 0, or by the names of the header line."""
+    """Columns of other programs' logs: numbered from 0, or by the header's names."""
 
     time_column: _Column
     position_columns: _Columns
@@ -64,7 +64,7 @@ class LogTable(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        """Refuse a map without torque, or with another number of columns than joints."""
+        """Refuse a map without current or torque, or with unequal numbers of columns."""
         if (self.current_columns is None) == (self.torque_columns is None):
             raise BadValue("current_columns", self.current_columns, "give either current_columns or torque_columns")
         for key in ("velocity_columns", "current_columns", "torque_columns"):
@@ -74,14 +74,14 @@ class LogTable(Table):
         return self
 
     def csv_columns(self) -> CsvColumns:
-        """As the reader of recordings takes them."""
+        """For the reader of recordings."""
         return CsvColumns(
             self.time_column, self.position_columns, self.velocity_columns, self.current_columns, self.torque_columns
         )
 
 
 class RobotFile(Table):
-    """The whole file."""
+    """All tables of the file."""
 
     robot: RobotTable
     kinematics: KinematicsTable

@@ -15,7 +15,7 @@ from armload_identification.storage.strict_toml import BadValue, Table
 
 
 class SimulatedJointTable(Table):
-    """The truth about one simulated joint."""
+    """True parameters of one simulated joint."""
 
     link: BodyTable
     reflected_rotor_inertia_kg_m2: NonNegative
@@ -28,12 +28,12 @@ class SimulatedJointTable(Table):
     ripple_per_motor_turn: Annotated[int, Field(ge=1)]
 
     def plant_joint(self, joint: JointTable, placement: FloatArray, axis: FloatArray) -> PlantJoint:
-        """As the simulated arm takes it.
+        """For the simulated arm.
 
         Args:
-            joint: The joint's own table.
-            placement: (4, 4) its frame in the previous one.
-            axis: (3,) its axis in its frame.
+            joint: The joint's table in `[[joints]]`.
+            placement: (4, 4) pose of its frame in the previous one.
+            axis: (3,) its axis in its own frame.
         """
         return PlantJoint(
             name=joint.name,

@@ -1,4 +1,4 @@
-"""What several tables of a robot's file are made of: numbers with a range, vectors, poses."""
+"""Types shared by the tables of a robot's file: numbers with a range, vectors, poses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class PoseTable(Table):
-    """A frame in another."""
+    """Pose of a frame in another frame."""
 
     xyz_m: Vector3
     rpy_rad: Vector3

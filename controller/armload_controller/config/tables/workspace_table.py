@@ -19,18 +19,18 @@ _LinkName = int | Literal["tool"]
 
 
 def _link(value: object) -> object:
-    """One message for whatever is no link."""
+    """Check a link, with one message for every invalid value."""
     if value == "tool" or (isinstance(value, int) and not isinstance(value, bool) and value >= 0):
         return value
     raise ValueError('0 for the base, the number of a joint for the link that it moves, or "tool"')
 
 
 Link = Annotated[_LinkName, PlainValidator(_link)]
-"""0 the base, i the link that turns with joint i, "tool" what is on the flange, payload included."""
+"""0 for the base, i for the link that joint i moves, "tool" for everything on the flange including the payload."""
 
 
 class SphereTable(Table):
-    """A sphere around a part of the arm, in the base frame, the link's joint frame, or for a tool the flange frame."""
+    """A sphere around a part of the arm, in the base frame, a link's joint frame, or for the tool the flange frame."""
 
     link: Link
     center_m: Vector3
@@ -38,7 +38,7 @@ class SphereTable(Table):
 
 
 class HalfSpaceTable(Table):
-    """Everything on the far side of a plane; the normal points to where the arm may be."""
+    """A half-space that the arm must not enter; the normal points to the side where the arm may be."""
 
     name: str
     normal: Vector3
@@ -54,7 +54,7 @@ class HalfSpaceTable(Table):
 
 
 class BoxTable(PoseTable):
-    """A box in the way: pose of its centre in the base frame, and the lengths of its edges."""
+    """A box as an obstacle: pose of its centre in the base frame, and the lengths of its edges."""
 
     name: str
     size_m: Annotated[list[Positive], Field(min_length=3, max_length=3)]
@@ -62,7 +62,7 @@ class BoxTable(PoseTable):
 
 
 class InsideTable(Table):
-    """A box along the base frame's axes that the arm never leaves."""
+    """A box aligned with the base frame's axes that the arm must not leave."""
 
     min_m: Vector3
     max_m: Vector3
@@ -75,7 +75,7 @@ class InsideTable(Table):
 
 
 class WorkspaceTable(Table):
-    """Where the arm may be."""
+    """Obstacles and spheres that limit where the arm may be."""
 
     keep_m: NonNegative
     floor_height_m: float | None = None
@@ -88,7 +88,7 @@ class WorkspaceTable(Table):
     apart: list[Annotated[list[Link], Field(min_length=2, max_length=2)]] = Field(default=[])
 
     def check(self, n: int) -> None:
-        """Refuse names of links that an arm of n joints does not have, and a link without a sphere.
+        """Refuse links that an arm of n joints does not have, and a link without a sphere.
 
         Raises:
             BadValue: naming the key.
@@ -116,7 +116,7 @@ class WorkspaceTable(Table):
             chain: The arm; with a floor its gravity must not be zero.
 
         Raises:
-            ModelError: obstacles that make no sense, such as one that nothing can ever touch.
+            ModelError: an obstacle is invalid, for example one that no part of the arm can touch.
         """
         n = chain.n
         moving = tuple(range(1, n + 2))
@@ -151,15 +151,15 @@ class WorkspaceTable(Table):
         )
 
     def meshes(self, folder: Path, chain: Chain, joint_names: tuple[str, ...]) -> Meshes | None:
-        """The collision geometry of `urdf`; None where none is named.
+        """The collision geometry of `urdf`; None if the file names none.
 
         Args:
-            folder: Where the URDF lies.
+            folder: Folder of the URDF.
             chain: The arm.
-            joint_names: Names of its joints, which the URDF's must have too.
+            joint_names: Names of its joints, which the URDF must also contain.
 
         Raises:
-            ModelError: the URDF cannot be used, or what reads it is not installed.
+            ModelError: the URDF cannot be used, or the library that reads it is not installed.
         """
         if self.urdf is None:
             return None
@@ -168,5 +168,5 @@ class WorkspaceTable(Table):
 
 
 def _number(name: _LinkName, n: int) -> int:
-    """A link as the workspace counts: the tool of n joints is n + 1."""
+    """Number of a link in the workspace: the tool of an arm of n joints is n + 1."""
     return n + 1 if name == "tool" else int(name)
