@@ -170,9 +170,8 @@ class RobotDrives:
                     f"joints[{number}].drive.identity",
                     None,
                     "a real arm is moved only if the file states the identity of its drives: give vendor_id and "
-                    "product_code "
-                    "(`armload drives scan` shows them). If the drives on that bus are those of `armload simulate`, "
-                    "add --simulated-drives",
+                    "product_code (`armload drives scan` shows them). If the drives on that bus are those of `armload "
+                    "simulate`, add --simulated-drives",
                 )
 
     def require_scales(self) -> None:

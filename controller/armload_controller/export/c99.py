@@ -202,8 +202,7 @@ def _contract(subject: ExportSubject) -> list[str]:
         "are not included: the motors' torques are the transposed coupling times these, divided by the gear ratios.",
         f"Gravity in the base frame: {', '.join(exact(g) for g in subject.chain.gravity_m_s2)} m/s2.",
         "Nothing here allocates or locks; functions without a state may be called from any thread. torque_nm may be "
-        "one of "
-        "the inputs. NaN is passed through: the control loop must check its inputs.",
+        "one of the inputs. NaN is passed through: the control loop must check its inputs.",
     ]
 
 

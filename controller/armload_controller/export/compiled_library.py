@@ -64,6 +64,5 @@ def _compiler(file: str) -> list[str]:
     raise ExportError(
         file,
         "holds a compiled library, but no C compiler was found. Install one (Debian, Ubuntu: apt install gcc) or "
-        "PyPI's "
-        "(pip install ziglang)",
+        "PyPI's (pip install ziglang)",
     )

@@ -85,8 +85,7 @@ def compiler() -> list[str]:
         return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
     raise SystemExit(
         "armload's kernels are written in C, but no C compiler was found. Install one (Debian, Ubuntu: apt install "
-        "gcc) "
-        "or PyPI's (pip install ziglang)."
+        "gcc) or PyPI's (pip install ziglang)."
     )
 
 

@@ -135,8 +135,7 @@ def _notes(payload: PayloadResult, fit: Identification | None) -> Iterator[str]:
         unknown = [name for name, there in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not there]
         yield (
             "Do not use this payload for feed-forward: this requires mass and centre of mass, and "
-            f"{', '.join(unknown)} "
-            "is not determined."
+            f"{', '.join(unknown)} is not determined."
         )
     if fit is not None:
         yield from fit.notes

@@ -136,8 +136,7 @@ def _refuse_scale(
     if scale < _WEAK:
         guess = (
             "The torques look like those of the motors, on the input side of the gears: multiply them by the gear "
-            "ratio, or "
-            "correct gear_ratio and torque_constant_nm_a."
+            "ratio, or correct gear_ratio and torque_constant_nm_a."
         )
     elif _MILLI[0] <= scale <= _MILLI[1]:
         guess = "Torques look like N mm, or currents like milliampere: convert them to N m or A."

@@ -100,8 +100,7 @@ def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
         allowed = _DEVIATIONS_95 * transmission.deviation.max()
         return [
             "Drive gains are nominal: a common relative error of the gains gives the same relative error of the mass. "
-            "The "
-            f"intervals allow for {allowed:.0%} (95 %) on each joint. Calibrate the gains with a weighed payload: "
+            f"The intervals allow for {allowed:.0%} (95 %) on each joint. Calibrate the gains with a weighed payload: "
             "`armload calibrate`."
         ]
     return [
