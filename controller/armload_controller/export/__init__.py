@@ -1,1 +1,1 @@
-"""Payloads written for others: C, FMU and LinuxCNC for loops, URDF and ROS 2, load data of robot controllers."""
+"""Payloads written for other programs: C, FMU and LinuxCNC, URDF and ROS 2, load data of robot controllers."""

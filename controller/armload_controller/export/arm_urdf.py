@@ -1,10 +1,10 @@
-"""A calibrated arm as URDF: links that can exist, with the torque of the identified base parameters.
+"""A calibrated arm as URDF: physically possible links with the torque of the identified base parameters.
 
-- Frames: one link per joint, in the joint's frame; the base stands as the calibration found it, so that gravity is
-  -z of `world`; a link without mass for the flange.
+- Frames: one link per joint, in the joint's frame; the base is tilted as the calibration found it, so that gravity is
+  along -z of `world`; a massless link for the flange.
 - inertia: tensor elements about the centre of mass in kg m2, ixy = -int xy dm.
-- dynamics: viscous and Coulomb friction; what is below zero by noise is 0. URDF has no rotors, and no friction that
-  grows with the load or the root of the speed: these stand in the comment.
+- dynamics: viscous and Coulomb friction; values below zero due to noise are written as 0. URDF has no elements for
+  rotors or for friction that depends on load or the root of speed: these are listed in a comment.
 
 References:
     ROS wiki, urdf/XML: elements "link", "joint", "dynamics", "limit"; fields, units, frames.
@@ -32,9 +32,9 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
 
     Args:
         robot: The arm as configured: kinematics, names and limits.
-        calibration: What its runs show.
-        possible: Links that can exist, for that calibration.
-        made_from: The program's version, the calibration's file and its hash, in words.
+        calibration: Its calibration.
+        possible: Physically possible links for that calibration.
+        made_from: The program's version, the calibration's file and its hash, for the comment.
 
     Returns:
         Text by file name.
@@ -69,7 +69,7 @@ def arm_urdf(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
 
 
 def _comment(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks, made_from: str) -> list[str]:
-    """What the file is, and what URDF has no element for."""
+    """The comment: origin of the file, and the values for which URDF has no element."""
     body = calibration.body
     of = {
         "Rotors, kg m2 at the joint (armature), row by row:": body.rotor_mass_kg_m2,
@@ -95,7 +95,7 @@ def _comment(robot: Robot, calibration: ArmCalibration, possible: PossibleLinks,
 
 
 def _standing(gravity_m_s2: FloatArray) -> FloatArray:
-    """(4, 4) pose of the base in a world whose gravity is -z: the shortest turn."""
+    """(4, 4) pose of the base in a world with gravity along -z, by the smallest rotation."""
     down = gravity_m_s2 / np.sqrt(np.sum(gravity_m_s2**2))
     pose = np.eye(4)
     if down[2] > 1.0 - 1e-12:

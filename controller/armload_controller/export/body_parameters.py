@@ -1,6 +1,6 @@
-"""The payload as the parameters of a component: what a person sets, where C takes ten numbers about the origin.
+"""The payload as parameters that a user sets, with inertia about the centre of mass instead of the origin.
 
-The C function `theta_of` (`c_code/theta_of.c.in`) makes those ten from these, in this order.
+The C function `theta_of` (`c_code/theta_of.c.in`) converts them, in this order, to the ten parameters theta.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ PARAMETERS = (
 )
 """Name, unit and meaning of the payload's parameters."""
 FRICTION = "friction that the payload causes in the gears, added to its torque"
-"""What a calibrated arm's parameter `friction` is a share of."""
+"""Meaning of a calibrated arm's parameter `friction`, which is a share of this."""
 TRANSITION_S = 0.5
-"""Start value: the time that a change of the payload takes."""
+"""Initial value of the duration of a payload change."""
 
 
 def body_values(subject: ExportSubject) -> tuple[float, ...]:
-    """(10,) values of the parameters, from the model's complete set."""
+    """Ten values of the parameters, from the complete model."""
     body = subject.payload.model
     i = body.inertia_about_com
     elements = (i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])

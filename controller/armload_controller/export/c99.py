@@ -2,17 +2,17 @@
 
     tau = J(q)^T w(q, dq, ddq, theta)
 
-Made by `straight_line` from the chain and the payload: torque, torque at rest, and the regressor of any payload at the
-flange. They hold no loop, no branch and no state, allocate nothing, and need sin and cos of math.h. Around them a
-payload that changes while the loop runs: set, blended without a step and within a rate, refused where no body can have
-it; a self-test; a class of C++; a package of CMake. The texts are the templates of `c_code`.
+`straight_line` generates from chain and payload: torque, torque at rest, and the regressor of any payload at the
+flange. These functions have no loop, branch or state, allocate nothing, and need only sin and cos from math.h. Around
+them: a payload that can be changed while the loop runs (blended without a step and within a rate, refused if physically
+impossible), a self-test, a C++ class and a CMake package. The texts are the templates of `c_code`.
 
 - q, dq, ddq in rad, rad/s, rad/s2 and torques in N m, all at the JOINTS, in the configuration's order and directions.
-- A torque is positive along the joint's positive direction: what the joint has to give for the payload.
+- A torque is positive along the joint's positive direction: the torque that the joint must provide for the payload.
 - theta in kg, kg m, kg m2, inertia as tensor elements (Ixy = -int xy dm) about the ORIGIN of the flange.
 
-What is not determined: the torque needs all ten parameters, so the model's complete set is written, as the feed-forward
-takes it, and marked.
+What is not determined: the torque needs all ten parameters, so the complete model is written, as used by the
+feed-forward, and marked.
 
 References:
     Chen 2016, eq. (2).
@@ -52,23 +52,24 @@ from armload_identification.model.payload import PARAMETER_NAMES
 from armload_identification.recording.reading_options import Effort
 
 _SELF_TEST_SHARE = 1e-12
-"""Difference that the self-test allows in double precision, of the greatest torque in its vectors."""
+"""Difference that the self-test allows in double precision, as a share of the greatest torque in its vectors."""
 _PIVOTS = {
     Precision.DOUBLE: {"negative": 1e-9, "vanishing": 1e-12, "beside": 1e-6},
     Precision.SINGLE: {"negative": 1e-4, "vanishing": 1e-5, "beside": 1e-2},
 }
-"""Below which share of the greatest parameter a pivot is negative, zero, and what stands beside a zero one is zero."""
+"""Shares of the greatest parameter: below minus the first a pivot is negative, below the second it is zero, and entries
+beside a zero pivot must be below the third."""
 _EFFORT = {Effort.CURRENT: "A of motor current", Effort.TORQUE: "N m of reported torque"}
 """What the drives of a calibrated arm report, with its unit."""
 
 
 def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) -> dict[str, str]:
-    """The package `armload_<robot>`: header, source, header of C++, and what CMake needs.
+    """The package `armload_<robot>`: C header and source, C++ header, and a CMake file.
 
     Args:
-        subject: The payload and the arm; of a calibrated arm the payload's friction and the recursive estimator, always
-            in double precision, are written too.
-        precision: Of all numbers.
+        subject: The payload and the arm; for a calibrated arm, the payload's friction and the recursive estimator,
+            always in double precision, are written too.
+        precision: Precision of all numbers.
 
     Returns:
         Texts by file name.
@@ -116,7 +117,7 @@ def export_c(subject: ExportSubject, precision: Precision = Precision.DOUBLE) ->
 
 
 def _functions(subject: ExportSubject, precision: Precision) -> dict[str, str]:
-    """Bodies of the functions, and how much arithmetic they take."""
+    """Bodies of the functions, and their operation counts."""
     chain, payload = subject.chain, subject.payload.model
     functions = {
         "torque": torque_of(chain, payload),
@@ -133,7 +134,7 @@ def _functions(subject: ExportSubject, precision: Precision) -> dict[str, str]:
 
 
 def _function(key: str, function: Function, precision: Precision) -> dict[str, str]:
-    """Body of a function, and how much arithmetic it takes."""
+    """Body of a function, and its operation count."""
     done = function.operations
     counted = (
         f"Operations: {done.multiplications} multiplications, {done.additions} additions, "
@@ -143,7 +144,7 @@ def _function(key: str, function: Function, precision: Precision) -> dict[str, s
 
 
 def _friction(subject: ExportSubject, precision: Precision, fields: Mapping[str, str]) -> dict[str, str]:
-    """The payload's friction in a calibrated arm's gears; nothing where the arm is not calibrated."""
+    """The payload's friction in a calibrated arm's gears; empty if the arm is not calibrated."""
     if subject.calibration is None:
         return {"friction_declaration": "", "friction_definition": "", "kinds": "2", "expected_text": ""}
     body = subject.calibration.body
@@ -180,7 +181,7 @@ def _numbers(subject: ExportSubject, precision: Precision, error: SinglePrecisio
 
 
 def _payload_text(subject: ExportSubject) -> str:
-    """The payload in words, as its file gives it, and what the torque is computed from."""
+    """The payload as in its file, and the parameters that the torque is computed from, as text."""
     values = (f"{name} {exact(v)}" for name, v in zip(PARAMETER_NAMES, subject.payload.values, strict=True))
     theta = ", ".join(exact(value) for value in subject.payload.model.theta)
     return (
@@ -190,7 +191,7 @@ def _payload_text(subject: ExportSubject) -> str:
 
 
 def _contract(subject: ExportSubject) -> list[str]:
-    """What a caller needs to know."""
+    """Meaning of the arguments, for the caller."""
     joints = ", ".join(f"[{i}] {name}" for i, name in enumerate(subject.joint_names))
     return [
         "Torque that the payload requires of the joints, gravity included: the joint torque needed in addition to that "
@@ -207,7 +208,7 @@ def _contract(subject: ExportSubject) -> list[str]:
 
 
 def _listed(values: Iterable[float], precision: Precision) -> str:
-    """Numbers in a line."""
+    """Numbers on one line."""
     return ", ".join(precision.literal(float(value)) for value in values)
 
 

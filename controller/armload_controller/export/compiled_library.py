@@ -1,4 +1,4 @@
-"""C sources into a shared library, for formats that hold a binary."""
+"""Compiles C sources into a shared library, for formats that contain a binary."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _LIBRARY = "library.so"
 
 
 def compiled_library(sources: Mapping[str, str], file: str) -> bytes:
-    """A shared library for the processor at hand; the same sources and compiler give the same bytes.
+    """A shared library for this computer's processor; the same sources and compiler give the same bytes.
 
     The compiler is `CC`, cc, gcc or clang, whichever comes first, or else PyPI's ziglang; `CFLAGS` are added.
 
     Args:
         sources: Texts by file name; those that end in .c are compiled.
-        file: What the library is for, for messages.
+        file: The file that will contain the library, for messages.
 
     Raises:
-        ExportError: there is no C compiler, or it has failed.
+        ExportError: there is no C compiler, or it failed.
     """
     compiler = _compiler(file)
     with TemporaryDirectory() as folder:
@@ -59,7 +59,7 @@ def _compiler(file: str) -> list[str]:
         if shutil.which(name):
             return [name]
     if importlib.util.find_spec("ziglang"):
-        # without a processor zig compiles for the one at hand
+        # by default zig compiles for this very processor
         return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
     raise ExportError(
         file,

@@ -1,4 +1,4 @@
-"""What was exported into files, without replacing what is there."""
+"""Writes exported texts to files without replacing existing ones."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from armload_identification.storage.replace_file import replace_file
 
 
 def write_files(contents: Mapping[str, str | bytes], output: Path) -> dict[Path, bool]:
-    """Write all files, or none where one is in the way.
+    """Write all files, or none if a different file exists under one of the names.
 
-    An existing file with the same content is left alone; one with another content is in the way, and is found before
-    anything is written.
+    An existing file with the same content is left alone. One with different content is detected before anything is
+    written.
 
     Args:
         contents: Contents by file name; texts are ASCII.
-        output: A directory, made if it is not there. For a single file also its path: one with a suffix that is no
+        output: A directory, created if necessary. For a single file also its path, if it has a suffix and is not a
             directory.
 
     Returns:
-        The path of each file, and whether it was written; False where it held the same content already.
+        The path of each file, and whether it was written; False if it already had this content.
 
     Raises:
-        ExportError: a file in the way, or one that cannot be written.
+        ExportError: a different file exists, or a file cannot be written.
     """
     single = len(contents) == 1 and bool(output.suffix) and not output.is_dir()
     paths = {
@@ -39,7 +39,7 @@ def write_files(contents: Mapping[str, str | bytes], output: Path) -> dict[Path,
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write one file, and make its folder."""
+    """Write one file, and create its folder."""
     at = path.parent
     try:
         at.mkdir(parents=True, exist_ok=True)
@@ -50,7 +50,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _holds(path: Path, content: bytes) -> bool:
-    """True where the file has the content, False where there is no file."""
+    """True if the file has this content, False if there is no file; raises if it has different content."""
     try:
         there = path.read_bytes() if path.exists() else None
     except OSError as problem:

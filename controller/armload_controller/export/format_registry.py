@@ -1,4 +1,4 @@
-"""All formats by name; what a format needs is loaded when a payload is exported."""
+"""All formats by name; a format's module is loaded when a payload is exported."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class ExportFormat(StrEnum):
-    """What a payload can be written as."""
+    """Formats of a payload."""
 
     C = "c"
     FMU = "fmu"
@@ -28,7 +28,7 @@ class ExportFormat(StrEnum):
 
 
 Exporter = Callable[["ExportSubject"], Mapping[str, str | bytes]]
-"""Writes a format: contents by file name, ASCII where they are text; it writes no file."""
+"""Returns contents by file name, texts in ASCII, without writing files."""
 
 _HOMES: Final = {
     ExportFormat.C: ("c99", "export_c"),
@@ -43,7 +43,7 @@ _HOMES: Final = {
     ExportFormat.FANUC: ("load_data.fanuc", "export_fanuc"),
     ExportFormat.YASKAWA: ("load_data.yaskawa", "export_yaskawa"),
 }
-"""Module of this room and function there of each format."""
+"""Module in this room, and its function, for each format."""
 
 
 def exporter(export_format: ExportFormat) -> Exporter:

@@ -4,13 +4,13 @@
 
 - q-N, dq-N, ddq-N in rad, rad/s, rad/s2, tau-N in N m, at the joints, N from 0 at the base.
 - mass in kg, com-x .. com-z in m in the flange frame, ixx .. iyz in kg m2 about the centre of mass as tensor elements
-  (ixy = -int xy dm): the payload of the file when loaded, taken over when set-payload is set, without a step.
+  (ixy = -int xy dm): initially the payload of the file; new values apply, without a step, when set-payload is set.
 - enable ramps the torque in and out; each joint's torque is limited to its parameter limit-N.
-- lag: the torque is that of the inputs so long ago, since an arm follows what is commanded by its servos' lag.
+- lag: the torque is computed from the inputs of this time ago, since an arm follows its setpoints with the servos' lag.
 
-The component holds the exported C, so it is one file that halcompile takes as it is. The HAL file takes LinuxCNC's
-commanded motion, whose angular joints are in degrees, and gives per mille of rated torque (60B2) to pins of lcec, the
-EtherCAT component; it is written where the robot's file states what 60B2 means, which needs its drives' rated torques.
+The component contains the exported C, so it is a single file for halcompile. The HAL file reads LinuxCNC's commanded
+motion, whose angular joints are in degrees, and writes per mille of rated torque (60B2) to pins of lcec, the EtherCAT
+component. It is written only if the robot's file states the drives' rated torques, which define the unit of 60B2.
 
 What is not determined: as in `c99`.
 
@@ -34,11 +34,12 @@ from armload_controller.export.subject import ExportSubject
 from armload_controller.export.wording import comment, exact, printable, provenance
 
 LONGEST_NAME = 22
-"""Characters of a component's name, so that its longest parameter, .0.compute.tmax-increased, has no more than 47."""
+"""Greatest length of a component's name, so that its longest parameter, with .0.compute.tmax-increased, has at most 47
+characters."""
 
 
 def export_hal(subject: ExportSubject) -> dict[str, str]:
-    """The component, and where 60B2 is known the HAL file.
+    """The component, and the HAL file if the unit of 60B2 is known.
 
     Args:
         subject: The payload and the arm.
@@ -54,7 +55,7 @@ def export_hal(subject: ExportSubject) -> dict[str, str]:
 
 
 def _component(subject: ExportSubject, component: str) -> str:
-    """What halcompile takes."""
+    """The source for halcompile."""
     name, n = f"armload_{subject.identifier}", subject.chain.n
     code = export_c(subject)
     header, source = code[f"{name}.h"], code[f"{name}.c"].replace(f'#include "{name}.h"\n', "")
@@ -92,7 +93,7 @@ def _component(subject: ExportSubject, component: str) -> str:
 
 
 def _description(subject: ExportSubject) -> tuple[str, ...]:
-    """What stands in the manual page."""
+    """Paragraphs of the manual page."""
     joints = ", ".join(f"{i} {joint}" for i, joint in enumerate(subject.joint_names))
     return (
         provenance(subject),
@@ -105,7 +106,7 @@ def _description(subject: ExportSubject) -> tuple[str, ...]:
 
 
 def _offsets(subject: ExportSubject) -> dict[str, str]:
-    """Pins for the drives, and what is written to them; nothing where 60B2 is not known."""
+    """Pins for the drives, and the code that writes them; empty if the unit of 60B2 is unknown."""
     if subject.permille_per_nm is None:
         return {"offset_pin": "", "offsets": ""}
     text = "torque offset (60B2) of the drive of axis #, in integer per mille of its rated torque"
@@ -117,7 +118,7 @@ def _offsets(subject: ExportSubject) -> dict[str, str]:
 
 
 def _wiring(subject: ExportSubject, prefix: str, component: str) -> str:
-    """The HAL file, to be named in the machine's INI file after the one that adds lcec."""
+    """The HAL file; it must be listed in the machine's INI file after the one that adds lcec."""
     unit = prefix + ".0"
     slaves = [re.sub(r"[^0-9A-Za-z_-]", "-", joint) for joint in subject.joint_names]
     entry = '<pdoEntry idx="60B2" subIdx="00" bitLen="16" halPin="torque-offset" halType="float"/>'
@@ -152,5 +153,5 @@ def _wiring(subject: ExportSubject, prefix: str, component: str) -> str:
 
 
 def _quotable(text: str) -> str:
-    """A text inside the quotes of a component's declarations."""
+    """A text for use inside the quotes of a component's declarations."""
     return printable(text).replace("\\", "/").replace('"', "'")

@@ -1,10 +1,10 @@
-"""Which inertia is written, and why: what is not determined is never passed off as a measurement.
+"""The choice of the inertia to write: undetermined elements are never presented as measurements.
 
-A format either needs a complete inertia, or its controller documents that zero stands for a point mass.
+A format either needs a complete inertia, or its controller documents that zero means a point mass.
 
-- All elements that the format holds are determined: they are written.
-- Some are: a point mass is known to be wrong, so the model's complete set is written and the others are named.
-- None is: the point mass where the controller knows one, else the model's set, and the text says which.
+- All elements of the format are determined: they are written.
+- Some are determined: a point mass would be wrong, so the complete model is written and the others are named.
+- None is determined: a point mass if the controller supports it, else the model, and the text states which.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from armload_core.arrays import FloatArray
 from armload_identification.model.payload import PARAMETER_NAMES, PayloadResult
 
 TENSOR = PARAMETER_NAMES[4:]
-"""Elements that a format with a whole tensor, or with principal moments and axes, holds."""
+"""Elements of a format with a complete tensor, or with principal moments and axes."""
 MOMENTS = PARAMETER_NAMES[4:7]
-"""Elements that a format with moments about the flange's axes, and no products, holds."""
+"""Elements of a format with moments about the flange's axes and without products."""
 
 
 class InertiaSource(Enum):
-    """Where the inertia that is written comes from."""
+    """Source of the written inertia."""
 
     MEASURED = "measured"
     MODEL = "model"
@@ -34,12 +34,12 @@ class InertiaSource(Enum):
 
 @dataclass(frozen=True, eq=False)
 class WrittenInertia:
-    """The inertia that goes into a file.
+    """The inertia written to a file.
 
     Attributes:
-        source: Where it comes from.
+        source: Its source.
         tensor_kg_m2: (3, 3) about the centre of mass, in the flange's axes; zero for a point mass.
-        undetermined: Elements that the format holds and the data do not determine.
+        undetermined: Elements of the format that the data do not determine.
     """
 
     source: InertiaSource
@@ -81,7 +81,7 @@ def complete_inertia(payload: PayloadResult, elements: tuple[str, ...]) -> Writt
 
     Args:
         payload: The payload.
-        elements: Elements that the format holds.
+        elements: Elements of the format.
     """
     undetermined = _undetermined(payload, elements)
     source = InertiaSource.MODEL if undetermined else InertiaSource.MEASURED
@@ -89,11 +89,11 @@ def complete_inertia(payload: PayloadResult, elements: tuple[str, ...]) -> Writt
 
 
 def inertia_or_point_mass(payload: PayloadResult, elements: tuple[str, ...]) -> WrittenInertia:
-    """The inertia for a controller that takes zero for a point mass.
+    """The inertia for a controller that interprets zero as a point mass.
 
     Args:
         payload: The payload.
-        elements: Elements that the format holds.
+        elements: Elements of the format.
     """
     undetermined = _undetermined(payload, elements)
     if undetermined == elements:
@@ -102,10 +102,10 @@ def inertia_or_point_mass(payload: PayloadResult, elements: tuple[str, ...]) -> 
 
 
 def principal_inertia(tensor_kg_m2: FloatArray) -> PrincipalInertia:
-    """Principal moments and axes, the axes ordered and signed to lie closest to the frame's own.
+    """Principal moments and axes, with the axes ordered and signed to be closest to the frame's axes.
 
-    Of the 24 right-handed ways to name three axes the one with the greatest trace of R is taken. It is less than
-    63 degrees from the frame, so that no Euler angle comes near its singularity, and a diagonal tensor gives R = 1.
+    Of the 24 right-handed orders and signs of the three axes, the one with the greatest trace of R is chosen. It is
+    less than 63 degrees from the frame, so no Euler angle is near a singularity, and a diagonal tensor gives R = 1.
 
     Args:
         tensor_kg_m2: (3, 3) symmetric.
@@ -117,7 +117,7 @@ def principal_inertia(tensor_kg_m2: FloatArray) -> PrincipalInertia:
 
 
 def _undetermined(payload: PayloadResult, elements: tuple[str, ...]) -> tuple[str, ...]:
-    """Those of the elements that the data do not determine."""
+    """The elements that the data do not determine."""
     return tuple(name for name in elements if not payload.determined[PARAMETER_NAMES.index(name)])
 
 

@@ -1,13 +1,13 @@
 """ROS 2: the payload as a link in a URDF xacro, and the parameters of gravity compensation.
 
-The xacro macro adds a link fixed to the flange with the inertial block of `urdf`. The parameters are those by which
-`admittance_controller` of ros2_controllers takes the payload's weight out of a wrist sensor's reading:
+The xacro macro adds a link fixed to the flange with the inertial block of `urdf`. The parameters are those with which
+`admittance_controller` of ros2_controllers compensates for the payload's weight in a wrist sensor's reading:
 
 - gravity_compensation.frame.id: frame of the centre of mass, here the flange.
 - gravity_compensation.CoG.pos: centre of mass in m in that frame.
 - gravity_compensation.CoG.force: weight in N, mass times the gravity of the robot's configuration.
 
-What is not determined: as in `urdf` for the link; the parameters hold no inertia.
+What is not determined: as in `urdf` for the link; the parameters contain no inertia.
 
 References:
     ros2_controllers, admittance_controller, parameter definitions `admittance_controller_parameters.yaml`.

@@ -1,4 +1,4 @@
-"""What is exported: a payload, the arm that carries it, and where both come from."""
+"""The subject of an export: a payload, the arm that carries it, and the origin of both."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ from armload_identification.pipeline.estimator_constants import EstimatorConstan
 
 @dataclass(frozen=True, eq=False)
 class ExportSubject:
-    """A payload that may be written for others; one that may not be cannot be made into a subject.
+    """A payload that may be exported; for any other the constructor raises.
 
     Attributes:
         robot: Name of the robot.
         robot_sha256: Hash of its file.
         chain: Kinematics up to the flange, and gravity.
-        limits: What its joints may do.
-        torque_max_nm: (n,) greatest torque of each joint, its drive's limit considered.
+        limits: Limits of its joints.
+        torque_max_nm: (n,) greatest torque of each joint, including its drive's limit.
         payload: The payload, in the flange frame.
-        payload_file: The file it was read from, as messages name it; the exported texts have its name without folders.
+        payload_file: The file it was read from, for messages; exported texts contain its name without folders.
         payload_sha256: Hash of that file.
         armload_version: Version of the program.
         permille_per_nm: (n, n) torque offset (60B2) of each axis, in per mille of its drive's rated torque, for torques
-            of the joints; None where the robot's file does not say what 60B2 means.
-        calibration: The arm's gains, links and friction; None where it is not calibrated.
-        estimator: What the recursive estimator needs of a calibrated arm; None where it is not calibrated.
+            of the joints; None if the robot's file does not state the rated torques.
+        calibration: The arm's gains, links and friction; None if it is not calibrated.
+        estimator: Constants of the recursive estimator; None if the arm is not calibrated.
         calibration_sha256: Hash of the calibration file by its name.
 
     Raises:
-        ExportError: mass or centre of mass is not determined, the payload is not in the flange frame, was
-            identified on an arm with another number of joints, or is no body that can exist.
+        ExportError: mass or centre of mass is not determined, the payload is not in the flange frame, was identified on
+            another arm, or is not physically possible.
     """
 
     robot: str
@@ -78,10 +78,10 @@ class ExportSubject:
 
         Args:
             robot: The arm.
-            payload: What it carries.
-            payload_file: Where that was read from.
+            payload: Its payload.
+            payload_file: The file that the payload was read from.
             payload_sha256: Hash of that file.
-            calibration: Of the arm, if it is calibrated.
+            calibration: The arm's calibration, if any.
             calibration_sha256: Hash of the calibration file by its name.
         """
         constants = None
@@ -110,7 +110,7 @@ class ExportSubject:
 
     @property
     def torque_rate_nm_s(self) -> FloatArray:
-        """(n,) how fast each joint's torque may change, as where armload adds torque itself."""
+        """(n,) greatest rate of each joint's added torque, the same as armload's own limit."""
         return self.torque_max_nm / FULL_SWING_S
 
     @property
@@ -120,9 +120,9 @@ class ExportSubject:
 
 
 def _permille_per_nm(robot: Robot, calibration: ArmCalibration | None) -> FloatArray | None:
-    """What 60B2 of the axes is for torques of the joints; None where no rated torque is stated.
+    """(n, n) 60B2 of the axes per torque of the joints; None if a rated torque is not stated.
 
-    A drive believes in its nominal gain; where a calibration knows better, it is given what makes the torque right.
+    A drive uses its nominal gain; if a calibration found another, the values are corrected for it.
     """
     if not robot.has_bus:
         return None

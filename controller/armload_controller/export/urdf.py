@@ -4,8 +4,8 @@
 - mass in kg.
 - inertia: tensor elements about the centre of mass in kg m2, ixy = -int xy dm.
 
-What is not determined: URDF has no point mass, and simulators reject a zero inertia; the model's complete set is
-written and marked.
+What is not determined: URDF has no point mass, and simulators reject a zero inertia, so the complete model is written
+and marked.
 
 References:
     ROS wiki, urdf/XML/link, element "inertial": fields, units, frame, and the sign of the products.
@@ -57,11 +57,11 @@ def inertial_lines(subject: ExportSubject) -> list[str]:
 
 
 def xml_comment(subject: ExportSubject, purpose: str) -> list[str]:
-    """A comment with provenance, purpose, units, signs and where the inertia comes from.
+    """A comment with provenance, purpose, units, signs and the source of the inertia.
 
     Args:
         subject: The payload.
-        purpose: What the element is for.
+        purpose: Purpose of the element.
     """
     paragraphs = (
         provenance(subject),

@@ -1,4 +1,4 @@
-"""Numbers and comments as the exported texts have them."""
+"""Format of numbers and comments in exported texts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armload_controller.export.subject import ExportSubject
 
 WIDTH = 100
 SIGNIFICANT_DIGITS = 9
-"""More than the single precision that robot controllers keep their load data in."""
+"""More than the single precision in which robot controllers store load data."""
 
 
 def exact(value: float) -> str:
@@ -21,7 +21,7 @@ def exact(value: float) -> str:
 
 
 def positional(value: float) -> str:
-    """Without an exponent, which not every controller's language reads; rounded to `SIGNIFICANT_DIGITS`."""
+    """A number without an exponent, which not every controller's language accepts; rounded to `SIGNIFICANT_DIGITS`."""
     return np.format_float_positional(
         float(value) + 0.0, precision=SIGNIFICANT_DIGITS, unique=True, fractional=False, trim="0"
     )
@@ -33,7 +33,7 @@ def bracketed(values: Iterable[float]) -> str:
 
 
 def provenance(subject: ExportSubject) -> str:
-    """Whose payload this is and what it was written from."""
+    """Robot, program version and source file of the payload."""
     file = Path(subject.payload_file).name
     return (
         f"Payload of {subject.robot}, written by armload {subject.armload_version} from {file}, "
@@ -42,7 +42,7 @@ def provenance(subject: ExportSubject) -> str:
 
 
 def load_data(subject: ExportSubject) -> tuple[str, str, str]:
-    """What load data of any controller begin with: provenance, the frame, and what the load is."""
+    """First paragraphs of any controller's load data: provenance, frame, and definition of the load."""
     return (
         provenance(subject),
         f"Frame: the flange of {subject.robot}'s configuration, assumed to be the flange frame of the robot's own "
@@ -53,22 +53,22 @@ def load_data(subject: ExportSubject) -> tuple[str, str, str]:
 
 
 def heading(subject: ExportSubject, fields: str, inertia: str, prefix: str, *more: str) -> list[str]:
-    """What the text for any controller begins with, as comment lines.
+    """First comment lines of any controller's load data.
 
     Args:
         subject: The payload.
         fields: Units, points and axes of the numbers that follow.
-        inertia: What stands for an inertia that is not determined.
-        prefix: Of every line.
+        inertia: Statement on the source of the inertia.
+        prefix: Prefix of every line.
         more: Further paragraphs.
     """
     return comment((*load_data(subject), fields, inertia, *more), prefix)
 
 
 def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
-    """Paragraphs as comment lines, each line behind the prefix.
+    """Paragraphs as comment lines with a prefix.
 
-    Names from files are part of them, so no paragraph is taken as it is: see `printable`.
+    They contain names from files, so every paragraph is made safe first: see `printable`.
     """
     lines = []
     for paragraph in paragraphs:
@@ -78,5 +78,5 @@ def comment(paragraphs: Iterable[str], prefix: str) -> list[str]:
 
 
 def printable(text: str) -> str:
-    """The text with a question mark for what is not printable ASCII: no name in it ends a comment or a line."""
+    """The text with a question mark for every character that is not printable ASCII, so that no name ends a line."""
     return "".join(c if c.isascii() and c.isprintable() else "?" for c in text)

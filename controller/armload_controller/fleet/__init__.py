@@ -1,1 +1,1 @@
-"""Recordings of many arms: identified in parallel on Dask, kept as Parquet, judged together."""
+"""Recordings of many arms: identified in parallel on Dask, stored as Parquet, assessed together."""

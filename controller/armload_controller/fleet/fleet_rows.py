@@ -1,4 +1,4 @@
-"""From the rows of a fleet to what is followed of every arm."""
+"""Converts the rows of a fleet to the quantities tracked for every arm."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _COLUMNS: Final = (
 
 
 def runs_of(folder: Path) -> list[ArmRun]:
-    """The recordings of a fleet, each once, as it was identified last.
+    """The recordings of a fleet, each with its latest identification.
 
     Args:
-        folder: Where the rows are.
+        folder: Folder of the rows.
 
     Raises:
-        FleetError: there are none, or a file cannot be read.
+        FleetError: there are no rows, or a file cannot be read.
     """
     rows = latest_rows(folder, _COLUMNS)
     if not rows:
@@ -50,7 +50,7 @@ def runs_of(folder: Path) -> list[ArmRun]:
 
 
 def _of_known_models(rows: list[Row]) -> list[Row]:
-    """Rows with the robot's name that other rows of the arm have: a refused recording may not have got that far."""
+    """Rows with the robot's name filled in from other rows of the arm: a refused recording may lack it."""
     names = {row["arm"]: row["robot_name"] for row in rows if row["robot_name"]}
     return [row | {"robot_name": row["robot_name"] or names.get(row["arm"])} for row in rows]
 
@@ -73,7 +73,7 @@ def _figures(row: Row) -> Iterator[tuple[Quantity, tuple[float, float]]]:
 
 
 def _of_joint(row: Row, column: str, joint: int) -> float | None:
-    """A joint's number; None where there is none."""
+    """A joint's number; None if there is none."""
     values = row[column]
     value = None if values is None else values[joint]
     return None if value is None or not math.isfinite(value) else float(value)

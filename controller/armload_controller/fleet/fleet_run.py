@@ -1,4 +1,4 @@
-"""Identify what is new: from the table of jobs to rows, skipping what is done."""
+"""Identifies new recordings: from the table of jobs to rows, skipping finished jobs."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from armload_controller.fleet.recording_row import Row, RowOutcome
 from armload_controller.fleet.row_store import RowStore
 
 DoJobs = Callable[[Iterable[Job]], Iterator[Row]]
-"""Does jobs, and gives a row for each in any order: `Workforce.rows`, or `map(run_job, jobs)` in this process."""
+"""Runs jobs and yields a row for each, in any order: `Workforce.rows`, or `map(run_job, jobs)` in this process."""
 _LONGEST_WAIT: Final = 64
-"""Looks between two trials of a job that fails: about an hour at a look a minute."""
+"""Greatest number of looks between two attempts at a failing job: about an hour at one look per minute."""
 
 
 @dataclass
 class FleetTally:
-    """What came of the jobs.
+    """Counts of a run over the jobs.
 
     Attributes:
-        listed: Recordings that the table stands for.
-        skipped: Of these, done before.
-        outcomes: Of the others, how many by outcome.
-        cpu_s: CPU time that the workers took.
+        listed: Number of recordings that the table names.
+        skipped: Number of them that were done before.
+        outcomes: Number of the others by outcome.
+        cpu_s: CPU time of the workers.
         wall_s: Time from the first job to the last row.
-        remarks: Lines of the table that stand for nothing.
+        remarks: Remarks on lines of the table that match no file.
     """
 
     listed: int = 0
@@ -44,26 +44,26 @@ class FleetTally:
 
     @classmethod
     def before(cls, listing: JobListing, jobs: Sequence[Job]) -> FleetTally:
-        """Nothing is done yet.
+        """The counts before the first job.
 
         Args:
-            listing: What the table stands for.
-            jobs: Of these, the ones to do.
+            listing: All jobs of the table.
+            jobs: The jobs to run.
         """
         return cls(len(listing.jobs), len(listing.jobs) - len(jobs), remarks=listing.remarks)
 
     @property
     def done(self) -> int:
-        """Recordings that were done now."""
+        """Number of recordings processed in this run."""
         return sum(self.outcomes.values())
 
     @property
     def per_second(self) -> float:
-        """Recordings per second; 0 where none was done."""
+        """Recordings per second; 0 if none was processed."""
         return self.done / self.wall_s if self.wall_s > 0.0 else 0.0
 
     def to_dict(self) -> dict[str, Any]:
-        """Counts and rate: what `--json` prints of them."""
+        """Counts and times for `--json`."""
         return {
             "listed": self.listed,
             "skipped": self.skipped,
@@ -75,15 +75,15 @@ class FleetTally:
 
 
 def new_jobs(table: Path, store: RowStore) -> tuple[JobListing, list[Job]]:
-    """What a table stands for, and of that what there is no row of.
+    """All jobs of a table, and those without a row yet.
 
     Args:
         table: The table of jobs.
-        store: The rows there are.
+        store: The existing rows.
 
     Raises:
-        ConfigurationError: a table that makes no sense.
-        FleetError: URLs that nothing installed can read.
+        ConfigurationError: the table is invalid.
+        FleetError: no installed library reads such URLs.
     """
     listing = list_jobs(read_job_table(table), table)
     done = store.done_keys()
@@ -97,14 +97,14 @@ def do_jobs(
     do: DoJobs,
     progress: Callable[[int], None] = lambda _done: None,
 ) -> FleetTally:
-    """Do jobs and keep their rows, each as soon as it is there.
+    """Run jobs and store each row as soon as it arrives.
 
     Args:
-        listing: What the table stands for.
-        jobs: Of these, the ones to do.
-        store: Where rows go.
-        do: Who does them.
-        progress: Takes how many are done.
+        listing: All jobs of the table.
+        jobs: The jobs to run.
+        store: Stores the rows.
+        do: Runs the jobs.
+        progress: Called with the number of jobs done.
 
     Raises:
         FleetError: rows cannot be written.
@@ -123,18 +123,18 @@ def do_jobs(
 def looks(
     table: Path, store: RowStore, do: DoJobs, sleep: Callable[[float], None], every_s: float
 ) -> Iterator[FleetTally | ConfigurationError | ListingError]:
-    """Do what is new, again and again.
+    """Run new jobs, again and again.
 
     Args:
         table: The table of jobs, read at every look.
-        store: Where rows go; Parquet after every look.
-        do: Who does the jobs.
-        sleep: Waits; whatever it raises ends the looks.
+        store: Stores the rows; written as Parquet after every look.
+        do: Runs the jobs.
+        sleep: Waits; any exception from it ends the looks.
         every_s: Time between two looks in s.
 
     Yields:
-        What came of the jobs whose files have stayed as they were since the look before, where there are any; what is
-        wrong with the table, which may be in the middle of being edited, or with a server.
+        The counts of a run over the jobs whose files have not changed since the previous look, if there are any; or
+        the problem with the table, which may just be being edited, or with a server.
 
     Raises:
         FleetError: rows cannot be written, or the scheduler is lost.
@@ -154,16 +154,16 @@ def looks(
 
 
 class Settled:
-    """Which jobs have files that are no longer being written: they are the same at two looks."""
+    """Finds the jobs whose files are no longer being written: unchanged at two successive looks."""
 
     def __init__(self) -> None:
         self._seen: set[str] = set()
 
     def of(self, jobs: Iterable[Job]) -> list[Job]:
-        """The jobs whose files are as they were at the last look.
+        """The jobs whose files have not changed since the last look.
 
         Args:
-            jobs: Those of this look.
+            jobs: The jobs of this look.
         """
         now = list(jobs)
         same = [job for job in now if job.key in self._seen]
@@ -172,9 +172,9 @@ class Settled:
 
 
 class Repeats:
-    """When a job that failed is done again: at the second look after it, then the fourth, up to the 64th.
+    """Delays a failed job: it is repeated at the second look after it, then the fourth, and so on up to the 64th.
 
-    Each time adds a row; a file that stays missing would add one at every look.
+    Each attempt adds a row, and a file that stays missing would otherwise add one at every look.
     """
 
     def __init__(self) -> None:
@@ -183,19 +183,19 @@ class Repeats:
         self._next: dict[str, int] = {}
 
     def of(self, jobs: Iterable[Job]) -> list[Job]:
-        """Those that are to be done at this look.
+        """The jobs to run at this look.
 
         Args:
-            jobs: Those that are new, have changed or have failed.
+            jobs: Jobs that are new, have changed or have failed.
         """
         self._looks += 1
         return [job for job in jobs if self._next.get(job.key, 0) <= self._looks]
 
     def noting(self, rows: Iterable[Row]) -> Iterator[Row]:
-        """The same rows, with a note of those that failed.
+        """Pass rows through, and note those that failed.
 
         Args:
-            rows: Rows of jobs that are done.
+            rows: Rows of finished jobs.
         """
         for row in rows:
             if row["outcome"] == RowOutcome.FAILED.value:

@@ -1,4 +1,4 @@
-"""One job: a recording of one arm, and all that it takes to identify what the arm carried."""
+"""One job: a recording of one arm, and everything required to identify its payload."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from datetime import datetime
 
 @dataclass(frozen=True)
 class Job:
-    """What a worker is given.
+    """The input of a worker.
 
     Attributes:
-        key: Hash of everything that the result depends on: a job of a key that there is a row of is done.
-        arm: Name of the one arm.
+        key: Hash of everything that the result depends on: a job whose key has a row is done.
+        arm: Name of the individual arm.
         robot: A shipped robot, or the path of its file.
-        recordings: Path or URL of each, by column of `job_table.RECORDINGS`; there is a "loaded" one.
-        calibration: Path or URL of a calibration; empty where there is none, or the robot's file names it.
-        payload: Name of what is carried; may be empty.
-        mass_kg: Its mass, where it is known.
-        modified: When the loaded recording was last changed, where its file system says it.
+        recordings: Path or URL by column of `job_table.RECORDINGS`; "loaded" is always present.
+        calibration: Path or URL of a calibration; empty if there is none, or if the robot's file names it.
+        payload: Name of the payload; may be empty.
+        mass_kg: Its mass; None if unknown.
+        modified: Time of the loaded recording's last change; None if its file system does not state it.
     """
 
     key: str
@@ -35,7 +35,7 @@ class Job:
 
     @property
     def loaded(self) -> str:
-        """Path or URL of the recording that the job is about."""
+        """Path or URL of the loaded recording."""
         return self.recordings["loaded"]
 
 

@@ -1,4 +1,4 @@
-"""From the table of jobs to jobs: patterns expanded, every file looked at, nothing read."""
+"""From the table of jobs to jobs: patterns are expanded and every file's metadata are read, but no content."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _LOADED = RECORDINGS[0]
 
 @dataclass(frozen=True)
 class JobListing:
-    """What a table stands for now.
+    """The present jobs of a table.
 
     Attributes:
-        jobs: In the table's order, each recording once.
-        remarks: Lines that stand for nothing, a sentence each.
+        jobs: Jobs in the table's order, each recording once.
+        remarks: One sentence for each line that matches no file.
     """
 
     jobs: tuple[Job, ...]
@@ -38,8 +38,8 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
         table: The file; paths are relative to it.
 
     Raises:
-        ConfigurationError: a recording that two lines name, or stars that stand for nothing.
-        FleetError: URLs that nothing installed can read.
+        ConfigurationError: two lines name the same recording, or a pattern has more stars than that of loaded.
+        FleetError: no installed library reads such URLs.
     """
     jobs: list[Job] = []
     remarks: list[str] = []
@@ -71,12 +71,12 @@ def list_jobs(entries: Sequence[TableEntry], table: Path) -> JobListing:
 
 
 def _placed(text: str, table: Path) -> str:
-    """A path from the table's folder; a URL as it is."""
+    """A path relative to the table's folder; a URL is left unchanged."""
     return text if is_url(text) else str(table.parent.absolute() / text)
 
 
 def _partner(entry: TableEntry, name: str, stars: tuple[str, ...], table: Path) -> str:
-    """The recording that belongs to a loaded one: its stars stand for the same."""
+    """The recording that belongs to a loaded one: its stars are replaced by the same texts."""
     filled = with_stars(entry.recordings[name], stars)
     if filled is None:
         raise ConfigurationError(
@@ -90,7 +90,7 @@ def _partner(entry: TableEntry, name: str, stars: tuple[str, ...], table: Path) 
 
 
 def _content(robot: str) -> str:
-    """Hash of a robot's file; the name of a shipped one, and of one that cannot be read."""
+    """Hash of a robot's file; the name itself for a shipped robot or a file that cannot be read."""
     try:
         return hashlib.sha256(Path(robot).read_bytes()).hexdigest()
     except OSError:

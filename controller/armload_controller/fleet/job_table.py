@@ -1,7 +1,7 @@
-"""The table of jobs: which arms there are, and where their recordings lie.
+"""The table of jobs: the arms and their recordings.
 
 A CSV file with a header line. Paths are relative to the table, or URLs such as `s3://bucket/cell-17/loaded.mcap`. In
-the columns of recordings `*` stands for any part of the name of a file or folder.
+the columns of recordings `*` matches any part of the name of a file or folder.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from armload_identification.storage.strict_csv import CsvLine, parse_csv, read_c
 
 REQUIRED: Final = ("arm", "robot", "loaded")
 RECORDINGS: Final = ("loaded", "unloaded", "validation_loaded", "validation_unloaded")
-"""Columns of recordings; the first of them says how many jobs a line is."""
+"""Columns of recordings; the files that match the first define the jobs of a line."""
 _OPTIONAL: Final = (*RECORDINGS[1:], "calibration", "payload", "mass_kg")
 LARGEST_BYTES: Final = 2**28
-"""Of a table: some million lines."""
+"""Greatest size of a table: some million lines."""
 
 
 @dataclass(frozen=True)
 class TableEntry:
-    """A line of the table, as it is written there; empty where it says nothing.
+    """A line of the table as written there; texts are empty if not given.
 
     Attributes:
         line: Its number.
-        arm: Name of the one arm that it is about.
+        arm: Name of the individual arm.
         robot: A shipped robot, or the path of a robot's file.
         recordings: Path or URL by column of `RECORDINGS`, with `*`.
         calibration: Path or URL of the arm's calibration.
-        payload: Name of what is carried; arms that carry payloads of one name are compared.
-        mass_kg: Its mass where it is known beforehand; None where it is not.
+        payload: Name of the payload; arms with payloads of the same name are compared.
+        mass_kg: Its mass; None if unknown.
     """
 
     line: int
@@ -51,7 +51,7 @@ def read_job_table(path: Path) -> tuple[TableEntry, ...]:
         path: CSV with a header line.
 
     Raises:
-        ConfigurationError: not readable, or a line that makes no sense, naming file, line, column and value.
+        ConfigurationError: the file cannot be read, or a line is invalid; names file, line, column and value.
     """
     return parse_job_table(read_csv(path, ConfigurationError, LARGEST_BYTES), str(path))
 
@@ -61,7 +61,7 @@ def parse_job_table(text: str, source: str) -> tuple[TableEntry, ...]:
 
     Args:
         text: CSV.
-        source: What messages call it.
+        source: Name of the table, for messages.
 
     Raises:
         ConfigurationError: as `read_job_table`.

@@ -1,6 +1,6 @@
-"""What is kept of a recording: one flat row, whatever came of it.
+"""The stored result of a recording: one flat row, whatever the outcome.
 
-Units are in the names, as everywhere; a number that is not determined is null. Lists are by joint, from the base.
+Units are in the names; a number that is not determined is null. Lists are by joint, from the base.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ _TEXTS_BEHIND: Final = (
     "worker",
 )
 _EARLIEST_S: Final = 946684800.0
-"""2000-01-01: time stamps before that do not count from 1970."""
+"""2000-01-01: earlier time stamps are not taken as times since 1970."""
 
 
 class RowOutcome(StrEnum):
-    """What came of a recording."""
+    """Outcome of a recording."""
 
     IDENTIFIED = "identified"
     REFUSED = "refused"
@@ -65,7 +65,7 @@ class RowOutcome(StrEnum):
 
 
 def value_columns() -> tuple[tuple[str, str, str], ...]:
-    """Value, lower and upper end of the 95 % interval of each of the ten parameters: the names of their columns."""
+    """Column names of value, lower and upper end of the 95 % interval, for each of the ten parameters."""
     names = []
     for name, unit in zip(PARAMETER_NAMES, PARAMETER_UNITS, strict=True):
         names.append((f"{name}_{unit}", f"{name}_low_{unit}", f"{name}_high_{unit}"))
@@ -73,7 +73,7 @@ def value_columns() -> tuple[tuple[str, str, str], ...]:
 
 
 def column_kinds() -> dict[str, str]:
-    """Every column in its order with what it holds: text, number, count, truth, time, or a list of numbers or texts."""
+    """Every column in order with its kind: text, number, count, truth, time, or a list of numbers or texts."""
     kinds = dict.fromkeys(_TEXTS_BEFORE, "text")
     kinds |= {"known_mass_kg": "number", "recorded_utc": "time", "recorded_by": "text", "identified_utc": "time"}
     kinds |= {"outcome": "text", "error": "text", "robot_name": "text", "joint_names": "texts"}
@@ -85,7 +85,7 @@ def column_kinds() -> dict[str, str]:
 
 
 def empty_row(job: Job, armload_version: str) -> Row:
-    """A row of which nothing is known but the job; the outcome is that it failed.
+    """A row with only the data of the job, and the outcome "failed".
 
     Args:
         job: The job.
@@ -102,10 +102,10 @@ def empty_row(job: Job, armload_version: str) -> Row:
 
 
 def recorded_fields(recording: Recording) -> Row:
-    """When a recording was made, where it says so, and its rows.
+    """Time of a recording, if it states one, and its number of rows.
 
     Args:
-        recording: The loaded one.
+        recording: The loaded recording.
     """
     row: Row = {"rows_read": recording.source.rows_read, "rows_dropped": recording.source.rows_dropped}
     row |= {"loaded_sha256": recording.source.sha256}
@@ -121,10 +121,10 @@ def recorded_fields(recording: Recording) -> Row:
 
 
 def findings_fields(findings: Findings) -> Row:
-    """What was found.
+    """The fields of an identification.
 
     Args:
-        findings: From recordings.
+        findings: Findings from recordings.
     """
     payload, content = findings.payload, findings.content
     row: Row = {"outcome": RowOutcome.IDENTIFIED.value, "robot_name": findings.arm.name}
@@ -153,7 +153,7 @@ def findings_fields(findings: Findings) -> Row:
 
 
 def day_of(row: Mapping[str, Any]) -> str:
-    """The day of a row, by which the rows are partitioned: that of the recording, UTC."""
+    """The day of the recording, UTC, by which rows are partitioned."""
     day: str = row["recorded_utc"].date().isoformat()
     return day
 

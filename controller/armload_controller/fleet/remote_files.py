@@ -1,10 +1,10 @@
-"""Files wherever fsspec finds them: what there is, whether it has changed, and a copy on this machine.
+"""Files on any file system of fsspec: listing, detection of changes, and a local copy.
 
-Readers of recordings take files of this machine. A remote one is copied to the local disk in blocks while it is worked
-on, so that no format needs to know of it and memory does not grow with the file.
+Readers of recordings require local files. A remote one is copied to the local disk in blocks while it is processed, so
+readers need no remote access and memory does not grow with the file.
 
-What goes wrong with a server is an `OSError` of some file systems and an error of its own library of others, such as
-botocore's for s3://, so that any exception is taken for it.
+A server's failure is an `OSError` with some file systems and an error of the client library with others, such as
+botocore's for s3://, so any exception is treated as such a failure.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any, Final
 from armload_controller.control_errors import FleetError, ListingError
 
 _CHANGES: Final = ("size", "mtime", "ETag", "etag", "LastModified", "Last-Modified", "last_modified", "updated", "md5")
-"""What file systems know of a file that changes when its content does; each has some of them."""
+"""Metadata that change when a file's content does; each file system provides some of them."""
 _DATES: Final = ("mtime", "LastModified", "Last-Modified", "last_modified", "updated")
 _MISSING: Final = "missing"
 _PACKAGES: Final = {
@@ -35,17 +35,17 @@ _PACKAGES: Final = {
     "http": "aiohttp",
     "https": "aiohttp",
 }
-"""What fsspec needs for a protocol."""
+"""Package that fsspec requires for a protocol."""
 
 
 @dataclass(frozen=True)
 class RemoteFile:
-    """What is known of a file or folder without reading it.
+    """Metadata of a file or folder.
 
     Attributes:
         url: Path or URL.
-        stamp: Changes when the content does; "missing" where there is no such file.
-        modified: When it was last changed; None where its file system does not say.
+        stamp: Changes when the content does; "missing" if there is no such file.
+        modified: Time of the last change; None if the file system does not state it.
     """
 
     url: str
@@ -54,13 +54,13 @@ class RemoteFile:
 
     @classmethod
     def of(cls, url: str) -> RemoteFile:
-        """Look at a file.
+        """Get a file's metadata.
 
         Args:
             url: Path or URL.
 
         Raises:
-            FleetError: nothing is installed that reads such URLs.
+            FleetError: no installed library reads such URLs.
         """
         files, path = _file_system(url)
         try:
@@ -83,17 +83,17 @@ def is_url(text: str) -> bool:
 
 
 def matches(pattern: str) -> list[tuple[str, tuple[str, ...]]]:
-    """The files and folders that a pattern stands for.
+    """The files and folders that match a pattern.
 
     Args:
-        pattern: Path or URL, in which `*` stands for any part of one name; no hidden files.
+        pattern: Path or URL, in which `*` matches any part of one name; no hidden files.
 
     Returns:
-        Path or URL of each, sorted, and what every `*` stands for.
+        Path or URL of each, sorted, with the text that every `*` matched.
 
     Raises:
         ListingError: a folder cannot be listed.
-        FleetError: nothing is installed that reads such URLs.
+        FleetError: no installed library reads such URLs.
     """
     if "*" not in pattern:
         return [(pattern, ())]
@@ -108,12 +108,12 @@ def matches(pattern: str) -> list[tuple[str, tuple[str, ...]]]:
 
 
 def _found(files: Any, path: str, *, to_the_end: bool) -> list[tuple[str, tuple[str, ...]]]:
-    """What is there of a pattern, and what every `*` stands for.
+    """Paths that match a pattern, with the text that every `*` matched.
 
     Args:
         files: The file system.
-        path: The pattern there.
-        to_the_end: Its last name has a `*`, so that what was listed is there.
+        path: The pattern on it.
+        to_the_end: Its last name contains a `*`, so listed paths need no check for existence.
     """
     files.invalidate_cache()
     first, *rest = path.split("/")
@@ -133,11 +133,11 @@ def _found(files: Any, path: str, *, to_the_end: bool) -> list[tuple[str, tuple[
 
 
 def with_stars(pattern: str, stars: tuple[str, ...]) -> str | None:
-    """A pattern with every `*` filled in, or None where there are fewer texts than stars.
+    """A pattern with every `*` replaced, or None if there are fewer texts than stars.
 
     Args:
         pattern: Path or URL with `*`.
-        stars: What the stars of another pattern stand for, in order.
+        stars: Texts that the stars of another pattern matched, in order.
     """
     first, *rest = pattern.split("*")
     if len(rest) > len(stars):
@@ -147,14 +147,14 @@ def with_stars(pattern: str, stars: tuple[str, ...]) -> str | None:
 
 @contextmanager
 def local_copy(url: str) -> Iterator[Path]:
-    """The file on this machine: itself where it is there, else a copy that lasts as long as the block.
+    """A local path of a file: the file itself if local, otherwise a copy that exists within the block.
 
     Args:
         url: Path or URL of a file or folder.
 
     Raises:
-        FleetError: nothing is installed that reads such URLs.
-        OSError: it is not there or cannot be copied.
+        FleetError: no installed library reads such URLs.
+        OSError: the file does not exist or cannot be copied.
     """
     if not is_url(url):
         yield Path(url)
@@ -162,13 +162,13 @@ def local_copy(url: str) -> Iterator[Path]:
     files, path = _file_system(url)
     with tempfile.TemporaryDirectory(prefix="armload-") as folder:
         copy = Path(folder) / (path.rstrip("/").rsplit("/", 1)[-1] or "recording")
-        # not isdir(): of HTTP that reads the whole file, to see whether it is a list of files
+        # not isdir(): over HTTP that reads the complete file to see whether it is a list of files
         files.get(path, str(copy), recursive=files.info(path).get("type") == "directory")
         yield copy
 
 
 def _file_system(url: str) -> tuple[Any, str]:
-    """The file system of a URL, and the path there."""
+    """The file system of a URL, and the path on it."""
     from fsspec.core import url_to_fs
 
     try:
@@ -184,7 +184,7 @@ def _file_system(url: str) -> tuple[Any, str]:
 
 
 def _children(files: Any, folder: str) -> list[str]:
-    """Paths of what is in a folder; nothing where it is not there."""
+    """Paths in a folder; empty if the folder does not exist."""
     try:
         return [str(path).rstrip("/") for path in files.ls(folder or "/", detail=False)]
     except (FileNotFoundError, NotADirectoryError):
@@ -200,7 +200,7 @@ def _stamp(info: dict[str, Any]) -> str:
 
 
 def _modified(info: dict[str, Any]) -> datetime | None:
-    """When a file was changed, however its file system says it."""
+    """Time of a file's last change, in any of the file systems' formats."""
     said = next((info[key] for key in _DATES if info.get(key) is not None), None)
     try:
         if isinstance(said, datetime):

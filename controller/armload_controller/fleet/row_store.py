@@ -1,11 +1,11 @@
-"""Where rows are kept: Parquet, a folder per day, and a journal of those that are not there yet.
+"""Storage of rows: Parquet with a folder per day, and a journal of the latest rows.
 
     fleet/day=2026-03-01/3f0c...-0.parquet      rows of recordings of that day
-    fleet/journal-3f0c....jsonl                 rows since, one JSON object a line
+    fleet/journal-3f0c....jsonl                 rows since then, one JSON object per line
 
-A row is on the disk, in the journal, before the next is waited for, so that a coordinator that is killed loses none. A
-journal of `ROWS_PER_PART` rows becomes Parquet, one file per day with the journal's name, and is removed; where that is
-interrupted the same files are written again. What is left of the last row of a killed process is dropped.
+A row is on disk, in the journal, before the next is awaited, so a killed coordinator loses none. A journal of
+`ROWS_PER_PART` rows is converted to Parquet, one file per day with the journal's name, and removed; after an
+interruption the same files are written again. An incomplete last row of a killed process is dropped.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ class RowStore:
     """The rows of a fleet in a folder, for one writer at a time.
 
     Args:
-        folder: It exists, and no other process writes there; `session.folder_claim` ensures this.
-        rows_per_part: Rows that a journal holds at most.
+        folder: An existing folder to which no other process writes; `session.folder_claim` ensures this.
+        rows_per_part: Greatest number of rows in a journal.
 
     Raises:
-        FleetError: the rows there cannot be read, or the folder cannot be written to.
+        FleetError: the existing rows cannot be read, or the folder cannot be written to.
     """
 
     def __init__(self, folder: Path, rows_per_part: int = ROWS_PER_PART) -> None:
@@ -55,16 +55,16 @@ class RowStore:
         self.flush()
 
     def done_keys(self) -> set[str]:
-        """Keys of the jobs that need not be done again: identified or refused."""
+        """Keys of the finished jobs: identified or refused."""
         failed = RowOutcome.FAILED.value
         rows = read_rows(self._folder, ("key", "outcome"))
         return {row["key"] for row in rows if row["outcome"] != failed}
 
     def add(self, row: Row) -> None:
-        """Keep a row.
+        """Store a row.
 
         Args:
-            row: With the columns of `column_kinds`.
+            row: A row with the columns of `column_kinds`.
 
         Raises:
             FleetError: the disk is full, or another error of the file.
@@ -83,7 +83,7 @@ class RowStore:
             self.flush()
 
     def flush(self) -> None:
-        """Turn the journal into Parquet.
+        """Convert the journal to Parquet.
 
         Raises:
             FleetError: a file cannot be written.
@@ -94,7 +94,7 @@ class RowStore:
         self._to_parquet(journal)
 
     def _to_parquet(self, journal: Path) -> None:
-        """One file per day; a journal without a whole row is removed."""
+        """Write one file per day, and remove the journal."""
         by_day: defaultdict[str, list[Row]] = defaultdict(list)
         for row in _journal_rows(journal):
             by_day[day_of(row)].append(row)
@@ -112,8 +112,8 @@ def read_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
     """Some columns of all rows.
 
     Args:
-        folder: Of a fleet.
-        columns: Their names; all of them if there are none.
+        folder: Folder of a fleet.
+        columns: Their names; empty for all.
 
     Raises:
         FleetError: a file cannot be read.
@@ -132,11 +132,11 @@ def read_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
 
 
 def latest_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
-    """Of each recording of each arm the row that was written last, in the order of recording.
+    """The latest row for each recording of each arm, in the order of recording.
 
     Args:
-        folder: Of a fleet.
-        columns: Their names; "arm", "loaded", "recorded_utc" and "identified_utc" are there in any case.
+        folder: Folder of a fleet.
+        columns: Their names; "arm", "loaded", "recorded_utc" and "identified_utc" are always included.
     """
     needed = ("arm", "loaded", "recorded_utc", "identified_utc")
     rows = read_rows(folder, list(dict.fromkeys([*needed, *columns])))
@@ -146,7 +146,7 @@ def latest_rows(folder: Path, columns: Sequence[str]) -> list[Row]:
 
 
 def _journal_rows(journal: Path) -> Iterator[Row]:
-    """The whole rows of a journal."""
+    """The complete rows of a journal."""
     with journal.open(encoding="utf-8") as lines:
         for line in lines:
             if not line.endswith("\n"):
@@ -156,7 +156,7 @@ def _journal_rows(journal: Path) -> Iterator[Row]:
 
 
 def _parquet_bytes(rows: Iterable[Row]) -> bytes:
-    """A file of rows, every column of one type in all files."""
+    """A Parquet file of rows; every column has the same type in all files."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,4 +1,4 @@
-"""What a worker does with a job: copies if need be, reads, identifies, and gives a row, whatever comes of it."""
+"""A worker's processing of a job: copy if necessary, read, identify, and return a row in every case."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.identification_errors import IdentificationError
 
 _ROBOTS = 64
-"""Robots that a worker keeps: reading one takes a fifth as long as identifying a pair."""
+"""Number of robots that a worker caches: reading one takes a fifth as long as identifying a pair."""
 
 
 def run_job(job: Job) -> Row:
-    """Identify what an arm carried.
+    """Identify the payload of a recording.
 
     Args:
-        job: The recording, and what goes with it.
+        job: The recording and the related inputs.
 
     Returns:
-        A row. What armload refuses is "refused": the same files would be refused again. Anything else that goes wrong,
-        such as a server that does not answer or a file that this machine cannot read, is "failed", and is tried again
-        when the fleet is identified again.
+        A row. Its outcome is "refused" if armload refuses the files, which would be refused again. Any other problem,
+        such as a server that does not answer or a file that this machine cannot read, is "failed", and the job is
+        repeated in the next run of the fleet.
     """
     started, cpu_s = time.monotonic(), time.process_time()
     row = empty_row(job, version("armload"))
@@ -45,7 +45,7 @@ def run_job(job: Job) -> Row:
         unread = isinstance(problem.__cause__, OSError)
         outcome = RowOutcome.FAILED if unread else RowOutcome.REFUSED
         row |= {"outcome": outcome.value, "error": _named(str(problem), copies)}
-    except Exception as problem:  # noqa: BLE001 - one recording's trouble, and there are thousands of others
+    except Exception as problem:  # noqa: BLE001 - one recording must not stop thousands of others
         where = extract_tb(problem.__traceback__)[-1]
         text = f"{type(problem).__name__}: {problem} ({Path(where.filename).name}, line {where.lineno})"
         row |= {"error": _named(text, copies)}
@@ -54,7 +54,7 @@ def run_job(job: Job) -> Row:
 
 
 def _identified(job: Job, row: Row, copies: dict[str, str]) -> Row:
-    """The fields of what was found; `row` and `copies` keep what is known of the recording if that is refused."""
+    """The fields of an identification; `row` and `copies` are filled in even if the recording is then refused."""
     robot = _robot(job.robot, _changed(job.robot))
     with ExitStack() as stack:
 
@@ -79,10 +79,10 @@ def _identified(job: Job, row: Row, copies: dict[str, str]) -> Row:
 
 
 def _changed(robot: str) -> int:
-    """When a robot's file was changed; 0 for a shipped one.
+    """Time in ns of the last change of a robot's file; 0 for a shipped one.
 
     Raises:
-        FileNotFoundError: it is not there, or not on this machine.
+        FileNotFoundError: the file does not exist on this machine.
     """
     path = Path(robot)
     if not path.is_absolute():
@@ -95,7 +95,7 @@ def _changed(robot: str) -> int:
 
 @lru_cache(_ROBOTS)
 def _robot(name_or_path: str, _changed_ns: int) -> Robot:
-    """A robot; its file is read again where it has changed."""
+    """A robot; its file is read again if it has changed."""
     return load_robot(name_or_path)
 
 

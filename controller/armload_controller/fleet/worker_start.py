@@ -1,13 +1,13 @@
-"""What a worker of this machine does before its first job: Dask imports this, also in one that it starts again."""
+"""Start-up of a local worker before its first job: Dask imports this module, also in a restarted worker."""
 
 from __future__ import annotations
 
 import signal
 from typing import Any
 
-import armload_controller.fleet.work  # noqa: F401 - a job finds it loaded
+import armload_controller.fleet.work  # noqa: F401 - loaded before the first job
 
 
 def dask_setup(_worker: Any) -> None:
-    """Leave Ctrl-C to the coordinator, which the terminal sends it to as well."""
+    """Leave Ctrl-C to the coordinator, which also receives it from the terminal."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

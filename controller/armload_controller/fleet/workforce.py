@@ -1,11 +1,11 @@
-"""Processes that do the jobs: a cluster of Dask on this machine, or a scheduler that there is.
+"""Processes that run the jobs: a Dask cluster on this machine, or an existing scheduler.
 
-At most as many jobs are handed out as there are threads, and one more each is on its way, so a worker that is killed
-costs what it was doing and memory does not grow with the table. Dask starts a killed worker again and does its job once
-more; a job that takes its worker with it three times over becomes a row of its own.
+At most two jobs per thread are submitted at a time, one running and one waiting, so a killed worker loses little and
+memory does not grow with the table. Dask restarts a killed worker and repeats its job; a job that kills its worker
+three times becomes a row with the outcome "failed".
 
-A cluster of this machine listens on loopback alone. Anyone who can connect to a scheduler can run programs as its user:
-one on a network belongs behind `tls://` with certificates, which Dask takes from its own configuration.
+A local cluster listens only on loopback. Anyone who can connect to a scheduler can run programs as its user: one on a
+network must use `tls://` with certificates, which Dask reads from its own configuration.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ from armload_controller.fleet.job import Job
 from armload_controller.fleet.recording_row import Row, empty_row
 
 MEMORY_BYTES: Final = 2**30
-"""Of a worker of this machine: one that exceeds it is ended, and its job with it."""
+"""Memory of a local worker: one that exceeds it is killed together with its job."""
 LOOPBACK: Final = "127.0.0.1"
 _CONFIGURATION: Final = {
     "distributed.scheduler.worker-saturation": 1.0,
     "distributed.scheduler.allowed-failures": 2,
     "distributed.worker.preload": ["armload_controller.fleet.worker_start"],
     "distributed.worker.profile.enabled": False,
-    # Each process otherwise looks at itself 50 times a second: with two workers 8 % of a core, with this 3 %.
+    # By default each process monitors itself 50 times a second: with two workers 8 % of a core, with this 3 %.
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
-    # With what Dask sets here every array comes from the kernel anew: 300,000 page faults a pair, twice the CPU time.
+    # With Dask's setting every array is mapped anew: 300,000 page faults per pair of recordings, twice the CPU time.
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
-    # A heap of huge pages, from glibc 2.35 on: 10 page faults a pair instead of 1,000 to 3,000.
+    # A heap of huge pages, with glibc 2.35 or newer: 10 page faults per pair instead of 1,000 to 3,000.
     "distributed.nanny.pre-spawn-environ.GLIBC_TUNABLES": "glibc.malloc.hugetlb=1",
 }
 _WAIT_S: Final = 30.0
 
 
 class Workforce:
-    """Workers that have everything loaded before the first job.
+    """Workers with all modules loaded before the first job.
 
     Args:
-        scheduler: Address of a scheduler that there is, such as tls://host:8786; if not given, a cluster is started on
+        scheduler: Address of an existing scheduler, such as tls://host:8786; if not given, a cluster is started on
             this machine.
-        workers: Processes of that cluster; as many as there are cores to this program if not given.
+        workers: Number of processes of that cluster; if not given, the number of cores available to this program.
 
     Raises:
         FleetError: the scheduler does not answer, or a worker has another version of armload.
@@ -80,18 +80,21 @@ class Workforce:
 
     @property
     def threads(self) -> int:
-        """Jobs that are done at the same time, now."""
+        """Number of jobs that run at the same time, at present."""
         threads: dict[str, int] = self._client.nthreads()
         return max(sum(threads.values()), 1)
 
     def rows(self, jobs: Iterable[Job]) -> Iterator[Row]:
-        """Do jobs.
+        """Run jobs.
 
         Args:
-            jobs: Taken as they are needed.
+            jobs: Jobs; consumed as needed.
 
         Yields:
-            A row for each, in the order in which they are done.
+            A row for each, in the order of completion.
+
+        Raises:
+            FleetError: the scheduler was lost.
         """
         from distributed import as_completed
 
@@ -117,7 +120,7 @@ class Workforce:
             hand_out(1)
 
     def _require_same_version(self) -> None:
-        """Load what the jobs need in every worker, and compare versions."""
+        """Load the modules in every worker, and compare versions."""
         own = _ready()
         try:
             there: dict[str, str] = self._client.run(_ready)
@@ -130,11 +133,11 @@ class Workforce:
 
 
 def version_problem(own: str, there: set[str], scheduler: str | None) -> str:
-    """What is wrong with the workers' versions; nothing where they can be used.
+    """The problem with the workers' versions; empty if they can be used.
 
     Args:
-        own: Version of armload here.
-        there: Those of the workers.
+        own: Version of armload in this process.
+        there: Versions in the workers.
         scheduler: Its address; None for a cluster of this machine.
     """
     if not there:
@@ -145,16 +148,16 @@ def version_problem(own: str, there: set[str], scheduler: str | None) -> str:
 
 
 def _ready() -> str:
-    """Load what a job needs, where it is going to be done; armload's version there."""
+    """Load a job's modules in a worker, and return its version of armload."""
     from importlib.metadata import version
 
-    import armload_controller.fleet.work  # noqa: F401 - loading it is what this is for
+    import armload_controller.fleet.work  # noqa: F401 - imported for its loading time
 
     return version("armload")
 
 
 def _cluster(workers: int) -> Any:
-    """A cluster of this machine, which nothing but this machine reaches."""
+    """A cluster on this machine, reachable only from this machine."""
     from distributed import LocalCluster
 
     return LocalCluster(
@@ -171,11 +174,11 @@ def _cluster(workers: int) -> Any:
 
 
 def row_of(future: Any, job: Job) -> Row:
-    """The row of a job; a worker that died of it gives none.
+    """The row of a job, also if its worker died.
 
     Args:
-        future: Of Dask; it has ended.
-        job: What was to be done.
+        future: The completed Dask future.
+        job: The job.
     """
     from importlib.metadata import version
 

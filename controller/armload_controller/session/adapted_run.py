@@ -1,4 +1,4 @@
-"""One run with feed-forward that follows what the arm is found to carry."""
+"""One run with feed-forward that adapts to the estimated payload."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _PATH_SAMPLES = 512
 
 @dataclass(frozen=True, eq=False)
 class AdaptedRun:
-    """What came of it.
+    """Result of an adapted run.
 
     Attributes:
-        verdict: What the drives made of the torque offset at standstill.
-        decisions: When which payload was fed forward, and when it was dropped and why.
+        verdict: Result of the torque offset check at standstill.
+        decisions: When which payload was fed forward, and when and why it was dropped.
     """
 
     verdict: OffsetVerdict
@@ -45,20 +45,20 @@ def adapted_run(
     beside: Beside,
     report: Callable[[Decision], None],
 ) -> AdaptedRun:
-    """Run a path; the torque offset is tried at its beginning, as before any feed-forward.
+    """Run a path; the torque offset is tried first, as before any feed-forward.
 
     Args:
         robot: The arm.
-        path: Its way.
-        calibration: The arm as it was calibrated.
-        declared: What it may carry.
-        session: With the arm.
-        beside: Has estimates made beside the cycle.
+        path: The path.
+        calibration: The arm's calibration.
+        declared: The expected range of mass.
+        session: Session with the arm.
+        beside: Computes estimates outside the cycle.
         report: Called with every decision.
 
     Raises:
         CommissioningError: the operator does not agree.
-        MotionError: the motion was stopped, for a torque offset that is wrong too.
+        MotionError: the motion was stopped, for example because of a wrong torque offset.
     """
     cycle_s = session.servos.cycle_s
     added = FeedforwardPlugin(
@@ -93,7 +93,7 @@ def adapted_run(
 
 
 def greatest_body(robot: Robot, declared: DeclaredMass) -> InertialParameters:
-    """The heaviest body that may be fed forward: the robot's heaviest payload, as heavy as was declared."""
+    """The heaviest body that may be fed forward: the robot's heaviest payload, scaled to the greatest declared mass."""
     heaviest = robot.payloads.heaviest
     return InertialParameters(heaviest.theta * (declared.most_kg / heaviest.mass_kg))
 

@@ -1,12 +1,12 @@
 """Opening an arm: the simulated one in this process, or drives on a bus.
 
-On any bus but `virtual` a real arm could be, and is taken to be. The rules, in the order in which they are asked:
+On any bus except `virtual` a real arm is assumed. The rules, in the order in which they are checked:
 
-1. The configuration says who every drive is (1018), what the arm must not touch, and what its joints can give;
-   an operator is at the terminal. Otherwise the bus is not even opened.
+1. The configuration states every drive's identity (1018), the workspace, and the joints' torque; an operator is at the
+   terminal. Otherwise the bus is not opened.
 2. The drivers compare every node's identity with the configuration's before they write anything to it, and refuse
-   drives that lack what safety rests on: see `armload_drivers.bring_up.drive_bring_up`.
-3. Whatever does not carry the simulation's identity is moved with consent only, slowly first: see `commissioning`.
+   drives without the required safety properties: see `armload_drivers.bring_up.drive_bring_up`.
+3. Drives without the simulation's identity are moved only with consent, and slowly first: see `commissioning`.
 
 With `--simulated-drives` the required identity is the simulation's, so that no real drive can pass.
 """
@@ -45,15 +45,15 @@ SOCKETCAN = "socketcan"
 
 
 def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> None:
-    """Refuse to open a bus on which a real arm could be, where something that a real arm needs is not there.
+    """Refuse to open a bus on which a real arm could be, unless everything that a real arm requires is present.
 
     Args:
         robot: The arm.
-        simulated_drives: Only drives with the simulation's identity are to be driven.
-        attended: An operator is at the terminal.
+        simulated_drives: Whether only drives with the simulation's identity will be driven.
+        attended: Whether an operator is at the terminal.
 
     Raises:
-        ConfigurationError: the file does not say who the drives are, or what a motion must not do.
+        ConfigurationError: the file does not state the drives' identities, or the constraints on motions.
         UnsafeBus: there is no operator to ask.
     """
     if robot.bus.interface == VIRTUAL or simulated_drives:
@@ -69,13 +69,13 @@ def require_rules(robot: Robot, *, simulated_drives: bool, attended: bool) -> No
 def open_arm(
     robot: Robot, load: Load, report: Callable[[str], None], *, simulated_drives: bool
 ) -> AbstractContextManager[JointServos]:
-    """The arm where its configuration says it is: in this process or on a bus.
+    """Open the arm that the configuration names: in this process or on a bus.
 
     Args:
-        robot: The arm, for which `require_rules` had no objection.
-        load: What hangs on the flange, for a simulation in this process.
-        report: Called with what the operator should know.
-        simulated_drives: On a bus, every drive must carry the simulation's identity.
+        robot: The arm, already checked by `require_rules`.
+        load: Load on the flange, for a simulation in this process.
+        report: Called with remarks for the operator.
+        simulated_drives: On a bus, require the simulation's identity of every drive.
     """
     if robot.bus.interface == VIRTUAL:
         return simulated_arm(robot, load)
@@ -87,9 +87,9 @@ def simulated_arm(robot: Robot, load: Load, described: Sequence[DeviceDescriptio
     """Master and simulated drives in this process, in lockstep.
 
     Args:
-        robot: The arm; its configured payload hangs on the flange in the loaded half.
-        load: What hangs on the flange.
-        described: Descriptions that the drives serve: none, one for all joints, or one per joint.
+        robot: The arm; the loaded half runs with its configured payload.
+        load: Load on the flange.
+        described: Device descriptions that the drives implement: none, one for all joints, or one per joint.
     """
     arm = robot.drives.settings
     payload = robot.simulation.payload_name if load is Load.LOADED else None
@@ -110,12 +110,12 @@ def simulated_arm(robot: Robot, load: Load, described: Sequence[DeviceDescriptio
 
 @contextmanager
 def arm_on_bus(robot: Robot, report: Callable[[str], None], *, simulated_drives: bool) -> Iterator[JointServos]:
-    """Drives on a bus; this process is tuned for the cycle meanwhile.
+    """Drives on a bus; within the block this process is tuned for the cycle.
 
     Args:
-        robot: The arm, for which `require_rules` had no objection.
+        robot: The arm, already checked by `require_rules`.
         report: Called with the tuning that was not permitted.
-        simulated_drives: Every drive must carry the simulation's identity, instead of the configured one.
+        simulated_drives: Require the simulation's identity of every drive, instead of the configured one.
 
     Raises:
         BusError: the interface cannot be opened.
@@ -133,7 +133,7 @@ def arm_on_bus(robot: Robot, report: Callable[[str], None], *, simulated_drives:
 
 
 def sync_for(robot: Robot) -> SyncSource:
-    """SYNC from the kernel where the bus is SocketCAN, else from this process."""
+    """SYNC from the kernel if the bus is SocketCAN, otherwise from this process."""
     if robot.bus.interface == SOCKETCAN:
         return BcmSync(BroadcastManager(robot.bus.channel))
     return TimerSync()
@@ -146,16 +146,16 @@ def drives_alone(
     changes: Sequence[PayloadChange] = (),
     described: Sequence[DeviceDescription] = (),
 ) -> Iterator[SimulatedDrives]:
-    """Simulated drives on a bus, on the wall clock, for another process to command.
+    """Simulated drives on a bus, in real time, commanded by another process.
 
     Args:
         robot: The arm.
-        payload: What hangs on the flange, as `RobotSimulation.mounted` has it.
-        changes: What is mounted and taken off later.
-        described: Descriptions that the drives serve: none, one for all joints, or one per joint.
+        payload: Name of the payload on the flange, see `RobotSimulation.mounted`.
+        changes: Payloads mounted and removed later.
+        described: Device descriptions that the drives implement: none, one for all joints, or one per joint.
 
     Raises:
-        UnsafeBus: on the virtual bus no other process could reach them.
+        UnsafeBus: the bus is virtual, where no other process can reach them.
         BusError: the interface cannot be opened.
     """
     if robot.bus.interface == VIRTUAL:
@@ -170,14 +170,14 @@ def drives_alone(
 
 
 def _traits(robot: Robot, described: Sequence[DeviceDescription]) -> dict[int, DriveTraits]:
-    """What simulated drives serve by node id; nothing of its own without a description."""
+    """Traits of simulated drives by node id; empty without a description."""
     each = [described[0]] * robot.n if len(described) == 1 else described
     drives = robot.drives.settings.drives
     return {drive.node_id: DriveTraits(description=found) for drive, found in zip(drives, each, strict=False)}
 
 
 def clock_from_now() -> Callable[[], float]:
-    """A monotonic clock that begins at zero: a plant must be advanced through all the time of its clock."""
+    """A monotonic clock that starts at zero, because a plant is simulated from time zero of its clock."""
     begun_s = time.monotonic()
     return lambda: time.monotonic() - begun_s
 
@@ -189,10 +189,10 @@ def _bus(robot: Robot) -> AbstractContextManager[can.BusABC]:
 
 @contextmanager
 def open_bus(interface: str, channel: str, bitrate: int) -> Iterator[can.BusABC]:
-    """A bus, closed again.
+    """A bus, shut down after the block.
 
     Raises:
-        BusError: it cannot be opened.
+        BusError: the bus cannot be opened.
     """
     try:
         opened = can.Bus(interface=interface, channel=channel, bitrate=bitrate)

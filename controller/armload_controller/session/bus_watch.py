@@ -27,7 +27,7 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, OVERHEARD, RUN_ATTACHMENT
 
 _BLOCK: Final = 64
-"""Cycles that the estimator is given at a time."""
+"""Cycles passed to the estimator at a time."""
 
 
 @contextmanager
@@ -38,8 +38,8 @@ def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
         robot: The arm, with its bus.
 
     Raises:
-        UnsafeBus: on the virtual bus no other process can be heard.
-        ConfigurationError: the file leaves a scale to be read from a drive.
+        UnsafeBus: the bus is virtual, where no other process can be heard.
+        ConfigurationError: the file lacks a scale, which would have to be read from a drive.
         BusError: the interface cannot be opened.
     """
     if robot.bus.interface == VIRTUAL:
@@ -54,7 +54,7 @@ def heard_cycles(robot: Robot) -> Iterator[Iterator[OverheardCycle | None]]:
 
 
 def recorder_of(robot: Robot, path: Path, load: Load | None) -> Recorder:
-    """Records what another master does.
+    """A recorder for a motion under another master.
 
     Args:
         robot: The arm.
@@ -76,17 +76,16 @@ def recorder_of(robot: Robot, path: Path, load: Load | None) -> Recorder:
 
 
 class BusWatch:
-    """What becomes of the cycles that are heard: estimates, events, rows of a recording.
+    """Processes overheard cycles: estimates, events, rows of a recording.
 
-    While a drive is not enabled its motor does not carry what its joint carries: such cycles are neither weighed nor
-    recorded.
+    While a drive is not enabled, its motor torque is not the joint's load: such cycles are neither used nor recorded.
 
     Args:
         robot: The arm.
-        payload: Weighs; None only records.
-        recorder: Records; None only weighs.
+        payload: Estimates the payload; None to record only.
+        recorder: Records; None to estimate only.
         every_s: Time between two moments.
-        clock: Monotonic time, for silence.
+        clock: Monotonic time in s, to measure silence.
 
     Raises:
         CommissioningError: the drives report another kind of effort than the arm was calibrated with.
@@ -113,17 +112,17 @@ class BusWatch:
         self._block: list[OverheardCycle] = []
 
     def moments(self, cycles: Iterator[OverheardCycle | None], goes_on: Callable[[], bool]) -> Iterator[WatchedMoment]:
-        """Watch until it is to end.
+        """Watch until `goes_on` returns false.
 
         Args:
-            cycles: As they are heard.
-            goes_on: Asked before every cycle, and many times a second where there is none.
+            cycles: Cycles as they are overheard; None while nothing is heard.
+            goes_on: Called before every cycle, and many times a second while there is none.
 
         Yields:
             Moments.
 
         Raises:
-            BusError: the bus failed, or there is nothing to be heard.
+            BusError: the bus failed, or nothing is heard.
             RecordingFailed: the recording could not be written.
         """
         count, shown, time_s, enabled = 0, 0, 0.0, False
@@ -152,7 +151,7 @@ class BusWatch:
             yield moment(0.0)
 
     def _take(self, cycle: OverheardCycle) -> None:
-        """Record one cycle, and weigh with it, where it says something of the load."""
+        """Record one cycle and use it for the estimate, if the drives are enabled."""
         if not cycle.enabled:
             return
         if self._recorder is not None:
@@ -163,7 +162,7 @@ class BusWatch:
                 self._weigh(self._payload)
 
     def _weigh(self, payload: PayloadWatch) -> None:
-        """Hand over what has been gathered."""
+        """Pass the collected cycles to the estimator."""
         if not self._block:
             return
         feedback = [cycle.feedback for cycle in self._block]
@@ -176,7 +175,7 @@ class BusWatch:
         self._block.clear()
 
     def _moment(self, time_s: float, bus: HeardBus) -> WatchedMoment:
-        """What is known now."""
+        """The present moment."""
         if self._payload is None:
             return WatchedMoment(time_s, None, bus=bus)
         self._weigh(self._payload)

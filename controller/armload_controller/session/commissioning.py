@@ -1,11 +1,11 @@
-"""The commissioning: which runs are recorded, and the recordings that belong together.
+"""The commissioning: which runs are recorded, and which recordings belong together.
 
     unloaded: identification, validation        payload mounted        loaded: identification, validation
-    -> estimate from the identification pair -> judged on the validation pair -> payload.toml, report.html
+    -> estimate from the identification pair -> checked on the validation pair -> payload.toml, report.html
 
 Every run goes through `run_session`: a slow round for every path and every load, and the operator's consent. The two
-halves can be made in different processes: each leaves its recordings in the run's directory, and the second takes up
-the first's.
+halves may run in different processes: each leaves its recordings in the run's directory, where the second finds those
+of the first.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.recording.run_format import CONFIGURATION_ATTACHMENT, EXCITATION_ATTACHMENT, RUN_ATTACHMENT
 
 ROLES = ("identification", "validation")
-"""Excitations of a commissioning: the payload is identified from the first and judged on the second."""
+"""Excitations of a commissioning: the payload is identified from the first and validated on the second."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Pair:
 
 
 def recording_path(directory: Path, load: Load, role: str) -> Path:
-    """Where a run is recorded."""
+    """File of a run."""
     return directory / f"{load}_{role}.mcap"
 
 
@@ -55,23 +55,23 @@ def record_half(
     created: str,
     mass_kg: float | None = None,
 ) -> list[CycleSummary]:
-    """Run the excitations that have not been recorded with one load, and record them.
+    """Run and record the excitations that have not yet been recorded with one load.
 
     Args:
         robot: The arm.
-        load: What hangs on its flange now.
+        load: Present load on its flange.
         open_servos: Opens the arm.
-        directory: Where the recordings go.
+        directory: Directory of the recordings.
         operator: The person at the arm.
         created: Date and time of the commissioning, for the recordings.
-        mass_kg: The payload's mass, where it was weighed, for the recordings with it.
+        mass_kg: The payload's mass for the loaded recordings; None if it was not weighed.
 
     Raises:
         CommissioningError: the robot has no excitations, or the operator does not agree: nothing is switched on;
-            or a run was slower than planned throughout, and stays partial.
+            or a run contains no complete period at full speed, and stays partial.
         ConfigurationError: an excitation touches something or requires too much torque; nothing was switched on.
-        LimitViolation: an excitation breaks a limit; nothing was switched on.
-        InfeasibleMotion: there is no way onto an excitation within the limits; nothing was switched on.
+        LimitViolation: an excitation exceeds a limit; nothing was switched on.
+        InfeasibleMotion: an excitation cannot be entered within the limits; nothing was switched on.
         MotionError: the motion was stopped, or a stop was requested before anything was switched on.
         DriverError: the arm could not be brought up.
     """
@@ -86,7 +86,7 @@ def record_half(
 def _record(
     robot: Robot, session: RunSession, role: str, path: CheckedPath, directory: Path, said: dict[str, object]
 ) -> CycleSummary:
-    """Record one run, slow round included."""
+    """Record one run, including its slow round."""
     run = {
         "armload_version": version("armload"),
         "robot": robot.name,
@@ -117,13 +117,13 @@ def _record(
 
 
 def checked_excitations(robot: Robot, roles: Iterable[str]) -> dict[str, CheckedPath]:
-    """Some of the robot's excitations, checked against everything that its file says today.
+    """Some of the robot's excitations, checked against its present file.
 
     Raises:
         CommissioningError: the configuration names no such excitation.
-        ConfigurationError: one touches something or requires too much torque.
-        LimitViolation: one breaks a limit.
-        InfeasibleMotion: one cannot be run at this cycle.
+        ConfigurationError: an excitation touches something or requires too much torque.
+        LimitViolation: an excitation exceeds a limit.
+        InfeasibleMotion: an excitation cannot be run at this cycle rate.
     """
     excitations = {role: require_excitation(robot, role) for role in roles}
     constraints, cycle_s = robot.motion_constraints, 1 / robot.bus.cycle_hz
@@ -134,7 +134,7 @@ def checked_excitations(robot: Robot, roles: Iterable[str]) -> dict[str, Checked
 
 
 def missing_roles(directory: Path, load: Load) -> tuple[str, ...]:
-    """Excitations that have not been recorded with a load; what was stopped on the way does not count."""
+    """Excitations not yet recorded completely with a load."""
     return tuple(role for role in ROLES if not recording_path(directory, load, role).is_file())
 
 
@@ -142,7 +142,7 @@ def require_excitation(robot: Robot, role: str) -> Excitation:
     """One of the robot's excitations.
 
     Raises:
-        CommissioningError: the configuration names none.
+        CommissioningError: the configuration names no such excitation.
     """
     if role not in robot.excitations:
         raise CommissioningError(
@@ -155,8 +155,8 @@ def read_pair(robot: Robot, directory: Path, role: str) -> Pair:
     """The empty and the loaded recording of one excitation.
 
     Raises:
-        CommissioningError: the two do not belong together.
-        RecordingError: one is missing or holds nothing usable.
+        CommissioningError: the two followed different excitations.
+        RecordingError: a recording is missing or contains nothing usable.
     """
     pair = Pair(*(read_of(robot, recording_path(directory, load, role)) for load in Load))
     texts = {r.source.attachments.get(EXCITATION_ATTACHMENT) for r in (pair.unloaded, pair.loaded)}
@@ -169,10 +169,10 @@ def read_pair(robot: Robot, directory: Path, role: str) -> Pair:
 
 
 def require_recordings(directory: Path, load: Load) -> None:
-    """Refuse to go on without the recordings of one half.
+    """Refuse to continue without the recordings of one half.
 
     Raises:
-        CommissioningError: naming what is missing, and how to make it.
+        CommissioningError: naming the missing recording, and how to make it.
     """
     missing = missing_roles(directory, load)
     if missing:

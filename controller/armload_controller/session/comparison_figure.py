@@ -1,4 +1,4 @@
-"""Comparisons as a picture: one column each, one row a joint."""
+"""Figure of comparisons: one column per comparison, one row per joint."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from armload_identification.extras import Extra, require_extra
 from armload_identification.report.figures.figure_file import write_figure
 
 COLORS = ("#0072b2", "#009e73", "#d55e00")
-"""Distinguishable without red and green."""
+"""Distinguishable with red-green colour blindness."""
 
 
 def require_picture(path: Path) -> None:
-    """Refuse a file that no picture can be drawn into, before anything moves.
+    """Refuse a file of another format before anything moves.
 
     Raises:
-        CommissioningError: another ending than .svg or .png.
+        CommissioningError: the ending is neither .svg nor .png.
     """
     require_extra(Extra.REPORT, "the picture of a comparison")
     if path.suffix.lower() not in {".svg", ".png"}:
@@ -29,12 +29,12 @@ def draw(comparisons: Sequence[Comparison], robot: str, path: Path) -> None:
     """Draw the errors without and with feed-forward over the phase.
 
     Args:
-        comparisons: What to draw, of the same joints.
+        comparisons: The comparisons, all of the same joints.
         robot: Name of the arm.
-        path: SVG or PNG file, after its ending; an existing file is replaced.
+        path: File ending in .svg or .png; an existing file is replaced.
 
     Raises:
-        CommissioningError: another ending.
+        CommissioningError: the ending is neither .svg nor .png.
         ReportError: the file cannot be written.
     """
     require_picture(path)

@@ -1,13 +1,13 @@
-"""One trajectory without and with feed-forward: what becomes of the following error e = target - measured.
+"""One trajectory without and with feed-forward: the effect on the following error e = target - measured.
 
-Nearly all of e is the servo's lag, which no torque changes: an arm that is at speed dq is behind by 40 ms of it. Two
-quantities are compared instead:
+Nearly all of e is the servo's lag, which no torque changes: at speed dq the arm is behind by 40 ms times dq. So two
+other quantities are compared:
 
-    what the payload adds       e_loaded - e_unloaded, at the same phase: for a payload's torque
-    what the lag leaves         e - (a_1 dq + a_2 d2q + a_3 d3q + a_4 d4q), fitted to each run and joint: for the arm's
+    error due to the payload    e_loaded - e_unloaded, at the same phase: for a payload's torque
+    error beyond the lag        e - (a_1 dq + a_2 d2q + a_3 d3q + a_4 d4q), fitted per run and joint: for the arm's
 
-The first needs the empty arm on the same trajectory, as a simulation has it. The second needs nothing but the run: what
-is left is due to torque, the payload's and the arm's own (friction at reversals above all).
+The first requires a run of the empty arm on the same trajectory, as in a simulation. The second requires only the run
+itself: the remainder is due to torque, the payload's and the arm's own (above all friction at reversals).
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from armload_identification.model.payload import PayloadResult
 from armload_identification.model.regressor import payload_torque
 
 LOADED_SHARE = 0.2
-"""A joint is gravity-loaded whose weight torque of the payload is at least this share of the most loaded one's."""
+"""A joint is gravity-loaded if the payload's gravity torque is at least this share of that on the most loaded joint."""
 
 
 _STEP_S = 1e-3
-"""Step in phase of the difference that makes the fourth derivative."""
+"""Step in phase for the fourth derivative by a central difference, in s."""
 
 
 class Measure(StrEnum):
-    """What is compared of the following error."""
+    """The part of the following error that is compared."""
 
     ADDED = "following error due to the payload"
     TORQUES = "following error beyond the servo's lag"
@@ -49,7 +49,7 @@ class Measure(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class FollowingRun:
-    """Following error of one run, in its measured periods.
+    """Following error of one run during its measured periods.
 
     Attributes:
         phase_s: (N,) phase along the path.
@@ -62,15 +62,15 @@ class FollowingRun:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What feed-forward makes of the following error.
+    """The following error without and with feed-forward.
 
     Attributes:
-        measure: What the errors are.
-        joint_names: Names.
+        measure: The part of the following error that is compared.
+        joint_names: Names of the joints.
         phase_s: (N,) phase along the path.
         without_rad: (N, n) error without feed-forward.
-        with_rad: Label and (N, n) error with feed-forward, of one or more kinds.
-        weight_nm: (n,) greatest torque of the payload's weight along the path.
+        with_rad: (N, n) error with feed-forward by label, of one or more kinds.
+        weight_nm: (n,) greatest gravity torque of the payload along the path.
     """
 
     measure: Measure
@@ -82,7 +82,7 @@ class Comparison:
 
     @property
     def gravity_loaded(self) -> tuple[int, ...]:
-        """Joints that carry the payload's weight, from 0."""
+        """Indices, from 0, of the joints that carry the payload's weight."""
         return tuple(int(i) for i in np.flatnonzero(self.weight_nm >= LOADED_SHARE * self.weight_nm.max()))
 
     @property
@@ -91,17 +91,20 @@ class Comparison:
         return rms(self.without_rad)
 
     def reduction(self, label: str) -> FloatArray:
-        """(n,) share of the RMS that feed-forward takes away."""
+        """(n,) relative reduction of the RMS by feed-forward."""
         return np.asarray(1.0 - rms(self.with_rad[label]) / self.without_rms_rad + 0.0)
 
 
 def beyond_lag(error_rad: FloatArray, path: FourierTrajectory, phase_s: FloatArray) -> FloatArray:
-    """What is left of following errors when everything linear in the motion's derivatives is taken off.
+    """Following errors without the part that is linear in the motion's derivatives.
 
     Args:
-        error_rad: (N, n) errors at the path's own speed.
+        error_rad: (N, n) errors at the path's nominal speed.
         path: The motion.
-        phase_s: (N,) where on it.
+        phase_s: (N,) phases of the errors.
+
+    Returns:
+        (N, n) remaining errors.
     """
     state = path.evaluate(phase_s)
     jerk = [path.evaluate(phase_s + side * _STEP_S).jerk_rad_s3 for side in (1.0, -1.0)]
@@ -123,7 +126,7 @@ def rms(error_rad: FloatArray) -> FloatArray:
 
 
 class FollowingRecorder:
-    """Plug-in that keeps the following error of the measured periods."""
+    """Plug-in that collects the following error of the measured periods."""
 
     name = "following error"
 
@@ -132,17 +135,17 @@ class FollowingRecorder:
         self._error: list[FloatArray] = []
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Keep one cycle."""
+        """Collect one cycle."""
         reference = step.sent_reference
         if step.sent is not None and reference is not None and reference.segment is Segment.PERIODS:
             self._phase.append(reference.state.phase_s)
             self._error.append(step.sent.position_rad - step.feedback.position_rad)
 
     def run(self) -> FollowingRun:
-        """What was kept.
+        """The collected run.
 
         Raises:
-            CommissioningError: nothing was; the run was not at full speed.
+            CommissioningError: no cycle ran at full speed.
         """
         if not self._phase:
             raise CommissioningError(
@@ -156,9 +159,10 @@ class ComparisonRuns:
 
     Args:
         robot: The arm.
-        path: Its path.
-        tried_nm: (n,) torque that is tried at standstill on every joint, where the payload's weight requires less.
-        commanded: (n, n) what the drives are to be given for a torque, from the right; the torque if not given.
+        path: The path of all runs.
+        tried_nm: (n,) least torque to try at standstill on every joint; zeros if not given.
+        commanded: (n, n) matrix that the row of torques is multiplied with to compensate for gain errors of the
+            drives; identity if not given.
     """
 
     def __init__(
@@ -179,8 +183,8 @@ class ComparisonRuns:
         """A run without feed-forward.
 
         Args:
-            session: With the arm.
-            text: What the run is called.
+            session: Session with the arm.
+            text: Name of the run.
 
         Raises:
             CommissioningError: the operator does not agree.
@@ -198,19 +202,22 @@ class ComparisonRuns:
         tried: OffsetVerdict | None,
         beside: ArmTerm | None = None,
     ) -> tuple[FollowingRun, OffsetVerdict]:
-        """A run with feed-forward; the torque offset is tried where the run begins, or was tried before.
+        """A run with feed-forward; the torque offset is tried at its start, unless it was tried before.
 
         Args:
-            session: With the arm.
-            payload: What is fed forward.
-            text: What the run is called.
-            tried: What a trial found before in this session; None tries now.
-            beside: What the arm itself adds in this run.
+            session: Session with the arm.
+            payload: The payload to feed forward.
+            text: Name of the run.
+            tried: Result of an earlier trial in this session; None to try now.
+            beside: The arm's own torque to add in this run; None for none.
+
+        Returns:
+            The run, and the result of the trial.
 
         Raises:
             PayloadRefused: the payload must not be fed forward; nothing has moved.
             CommissioningError: the operator does not agree.
-            MotionError: the motion was stopped, for a torque offset that is wrong too.
+            MotionError: the motion was stopped, for example because of a wrong torque offset.
         """
         added = self._feedforward(session, payload, beside)
         kept = FollowingRecorder()
@@ -226,7 +233,7 @@ class ComparisonRuns:
         return kept.run(), verdicts[0]
 
     def try_offset(self, session: RunSession, payload: PayloadResult) -> OffsetVerdict:
-        """Try the torque offset where the arm stands; it is held in position and goes nowhere.
+        """Try the torque offset at the present position, which the arm holds.
 
         Raises:
             PayloadRefused: the payload must not be fed forward.
@@ -243,13 +250,13 @@ class ComparisonRuns:
         empty: FollowingRun | None,
         payload: PayloadResult,
     ) -> Comparison:
-        """Put runs beside each other, at the phases that all of them have.
+        """Compare runs at the phases that all of them contain.
 
         Args:
-            without: The loaded arm without feed-forward.
-            with_feedforward: Label and run with it.
-            empty: The empty arm without feed-forward, for `Measure.ADDED`; None asks for `Measure.TORQUES`.
-            payload: What is fed forward.
+            without: Run of the loaded arm without feed-forward.
+            with_feedforward: Runs with feed-forward, by label.
+            empty: Run of the empty arm without feed-forward, for `Measure.ADDED`; None for `Measure.TORQUES`.
+            payload: The payload that was fed forward.
         """
         runs = [without, *with_feedforward.values(), *([] if empty is None else [empty])]
         keys = [np.round(run.phase_s * self._robot.bus.cycle_hz).astype(np.int64) for run in runs]
@@ -274,7 +281,7 @@ class ComparisonRuns:
         )
 
     def _feedforward(self, session: RunSession, payload: PayloadResult, beside: ArmTerm | None) -> CheckedFeedforward:
-        """The feed-forward of a payload for this path, and the check that comes before it."""
+        """The feed-forward of a payload for this path, with the preceding check."""
         robot, cycle_s = self._robot, session.servos.cycle_s
         chain = robot.chain
         added = FeedforwardPlugin(chain, robot.name, payload, cycle_s, beside, self._commanded)

@@ -1,4 +1,4 @@
-"""One program at a time in a folder: a lock of the operating system, which ends with its process."""
+"""One program at a time in a folder: a lock of the operating system, released when the process ends."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from armload_controller.control_errors import CommissioningError
 
 @contextmanager
 def claimed(directory: Path, work: str = "commissioning") -> Iterator[None]:
-    """Keep others out of a folder while the block lasts; no file is left, not even after kill -9.
+    """Lock a folder within a `with` block; no lock file is left behind, not even after kill -9.
 
-    Some network file systems cannot lock folders; there is no exclusion on them.
+    Some network file systems cannot lock folders; on them nothing is locked.
 
     Args:
-        directory: The folder; it exists.
-        work: What is at work there, for the message.
+        directory: An existing folder.
+        work: Kind of work done there, for the message.
 
     Raises:
-        CommissioningError: another process has claimed it.
+        CommissioningError: another process has locked it.
     """
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:

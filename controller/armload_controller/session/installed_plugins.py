@@ -1,18 +1,18 @@
-"""Plug-ins of the cycle that other packages bring: installed, named in a robot's file, and found by entry point.
+"""Plug-ins of the cycle from other packages: installed, named in a robot's file, and found by entry point.
 
     [plugins.torque_ceiling]                        in the robot's file: the entry point's name
-    joint = "joint_2"                               what the package wants to know, read strictly
+        joint = "joint_2"                               the package's own settings, read strictly
     torque_nm = 150.0
 
     [project.entry-points."armload.plugins"]        in the package's pyproject.toml
     torque_ceiling = "torque_ceiling:TorqueCeilingTable"
 
-The entry point is a `PluginTable`. A session makes the plug-ins before it opens the arm, calls them in every cycle
-after its own monitors, in the order of the file, and calls `close`, where one has it, once the arm is off.
+The entry point is a `PluginTable`. A session creates the plug-ins before it opens the arm, calls them in every cycle
+after its own monitors, in the order of the file, and calls their `close`, if any, once the arm is off.
 
-Such a plug-in watches, records and asks for a stop. It adds no torque: torque reaches the drives only after their
-offset was tried at standstill (`offset_check`), and nothing is tried for a package. Whatever it raises is a failure
-of the plug-in: the arm is brought to rest along its path.
+Such a plug-in can watch, record and request a stop. It cannot add torque: torque reaches the drives only after their
+offset was tried at standstill (`offset_check`), which is not done for packages. Any exception from it counts as a
+failure of the plug-in, and the arm is brought to rest along its path.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ class Watcher(Protocol):
     """A plug-in that adds no torque."""
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Take part in one cycle.
+        """Process one cycle.
 
         Args:
-            step: What there is to see; its arrays are read-only.
+            step: The cycle; its arrays are read-only.
         """
 
 
 class PluginTable(Table, ABC):
-    """Settings of a plug-in, `[plugins.NAME]` of a robot's file; a package derives its own from it, key by key.
+    """Settings of a plug-in, `[plugins.NAME]` of a robot's file; a package derives its own class, a field per key.
 
     Examples:
         >>> import armload
@@ -69,7 +69,7 @@ class PluginTable(Table, ABC):
 
     @abstractmethod
     def plugin(self, robot: Robot) -> Watcher:
-        """Make the plug-in, once for each session and before the arm is opened.
+        """Create the plug-in, once per session and before the arm is opened.
 
         Args:
             robot: The arm.
@@ -80,16 +80,16 @@ class PluginTable(Table, ABC):
 
 
 class FilePlugin:
-    """A plug-in of a robot's file as the cycle takes it.
+    """Adapts a plug-in from a robot's file to the cycle.
 
     Args:
-        name: Of its table.
-        watcher: What the package made.
+        name: Name of its table.
+        watcher: The plug-in that the package created.
         package: Name and version of the package.
 
     Attributes:
-        name: What messages call it: the key in the robot's file, which no plug-in of armload's own has.
-        package: As given.
+        name: Its name for messages: the key in the robot's file, which none of armload's own plug-ins has.
+        package: Name and version of the package.
     """
 
     def __init__(self, name: str, watcher: Watcher, package: str) -> None:
@@ -98,11 +98,11 @@ class FilePlugin:
         self._on_cycle: Callable[[CycleStep], object] = watcher.on_cycle
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Let it see one cycle.
+        """Call the plug-in with one cycle.
 
         Raises:
-            PluginFailed: it raised, or returned something. An error of armload's own that it raises is no other
-                matter: what that error means, and how the arm is stopped for it, is for armload's monitors to say.
+            PluginFailed: it raised, or returned something. This includes armload's own error classes, whose stops are
+                reserved for armload's monitors.
         """
         try:
             answer = self._on_cycle(step)
@@ -118,10 +118,10 @@ class FilePlugin:
 
 @contextmanager
 def plugins_of(robot: Robot) -> Iterator[tuple[FilePlugin, ...]]:
-    """The plug-ins that a robot's file names, for a session; leaving the block closes them.
+    """The plug-ins that a robot's file names, for one session; leaving the block closes them.
 
     Raises:
-        ConfigurationError: one is not installed, cannot be loaded, or refuses its settings.
+        ConfigurationError: a plug-in is not installed, cannot be loaded, or refuses its settings.
     """
     with ExitStack() as closing:
         plugins = []
@@ -136,7 +136,7 @@ def plugins_of(robot: Robot) -> Iterator[tuple[FilePlugin, ...]]:
 
 
 def _installed(robot: Robot, name: str) -> EntryPoint:
-    """The entry point of a name.
+    """The entry point with a name.
 
     Raises:
         ConfigurationError: there is none, or more than one.
@@ -163,7 +163,7 @@ def _made(robot: Robot, name: str, entry: EntryPoint, settings: Mapping[str, obj
     """The plug-in of an entry point.
 
     Raises:
-        ConfigurationError: it cannot be loaded, is no plug-in, or refuses its settings.
+        ConfigurationError: it cannot be loaded, is not a plug-in, or refuses its settings.
     """
     key, whose = _key(name), f"{entry.value} of {_package(entry)}"
     try:

@@ -1,10 +1,10 @@
-"""A relay between the live server and those who watch, which disconnects a client that does not keep up.
+"""A relay between the live server and its clients, which disconnects a client that does not keep up.
 
-    client <- what waits for it is bounded -> Relay <- loopback -> the SDK's server
+    client <- bounded queue -> Relay <- loopback -> the SDK's server
 
-The SDK has no way to disconnect a client; all that it does with a slow one is to leave out messages. So the relay takes
-from the SDK whatever comes, at once and for every client, and keeps what a client has not taken yet. A client for which
-too much waits, or that takes nothing for too long while something waits, is disconnected; the others see nothing of it.
+The SDK cannot disconnect a client; it only drops messages for a slow one. So the relay reads everything from the SDK
+immediately, for every client, and queues what a client has not yet read. A client whose queue grows too long, or that
+reads nothing for too long while data are queued, is disconnected; the others are not affected.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _RESET: Final = struct.pack("ii", 1, 0)
 
 @dataclass(frozen=True)
 class ClientLimits:
-    """What a client may be behind. An arm of seven joints makes 0.1 MB/s, which a WLAN of 1 Mbit/s carries.
+    """How far a client may fall behind. An arm of seven joints produces 0.1 MB/s, which a WLAN of 1 Mbit/s carries.
 
     Attributes:
-        waiting_bytes: Most that waits for it here: half a minute of messages and more.
-        stalled_s: Longest time in s in which it takes nothing while something waits, such as a change of access points.
-        kernel_bytes: Size of the socket's own buffer. The kernel would make it grow to 4 MB, and a client that has
-            ended reading would look as if it read for as long.
+        waiting_bytes: Greatest size of its queue: more than half a minute of messages.
+        stalled_s: Longest time in s without reading while data are queued; covers a change of access points.
+        kernel_bytes: Size of the socket's buffer. The kernel would let it grow to 4 MB, and until it is full a client
+            that has stopped reading would seem to read.
     """
 
     waiting_bytes: int = 4 * 2**20
@@ -40,10 +40,10 @@ class ClientLimits:
 
 
 class ClientPace:
-    """How far a client is behind.
+    """Tracks how far a client is behind.
 
     Args:
-        limits: What it may be behind.
+        limits: How far it may fall behind.
         now_s: Time at which it connected.
     """
 
@@ -53,12 +53,12 @@ class ClientPace:
         self._moved_s = now_s
 
     def problem(self, size: int, waiting: int, now_s: float) -> str | None:
-        """Why it is to be disconnected instead of being given more; None where it keeps up.
+        """Why the client must be disconnected; None if it keeps up.
 
         Args:
-            size: Bytes that it is about to be given.
-            waiting: Bytes that it was given and has not taken.
-            now_s: Time.
+            size: Number of bytes about to be sent to it.
+            waiting: Number of bytes sent to it and not yet read.
+            now_s: Present time.
         """
         taken = self._given - waiting
         if waiting == 0 or taken > self._taken:
@@ -72,13 +72,13 @@ class ClientPace:
 
 
 class Relay:
-    """Serves clients in a thread of its own, each by a connection of its own to a server of this computer.
+    """Serves clients in its own thread, each through a separate connection to the server on this computer.
 
     Args:
-        listener: Where clients connect.
-        port: Of the server, on the loopback interface.
-        limits: What each of them may be behind.
-        report: Takes a sentence for the operator on each client that is disconnected; called in the relay's thread.
+        listener: Socket that clients connect to.
+        port: Port of the server on the loopback interface.
+        limits: How far each client may fall behind.
+        report: Called with a sentence for the operator for each disconnected client, in the relay's thread.
     """
 
     def __init__(self, listener: socket.socket, port: int, limits: ClientLimits, report: Callable[[str], None]) -> None:
@@ -90,10 +90,10 @@ class Relay:
         self._thread.start()
 
     def close(self, timeout_s: float) -> None:
-        """Accept no more clients, and give those there are what waits for them. The server is to be stopped before.
+        """Accept no more clients, and send the connected ones their queues. Stop the server first.
 
         Args:
-            timeout_s: Longest time that this takes.
+            timeout_s: Longest time to wait.
         """
         self._loop.call_soon_threadsafe(self._over.set)
         self._thread.join(timeout_s)
@@ -104,14 +104,14 @@ class Relay:
             self._loop.run_until_complete(self._serve())
 
     async def _serve(self) -> None:
-        """Until `close`."""
+        """Accept clients until `close`."""
         async with await asyncio.start_server(self._client, sock=self._listener):
             await self._over.wait()
         while self._clients:
             await asyncio.wait(self._clients)
 
     async def _client(self, from_client: asyncio.StreamReader, to_client: asyncio.StreamWriter) -> None:
-        """Serve a client until one of both sides ends."""
+        """Serve a client until either side disconnects."""
         task = asyncio.current_task()
         if task is None:
             raise RuntimeError("a client is served by a task")
@@ -137,32 +137,32 @@ class Relay:
             to_client.transport.abort()
 
     async def _down(self, from_server: asyncio.StreamReader, to_client: asyncio.StreamWriter) -> None:
-        """Give a client what the server sends, until that ends or the client is too far behind."""
+        """Forward the server's data to a client, until the server ends or the client is too far behind."""
         clock = asyncio.get_running_loop().time
         pace = ClientPace(self._limits, clock())
         while data := await from_server.read(_CHUNK_BYTES):
             problem = pace.problem(len(data), to_client.transport.get_write_buffer_size(), clock())
             if problem is not None:
                 host, port, *_ = to_client.get_extra_info("peername")
-                # reset: the kernel would go on offering what it has to a client that does not take it
+                # reset: otherwise the kernel keeps trying to send its buffer to a client that does not read
                 end = to_client.get_extra_info("socket")
                 end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
                 to_client.transport.abort()
                 self._report(f"the live view's client {host}, port {port}, was disconnected: {problem}")
                 return
-            # not drained: what waits is bounded by the pace, and the server is never kept waiting
+            # not drained: the pace bounds the queue, and the server never waits
             to_client.write(data)
 
 
 async def _up(from_client: asyncio.StreamReader, to_server: asyncio.StreamWriter) -> None:
-    """Hand the server what a client sends, as fast as the server takes it."""
+    """Forward a client's data to the server, as fast as the server reads."""
     while data := await from_client.read(_CHUNK_BYTES):
         to_server.write(data)
         await to_server.drain()
 
 
 async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
-    """Do several things until the first of them ends, or loses its connection."""
+    """Run several coroutines until the first ends or loses its connection."""
     tasks = [asyncio.ensure_future(work) for work in works]
     await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     for task in tasks:

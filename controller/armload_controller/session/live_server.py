@@ -1,12 +1,12 @@
-"""The process that serves an arm's motion by Foxglove's WebSocket protocol, to as many clients as want to look.
+"""The process that serves an arm's motion over Foxglove's WebSocket protocol to any number of clients.
 
     /joints    a cycle's row, as in a recording
-    /frames    every link in the one before it, as in a recording: the arm in 3-D
-    /limits    the joints' limits, and how much of each is used
-    /progress  what is being done, and how much of it is over
+    /frames    every link's frame in the previous one, as in a recording: the arm in 3-D
+    /limits    the joints' limits, and the used share of each
+    /progress  the present activity, and the fraction completed
 
-The SDK's server is reached through a relay on loopback only, which disconnects a client that does not keep up. The
-SDK's `stop` waits for good for a client that does not read (measured with 0.30), so this process ends without.
+The SDK's server listens only on loopback, behind a relay that disconnects a client that does not keep up. The SDK's
+`stop` waits forever for a client that does not read (measured with 0.30), so this process ends without waiting for it.
 
 References:
     Foxglove WebSocket protocol, https://github.com/foxglove/ws-protocol.
@@ -37,12 +37,12 @@ LIMITS_TOPIC, PROGRESS_TOPIC = "/limits", "/progress"
 LIMIT_BYTES = 65536
 """Greatest message of the cycle; the row of 16 joints takes 2 kB."""
 REPEAT_S = 1.0
-"""Where nothing happens, the last messages are repeated at this interval for clients that came later."""
+"""While nothing happens, the last messages are repeated at this interval for clients that connect later."""
 _BACKLOG = 64
-"""Messages that the SDK keeps for the relay, which takes them at once."""
+"""Messages that the SDK queues for the relay, which reads them immediately."""
 _NICE = 10
 _GOODBYE_S = 1.0
-"""Time to close the connections of clients that read, of the SDK's and then of the relay's."""
+"""Time to close the connections, first of the SDK's server and then of the relay."""
 
 _LIMITS = ("position_min_rad", "position_max_rad", "velocity_max_rad_s", "torque_max_nm", "following_error_max_rad")
 _USED = ("position_share", "velocity_share", "torque_share", "following_error_share")
@@ -65,13 +65,13 @@ _PROGRESS_SCHEMA: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class LiveArm:
-    """What is known of an arm of n joints before it moves.
+    """Data of an arm of n joints that do not change in motion.
 
     Attributes:
-        frames: Makes messages of where its links are.
-        limits: Of its motion.
+        frames: Makes messages with the links' frames.
+        limits: Limits of its motion.
         torque_max_nm: (n,) greatest torque of each joint.
-        transmission: From motor current to joint torque.
+        transmission: Converts motor current to joint torque.
     """
 
     frames: ArmFrames
@@ -80,10 +80,10 @@ class LiveArm:
     transmission: Transmission
 
     def limits_message(self, row: dict[str, Any]) -> bytes:
-        """The limits, and what a row uses of them.
+        """The limits, and the share of each that a row uses.
 
         Args:
-            row: A cycle, as recordings have it.
+            row: A cycle's row, as in a recording.
         """
         limits = self.limits
         values = {key: _values(row, key) for key in ("position_rad", "velocity_rad_s", "current_a", "torque_nm")}
@@ -111,11 +111,11 @@ def serve(link: socket.socket, host: str, port: int, arm: LiveArm) -> None:
 
     Args:
         link: See `serve_clients`.
-        host: Where to listen.
-        port: Likewise; 0 is any that is free.
-        arm: What is known of the arm.
+        host: Address to listen on.
+        port: Port to listen on; 0 for any free one.
+        arm: Data of the arm.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the motion, which is to be seen to its end
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the motion, which is shown until it ends
     os.nice(_NICE)
     serve_clients(link, host, port, arm, ClientLimits())
     os._exit(0)
@@ -125,12 +125,12 @@ def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limit
     """Serve until the other end of the link is closed.
 
     Args:
-        link: Carries JSON objects, one a message: `joints` is a cycle's row, `progress` a text and a share. The first
-            answer on it is the `port`, or the `problem`; each later one is a `warning` for the operator.
-        host: Where to listen.
-        port: Likewise; 0 is any that is free.
-        arm: What is known of the arm.
-        limits: What a client may be behind.
+        link: Carries one JSON object per message: `joints` is a cycle's row, `progress` a text and a fraction. The
+            first reply is the `port` or the `problem`; each later one is a `warning` for the operator.
+        host: Address to listen on.
+        port: Port to listen on; 0 for any free one.
+        arm: Data of the arm.
+        limits: How far a client may fall behind.
     """
     try:
         listener = _listener(host, port)
@@ -139,7 +139,7 @@ def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limit
         return
     import foxglove
 
-    foxglove.set_log_level("CRITICAL")  # what it says of its clients would stand in the operator's progress
+    foxglove.set_log_level("CRITICAL")  # its messages on clients would disturb the operator's display
     context = foxglove.Context()
     server = foxglove.start_server(
         name="armload", host=LOOPBACK, port=0, context=context, message_backlog_size=_BACKLOG
@@ -157,7 +157,7 @@ def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limit
         warnings.setblocking(False)
 
         def warn(text: str) -> None:
-            with suppress(OSError):  # the operator's end is full, or gone
+            with suppress(OSError):  # the operator's end is full, or closed
                 warnings.send(orjson.dumps({"warning": text}))
 
         relay = Relay(listener, server.port, limits, warn)
@@ -182,18 +182,18 @@ def serve_clients(link: socket.socket, host: str, port: int, arm: LiveArm, limit
 
 
 def _listener(host: str, port: int) -> socket.socket:
-    """A socket at the first address of a host, either protocol.
+    """A listening socket at the first address of a host, IPv4 or IPv6.
 
     Raises:
-        OSError: there is no such address here, or its port is taken.
-        UnicodeError: such a name cannot be.
+        OSError: this computer has no such address, or the port is in use.
+        UnicodeError: the host's name is invalid.
     """
     family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     return socket.create_server(address[:2], family=family, dualstack_ipv6=family is socket.AF_INET6)
 
 
 def _messages(state: dict[str, Any], arm: LiveArm, now_ns: int) -> dict[str, bytes]:
-    """What there is to say, by topic."""
+    """The messages by topic."""
     messages = {}
     if "progress" in state:
         messages[PROGRESS_TOPIC] = orjson.dumps(state["progress"])
@@ -206,10 +206,10 @@ def _messages(state: dict[str, Any], arm: LiveArm, now_ns: int) -> dict[str, byt
 
 
 def _values(row: dict[str, Any], key: str) -> FloatArray | None:
-    """Numbers of a row; None where the drives do not report them."""
+    """Numbers of a row; None if the drives do not report them."""
     return np.array(row[key]) if key in row else None
 
 
 def _share(values: FloatArray | None, greatest: FloatArray) -> FloatArray | None:
-    """(n,) what is used of a limit."""
+    """(n,) used share of a limit."""
     return None if values is None else np.abs(values) / greatest

@@ -1,11 +1,11 @@
-"""What an arm does, handed to a process that shows it live: a plug-in of the cycle and the operator's display in one.
+"""The live view: a plug-in of the cycle, and a wrapper of the operator's display, that feed a separate server process.
 
-    cycle -> LiveView -- bounded socket --> live_server (a process of its own) --> any number of clients
+    cycle -> LiveView -- bounded socket --> live_server (a separate process) --> any number of clients
 
-Rules. The cycle never waits: what does not fit into the socket is left out and counted, so neither a client nor the
-server can delay a setpoint. The server is a process of its own, so that it takes neither the interpreter's lock nor
-locked memory from the cycle. A client that does not keep up is disconnected there, and the operator reads of it between
-two motions: a terminal may block. Clients look; nothing that they send is listened to.
+Rules. The cycle never waits: messages that do not fit into the socket are dropped and counted, so neither a client nor
+the server can delay a setpoint. The server is a separate process, so it takes neither the interpreter's lock nor locked
+memory from the cycle. It disconnects a client that does not keep up; the operator is informed between two motions,
+since a terminal may block. Clients only watch; anything they send is ignored.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from armload_controller.session.live_server import LIMIT_BYTES, LiveArm, serve
 from armload_controller.session.run_session import Display, Operator
 
 EVERY_S = 0.05
-"""Time on the servos' clock between two messages; only to look at."""
+"""Time on the servos' clock between two messages, which serve display only."""
 _START_S = 60.0
-"""Time that the server's process has to start; it loads its libraries, on a computer that may be busy."""
+"""Time allowed for the server's process to start and load its libraries, possibly on a busy computer."""
 _END_S = 5.0
-"""Time that it has to say goodbye to its clients."""
+"""Time allowed for it to close its clients' connections."""
 
 
 @dataclass(frozen=True)
 class LiveAddress:
-    """Where to serve.
+    """Address of the live server.
 
     Attributes:
         host: Name or address of a network interface of this computer.
-        port: TCP port; 0 is any that is free.
+        port: TCP port; 0 for any free one.
     """
 
     host: str = "127.0.0.1"
@@ -51,10 +51,10 @@ class LiveAddress:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """The address of HOST:PORT.
+        """The address from HOST:PORT.
 
         Raises:
-            ConfigurationError: it is none.
+            ConfigurationError: the text does not have this form.
         """
         host, _, port = text.rpartition(":")
         if not host or not port.isdecimal() or int(port) > 65535:
@@ -63,7 +63,7 @@ class LiveAddress:
 
     @property
     def loopback(self) -> bool:
-        """Only programs of this computer can connect."""
+        """Whether only programs on this computer can connect."""
         try:
             return ipaddress.ip_address(self.host).is_loopback
         except ValueError:
@@ -71,15 +71,15 @@ class LiveAddress:
 
 
 class LiveView:
-    """A plug-in that hands over what the cycle does, and a `Display` that hands over what the operator sees.
+    """A plug-in that sends the cycle's rows to the server, and a `Display` that sends the operator's progress.
 
     Args:
-        link: One end of a socket that keeps messages apart.
-        display: What the operator sees; everything is shown there first.
+        link: One end of a socket that preserves message boundaries.
+        display: The operator's display; everything is shown there first.
 
     Attributes:
-        left_out: Messages that did not fit.
-        ended: The other end is gone; nothing is handed over any more.
+        left_out: Number of messages that were dropped.
+        ended: Whether the other end is closed; nothing more is sent.
     """
 
     name = "live view"
@@ -93,9 +93,9 @@ class LiveView:
         self.ended = False
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Hand over the last command with the feedback that belongs to it, every `EVERY_S`."""
+        """Send the last command with its feedback, every `EVERY_S`."""
         reference = step.sent_reference
-        # a session's clock may begin anew
+        # a new session's clock may start again
         if step.sent is None or reference is None or 0.0 <= step.feedback.time_s - self._shown_s < EVERY_S:
             return
         self._shown_s = step.feedback.time_s
@@ -103,7 +103,7 @@ class LiveView:
         self._hand_over({"joints": row})
 
     def step(self, text: str) -> None:
-        """Show that something begins."""
+        """Show the start of an activity."""
         self.show_warnings()
         self._display.step(text)
         self._text, self._share = text, 0.0
@@ -111,7 +111,7 @@ class LiveView:
 
     @contextmanager
     def track(self, text: str, total: int) -> Iterator[Callable[[int], None]]:
-        """Show something of known length."""
+        """Show an activity of known length."""
         with self._display.track(text, total) as shown:
             self._text, self._share = text, 0.0
             self._hand_over({})
@@ -125,13 +125,13 @@ class LiveView:
         self.show_warnings()
 
     def show_warnings(self) -> None:
-        """Show what the server has reported since, such as a client that it disconnected."""
+        """Show the server's new warnings, such as the disconnection of a client."""
         with suppress(OSError):
             while answer := self._link.recv(LIMIT_BYTES):
                 self._display.step(f"warning: {orjson.loads(answer)['warning']}")
 
     def _hand_over(self, message: dict[str, object]) -> None:
-        """Send a message with the progress in it, or leave it out."""
+        """Send a message with the progress added, or drop it."""
         if self.ended:
             return
         message["progress"] = {"text": self._text, "share": self._share}
@@ -144,15 +144,15 @@ class LiveView:
 
 
 def live_at(live: bool, address: str | None) -> LiveAddress | None:
-    """Where to serve by what the command line says; None where nothing is to be served.
+    """The server's address from the command line; None if no live view is requested.
 
     Args:
-        live: Serve, at the usual address if no other is given.
+        live: Whether to serve, at the default address if none is given.
         address: HOST:PORT to serve at.
 
     Raises:
-        ConfigurationError: the address is none.
-        CommissioningError: the library that serves is not installed.
+        ConfigurationError: the address is invalid.
+        CommissioningError: the server's library is not installed.
     """
     if not live and address is None:
         return None
@@ -163,15 +163,15 @@ def live_at(live: bool, address: str | None) -> LiveAddress | None:
 
 @contextmanager
 def shown_live(operator: Operator, robot: Robot, address: LiveAddress | None) -> Iterator[Operator]:
-    """The operator, with a live view of the arm served meanwhile.
+    """Serve a live view of the arm within a `with` block.
 
     Args:
         operator: The person at the arm.
         robot: The arm.
-        address: Where to serve; None serves nothing.
+        address: Address to serve at; None for no live view.
 
     Yields:
-        The operator, whose sessions are seen in the view.
+        The operator, whose sessions appear in the view.
 
     Raises:
         CommissioningError: the address cannot be served; nothing was moved.
@@ -208,17 +208,17 @@ def shown_live(operator: Operator, robot: Robot, address: LiveAddress | None) ->
 
 
 def _live_arm(robot: Robot) -> LiveArm:
-    """What the server has to know of an arm."""
+    """Data of an arm for the server."""
     limits = robot.limits
     frames = ArmFrames(robot.chain, robot.joint_names)
     return LiveArm(frames, limits.motion, limits.torque_max_nm, robot.drives.transmission)
 
 
 def _port_of(link: socket.socket, address: LiveAddress) -> int:
-    """The port that is served.
+    """The port that the server listens on.
 
     Raises:
-        CommissioningError: none is.
+        CommissioningError: the server did not start.
     """
     link.settimeout(_START_S)
     try:

@@ -2,9 +2,9 @@
 
     open, connect -> warnings -> consent -> for every path: slow round -> consent -> approach, measured leg
 
-Rules. A path is run at full speed only after its slow round in the same session, that is with the same load and drives
-that stayed connected. The first motion of a session requires consent, with a payload even where consent was given
-beforehand. Between two motions the drives are off. A simulated arm requires no consent, but its slow round as well.
+Rules. A path is run at full speed only after its slow round in the same session, that is, with the same load and
+without reconnecting. The first motion of a session requires consent, with a payload even if consent was given
+beforehand. Between two motions the drives are off. A simulated arm requires no consent, but also a slow round.
 """
 
 from __future__ import annotations
@@ -45,20 +45,20 @@ T = TypeVar("T")
 
 
 class Load(StrEnum):
-    """What hangs on the flange during a session."""
+    """Load on the flange during a session."""
 
     UNLOADED = "unloaded"
     LOADED = "loaded"
 
 
 class Display(Protocol):
-    """Where progress is shown, such as the command line's console."""
+    """Shows progress, for example on the console."""
 
     def step(self, text: str) -> None:
         """Show that something begins."""
 
     def track(self, text: str, total: int) -> AbstractContextManager[Callable[[int], None]]:
-        """Show something of known length; the function returned takes how much of it is done."""
+        """Show an activity of known length; the returned function is called with the amount done."""
 
 
 class NoDisplay:
@@ -78,20 +78,20 @@ class Consent:
     """How the operator's consent is obtained.
 
     Attributes:
-        ask: Asks a question; True is yes.
-        given: The operator has agreed beforehand to everything that allows it.
+        ask: Asks a question; True means yes.
+        given: Whether the operator has agreed in advance to everything that allows it.
     """
 
     ask: Callable[[str], bool]
     given: bool
 
     def require(self, servos: JointServos, question: str, *, always: bool) -> None:
-        """Go on only with consent; a simulated arm requires none.
+        """Continue only with consent; a simulated arm requires none.
 
         Args:
             servos: The arm, connected.
-            question: What is about to happen.
-            always: Ask even where consent was given beforehand.
+            question: Describes what is about to happen.
+            always: Ask even if consent was given in advance.
 
         Raises:
             CommissioningError: the answer is no.
@@ -107,10 +107,10 @@ class Operator:
     """The person at the arm.
 
     Attributes:
-        display: What they see.
-        control: Their pause, speed and stop.
-        consent: Their agreement.
-        watching: Plug-ins of every motion that show it, called last.
+        display: Shows progress to the operator.
+        control: Receives the operator's requests: pause, speed, stop.
+        consent: Obtains the operator's consent.
+        watching: Plug-ins that display every motion, called last.
     """
 
     display: Display
@@ -120,27 +120,27 @@ class Operator:
 
 
 def no_operator() -> Operator:
-    """No operator: enough for a simulated arm; a real one is not moved, as there is no consent."""
+    """No operator: sufficient for a simulated arm; a real one is not moved without consent."""
     return Operator(NoDisplay(), MotionControl(), Consent(lambda question: False, given=False))
 
 
 ServosFactory = Callable[[Load], AbstractContextManager[JointServos]]
-"""Opens an arm with a load at its flange, not connected yet; leaving the block closes it."""
+"""Opens an arm with a load on its flange, not yet connected; leaving the block closes it."""
 
 
 @contextmanager
 def run_session(robot: Robot, load: Load, open_servos: ServosFactory, operator: Operator) -> Iterator[RunSession]:
-    """Open and connect an arm for as many runs as the block makes.
+    """Open and connect an arm for any number of runs within the block.
 
     Args:
         robot: The arm.
-        load: What hangs on its flange meanwhile.
+        load: Load on its flange during the session.
         open_servos: Opens the arm.
         operator: The person at the arm.
 
     Raises:
-        ConfigurationError: a plug-in that the robot's file names cannot be had; the arm was not opened.
-        MotionError: a stop was requested before; the arm was not opened.
+        ConfigurationError: a plug-in that the robot's file names cannot be created; the arm was not opened.
+        MotionError: a stop had been requested; the arm was not opened.
         DriverError: the arm could not be connected.
     """
     require_going(operator.control)
@@ -155,18 +155,18 @@ def run_session(robot: Robot, load: Load, open_servos: ServosFactory, operator: 
 
 
 class RunSession:
-    """Runs on one connected arm; `run_session` makes it.
+    """Runs on one connected arm; created by `run_session`.
 
     Args:
         robot: The arm.
-        load: What hangs on its flange.
+        load: Load on its flange.
         servos: Its servos, connected.
         operator: The person at the arm.
-        plugins: Those that the robot's file names; they take part in every motion.
+        plugins: Plug-ins that the robot's file names; called in every motion.
 
     Attributes:
-        load: As given.
-        servos: As given.
+        load: Load on the flange.
+        servos: The servos.
     """
 
     def __init__(
@@ -187,18 +187,18 @@ class RunSession:
         before: Callable[[PoweredArm], None] | None = None,
         warning: str = "",
     ) -> CycleSummary:
-        """Run a path at full speed, after its slow round where the session has not made that yet.
+        """Run a path at full speed, preceded by its slow round unless this session has already done that.
 
         Args:
             path: The path.
-            name: What the run is called.
-            recorder: Records the slow round too, and every row, the one that a monitor stops the arm for included.
+            name: Name of the run.
+            recorder: Records all rows, including the slow round and the row for which a monitor stops the arm.
             plugins: Further plug-ins, called after the monitors.
-            before: Called with the arm standing where the measured leg begins; for torque that is added to the run.
-            warning: What the operator has to know of it; consent that was given beforehand does not cover it.
+            before: Called with the arm standing at the start of the measured leg, to add torque during the run.
+            warning: Warning for the operator, added to the question; consent given in advance does not cover it.
 
         Returns:
-            What was counted in the slow round and the run.
+            The counts of the slow round and the run.
 
         Raises:
             CommissioningError: the path was checked for another arm or cycle, or the operator does not agree.
@@ -246,15 +246,18 @@ class RunSession:
         return monitor.summary()
 
     def hold(self, plugins: Sequence[CyclePlugin], work: Callable[[PoweredArm], T]) -> T:
-        """Power the arm where it stands and hold its position while something is done with it.
+        """Enable the arm and hold its present position during some work.
 
         Args:
             plugins: Plug-ins, called after the monitors.
-            work: What is done.
+            work: Called with the enabled arm.
+
+        Returns:
+            The result of `work`.
 
         Raises:
             CommissioningError: the operator does not agree.
-            MotionError: it was stopped.
+            MotionError: the work was stopped.
         """
         question = "The arm will hold its position with torque on. Is the workspace clear?"
         self._operator.consent.require(self.servos, question, always=True)
@@ -262,10 +265,10 @@ class RunSession:
             return work(arm)
 
     def _require_own(self, path: CheckedPath) -> None:
-        """Refuse a path that was checked against other limits than this arm's, or for other cycles.
+        """Refuse a path that was checked for another robot file or another cycle time.
 
         Raises:
-            CommissioningError: it was.
+            CommissioningError: the path was checked for another one.
         """
         if path.constraints.robot_sha256 != self._robot.sha256:
             raise CommissioningError(
@@ -278,11 +281,11 @@ class RunSession:
             )
 
     def _cycle(self, plugins: Sequence[CyclePlugin]) -> Cycle:
-        """A cycle of this arm, with some plug-ins and those of its file."""
+        """A cycle of this arm, with the given plug-ins and those of its file."""
         robot = self._robot
         gate = TorqueGate(robot.limits.added_torque_max_nm, self.servos.cycle_s)
         every = [*plugins, *self._plugins, *self._operator.watching]
-        # In virtual time a slow plug-in delays nothing, and a busy computer must not be blamed on it.
+        # In virtual time a slow plug-in delays nothing; CPU time keeps a busy computer from being blamed on it.
         stopwatch = time.thread_time if robot.bus.in_virtual_time else time.perf_counter
         return Cycle(self.servos, robot.limits.motion, gate, self._operator.control, every, stopwatch)
 
@@ -291,11 +294,11 @@ class RunSession:
         return FollowingMonitor(self._robot.limits.motion, self._robot.bus.max_missing_cycles)
 
     def _feedback_truth(self) -> FeedbackTruth:
-        """The monitor of what the drives report of themselves."""
+        """The plausibility check of the drives' feedback."""
         return feedback_truth(self._robot, self.servos.cycle_s)
 
     def _torque_signs(self) -> TorqueSigns:
-        """What judges the signs of the torques after a slow round."""
+        """The check of the torques' signs after a slow round."""
         robot = self._robot
         return TorqueSigns(robot.joint_names, robot.chain, robot.drives.transmission, self.servos.cycle_s)
 
@@ -312,18 +315,18 @@ def run_leg(
     before: Callable[[PoweredArm], None] | None = None,
     go_round: Callable[[FloatArray], None] = lambda via_points_rad: None,
 ) -> None:
-    """Go to where a path begins and run one of its legs; the way there is checked before the arm gets torque.
+    """Approach a path and run one of its legs; the approach is checked before the arm is enabled.
 
     Args:
-        cycle: Of a connected arm that is disabled.
+        cycle: Cycle of a connected, disabled arm.
         path: The path.
         leg: Its slow or its measured leg.
-        progress: Takes how much of `BAR` is done; nothing during the approach.
-        before: Called with the arm standing where the leg begins.
-        go_round: Called with the (V, n) via points before the arm gets torque, where the straight way is not free.
+        progress: Called with the part of `BAR` that is done; 0 during the approach.
+        before: Called with the arm standing at the start of the leg.
+        go_round: Called with the (V, n) via points before the arm is enabled, if the straight approach is not free.
 
     Raises:
-        MotionError: the motion was stopped; nothing was switched on where no way to the path is free.
+        MotionError: the motion was stopped; if no approach is free, nothing was switched on.
     """
     stood_rad = cycle.standing_rad()
     try:
@@ -343,13 +346,13 @@ def run_leg(
 
 
 def torque_window(robot: Robot, load: Load, cycle_s: float) -> TorqueWindow:
-    """The torque window of an arm: from its model, or its joints' greatest torque where the file has no model."""
+    """The torque window of an arm: from its model, or from its joints' greatest torque if the file has no model."""
     model = robot.strength.expected_torque(loaded=load is Load.LOADED)
     return TorqueWindow(robot.joint_names, robot.drives.transmission, robot.limits.torque_max_nm, cycle_s, model)
 
 
 def feedback_truth(robot: Robot, cycle_s: float) -> FeedbackTruth:
-    """The monitor of what an arm's drives report of themselves."""
+    """The plausibility check of the feedback of an arm's drives."""
     modes = [drive.mode for drive in robot.drives.settings.drives]
     reports_lag = np.array([mode is OperationMode.CYCLIC_SYNCHRONOUS_POSITION for mode in modes])
     return FeedbackTruth(robot.limits.motion, robot.drives.coupling, reports_lag, cycle_s)

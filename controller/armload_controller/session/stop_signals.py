@@ -1,14 +1,14 @@
-r"""Signals as stops: what Ctrl-C, a lost terminal and `kill` do to a motion.
+r"""Signals as stops: the effect of Ctrl-C, a lost terminal and `kill` on a motion.
 
-    SIGINT   Ctrl-C           the operator asked for a stop
-    SIGTSTP  Ctrl-Z           likewise: a halted program would leave the arm to its drives
-    SIGHUP   terminal lost    the system asked the program to end
-    SIGTERM  kill             likewise
-    SIGQUIT  Ctrl-\           likewise: ended at once, it would leave the arm in motion and the terminal without echo
+    SIGINT   Ctrl-C           the operator requests a stop
+    SIGTSTP  Ctrl-Z           the same: a suspended program would leave the arm to its drives
+    SIGHUP   terminal lost    the system requests the program to end
+    SIGTERM  kill             the same
+    SIGQUIT  Ctrl-\           the same: an immediate end would leave the arm in motion and the terminal without echo
 
-Rules. The first signal stops along the path, a second one at once. While a question waits for its answer the drives are
-off, and a signal ends the program there. A signal that is ignored when the program starts stays ignored: SIGINT and
-SIGTSTP in a background job of a shell script, SIGHUP under nohup. SIGTERM is the exception: it always stops the arm.
+Rules. The first signal stops along the path, a second one immediately. While a question is open the drives are off,
+and a signal ends the program. A signal that is ignored when the program starts stays ignored: SIGINT and SIGTSTP in a
+background job of a shell script, SIGHUP under nohup. SIGTERM is the exception: it always stops the arm.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from armload_controller.motion.motion_control import MotionControl, OperatorStop
 
 
 class StopSignals:
-    """Signals stop a motion while the block lasts; afterwards they do what they did before.
+    """Turns signals into stops within a `with` block, and restores the previous handlers afterwards.
 
     Args:
-        control: Of the motion.
+        control: Receives the stops.
     """
 
     def __init__(self, control: MotionControl) -> None:
@@ -61,14 +61,14 @@ class StopSignals:
             signal.signal(number, handler)
 
     def ask(self, question: str, put: Callable[[str], bool]) -> bool:
-        """Put a question; a signal ends it.
+        """Ask a question; a signal ends it.
 
         Args:
             question: The question.
-            put: Puts it; True is yes.
+            put: Asks it; True means yes.
 
         Raises:
-            StopRequested: a signal came.
+            StopRequested: a signal was received.
         """
         self._asking = True
         try:

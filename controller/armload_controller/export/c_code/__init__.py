@@ -1,1 +1,1 @@
-"""What `armload export --format c` writes around the straight-line code: templates, self-test, the rate of a change."""
+"""The text that `armload export --format c` writes around the straight-line code: templates, self-test, change rate."""

@@ -1,4 +1,4 @@
-"""The templates beside this file: `@name` and `@{name}` stand for what is generated."""
+"""The templates beside this file: `@name` and `@{name}` are replaced by generated text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from string import Template
 
 
 class _CTemplate(Template):
-    """Neither C nor CMake writes an @, and both write a $."""
+    """Uses @, which neither C nor CMake needs, while $ occurs in CMake."""
 
     delimiter = "@"
 
@@ -18,7 +18,7 @@ def filled(template: str, fields: Mapping[str, str]) -> str:
 
     Args:
         template: Name of the file, without `.in`.
-        fields: Text by name; every name of the template must be there.
+        fields: Text by name; every name in the template must be given.
     """
     text = (resources.files("armload_controller.export.c_code") / f"{template}.in").read_text(encoding="ascii")
     return _CTemplate(text).substitute(fields)

@@ -1,8 +1,8 @@
-"""How fast a payload may change: no faster than the joints' torque may.
+"""The shortest transition of a payload that keeps the rate of the joints' torque within limits.
 
 At rest a change of mass dm and of first moment ds, both at the origin of the last frame, changes joint i's torque by at
 most g (|dm| L_i + |ds|), L_i being the greatest distance of that origin from the joint's axis. The blend's greatest
-rate is 1.5 of its mean, so that within a rate r_i of every joint it takes at least
+rate is 1.5 times its mean, so to keep the torque rate r_i of every joint it takes at least
 
     T = 1.5 g max_i (|dm| L_i + |ds|) / r_i  <=  |dm| 1.5 g max_i L_i / r_i  +  |ds| 1.5 g max_i 1 / r_i
 """
@@ -27,8 +27,8 @@ class ChangeRate:
     """The shortest transition.
 
     Attributes:
-        s_per_kg: Per change of mass.
-        s_per_kg_m: Per change of first moment.
+        s_per_kg: Duration per change of mass.
+        s_per_kg_m: Duration per change of first moment.
     """
 
     s_per_kg: float
@@ -40,7 +40,7 @@ def change_rate(chain: Chain, torque_rate_nm_s: FloatArray) -> ChangeRate:
 
     Args:
         chain: The arm.
-        torque_rate_nm_s: (n,) how fast each joint's torque may change.
+        torque_rate_nm_s: (n,) greatest rate of each joint's torque.
     """
     g = _STEEPEST * float(np.linalg.norm(chain.gravity_m_s2))
     levers_m = _levers(planar_groups(chain))
@@ -48,12 +48,12 @@ def change_rate(chain: Chain, torque_rate_nm_s: FloatArray) -> ChangeRate:
 
 
 def _levers(groups: PlanarGroups) -> FloatArray:
-    """(n,) bound on the distance of the last frame's origin from each joint's axis: its parts' lengths, added."""
+    """(n,) bound on the distance of the last frame's origin from each joint's axis: the sum of all lengths."""
     levers: dict[int, float] = {}
     beyond_m = 0.0  # from the end of a group to the last origin
     following: Group | None = None
     for group in reversed(groups.groups):
-        # what lies along a group's own axis is no lever about it
+        # a shift along a group's axis is no lever about it
         across_m = beyond_m + (abs(following.shift_m[0]) if following else 0.0)
         for joint in reversed(group.joints):
             across_m += abs(joint.shift_m[0])

@@ -1,7 +1,7 @@
-"""The recursive estimator for one calibrated arm: straight-line regressor and links, and the core's update around them.
+"""The recursive estimator for one calibrated arm: straight-line regressor and link torques, with the core's update.
 
 The update is the core's own source (`armload_core/source/payload_estimator.[ch]`) with the arm's prefix in its names:
-written once, it runs per sample on a computer and in a controller, and the tests feed both the same samples.
+one source for Python and for controllers, and the tests compare both on the same samples.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from armload_identification.pipeline.estimator_constants import EstimatorConstan
 
 _CONSTANTS: Final = r"\b(ESTIMATOR_\w*|FRICTION_STATES|SMOOTHED|REMEMBERED_ROWS)"
 _TYPES_AND_FUNCTIONS: Final = r"^\} (\w+);|\b(estimator_\w+)\("
-"""Names that the core's header gives to others."""
+"""Types and functions that the core's header declares."""
 
 
 def estimator_texts(
@@ -31,12 +31,12 @@ def estimator_texts(
     """Header and source of `<name>_estimator`.
 
     Args:
-        name: Prefix of every name that others see.
-        about: The inside of both files' first comment.
-        chain: Kinematics, and gravity as it pulls on the arm.
+        name: Prefix of every public name.
+        about: Text of both files' first comment.
+        chain: Kinematics, and gravity in the arm's base frame.
         body: Its links.
-        constants: What else the estimator knows of it.
-        effort: What drives report, with its unit.
+        constants: The estimator's other constants of the arm.
+        effort: The effort that the drives report, with its unit.
 
     Returns:
         Texts by file name.
@@ -69,13 +69,13 @@ def estimator_texts(
 
 
 def _of_the_core(file: str, after: str) -> str:
-    """What follows the last `#include` of one of the core's files."""
+    """The part of a core file after its last `#include`."""
     text = (resources.files("armload_core") / "source" / file).read_text(encoding="ascii")
     return text.partition(after)[2].strip()
 
 
 def _renamed(text: str, names: Collection[str], name: str) -> str:
-    """A text of the core in names of this arm."""
+    """A text of the core with names of this arm."""
     text = re.sub(_CONSTANTS, rf"{name.upper()}_\1", text)
     text = re.sub(rf"\b({'|'.join(sorted(names))})\b", rf"{name}_\1", text)
     text = re.sub(r"\bpayload_estimator\b", f"{name}_estimator", text)
@@ -89,5 +89,5 @@ def _listed(values: FloatArray) -> str:
 
 
 def _rows(values: FloatArray) -> str:
-    """A matrix, a row to a line."""
+    """A matrix, one row per line."""
     return ",\n    ".join(_listed(row) for row in values)

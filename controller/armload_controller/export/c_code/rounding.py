@@ -1,4 +1,4 @@
-"""What single precision costs: the same expressions in float and in double, over the arm's joint states."""
+"""Error of single precision: the same expressions in float and in double, over the arm's joint states."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from armload_core.arrays import FloatArray
 STATES: Final = 10_000
 _SEED: Final = 21
 _MARGIN: Final = 2.0
-"""Between the greatest error that was measured and the bound that is stated: other states, other math libraries."""
+"""Factor from the greatest measured error to the stated bound, for other states and other math libraries."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class SinglePrecisionError:
     """Difference of single from double precision.
 
     Attributes:
-        bound_nm: Stated for any joint: twice the greatest measured.
-        greatest_nm: Greatest torque in the same states, for scale.
+        bound_nm: Stated bound for every joint: twice the greatest measured difference.
+        greatest_nm: Greatest torque in the same states, for comparison.
     """
 
     bound_nm: float
@@ -52,10 +52,10 @@ class SinglePrecisionError:
 
 
 def single_precision_error(subject: ExportSubject) -> SinglePrecisionError:
-    """Measure what float costs for a payload on an arm.
+    """Measure the error of float for a payload on an arm.
 
-    Inputs are numbers of single precision; what rounding them costs is the caller's. Measured are the code with the
-    payload folded in, the one that takes it as numbers, and, of a calibrated arm, the torque of its links.
+    Inputs are single precision numbers; the error of rounding them is not included. Measured are the code with the
+    payload as constants, the code with the payload as an argument, and for a calibrated arm the torque of its links.
 
     Args:
         subject: The payload and the arm.
@@ -75,7 +75,7 @@ def single_precision_error(subject: ExportSubject) -> SinglePrecisionError:
 
 
 def _rounded(values: FloatArray) -> FloatArray:
-    """Numbers of single precision."""
+    """The values rounded to single precision."""
     return values.astype(np.float32).astype(np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Vectors of the self-test: joint states, and the payload's torque there by the core, a second implementation."""
+"""Vectors of the self-test: joint states, and the payload's torque from the core, a second implementation."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _SEED: Final = 20
 
 @dataclass(frozen=True, eq=False)
 class SelfTest:
-    """What is given and what is expected.
+    """Inputs and expected outputs.
 
     Attributes:
-        given: (VECTORS, 3, n) q, dq, ddq within the joints' limits, as the precision holds them.
-        expected_nm: (VECTORS, 2 or 3, n) torque in motion and at rest, and of a calibrated arm the payload's friction.
+        given: (VECTORS, 3, n) q, dq, ddq within the joints' limits, rounded to the precision.
+        expected_nm: (VECTORS, 2 or 3, n) torque in motion, at rest, and for a calibrated arm the payload's friction.
     """
 
     given: FloatArray

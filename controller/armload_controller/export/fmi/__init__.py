@@ -1,1 +1,1 @@
-"""Functional Mock-up Units, for tools that simulate: one version of the standard per file, and what they share."""
+"""Functional Mock-up Units for simulation tools: one version of the standard per file, and the shared parts."""

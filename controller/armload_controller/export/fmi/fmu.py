@@ -41,7 +41,7 @@ def export_fmu(subject: ExportSubject) -> dict[str, bytes]:
 
 
 def fmu_texts(subject: ExportSubject) -> dict[str, str]:
-    """What is inside, but for the library.
+    """Everything inside the FMU except the library.
 
     Args:
         subject: The payload and the arm.
@@ -59,7 +59,7 @@ def fmu_texts(subject: ExportSubject) -> dict[str, str]:
 
 
 def _model_description(subject: ExportSubject, token: str) -> str:
-    """Variables, units, and what depends on what."""
+    """Variables, units and dependencies."""
     name = model_name(subject)
     root = ElementTree.Element(
         "fmiModelDescription",
@@ -103,7 +103,7 @@ def _model_description(subject: ExportSubject, token: str) -> str:
 
 
 def _build_description(name: str) -> str:
-    """What an importer compiles where it has no library for its platform."""
+    """How an importer compiles the sources if there is no library for its platform."""
     root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
     build = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=name)
     files = ElementTree.SubElement(build, "SourceFileSet", language="C99", compilerOptions="-fvisibility=hidden")

@@ -1,4 +1,4 @@
-"""FMI 2.0 co-simulation, for tools that import no FMI 3.0: the same FMU; see `fmu_parts`.
+"""FMI 2.0 co-simulation, for tools without FMI 3.0: the same FMU; see `fmu_parts`.
 
 References:
     Modelica Association, Functional Mock-up Interface for Model Exchange and Co-Simulation 2.0.4, sections 2 and 4: the
@@ -42,7 +42,7 @@ def export_fmu2(subject: ExportSubject) -> dict[str, bytes]:
 
 
 def fmu2_texts(subject: ExportSubject) -> dict[str, str]:
-    """What is inside, but for the library.
+    """Everything inside the FMU except the library.
 
     Args:
         subject: The payload and the arm.
@@ -59,7 +59,7 @@ def fmu2_texts(subject: ExportSubject) -> dict[str, str]:
 
 
 def _model_description(subject: ExportSubject, token: str) -> str:
-    """Variables, units, and what depends on what."""
+    """Variables, units and dependencies."""
     name = model_name(subject)
     root = ElementTree.Element(
         "fmiModelDescription",

@@ -1,13 +1,13 @@
-"""What the FMUs of every version of FMI hold: variables, units, sources, a page of documentation, and a library.
+"""The parts shared by FMUs of every version of FMI: variables, units, sources, documentation, and a library.
 
     inputs q[i], dq[i], ddq[i] -> outputs tau[i]        i = 1 .. n; the joints from the base to the flange
-    tunable parameters mass, com_x .. com_z, ixx .. iyz, transition; friction, of a calibrated arm
+    tunable parameters mass, com_x .. com_z, ixx .. iyz, transition; friction, for a calibrated arm
 
 The torque at the end of a step is that of the inputs at its beginning, one call of the exported C's `compute`. The
 parameters are mass in kg, centre of mass in m in the flange frame, and inertia in kg m2 about the centre of mass as
-tensor elements (ixy = -int xy dm) in the flange's axes. Set before the simulation begins they hold at once; changed
-while it runs they are reached after `transition`, or later where the change of torque would be too fast, without a
-step. Numbers that no body can have end the simulation with an error.
+tensor elements (ixy = -int xy dm) in the flange's axes. Values set before the simulation starts apply at once; values
+changed while it runs are reached without a step after `transition`, or later if the torque would change too fast.
+Physically impossible values end the simulation with an error.
 
 What is not determined: as in `c99`.
 """
@@ -41,22 +41,22 @@ UNITS = {
     "kg.m2": {"kg": 1, "m": 2},
     "1": {},
 }
-"""Exponents of the base units."""
+"""Exponents of the base units, by unit."""
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-"""Date of every file inside: the same payload gives the same bytes."""
+"""Date of every file inside, fixed so that the same payload gives the same bytes."""
 
 
 @dataclass(frozen=True)
 class FmuVariable:
-    """A variable; its value reference is its place among all.
+    """A variable; its value reference is its index in the list of all variables.
 
     Attributes:
         name: Structured name.
-        causality: As the standard says it: independent, input, parameter or output.
+        causality: As in the standard: independent, input, parameter or output.
         variability: continuous or tunable.
         unit: Name of its unit.
-        description: What it is.
-        start: Start value; None where it has none.
+        description: Its meaning.
+        start: Start value; None if it has none.
     """
 
     name: str
@@ -68,7 +68,7 @@ class FmuVariable:
 
     @property
     def start_attribute(self) -> dict[str, str]:
-        """Its start value as an attribute; none where it has none."""
+        """Its start value as an XML attribute; empty if it has none."""
         return {} if self.start is None else {"start": exact(self.start)}
 
 
@@ -105,7 +105,7 @@ def variables(subject: ExportSubject) -> list[FmuVariable]:
 
 
 def sources(subject: ExportSubject, wrapper: str) -> tuple[dict[str, str], str]:
-    """The C code, and the token that ties it to its description.
+    """The C code, and the token that links it to its model description.
 
     Args:
         subject: The payload and the arm.
@@ -150,7 +150,7 @@ def log_and_experiment(parent: ElementTree.Element) -> None:
 
 
 def documentation(subject: ExportSubject) -> str:
-    """A page with what is not in the variables' descriptions."""
+    """A page with information beyond the variables' descriptions."""
     paragraphs = (
         provenance(subject),
         f"The robot's file: sha256 {subject.robot_sha256}.",
@@ -181,7 +181,7 @@ def packed(subject: ExportSubject, texts: Mapping[str, str], platform: str) -> d
 
     Args:
         subject: The payload and the arm.
-        texts: By path inside the FMU.
+        texts: Texts by path inside the FMU.
         platform: The library's folder under `binaries`.
 
     Raises:

@@ -9,8 +9,8 @@
   quaternion with q1 the scalar.
 - ix, iy, iz: moments of inertia in kg m2 about those axes. All three zero is a point mass.
 
-What is not determined: zero moments with aom = [1, 0, 0, 0] where none of the inertia is; the model's complete set,
-marked, where a part is.
+What is not determined: zero moments with aom = [1, 0, 0, 0] if none of the inertia is determined; the complete model,
+marked, if a part is.
 
 References:
     ABB, RAPID Reference Manual (BaseWare), data types "loaddata" and "tooldata": order, units, frames, point mass.
@@ -30,7 +30,7 @@ from armload_controller.export.wording import bracketed, heading, positional
 from armload_core.arrays import FloatArray
 
 LONGEST_NAME = 32
-"""Characters of an identifier in RAPID."""
+"""Greatest length of an identifier in RAPID."""
 
 
 def export_abb(subject: ExportSubject) -> dict[str, str]:

@@ -1,17 +1,17 @@
-"""FANUC: the numbers of the screen MOTION / PAYLOAD SET, to be typed in.
+"""FANUC: the numbers for the screen MOTION / PAYLOAD SET, to be entered by hand.
 
 - PAYLOAD: mass in kg.
 - PAYLOAD CENTER X, Y, Z: centre of mass in cm from the centre of the faceplate; with the wrist at zero x is up, y to
   the right seen from behind the faceplate, z out of it.
 - PAYLOAD INERTIA X, Y, Z: moments of inertia in kgf cm s2 about axes through the centre of mass and parallel to the
-  faceplate's; 1 kgf cm s2 = 0.0980665 kg m2. There is no place for products of inertia: they are left out.
+  faceplate's; 1 kgf cm s2 = 0.0980665 kg m2. The screen has no fields for products of inertia: they are omitted.
 
-How well this is known: the first two from the vendor's manual as published by an integrator. Unit and reference point
-of the inertia from users who compared the screen with the vendor's payload checker, not from the manual itself;
-therefore the text asks to compare the units with those on the screen.
+Reliability: the first two are from the vendor's manual as published by an integrator. Unit and reference point of the
+inertia are from users who compared the screen with the vendor's payload checker, not from the manual itself; so the
+text asks the user to compare the units with those on the screen.
 
-What is not determined: zero where none of the three moments is, which is what the screen holds as delivered; the
-model's moments, marked, where a part is.
+What is not determined: zero, the screen's factory setting, if none of the three moments is determined; the model's
+moments, marked, if a part is.
 
 References:
     Lincoln Electric, online help on the robot payload, table 2 "MOTION/PAYLOAD SET Screen Items": names of the fields,

@@ -5,12 +5,12 @@
 - M: mass in kg.
 - CM X, Y, Z: centre of mass in mm in the FLANGE frame.
 - CM A, B, C: orientation of the principal axes of inertia in the FLANGE frame in degrees: A about z, then B about the
-  turned y, then C about the twice turned x, so R = Rz(A) Ry(B) Rx(C).
-- J X, Y, Z: moments of inertia in kg m2 about those principal axes through the centre of mass, never negative;
-  products do not occur.
+  new y, then C about the new x, so R = Rz(A) Ry(B) Rx(C).
+- J X, Y, Z: moments of inertia in kg m2 about those principal axes through the centre of mass, never negative; there
+  are no products.
 
-What is not determined: no public page was found that calls a zero J a point mass, so the model's complete set is
-written and marked.
+What is not determined: no public page was found that defines a zero J as a point mass, so the complete model is written
+and marked.
 
 References:
     KUKA, MA KR IONTEC V4, 11.05.2021, section 4 "Technical data", fig. 4-5 "Load center of gravity and mass moment of

@@ -6,10 +6,10 @@
 - cog: centre of mass in m from the tool mount, in the flange's axes.
 - inertia: [Ixx, Iyy, Izz, Ixy, Ixz, Iyz] in kg m2, origin in the centre of mass, axes along the flange's. The manual
   calls them elements of the inertia matrix, so the products are tensor elements, Ixy = -int xy dm.
-- transition_time in s: left out, the change is immediate.
+- transition_time in s: omitted, so the change is immediate.
 
-What is not determined: the argument `inertia` is left out where none of it is, for which the controller takes zero; the
-model's complete set, marked, where a part is.
+What is not determined: the argument `inertia` is omitted, which means zero, if none of it is determined; the complete
+model is written and marked if a part is.
 
 References:
     Universal Robots, Script Manual (PolyScope X 10.6, also PolyScope 5), "set_target_payload".

@@ -1,14 +1,15 @@
 """Yaskawa: a tool preset of the Smart Pendant (.yps), from which the operator fills in a tool.
 
-- weight: mass in kg. On these controllers a tool includes what it carries.
+- weight: mass in kg. On these controllers a tool includes its load.
 - com: [x, y, z], centre of mass in mm in the flange frame (from the tool mounting plate).
-- moi: [Ixx, Iyy, Izz] in kg m2 about axes through the centre of mass and parallel to the flange's. There is no place
-  for products of inertia: they are left out.
-- offset, orient: the tool centre point in mm and degrees; left out, for which the pendant fills in zero.
-- id: by it and the version the pendant knows what it has installed; an older export must be deleted there first.
+- moi: [Ixx, Iyy, Izz] in kg m2 about axes through the centre of mass and parallel to the flange's. There are no
+  fields for products of inertia: they are omitted.
+- offset, orient: the tool centre point in mm and degrees; omitted, for which the pendant uses zero.
+- id: together with the version identifies an installed preset; an older export must be deleted on the pendant first.
 
-What is not determined: moi zero where none of the three moments is (the instructions ask for them only where the tool
-is large against the distance of its centre of mass from the flange); the model's moments, marked, where a part is.
+What is not determined: moi is zero if none of the three moments is determined (the instructions require them only for a
+tool that is large compared with the distance of its centre of mass from the flange); the model's moments, marked, if a
+part is.
 
 References:
     Yaskawa, Smart Pendant SDK, "Yaskawa Preset Files", sections "General format" and "Tool Presets", and "How to create

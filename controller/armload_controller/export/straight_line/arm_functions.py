@@ -1,4 +1,4 @@
-"""What is generated for one arm, as functions of expressions; the texts in C and other languages are made from them."""
+"""The functions generated for one arm, as expressions from which the C code is written."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.payload import InertialParameters
 
 STATE: Final = ("q_rad", "dq_rad_s", "ddq_rad_s2")
-"""Names of the joint state's arrays."""
+"""Names of the arrays with the joint state."""
 THETA: Final = "theta"
-"""Name of the ten parameters of a payload that is given with every call."""
+"""Name of a payload's ten parameters, given with every call."""
 _NEGLIGIBLE = 4e-15
-"""Share of the greatest first moment, or inertia, that is rounding."""
+"""Share of the greatest first moment, or inertia, below which a value is a rounding error."""
 
 
 @dataclass(frozen=True)
 class Function:
-    """Expressions with names for what goes in and out.
+    """Expressions with named inputs and outputs.
 
     Attributes:
-        graph: Where the expressions are.
-        inputs: Names of the arrays that it is given, whether or not an output depends on them.
-        outputs: Elements by name of the array.
+        graph: The graph of the expressions.
+        inputs: Names of the input arrays, whether or not an output depends on them.
+        outputs: Elements by name of the output array.
     """
 
     graph: Graph
@@ -51,7 +51,7 @@ class Function:
 
     @property
     def operations(self) -> Operations:
-        """How much arithmetic it takes."""
+        """Its operation count."""
         return self.graph.operations(self.elements)
 
 
@@ -66,12 +66,12 @@ def gravity_of(chain: Chain, payload: InertialParameters) -> Function:
 
 
 def any_torque(chain: Chain) -> Function:
-    """Torque of any payload: state and theta, as `into_own` gives it, -> torque_nm."""
+    """Torque of any payload: state and theta, from `into_own`, -> torque_nm."""
     return _of_any_payload(chain, STATE)
 
 
 def any_gravity(chain: Chain) -> Function:
-    """Torque at rest of any payload: q_rad and theta, as `into_own` gives it, -> torque_nm."""
+    """Torque at rest of any payload: q_rad and theta, from `into_own`, -> torque_nm."""
     return _of_any_payload(chain, STATE[:1])
 
 
@@ -94,7 +94,7 @@ def link_torque_of(chain: Chain, links: FloatArray) -> Function:
 
 
 def into_own(chain: Chain) -> Function:
-    """Ten parameters from the flange into the frame in which torque is computed: theta -> own (10), a linear map."""
+    """Linear map of theta from the flange frame to the frame in which torque is computed: theta -> own (10)."""
     flange = planar_groups(chain).flange
     columns = [_without_rounding(InertialParameters(unit).transformed(flange).theta) for unit in np.eye(10)]
     graph = Graph()
@@ -109,7 +109,7 @@ def into_own(chain: Chain) -> Function:
 def _of_one_payload(chain: Chain, payload: InertialParameters, state: tuple[str, ...]) -> Function:
     """The payload's numbers as constants."""
     first_moment = payload.transformed(planar_groups(chain).flange).theta[1:3]
-    # the last frame is turned about its axis until the first moment lies in its x z plane: a zero more
+    # the last frame is rotated about its axis so that the first moment lies in its x z plane: one more zero
     turn_rad = float(np.arctan2(first_moment[1], first_moment[0]))
     arm, graph = _arm(chain, state, turn_rad)
     theta = _without_rounding(payload.transformed(arm.flange).theta)
@@ -124,7 +124,7 @@ def _of_any_payload(chain: Chain, state: tuple[str, ...]) -> Function:
 
 
 def _arm(chain: Chain, state: tuple[str, ...], about_last_axis_rad: float = 0.0) -> tuple[SpecialisedArm, Graph]:
-    """The arm in a graph of its own, moving or at rest."""
+    """The arm in a new graph, moving or at rest."""
     graph = Graph()
     q, *moving = (graph.inputs(name, chain.n) for name in state)
     dq, ddq = moving or (None, None)
@@ -132,6 +132,6 @@ def _arm(chain: Chain, state: tuple[str, ...], about_last_axis_rad: float = 0.0)
 
 
 def _without_rounding(theta: FloatArray) -> FloatArray:
-    """Ten parameters, those that are nothing but rounding beside their like set to zero."""
+    """Ten parameters, with those set to zero that are only rounding errors compared with their group."""
     scale = np.repeat([abs(theta[0]), np.abs(theta[1:4]).max(), np.abs(theta[4:]).max()], [1, 3, 6])
     return np.where(np.abs(theta) < _NEGLIGIBLE * scale, 0.0, theta)

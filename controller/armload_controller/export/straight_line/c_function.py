@@ -10,11 +10,11 @@ from armload_controller.export.straight_line.precision import Precision
 def c_statements(function: Function, precision: Precision = Precision.DOUBLE) -> str:
     """Statements that compute a function's outputs from its inputs.
 
-    Every output is written after every input was read, so that an output array may be one of the inputs. An input that
+    All inputs are read before the first output is written, so an output array may be one of the inputs. An input that
     no output depends on is marked as unused.
 
     Args:
-        function: What is computed.
+        function: The function.
         precision: Type of every number.
     """
     graph = function.graph

@@ -1,9 +1,9 @@
-"""Arithmetic as a graph: constants folded, equal expressions shared, signs carried for free.
+"""Arithmetic as a graph: constants folded, equal expressions shared, signs without cost.
 
-Every expression is a node and a sign. Nodes are interned, so that an expression that is written twice is computed
-once, and a - b and b - a are one node. Only what an output needs is ever counted or written.
+Every expression is a node and a sign. Nodes are interned, so an expression that occurs twice is computed once, and
+a - b and b - a are one node. Only nodes that an output needs are counted or written.
 
-Rules that shorten what is built:
+Simplification rules:
 
     0 x = 0,  1 x = x,  c (d x) = (c d) x,  x + 0 = x,  c x + d x = (c + d) x,  (-x) (-y) = x y,  x + (-y) = x - y
 """
@@ -16,7 +16,7 @@ from enum import Enum
 
 
 class Kind(Enum):
-    """What a node is."""
+    """Kind of a node."""
 
     CONSTANT = "constant"
     INPUT = "input"
@@ -32,10 +32,10 @@ class Node:
     """One value.
 
     Attributes:
-        kind: What it is.
-        operands: Numbers of the nodes that it is made of.
-        value: Of a constant, greater than zero.
-        name: Of an input, as it is written in C.
+        kind: Its kind.
+        operands: Numbers of its operand nodes.
+        value: Value of a constant, greater than zero.
+        name: Name of an input in C.
     """
 
     kind: Kind
@@ -46,7 +46,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Operations:
-    """How much arithmetic some outputs take.
+    """Operation count of some outputs.
 
     Attributes:
         multiplications: Products.
@@ -78,11 +78,11 @@ class Graph:
         return Expression(self, self._number(Node(Kind.CONSTANT, value=abs(value))), 1 if value > 0.0 else -1)
 
     def input(self, name: str) -> Expression:
-        """A variable that the function is given, by its text in C."""
+        """An input variable, by its text in C."""
         return Expression(self, self._number(Node(Kind.INPUT, name=name)), 1)
 
     def inputs(self, name: str, count: int) -> list[Expression]:
-        """The elements of an array that the function is given."""
+        """The elements of an input array."""
         return [self.input(f"{name}[{i}]") for i in range(count)]
 
     def cosine(self, angle: Expression) -> Expression:
@@ -118,7 +118,7 @@ class Graph:
         return Expression(self, self._number(Node(kind, (low.number, high.number))), low.sign)
 
     def needed(self, outputs: Iterable[Expression]) -> list[int]:
-        """Numbers of all nodes that outputs are made of, operands first."""
+        """Numbers of all nodes that outputs depend on, operands first."""
         order: list[int] = []
         seen: set[int] = set()
         for output in outputs:
@@ -134,7 +134,7 @@ class Graph:
         return order
 
     def operations(self, outputs: Iterable[Expression]) -> Operations:
-        """How much arithmetic outputs take."""
+        """Operation count of outputs."""
         kinds = [self.nodes[number].kind for number in self.needed(outputs)]
         return Operations(
             kinds.count(Kind.PRODUCT),
@@ -143,7 +143,7 @@ class Graph:
         )
 
     def _split(self, a: Expression) -> tuple[float, int | None]:
-        """An expression as a number times a node; None stands for one."""
+        """An expression as a number times a node; None means a pure number."""
         node = self.nodes[a.number]
         if node.kind is Kind.CONSTANT:
             return a.sign * node.value, None
@@ -165,7 +165,7 @@ class Graph:
         return Expression(self, self._number(node), sign)
 
     def _number(self, node: Node) -> int:
-        """The number of a node, made where there is none like it."""
+        """The number of a node, which is added if there is no equal one."""
         if node not in self._numbers:
             self._numbers[node] = len(self.nodes)
             self.nodes.append(node)
@@ -177,8 +177,8 @@ class Expression:
     """A node with a sign; zero is the node -1.
 
     Attributes:
-        graph: Where the node is.
-        number: Which one it is.
+        graph: The node's graph.
+        number: The node's number.
         sign: 1 or -1.
     """
 
@@ -188,7 +188,7 @@ class Expression:
 
     @property
     def is_zero(self) -> bool:
-        """Whether it is the number zero."""
+        """Whether it is the constant zero."""
         return self.number < 0
 
     def __neg__(self) -> Expression:

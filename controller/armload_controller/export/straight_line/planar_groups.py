@@ -1,12 +1,12 @@
-"""A chain in the coordinates in which its dynamics take the least arithmetic.
+"""A chain in coordinates that minimise the arithmetic of its dynamics.
 
-Torques depend on neither where along its axis a joint's frame lies nor how it is turned about it. Both are chosen so
-that most numbers of a frame vanish: x along the common normal to the next axis, as Denavit and Hartenberg place it,
-and the origin at that normal's foot. Joints with parallel axes form a group: inside it everything is written in one
-frame that does not turn, and left by one rotation through the sum of the angles.
+Torques depend neither on the position of a joint's frame along its axis nor on its angle about the axis. Both are
+chosen so that most numbers of a frame vanish: x along the common normal to the next axis, as in Denavit-Hartenberg, and
+the origin at that normal's foot. Joints with parallel axes form a group: inside it everything is expressed in one fixed
+frame, which is left by one rotation through the sum of the angles.
 
-    frame of group k  =  frame before * Translation(offset) * Rx(alpha)
-    angle of joint j  =  angle of the joint before in the group  +-  (q_j + zero_j)
+    frame of group k  =  previous frame * Translation(offset) * Rx(alpha)
+    angle of joint j  =  angle of the previous joint in the group  +-  (q_j + zero_j)
 
 References:
     Craig, Introduction to Robotics, 3rd ed. 2005, section 3.4.
@@ -22,11 +22,11 @@ from armload_core.arrays import FloatArray
 from armload_identification.model.chain import Chain
 
 _PARALLEL = 1e-9
-"""Sine of the angle below which two axes are taken for parallel, if they are so to rounding."""
+"""Sine of the angle below which two axes count as parallel."""
 _ROUNDING = 4e-15
-"""Numbers of a unit vector or angles in units of right angles that are zero or whole but for rounding."""
+"""Rounding error of a unit vector's numbers, or of angles in units of right angles."""
 _TOUCHING_M = 1e-14
-"""Distance below which two axes meet."""
+"""Distance below which two axes intersect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +34,11 @@ class Joint:
     """One joint in its group.
 
     Attributes:
-        index: Which one it is, from 0.
-        sign: 1 where it turns about the group's z axis, -1 where about the opposite direction.
-        zero_rad: Added to q, so that the angle is counted from x of the joint before.
-        link: (4, 4) the chain's frame of this joint in the group's frame as the joint has turned it.
-        shift_m: Along x after the turn, and along the group's z, to the next joint of the group.
+        index: Index of the joint, from 0.
+        sign: 1 if it rotates about the group's z axis, -1 if about the opposite direction.
+        zero_rad: Added to q, so that the angle is measured from x of the previous joint.
+        link: (4, 4) the chain's frame of this joint in the group's frame rotated by the joint.
+        shift_m: Shift along x after the rotation, and along the group's z, to the next joint of the group.
     """
 
     index: int
@@ -53,9 +53,9 @@ class Group:
     """Joints with parallel axes.
 
     Attributes:
-        shift_m: (x, z) of the group's origin in the frame before it.
-        alpha_rad: Turn about x from the frame before into the group's.
-        joints: From the base outwards.
+        shift_m: (x, z) of the group's origin in the previous frame.
+        alpha_rad: Rotation about x from the previous frame to the group's.
+        joints: Joints from the base outwards.
     """
 
     shift_m: tuple[float, float]
@@ -68,9 +68,9 @@ class PlanarGroups:
     """A chain as groups.
 
     Attributes:
-        gravity_m_s2: (3,) in the first group's frame, before any joint.
-        groups: From the base to the flange.
-        flange: (4, 4) flange in the frame after the last group.
+        gravity_m_s2: (3,) gravity in the first group's frame, before any joint.
+        groups: Groups from the base to the flange.
+        flange: (4, 4) pose of the flange in the frame after the last group.
     """
 
     gravity_m_s2: FloatArray
@@ -98,7 +98,7 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
 
     Args:
         chain: The arm.
-        about_last_axis_rad: Turn of the last frame about its own axis, which is free.
+        about_last_axis_rad: Rotation of the last frame about its own axis, which can be chosen freely.
     """
     axes = _axes(chain)
     frames = _frames(axes, about_last_axis_rad)
@@ -106,7 +106,7 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
     gravity = before.pose()[:3, :3].T @ chain.gravity_m_s2
     poses = chain.forward(np.zeros(chain.n))
     groups: list[Group] = []
-    pending_m = 0.0  # along z of the frame before: from the foot of the last normal to that frame's origin
+    pending_m = 0.0  # along z of the previous frame: from the foot of the last normal to that frame's origin
     flipped = 1
     for i, frame in enumerate(frames):
         relative = np.linalg.inv(before.pose()) @ frame.pose()
@@ -125,7 +125,7 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
             link = _placed(frame, poses[i], along_z, flipped)
             groups[-1] = replace(groups[-1], joints=(*joints, Joint(i, flipped, zero, link)))
         else:
-            # a group that ended upside down leaves its frame turned about x by half a turn
+            # a group that ends with an inverted axis leaves its frame rotated about x by half a turn
             whole = alpha if flipped == 1 else alpha + np.pi
             link = _placed(frame, poses[i], along_z, 1)
             groups.append(Group((shift[0], flipped * shift[1]), float(whole), (Joint(i, 1, zero, link),)))
@@ -133,12 +133,12 @@ def planar_groups(chain: Chain, about_last_axis_rad: float = 0.0) -> PlanarGroup
         pending_m = along_z
         before = frame
     flange = _placed(frames[-1], poses[-1], 0.0, flipped)
-    # the last frame's origin lies at the foot of its normal: nothing is pending there
+    # the last frame's origin is at the foot of its normal: no shift is pending
     return PlanarGroups(_clean(gravity, float(np.abs(gravity).max())), tuple(groups), flange)
 
 
 def _placed(frame: _Frame, pose: FloatArray, along_z_m: float, flipped: int) -> FloatArray:
-    """A pose in base coordinates seen from a joint's axis: from the foot of the normal before, upright in its group."""
+    """A pose from base coordinates to a joint's axis: from the foot of the previous normal, upright in its group."""
     seen = np.linalg.inv(frame.pose()) @ pose
     seen[2, 3] += along_z_m
     seen = np.diag([1.0, flipped, flipped, 1.0]) @ seen
@@ -155,7 +155,7 @@ def _axes(chain: Chain) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def _frames(axes: list[tuple[FloatArray, FloatArray]], about_last_axis_rad: float) -> list[_Frame]:
-    """The x axis along the normal to the next axis, origin at its foot; the last frame ends at the normal before it."""
+    """Frames with x along the normal to the next axis and the origin at its foot; the last uses the previous normal."""
     frames: list[_Frame] = []
     for i in range(len(axes) - 1):
         (z, point), (other, beyond) = axes[i], axes[i + 1]
@@ -171,7 +171,7 @@ def _frames(axes: list[tuple[FloatArray, FloatArray]], about_last_axis_rad: floa
         else:
             previous = frames[-1].origin if frames else point
             along = float((previous - point) @ z)
-            # as low as the frame before it, so that its own shift along z vanishes where the axes meet
+            # level with the previous frame, so that its shift along z vanishes if the axes intersect
             origin = point + along * z
             across = (beyond - origin) - float((beyond - origin) @ z) * z
             distance = float(np.sqrt(across @ across))
@@ -198,7 +198,7 @@ def _frames(axes: list[tuple[FloatArray, FloatArray]], about_last_axis_rad: floa
 
 
 def _base_frame(chain: Chain, first: _Frame) -> _Frame:
-    """A fixed frame around the first axis: gravity in its x z plane, or x of the first joint where that vanishes."""
+    """A fixed frame about the first axis with gravity in its x z plane; x of the first joint if gravity is along z."""
     g = chain.gravity_m_s2
     level = g - (g @ first.z) * first.z
     size = float(np.sqrt(level @ level))
@@ -207,7 +207,7 @@ def _base_frame(chain: Chain, first: _Frame) -> _Frame:
 
 
 def _any_normal(z: FloatArray) -> FloatArray:
-    """A unit vector at right angles to z."""
+    """A unit vector perpendicular to z."""
     other = np.zeros(3)
     other[int(np.argmin(np.abs(z)))] = 1.0
     x = np.cross(other, z)
@@ -215,7 +215,7 @@ def _any_normal(z: FloatArray) -> FloatArray:
 
 
 def _clean(vector: FloatArray, size: float) -> FloatArray:
-    """A vector without the traces of rounding."""
+    """A vector without rounding errors around zero."""
     return np.where(np.abs(vector) < _ROUNDING * size, 0.0, vector)
 
 

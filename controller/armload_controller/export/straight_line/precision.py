@@ -10,7 +10,7 @@ from armload_controller.export.wording import exact
 
 
 class Precision(StrEnum):
-    """What numbers are computed in, by its name in C."""
+    """Precision of the computation, by its type name in C."""
 
     DOUBLE = "double"
     SINGLE = "float"
@@ -22,11 +22,11 @@ class Precision(StrEnum):
 
     @property
     def suffix(self) -> str:
-        """What functions of math.h and literals of this type end with."""
+        """Suffix of math.h functions and of literals of this type."""
         return "" if self is Precision.DOUBLE else "f"
 
     def literal(self, value: float) -> str:
-        """The shortest text that is this number in this type, without an implicit conversion."""
+        """The shortest literal of this type that represents the number, without an implicit conversion."""
         if self is Precision.DOUBLE:
             return exact(value)
         text = np.format_float_positional(np.float32(value) + np.float32(0.0), unique=True, trim="0")

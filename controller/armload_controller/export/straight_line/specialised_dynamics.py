@@ -1,9 +1,9 @@
-"""The payload's torque of one chain as expressions: outwards by groups of parallel joints, inwards again.
+"""The payload's torque of one chain as expressions: outward and inward recursion over groups of parallel joints.
 
     tau = J(q)^T w(q, dq, ddq, theta)                                           Chen 2016, eq. (2)
 
-The recursion is the one of Newton and Euler for an arm without mass: only the payload's wrench goes back. What makes
-it short is in `planar_groups` (frames, sums of angles) and `expressions` (zeros, ones, common terms).
+The recursion is that of Newton and Euler for a massless arm: only the payload's wrench is propagated inwards. It is
+short because of `planar_groups` (frames, sums of angles) and `expressions` (zeros, ones, common terms).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from armload_controller.export.straight_line.planar_groups import Group, PlanarG
 from armload_core.arrays import FloatArray
 
 _ROUNDING = 4e-15
-"""Right angles that are whole but for rounding."""
+"""Rounding error of angles in units of right angles."""
 
 
 @dataclass(frozen=True)
@@ -50,21 +50,21 @@ Wrench = tuple[Vector, Vector]
 
 
 class SpecialisedArm:
-    """The chain's motion and its way back for a wrench at the end.
+    """The chain's motion, and the inward recursion of wrenches.
 
     Args:
-        graph: Where expressions are made.
+        graph: Graph for the expressions.
         groups: The chain.
         q: (n) joint positions.
-        dq: (n) velocities; None stands for rest.
-        ddq: (n) accelerations; None stands for none.
+        dq: (n) velocities; None for zero.
+        ddq: (n) accelerations; None for zero.
 
     Attributes:
         graph: The graph.
         groups: The chain, from the base outwards.
-        flange: (4, 4) flange in the frame after the last group, in which a payload's parameters are.
-        motion: Of that frame.
-        turned: Motion of every joint's axis, where the normal before it ends, in its group's frame as it has turned it.
+        flange: (4, 4) pose of the flange in the frame after the last group, which payload parameters refer to.
+        motion: Motion of that frame.
+        turned: Motion at every joint's axis, at the foot of the previous normal, in its group's frame rotated by it.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class SpecialisedArm:
         self._dq = [zero] * n if dq is None else list(dq)
         self._ddq = [zero] * n if ddq is None else list(ddq)
         gravity = [graph.constant(float(-g)) for g in groups.gravity_m_s2]
-        # an upright first axis: nothing depends on where the first joint stands, so its angle is not counted
+        # vertical first axis: nothing depends on the first joint's position, so its angle is omitted
         upright = gravity[0].is_zero and gravity[1].is_zero
         self._turns = [self._angles(group, q, skip_first=upright and i == 0) for i, group in enumerate(self.groups)]
         self._alpha = [_turn_about_x(graph, group.alpha_rad) for group in self.groups]
@@ -118,10 +118,10 @@ class SpecialisedArm:
         return [torque[i] for i in range(len(torque))]
 
     def screws(self) -> list[tuple[Vector, Vector]]:
-        """Axis of each joint, and the velocity it gives the flange, in flange coordinates per rad/s."""
+        """Axis of each joint, and the flange's velocity per rad/s of the joint, in flange coordinates."""
         graph, flange = self.graph, self.flange
         zero = graph.constant(0.0)
-        # columns of the rotation into flange coordinates, and the way from a frame's origin to the flange's
+        # columns of the rotation to flange coordinates, and the vector from a frame's origin to the flange's
         x, y, z = (constant_vector(graph, row) for row in flange[:3, :3])
         way = linear((x, y, z), constant_vector(graph, flange[:3, 3]))
         found: dict[int, tuple[Vector, Vector]] = {}
@@ -159,7 +159,7 @@ class SpecialisedArm:
         return _Motion(*(turns[-1].into(v) for v in (motion.w, motion.e, motion.a)))
 
     def _angles(self, group: Group, q: Sequence[Expression], *, skip_first: bool) -> list[_Turn]:
-        """Cosine and sine of every joint's angle, counted from the group's frame."""
+        """Cosine and sine of every joint's angle, measured from the group's frame."""
         graph = self.graph
         angle, zero, turns = graph.constant(0.0), 0.0, []
         for k, joint in enumerate(group.joints):
@@ -195,7 +195,7 @@ def linear(columns: tuple[Vector, Vector, Vector], p: Vector) -> Vector:
 
 
 def turned_columns(turn: _Turn, a: Vector, b: Vector) -> tuple[Vector, Vector]:
-    """The columns a, b of a matrix after a turn of the coordinates that they belong to."""
+    """The columns a, b of a matrix after a rotation of the corresponding coordinates."""
     return (
         (turn.c * a[0] + turn.s * b[0], turn.c * a[1] + turn.s * b[1], turn.c * a[2] + turn.s * b[2]),
         (turn.c * b[0] - turn.s * a[0], turn.c * b[1] - turn.s * a[1], turn.c * b[2] - turn.s * a[2]),
@@ -209,7 +209,7 @@ def constant_vector(graph: Graph, values: FloatArray) -> Vector:
 
 
 def spin_matrix(w: Vector, e: Vector) -> tuple[Vector, Vector, Vector]:
-    """[e]x + [w]x [w]x: what turns a fixed point into its acceleration about the origin."""
+    """[e]x + [w]x [w]x, the matrix that maps a fixed point to its acceleration relative to the origin."""
     xx, yy, zz = (v * v for v in w)
     xy, xz, yz = w[0] * w[1], w[0] * w[2], w[1] * w[2]
     return (
@@ -234,13 +234,13 @@ def link_torque(arm: SpecialisedArm, links: Sequence[Sequence[Expression]]) -> l
 
     Args:
         arm: The arm's motion.
-        links: Ten parameters of each, about the point and in the axes of `arm.turned`.
+        links: Ten parameters of each link, about the points and in the axes of `arm.turned`.
     """
     return arm.inwards({i: _body_wrench(arm.turned[i], theta) for i, theta in enumerate(links)})
 
 
 def _body_wrench(motion: _Motion, theta: Sequence[Expression]) -> Wrench:
-    """Force and moment about a moving frame's origin that move a body of ten parameters with it."""
+    """Force and moment, about a moving frame's origin, that accelerate a body of ten parameters with the frame."""
     m, sx, sy, sz, ixx, iyy, izz, ixy, ixz, iyz = theta
     w, e, a = motion.w, motion.e, motion.a
     s = spin_matrix(w, e)
@@ -289,7 +289,7 @@ def payload_regressor(arm: SpecialisedArm) -> list[list[Expression]]:
 
 
 def _turn(graph: Graph, angle: Expression, zero_rad: float) -> _Turn:
-    """Cosine and sine of angle + zero; whole quarter turns cost nothing."""
+    """Cosine and sine of angle + zero; multiples of a right angle cost nothing."""
     quarter = zero_rad / (math.pi / 2.0)
     whole = round(quarter)
     if abs(quarter - whole) < _ROUNDING * max(1.0, abs(quarter)):
