@@ -113,7 +113,7 @@ class Master:
             carrier.update()
         return actual
 
-    def move(self, counts, steps=50):
+    def move(self, counts, steps=20):
         """Ramp the target up, a step per received TPDO; returns where the drive says it is in the end."""
         node = self.node
         target = node.rpdo_pointers[self.target]

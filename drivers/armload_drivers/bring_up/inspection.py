@@ -21,7 +21,7 @@ from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import DriverError
 
 LISTEN_S = 1.0
-"""The bus load is measured over this time."""
+"""How long a status listens to the bus, for a load that means something."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +132,14 @@ def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNo
     )
 
 
-def show(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None, listen_s: float = LISTEN_S) -> ArmStatus:
+def show(arm: ArmSettings, bus: can.BusABC, listen_s: float, timeouts: Timeouts | None = None) -> ArmStatus:
     """Status of the drives of an arm. Only reads, so it may be used while another program moves the arm.
+
+    Args:
+        arm: The arm.
+        bus: Where its drives are.
+        listen_s: The bus load is measured over this time.
+        timeouts: Limits of all waits.
 
     Raises:
         BusError: the bus failed.

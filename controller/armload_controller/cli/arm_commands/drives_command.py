@@ -109,14 +109,14 @@ def show_command(
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
     from armload_controller.session.stop_signals import StopSignals
-    from armload_drivers.bring_up.inspection import show
+    from armload_drivers.bring_up.inspection import LISTEN_S, show
 
     arm = load_robot(robot).with_bus(interface, channel, bitrate)
     screen = Screen(as_json=as_json)
     control = MotionControl()
     with StopSignals(control), _bus_of(arm) as bus:
         while control.goal.stop is None:
-            status = show(arm.drives.settings, bus)
+            status = show(arm.drives.settings, bus, LISTEN_S)
             screen.table(status_table(status))
             screen.result(bus_line(status))
             if as_json:

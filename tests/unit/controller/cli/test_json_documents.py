@@ -29,6 +29,7 @@ from armload_controller.feedforward.adaptation import Decision, DecisionKind
 from armload_controller.feedforward.offset_check import OffsetVerdict
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.session.feedforward_comparison import Comparison, Measure
+from armload_drivers.bring_up import inspection
 from armload_drivers.bring_up.inspection import FoundNode
 from armload_drivers.cia402.arm_settings import Identity
 from armload_identification.calibration.run_health import RunHealth
@@ -107,7 +108,9 @@ def document(armload, recorded_er50, tmp_path_factory):
         (line,) = result.stdout.splitlines()
         return json.loads(line)
 
-    return printed
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(inspection, "LISTEN_S", 0.01)
+        yield printed
 
 
 def designed_wiggle():
