@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import uuid
+from contextlib import nullcontext
 from importlib import resources
 
 import can
@@ -15,6 +16,7 @@ import pytest
 
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, UnsafeBus
+from armload_controller.session import arm_access
 from armload_controller.session.arm_access import arm_on_bus, clock_from_now, require_rules
 from armload_drivers.cia402.arm_settings import Identity
 from armload_drivers.driver_errors import WrongDevice
@@ -60,7 +62,13 @@ with can.Bus(interface="bench", channel="floor") as bus, SimulatedDrives(arm, pl
 
 
 @pytest.fixture
-def bench():
+def untuned(monkeypatch):
+    """The memory of this process, which has loaded what all tests load, takes seconds to lock; see `test_realtime`."""
+    monkeypatch.setattr(arm_access, "tuned_for_cycles", lambda report: nullcontext())
+
+
+@pytest.fixture
+def bench(untuned):
     """prbt's drives on a virtual bus, one of them somebody else's, and a listener."""
     robot = load_robot("prbt").with_bus(channel=uuid.uuid4().hex)
     arm = robot.drives.settings
@@ -148,7 +156,7 @@ def test_a_foreign_drive_is_refused_before_anything_is_written(bench):
             assert message.data[0] not in SDO_WRITES, f"SDO write {message}"
 
 
-def test_the_arm_that_the_file_names_is_connected_and_known_to_be_real(named):
+def test_the_arm_that_the_file_names_is_connected_and_known_to_be_real(named, untuned):
     robot = load_robot(str(named())).with_bus(channel=uuid.uuid4().hex)
     arm = robot.drives.settings
     traits = {drive.node_id: DriveTraits(identity=FOREIGN) for drive in arm.drives}
