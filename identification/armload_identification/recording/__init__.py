@@ -1,1 +1,1 @@
-"""Recordings: the one type, its readers, and which rows are garbage."""
+"""Recordings: their common type, its readers, and the detection of invalid rows."""

@@ -1,8 +1,8 @@
-"""What the columns of a table hold, by their names: `q1`, `joint_2_pos_deg`, `actual_current_0`, `elbow.effort`.
+"""Recognises the columns of a table by their names: `q1`, `joint_2_pos_deg`, `actual_current_0`, `elbow.effort`.
 
-A name is cut into words and numbers. One word says the quantity, others the unit or that the column is no measurement;
-what is left is the joint: its number, else its name. Columns of unknown units are taken to be in SI units; garbage and
-wrong units are found later, by their magnitude.
+A name is split into words and numbers. One word is the quantity, others are the unit or show that the column is not a
+measurement; the rest is the joint: its number, else its name. Columns without a known unit are assumed to be in SI
+units; invalid values and wrong units are detected later, by their magnitude.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def columns_by_name(path: Path, names: Sequence[str]) -> CsvColumns:
         names: Names of all columns.
 
     Raises:
-        RecordingError: no time, no positions, or nothing that could be chosen without a doubt.
+        RecordingError: no time, no positions, or an ambiguous choice.
     """
     found: dict[str, dict[int | str, list[tuple[str, float]]]] = {}
     times: list[tuple[int, str, float]] = []
@@ -109,12 +109,12 @@ def columns_by_name(path: Path, names: Sequence[str]) -> CsvColumns:
 
 
 def _meaning(words: Sequence[str]) -> tuple[str | None, int | str, float]:
-    """Quantity, joint and factor of a column; no quantity where it is not a measurement of a joint."""
+    """Quantity, joint and factor of a column; no quantity if it is not a measurement of a joint."""
     scale = math.prod(_UNITS[word] for word in words[1:] if word in _UNITS)
     if _NOT_MEASURED & set(words):
         return None, "", scale
     quantities = [name for name, synonyms in _QUANTITIES.items() if synonyms & set(words)]
-    # A short word may be a name: what is spelt out decides, such as "i" beside "position".
+    # A single letter may be part of a name: longer words have priority, such as "position" over "i".
     if len(quantities) > 1:
         quantities = [name for name in quantities if any(len(word) > 1 for word in _QUANTITIES[name] & set(words))]
     if len(quantities) != 1:

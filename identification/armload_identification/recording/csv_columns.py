@@ -1,4 +1,4 @@
-"""Which columns of a table hold what."""
+"""The meaning of a table's columns."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _MOST_COLUMNS: Final = 1000
 
 @dataclass(frozen=True)
 class CsvColumns:
-    """Which columns of a table (CSV, Parquet, arrays) hold what: numbers from zero, or names of a header line.
+    """The columns of a table (CSV, Parquet) by quantity: numbers from zero, or names of a header line.
 
     Attributes:
         time: Column of the time stamp in s.
-        position: One column per joint, rad; or one that holds a list with all of them.
-        velocity: One per joint, rad/s; None where the log has none.
-        current: One per joint, MOTOR current in A; None where the log has torque.
-        torque: One per joint, JOINT torque in N m; None where the log has current.
-        scale: By quantity, as `groups` names them: what a column's numbers are multiplied with; 1 if not given.
-        joint_names: Names of the joints, where the columns show them.
+        position: One column per joint, rad; or one that contains a list of all joints.
+        velocity: One per joint, rad/s; None if the log has none.
+        current: One per joint, MOTOR current in A; None if the log has torque.
+        torque: One per joint, JOINT torque in N m; None if the log has current.
+        scale: Factor on the numbers of a quantity, by its name in `groups`; 1 if not given.
+        joint_names: Names of the joints, if the columns show them.
     """
 
     time: int | str
@@ -37,7 +37,7 @@ class CsvColumns:
     joint_names: tuple[str, ...] = ()
 
     def groups(self) -> dict[str, list[int | str]]:
-        """The columns by the name of the quantity, those that are there."""
+        """The existing columns by the name of the quantity."""
         groups: dict[str, list[int | str]] = {"time_s": [self.time], "position_rad": list(self.position)}
         for name, columns in (
             ("velocity_rad_s", self.velocity),
@@ -50,14 +50,14 @@ class CsvColumns:
 
 
 def parse_columns(text: str) -> CsvColumns:
-    """Columns as they are written on a command line.
+    """Columns from the command line.
 
     Args:
-        text: Such as "time=0 position=1-6 current=7-12" or "time=t position=q1-6 torque=tau1-6"; names and numbers
-            separated by commas, a range stands for each of its numbers.
+        text: Such as "time=0 position=1-6 current=7-12" or "time=t position=q1-6 torque=tau1-6": names and numbers
+            separated by commas, or ranges of numbers.
 
     Raises:
-        RecordingError: naming what cannot be understood.
+        RecordingError: naming the part that is invalid.
     """
     found: dict[str, list[int | str]] = {}
     for part in text.split():

@@ -1,8 +1,8 @@
-"""From a file to a recording: blocks of rows, cleaned and reduced on the way.
+"""From a file to a recording: blocks of rows, cleaned and reduced while they are read.
 
-Memory does not grow with the file. A run of up to `SHORT_ROWS` rows is kept as it is; a longer one is reduced
-(`period_average`, `time_average`). Which way a long run can be reduced shows only while it is read; where one does not
-fit, the file is read again for the next.
+Memory does not grow with the file. A run of up to `SHORT_ROWS` rows is kept unchanged; a longer one is reduced
+(`period_average`, `time_average`). Whether a reduction suits a long run is known only while it is read; if it does not,
+the file is read again with the next one.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from armload_identification.recording.row_block import RowBlock, joined
 from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 
 SHORT_ROWS: Final = FIRST_WINDOW
-"""Rows up to which a recording is kept as it is."""
+"""Most rows of a recording that is kept unchanged."""
 
 
 def read_recording(
@@ -46,19 +46,19 @@ def read_recording(
 
     Args:
         path: The file.
-        columns: What stands where in a table, where the names of its columns do not show it.
-        effort: What the effort of a ROS message is.
-        joint_names: Names of the arm's joints, to choose by where a recording has other joints too.
-        between_s: Times since the first row between which rows are used; all of them if not given.
-        episode: Number of the recording to take from a data set of several.
-        with_effort: Whether a recording without torque and current is refused; it is for looking at only.
-        short_rows: Rows up to which it is kept as it is.
+        columns: The columns of a table, if their names do not show what they contain.
+        effort: Quantity of the effort in a ROS message.
+        joint_names: Names of the arm's joints, to choose from a recording with other joints.
+        between_s: Start and end in s since the first row; all rows are used if not given.
+        episode: Number of the recording in a data set of several.
+        with_effort: Whether a recording without torque and current is refused; False only for inspection.
+        short_rows: Most rows of a recording that is kept unchanged.
 
     Returns:
-        The recording; rows that cannot be right are left out and counted.
+        The recording; invalid rows are dropped and counted.
 
     Raises:
-        RecordingError: the file is missing, empty, of another kind, damaged, or holds nothing usable.
+        RecordingError: the file is missing, empty, damaged, of an unknown format, or contains no usable rows.
     """
     reader = reader_of(path, ReadingOptions(columns, effort, tuple(joint_names), episode))
     text = reader.attachments.get(EXCITATION_ATTACHMENT)
@@ -76,7 +76,7 @@ def read_recording(
 
 
 def _reductions(path: Path, excitation: Excitation | None) -> Iterator[Callable[[], Reduction]]:
-    """The ways to reduce a long run, the best first; the last one fits every run."""
+    """The possible reductions of a long run, the best first; the last one suits every run."""
     if excitation is not None:
         yield lambda: PeriodAverager(path, excitation, interpolated=False)
         yield lambda: PeriodAverager(path, excitation, interpolated=True)
@@ -91,7 +91,7 @@ def _read(
     short_rows: int,
     between_s: tuple[float, float] | None,
 ) -> Recording:
-    """Read once, reducing in one way where the run turns out to be long."""
+    """Read once, with the given reduction if the run is long."""
     account = ReadingAccount()
     kept: list[RowBlock] = []
     size = 0
@@ -123,7 +123,7 @@ def _read(
 
 
 def _part(blocks: Iterator[RowBlock], between_s: tuple[float, float] | None) -> Iterator[RowBlock]:
-    """The rows between two times since the first."""
+    """The rows between two times since the first row."""
     start_s: float | None = None
     for rows in blocks:
         if between_s is None or not rows.size:
@@ -137,7 +137,7 @@ def _part(blocks: Iterator[RowBlock], between_s: tuple[float, float] | None) -> 
 def _usable(
     reader: RecordingReader, account: ReadingAccount, garbage: GarbageFilter, excitation: Excitation | None
 ) -> Iterator[RowBlock]:
-    """The usable rows of a file; without an excitation a phase means nothing."""
+    """The usable rows of a file; the phase is dropped without an excitation."""
     for block in reader.blocks(account):
         yield from garbage.add(block if excitation is not None else replace(block, phase_s=None))
     yield from garbage.finish()

@@ -1,7 +1,7 @@
-"""Which rows of a log can be right: garbage is left out and counted, a wrong unit is refused.
+"""Removal of invalid rows from a log: they are dropped and counted; wrong units are refused.
 
-Rows are judged in windows, so that a log of any length passes through. A window overlaps its neighbours: a row is
-judged only when enough rows on both sides of it are known. A short log is one window.
+Rows are checked in windows, so that a log may have any length. Windows overlap, as a check requires enough rows on both
+sides of a row. A short log is one window.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.row_block import RowBlock, joined
 
 FIRST_WINDOW: Final = 2**17
-"""Rows that units and sampling interval are judged on; what is shorter is judged as a whole."""
+"""Rows from which units and sampling interval are determined; a shorter log is a single window."""
 _WINDOW: Final = 2**14
 _OVERLAP: Final = 2**10
-"""Rows at the end of a window that wait for the next: a wild time stamp among them costs itself and no other."""
+"""Rows at the end of a window that are checked with the next: a wrong time stamp among them costs only its own row."""
 _SHORTEST_ROWS: Final = 20
 _ABSURD: Final = {"position_rad": 1e3, "velocity_rad_s": 1e3, "current_a": 1e4, "torque_nm": 1e6}
-"""Magnitudes that no joint of an arm reaches, in any unit that may have been used."""
+"""Magnitudes that no joint of an arm reaches, in any likely unit."""
 _FASTEST_RAD_S: Final = 50.0
 _JUMP_WINDOW: Final = 11
 _LONGEST_INTERVAL_S: Final = 0.5
@@ -36,24 +36,24 @@ _SHORTEST_INTERVAL_S: Final = 1e-5
 _TIME_UNITS: Final = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 _USUAL_INTERVAL_S: Final = (1e-4, 0.11)
 _LARGEST_ANGLE_RAD: Final = 6.0 * np.pi
-"""Joints that turn further are logged modulo their turn; above this it is degrees."""
+"""Joints that turn further are logged modulo one turn; greater angles are in degrees."""
 _REASONS: Final = ("not finite", "impossible value", "time out of range", "time not increasing", "position jumps")
 _KEPT: Final = len(_REASONS)
 
 
 class GarbageFilter:
-    """Passes on the rows that can be right, and counts the others by reason.
+    """Passes on valid rows, and counts the others by reason.
 
-    Left out are rows that are not finite, hold impossible magnitudes, have a time stamp far from all others or one
-    that does not increase, and rows whose position jumps away from its neighbours and back.
+    Dropped are rows with values that are not finite or impossibly large, with a time stamp that is far from all others
+    or does not increase, and with a position that jumps away from its neighbours and back.
 
     Args:
-        path: What messages call the recording.
+        path: Name of the recording in messages.
         with_effort: Whether a recording without torque and current is refused.
 
     Attributes:
-        path: The same.
-        reasons: Rows left out so far, by reason.
+        path: Name of the recording in messages.
+        reasons: Rows dropped so far, by reason.
     """
 
     def __init__(self, path: Path, *, with_effort: bool = True) -> None:
@@ -65,13 +65,13 @@ class GarbageFilter:
         self.reasons: Counter[str] = Counter()
 
     def add(self, block: RowBlock) -> Iterator[RowBlock]:
-        """Go on with more rows of the log.
+        """Add more rows of the log.
 
         Args:
-            block: The next rows, good or bad.
+            block: The next rows, valid or not.
 
         Yields:
-            Usable rows, some time after they were given.
+            Valid rows, with a delay.
 
         Raises:
             RecordingError: neither torque nor current, or a wrong unit.
@@ -82,10 +82,10 @@ class GarbageFilter:
             yield self._judged(_OVERLAP)
 
     def finish(self) -> Iterator[RowBlock]:
-        """The rows that still waited for more.
+        """The remaining rows.
 
         Yields:
-            Usable rows.
+            Valid rows.
 
         Raises:
             RecordingError: as `add`.
@@ -94,15 +94,15 @@ class GarbageFilter:
             yield self._judged(0)
 
     def require_enough(self, kept: int, rows_read: int, others: Mapping[str, int]) -> None:
-        """Refuse a log of which too little is left.
+        """Raise if too few rows of a log are usable.
 
         Args:
-            kept: Usable rows.
-            rows_read: Rows of the log, good or bad.
-            others: Rows that were left out before they got here, by reason.
+            kept: Number of usable rows.
+            rows_read: Number of rows of the log, valid or not.
+            others: Rows that were dropped by the reader, by reason.
 
         Raises:
-            RecordingError: naming what was left out and why.
+            RecordingError: naming what was dropped and why.
         """
         if kept >= _SHORTEST_ROWS:
             return
@@ -114,7 +114,7 @@ class GarbageFilter:
         )
 
     def _judged(self, left: int) -> RowBlock:
-        """The usable ones of all rows that wait, but for some that are left to wait."""
+        """The valid ones of all waiting rows, except for the last `left`, which keep waiting."""
         rows = joined(self._waiting)
         first = self._absent is None
         if first:
@@ -144,7 +144,7 @@ class GarbageFilter:
         return kept
 
     def _learn(self, rows: RowBlock) -> None:
-        """Which quantities there are, and whether the positions are in radians."""
+        """Note which quantities are absent, and check that positions are in radians."""
         names = ("velocity_rad_s", "current_a", "torque_nm")
         self._absent = tuple(name for name in names if getattr(rows, name) is None)
         if self._with_effort and {"current_a", "torque_nm"} <= set(self._absent):
@@ -155,7 +155,7 @@ class GarbageFilter:
         refuse_degrees(self.path, rows.position_rad)
 
     def _without_absent(self, rows: RowBlock) -> RowBlock:
-        """The rows with the quantities that the log began with."""
+        """The rows, reduced to the quantities at the beginning of the log."""
         absent = self._absent or ()
         return replace(
             rows,
@@ -166,7 +166,7 @@ class GarbageFilter:
 
 
 def _verdict(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp], float]:
-    """(N,) index of the reason to leave each row out, `_KEPT` where there is none, and the sampling interval."""
+    """(N,) index of the reason to drop each row, `_KEPT` for valid rows, and the sampling interval in s."""
     verdict = np.full(rows.size, _KEPT)
     kept = np.arange(rows.size)
     if not rows.size:
@@ -179,7 +179,7 @@ def _verdict(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp]
             kept = kept[~bad]
 
     measured = {name: values for name in _ABSURD if (values := getattr(rows, name)) is not None}
-    # One number per quantity clears nearly all windows; what is not a number is not below the bound either.
+    # The maximum per quantity clears nearly all windows; the comparison is also False for NaN.
     suspect = {name: values for name, values in measured.items() if not np.abs(values).max() <= _ABSURD[name]}
     finite = np.isfinite(rows.time_s)
     for values in suspect.values():
@@ -206,9 +206,9 @@ def _verdict(rows: RowBlock, interval_s: float | None) -> tuple[NDArray[np.intp]
 
 
 def _jumps(position: FloatArray, reach_rad: float) -> NDArray[np.bool_]:
-    """(N,) rows that are farther than that from the median of their neighbours, on any joint."""
+    """(N,) True for rows in which a joint is further than `reach_rad` from the median of its neighbours."""
     jumps = np.zeros(len(position), dtype=bool)
-    # A row so far from the median has a step of a tenth of that among its neighbours; nearly all logs have none.
+    # Such a row has a step of at least a tenth of that distance among its neighbours; nearly all logs have none.
     step = np.abs(np.diff(position, axis=0))
     if step.max() <= reach_rad / (_JUMP_WINDOW - 1):
         return jumps
@@ -221,7 +221,7 @@ def _jumps(position: FloatArray, reach_rad: float) -> NDArray[np.bool_]:
 
 
 def _longest_increasing(values: FloatArray) -> NDArray[np.intp]:
-    """Indices of the longest strictly increasing subsequence: one wild stamp costs one row, not the rest."""
+    """Indices of the longest strictly increasing subsequence: one wrong stamp costs one row, not the rest."""
     if (np.diff(values) > 0.0).all():
         return np.arange(values.size)
     tails: list[float] = []
@@ -245,11 +245,11 @@ def _longest_increasing(values: FloatArray) -> NDArray[np.intp]:
 
 
 def refuse_degrees(path: Path, position: FloatArray) -> None:
-    """Refuse joint angles of several turns in many rows: they are degrees.
+    """Raise for joint angles of several turns in many rows, which are degrees.
 
     Args:
         path: The file, for the message.
-        position: (N, n) positions that should be in rad.
+        position: (N, n) positions, expected in rad.
 
     Raises:
         RecordingError: naming what was found and expected.
@@ -264,14 +264,14 @@ def refuse_degrees(path: Path, position: FloatArray) -> None:
 
 
 def refuse_time_unit(path: Path, interval_s: float) -> None:
-    """Refuse time stamps that are not in seconds: no arm is recorded every second, or a million times in one.
+    """Raise for time stamps that are not in seconds: no arm is recorded at 1 Hz or 1 MHz.
 
     Args:
         path: The file, for the message.
         interval_s: Median time between its rows.
 
     Raises:
-        RecordingError: naming the unit that they seem to have.
+        RecordingError: naming the likely unit.
     """
     if _SHORTEST_INTERVAL_S <= interval_s <= _LONGEST_INTERVAL_S:
         return
@@ -286,13 +286,13 @@ def refuse_time_unit(path: Path, interval_s: float) -> None:
 
 
 def refuse_mixed_units(path: Path, time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> None:
-    """Refuse positions, velocities and time stamps of one recording whose units do not belong together.
+    """Raise if the units of positions, velocities and time stamps are inconsistent.
 
     Args:
         path: The file, for the message.
         time_s: (N,) time stamps.
-        position: (N, n) positions that should be in rad.
-        velocity: (N, n) velocities that should be in rad/s.
+        position: (N, n) positions, expected in rad.
+        velocity: (N, n) velocities, expected in rad/s.
 
     Raises:
         RecordingError: positions or velocities are in degrees, or the time is not in seconds.

@@ -1,4 +1,4 @@
-"""What a reader of one recording format is."""
+"""Interface of the readers of recording formats."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from armload_identification.recording.row_block import RowBlock
 
 @dataclass
 class ReadingAccount:
-    """What a reader found in a file; complete when its last block was taken.
+    """What a reader found in a file; complete after its last block.
 
     Attributes:
         sha256: Hash of the file.
-        rows_read: Rows found, good or bad.
-        reasons: Rows that have no place in a block, by reason.
-        truncated: The file ends in the middle of a record.
-        joint_names: Names of the joints in the order of the columns; empty where the file does not name them.
+        rows_read: Number of rows found, valid or not.
+        reasons: Rows that are not part of a block, by reason.
+        truncated: Whether the file ends in the middle of a record.
+        joint_names: Names of the joints in the order of the columns; empty if the file does not name them.
     """
 
     sha256: str = ""
@@ -30,18 +30,18 @@ class ReadingAccount:
     joint_names: tuple[str, ...] = ()
 
     def leave_out(self, rows: int, reason: str) -> None:
-        """Count rows that are left out.
+        """Count dropped rows.
 
         Args:
-            rows: How many.
-            reason: Why.
+            rows: Their number.
+            reason: Why they were dropped.
         """
         if rows:
             self.reasons[reason] = self.reasons.get(reason, 0) + rows
 
 
 class RecordingReader(Protocol):
-    """Reads one file, as often as it is asked to, in blocks of a few thousand rows.
+    """Reads one file, repeatedly if necessary, in blocks of a few thousand rows.
 
     Attributes:
         kind: Name of the format.
@@ -55,13 +55,13 @@ class RecordingReader(Protocol):
         """Read the file from its beginning.
 
         Args:
-            account: Is filled in on the way.
+            account: Filled in during reading.
 
         Yields:
-            The file's rows in its order, as they are: garbage is found elsewhere.
+            The file's rows in their order, unchecked: invalid rows are dropped elsewhere.
 
         Raises:
-            RecordingError: the file cannot be read, is damaged or holds nothing of what was asked for.
+            RecordingError: the file cannot be read, is damaged, or does not contain the requested data.
         """
 
 
@@ -69,13 +69,13 @@ class ReaderFactory(Protocol):
     """Opens files of one format."""
 
     def __call__(self, path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
-        """A reader, or None where it is not of this format.
+        """A reader, or None for another format.
 
         Args:
             path: The file or folder.
-            start: Its first bytes; none of a folder.
-            options: What is known of it beforehand.
+            start: Its first bytes; empty for a folder.
+            options: Information that is not in the file.
 
         Raises:
-            RecordingError: it is of this format, but cannot be read.
+            RecordingError: the file is of this format, but cannot be read.
         """

@@ -1,6 +1,6 @@
-"""The recording formats there are. A new one is a reader in a file of its own, and its line here.
+"""The supported recording formats. A new one requires its own file with a reader, and an entry here.
 
-The libraries of a format are loaded for its files only.
+The libraries of a format are loaded only for its files.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from armload_identification.storage.read_file import require_regular
 _SQLITE: Final = b"SQLite format 3\x00"
 _ROS_PROFILE: Final = b"\x04\x00\x00\x00ros2"
 _PROFILE_AT: Final = len(MAGIC) + 9
-"""Of an MCAP file, behind the kind and length of its first record."""
+"""Position of the profile in an MCAP file, after the kind and length of the first record."""
 _ZIP: Final = b"PK\x03\x04"
 _PARQUET: Final = b"PAR1"
 _START_BYTES: Final = 4096
 
 
 def open_ros(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
-    """The reader of ROS 2 bags: a folder with a storage file, SQLite, or an MCAP file of that profile."""
+    """The reader of ROS 2 bags: a folder with a storage file, an SQLite file, or an MCAP file with that profile."""
     folder = path.is_dir() and (any(path.glob("*.db3*")) or any(path.glob("*.mcap*")))
     mcap = start.startswith(MAGIC) and start[_PROFILE_AT:].startswith(_ROS_PROFILE)
     if not (folder or mcap or start.startswith(_SQLITE)):
@@ -48,7 +48,7 @@ def open_mcap(path: Path, start: bytes, options: ReadingOptions) -> RecordingRea
 
 
 def open_numpy(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
-    """The reader of NumPy's archives."""
+    """The reader of NumPy archives."""
     del options
     if not start.startswith(_ZIP) or path.suffix != ".npz":
         return None
@@ -58,7 +58,7 @@ def open_numpy(path: Path, start: bytes, options: ReadingOptions) -> RecordingRe
 
 
 def open_parquet(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
-    """The reader of Parquet tables, and of folders that are data sets of LeRobot."""
+    """The reader of Parquet tables, and of LeRobot data sets (folders)."""
     if not start.startswith(_PARQUET) and not (path.is_dir() and (path / "meta" / "info.json").is_file()):
         return None
     try:
@@ -69,14 +69,14 @@ def open_parquet(path: Path, start: bytes, options: ReadingOptions) -> Recording
 
 
 def open_csv(path: Path, start: bytes, options: ReadingOptions) -> RecordingReader | None:
-    """The reader of tables as text: any other file that has no bytes of zero."""
+    """The reader of text tables: any other file without zero bytes."""
     if not start or (b"\x00" in start and options.columns is None):
         return None
     return CsvReader(path, options.columns)
 
 
 READERS: Final[tuple[ReaderFactory, ...]] = (open_ros, open_mcap, open_numpy, open_parquet, open_csv)
-"""In this order: a file belongs to the first that takes it, and a table has no signature to recognise it by."""
+"""The first reader that accepts a file is used; CSV comes last, because a text table has no signature."""
 
 
 def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
@@ -84,10 +84,10 @@ def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
 
     Args:
         path: The recording.
-        options: What is known of it beforehand.
+        options: Information that is not in the file.
 
     Raises:
-        RecordingError: it cannot be opened, is empty, or is of no known format.
+        RecordingError: it cannot be opened, is empty, or has an unknown format.
     """
     try:
         start = b"" if path.is_dir() else _start_of(path)
@@ -107,7 +107,7 @@ def reader_of(path: Path, options: ReadingOptions) -> RecordingReader:
 
 
 def _start_of(path: Path) -> bytes:
-    """The first bytes of a file that holds more than blanks."""
+    """The first bytes of a file, which must contain more than white space."""
     require_regular(path)
     with path.open("rb") as file:
         start = file.read(_START_BYTES)

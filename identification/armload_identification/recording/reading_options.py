@@ -9,7 +9,7 @@ from armload_identification.recording.csv_columns import CsvColumns
 
 
 class Effort(StrEnum):
-    """What drives report of their effort: JOINT torque in N m, or MOTOR current in A."""
+    """Quantity that drives report as effort: JOINT torque in N m, or MOTOR current in A."""
 
     TORQUE = "torque"
     CURRENT = "current"
@@ -17,14 +17,14 @@ class Effort(StrEnum):
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """What is known of a recording beforehand.
+    """Information about a recording that is not in the file.
 
     Attributes:
-        columns: What stands where in a table; None leaves it to the names of its columns.
-        effort: What an effort is of which the format does not say it.
-        joint_names: Names of the arm's joints, where they are known: of several groups of joints the reader takes
-            the one with these.
-        episode: Number of the recording to take from a data set of several.
+        columns: The columns of a table; None to recognise them by name.
+        effort: Quantity of the effort, for formats that do not specify it.
+        joint_names: Names of the arm's joints, if known; of several groups of joints the reader takes the one with
+            these.
+        episode: Number of the recording in a data set of several.
     """
 
     columns: CsvColumns | None = None

@@ -1,7 +1,7 @@
-"""Recordings: the one type that identification sees, whatever the source.
+"""Recordings: the common type for all sources.
 
-Time stamps are used as they are; no interval is ever assumed. Rows that cannot be right are left out and
-counted by reason in `RecordingSource.reasons`, never silently.
+Time stamps are used as recorded; no interval is assumed. Invalid rows are dropped and counted by reason in
+`RecordingSource.reasons`.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from armload_identification.recording.run_format import RUN_ATTACHMENT
 
 @dataclass(frozen=True)
 class RecordingSource:
-    """Where a recording came from and what was left out of it.
+    """Source of a recording, and the rows dropped from it.
 
     Attributes:
         path: The file, or the name of a recording that was made from arrays.
         sha256: Hash of the file, or of the arrays.
         kind: Name of the format, such as "mcap" or "csv"; "arrays" without a file.
-        rows_read: Rows found, good or bad.
-        rows_dropped: Rows left out.
-        reasons: Rows left out, by reason.
+        rows_read: Number of rows found, valid or not.
+        rows_dropped: Number of rows dropped.
+        reasons: Number of rows dropped, by reason.
         attachments: Text of the attachments by name.
-        truncated: The file ends in the middle of a record; what came before was read.
-        joint_names: Names of the joints in the order of the columns; empty where the recording does not name them.
-        ignored_joints: Names of further joints of the file, which the arm does not have.
+        truncated: Whether the file ends in the middle of a record; everything before was read.
+        joint_names: Names of the joints in the order of the columns; empty if the recording does not name them.
+        ignored_joints: Names of joints in the file that the arm does not have.
     """
 
     path: Path
@@ -54,7 +54,7 @@ class RecordingSource:
     ignored_joints: tuple[str, ...] = ()
 
     def run(self) -> dict[str, Any]:
-        """The `run.json` attachment; empty where there is none.
+        """The `run.json` attachment; empty without one.
 
         Raises:
             RecordingError: it is not a JSON object.
@@ -73,12 +73,12 @@ class RecordingSource:
 
 @dataclass(frozen=True, eq=False)
 class PeriodAverage:
-    """What a long periodic run was reduced to while it was read, beside the rows of its average period.
+    """Statistics of a long periodic run that was reduced to its average period while it was read.
 
     Attributes:
-        periods: Whole periods M that were averaged.
-        effort_covariance: (n, n) covariance of ONE raw sample of what the drives report between periods: of motor
-            currents in A2, or of joint torques in N2 m2; None where too few samples repeat.
+        periods: Number of averaged periods, M.
+        effort_covariance: (n, n) covariance of ONE raw sample between periods: of motor currents in A2, or of joint
+            torques in N2 m2; None if too few samples repeat.
     """
 
     periods: int
@@ -87,16 +87,16 @@ class PeriodAverage:
 
 @dataclass(frozen=True, eq=False)
 class Recording(RowBlock):
-    """One run of an arm, time stamps strictly increasing; there is current or torque.
+    """One run of an arm with strictly increasing time stamps and current or torque.
 
-    A long run is reduced while it is read: to its average period where it follows an excitation, else to means over
-    10 ms. Its rows are these then, and what they no longer show is in `average` and `repeats`.
+    A long run is reduced while it is read: to its average period if it follows an excitation, else to means over 10 ms.
+    Information about the raw rows is then in `average` and `repeats`.
 
     Attributes:
         excitation: The trajectory that was streamed, or None.
-        source: Where it came from.
-        average: What the rows are the average of; None where they are not the average period.
-        repeats: Longest stretches of equal values in the raw rows; None where the rows are the raw rows.
+        source: The file or arrays.
+        average: Statistics of the averaged periods; None unless the rows are the average period.
+        repeats: Longest repetitions of a value in the raw rows; None if the rows are the raw rows.
     """
 
     excitation: Excitation | None
@@ -106,14 +106,14 @@ class Recording(RowBlock):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints in the order of the columns; empty where the recording does not name them."""
+        """Names of the joints in the order of the columns; empty if the recording does not name them."""
         return self.source.joint_names
 
     def joints(self, chosen: Sequence[int]) -> Recording:
         """The same run with some of its joints, in a given order.
 
         Args:
-            chosen: Columns, counted from 0.
+            chosen: Columns, starting at 0.
         """
         columns = np.array(chosen, dtype=np.intp)
         names = ("position_rad", "velocity_rad_s", "current_a", "torque_nm")
@@ -133,13 +133,13 @@ class Recording(RowBlock):
         return replace(self, **kept, average=average, repeats=repeats, excitation=excitation, source=source)
 
     def named_joints(self, names: Sequence[str]) -> Recording:
-        """The same run with the joints of these names in this order; others are left out.
+        """The same run with only the joints of these names, in this order.
 
         Args:
-            names: Names of the joints that are wanted, base first.
+            names: Names of the wanted joints, base first.
 
         Raises:
-            RecordingError: the recording names no joints, or not all of these.
+            RecordingError: the recording does not name its joints, or lacks one of these.
         """
         if not self.joint_names:
             raise RecordingError(
@@ -175,19 +175,20 @@ class Recording(RowBlock):
         Args:
             time_s: (N,) time stamps in s.
             position_rad: (N, n) joint positions in rad.
-            torque_nm: (N, n) JOINT torques in N m; give these or currents.
+            torque_nm: (N, n) JOINT torques in N m; these or currents are required.
             current_a: (N, n) MOTOR currents in A.
-            velocity_rad_s: (N, n) joint velocities in rad/s; the units of the positions are checked against them.
+            velocity_rad_s: (N, n) joint velocities in rad/s, used only to check the units of the positions.
             phase_s: (N,) phase along `excitation`, NaN outside its whole periods.
             excitation: The trajectory that was streamed.
-            joint_names: Names of the n joints in the order of the columns, where they are known.
-            name: What messages and provenance call it.
+            joint_names: Names of the n joints in the order of the columns, if known.
+            name: Name of the recording in messages and provenance.
 
         Returns:
             The recording; its hash is that of the arrays.
 
         Raises:
-            RecordingError: arrays that do not fit each other, neither torque nor current, or too few usable rows.
+            RecordingError: arrays of inconsistent shapes, neither torque nor current, wrong units, or too few usable
+                rows.
 
         Examples:
             >>> import armload, numpy as np
@@ -220,10 +221,10 @@ class Recording(RowBlock):
 
 
 def clean(path: Path, rows: RowBlock) -> tuple[RowBlock, dict[str, int]]:
-    """The usable rows of a run that is in memory as a whole, and how many were left out by reason.
+    """The usable rows of a run in memory, and the number of dropped rows by reason.
 
     Args:
-        path: What messages call it.
+        path: Name of the run in messages.
         rows: All of its rows.
 
     Raises:
@@ -236,22 +237,22 @@ def clean(path: Path, rows: RowBlock) -> tuple[RowBlock, dict[str, int]]:
 
 
 def recording_of(rows: RowBlock, excitation: Excitation | None, source: RecordingSource) -> Recording:
-    """A recording of rows as they are.
+    """A recording of unreduced rows.
 
     Args:
         rows: The usable rows.
         excitation: The trajectory that was streamed, or None.
-        source: Where they came from.
+        source: Their source.
     """
     return Recording(**{name: getattr(rows, name) for name in QUANTITIES}, excitation=excitation, source=source)
 
 
 def check_joints(recording: Recording, n: int) -> None:
-    """Refuse a recording that was made on another arm.
+    """Raise if a recording has another number of joints than the arm.
 
     Args:
         recording: The recording.
-        n: Joints of the arm.
+        n: Number of joints of the arm.
 
     Raises:
         RecordingError: naming file, found and expected number of joints.
@@ -264,10 +265,10 @@ def check_joints(recording: Recording, n: int) -> None:
 
 
 def hashes_by_name(sources: Sequence[RecordingSource]) -> dict[str, str]:
-    """Hash by file name, with the folder in front where two files have one name.
+    """Hash by file name, with the folder in front if two files have the same name.
 
     Args:
-        sources: Of the recordings.
+        sources: Sources of the recordings.
     """
     if len({source.path.name for source in sources}) == len(sources):
         return {source.path.name: source.sha256 for source in sources}
@@ -275,7 +276,7 @@ def hashes_by_name(sources: Sequence[RecordingSource]) -> dict[str, str]:
 
 
 def _require_shapes(name: str, arrays: Mapping[str, FloatArray]) -> None:
-    """Raise unless the arrays are of one run."""
+    """Raise unless the arrays have consistent shapes."""
     position = arrays["position_rad"]
     if position.ndim != 2 or not position.size:
         raise RecordingError(f"{name}: position_rad has shape {position.shape}; expected (N, n), a row per sample")

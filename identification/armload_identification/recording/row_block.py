@@ -1,4 +1,4 @@
-"""Rows of one run, the same quantities in every row: what readers yield and recordings hold."""
+"""Rows of one run with the same quantities in every row, as readers yield and recordings contain them."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class RowBlock:
         velocity_rad_s: (N, n) measured joint velocities, or None.
         current_a: (N, n) measured MOTOR currents, or None.
         torque_nm: (N, n) measured JOINT torques, or None.
-        phase_s: (N,) phase along the excitation, NaN outside the streamed whole periods; None where the run
-            has no known excitation.
+        phase_s: (N,) phase along the excitation, NaN outside the streamed whole periods; None without a known
+            excitation.
     """
 
     time_s: FloatArray
@@ -37,10 +37,10 @@ class RowBlock:
 
     @classmethod
     def of_columns(cls, columns: Mapping[str, FloatArray]) -> Self:
-        """Rows of a table, which knows no phase.
+        """Rows of a table, without a phase.
 
         Args:
-            columns: (N, k) by quantity: one column of times, n of every other; what is not in it is None.
+            columns: (N, k) by quantity: one column of times, n of every other; absent quantities become None.
         """
         given = {name: columns.get(name) for name in QUANTITIES} | {"time_s": columns["time_s"][:, 0], "phase_s": None}
         return cls(**given)  # type: ignore[arg-type]
@@ -57,14 +57,14 @@ class RowBlock:
 
     @property
     def effort(self) -> FloatArray | None:
-        """(N, n) what the drives report of their effort: joint torque, else motor current; None without either."""
+        """(N, n) effort reported by the drives: joint torque, else motor current; None without either."""
         return self.current_a if self.torque_nm is None else self.torque_nm
 
     def rows(self, chosen: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Self:
         """Some of the rows.
 
         Args:
-            chosen: (N,) True where a row is kept, indices in order, or a slice.
+            chosen: (N,) True for rows to keep, indices in order, or a slice.
         """
         kept = {name: values[chosen] for name in QUANTITIES if (values := getattr(self, name)) is not None}
         return replace(self, **kept)

@@ -1,8 +1,8 @@
-"""The format of the recordings that armload makes.
+"""The format of recordings made by armload.
 
-One MCAP file per run, a channel `TOPIC` with a JSON message per cycle after `MESSAGE_SCHEMA`, log time = wall-clock
-time of the SYNC, and the attachments named here, which are written first so that they survive a crash. Beside `TOPIC`
-there may be channels for people to look at, which are not read. `armload_controller.cycle.run_recorder` writes it,
+One MCAP file per run: a channel `TOPIC` with a JSON message per cycle according to `MESSAGE_SCHEMA`, log time =
+wall-clock time of the SYNC, and the attachments named here, which are written first so that they survive a crash.
+Further channels for visualisation are not read. `armload_controller.cycle.run_recorder` writes the format,
 `formats.mcap_reader` reads it.
 """
 
@@ -15,14 +15,14 @@ MAGIC: Final = b"\x89MCAP0\r\n"
 TOPIC: Final = "/joints"
 SCHEMA_NAME: Final = "armload.Joints"
 OVERHEARD: Final = "overheard"
-"""Segment of what another master does."""
+"""Segment of motion commanded by another master."""
 SEGMENTS: Final = ("approach", "slow", "ramp_up", "periods", "ramp_down", "return", "hold", OVERHEARD)
 CONFIGURATION_ATTACHMENT: Final = "configuration.toml"
 EXCITATION_ATTACHMENT: Final = "excitation.toml"
 RUN_ATTACHMENT: Final = "run.json"
 """JSON object: armload_version, robot, joints (their names), load ("unloaded" or "loaded"), cycle_hz, created."""
 WAY_ROUND_ATTACHMENT: Final = "way_round.json"
-"""JSON object, where the straight way to the motion was not free: via_points_rad, the (V, n) positions gone through."""
+"""JSON object, if the straight approach was not free: via_points_rad, the (V, n) intermediate positions."""
 
 _NUMBERS: Final[dict[str, Any]] = {"type": "array", "items": {"type": "number"}}
 MESSAGE_SCHEMA: Final[dict[str, Any]] = {

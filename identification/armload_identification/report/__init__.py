@@ -1,1 +1,1 @@
-"""The report: an identification as one HTML page, for a reader who was not present."""
+"""Reports as single HTML pages, for readers who were not present at the measurement."""

@@ -1,4 +1,4 @@
-"""The report of a calibration: gains and friction, how every run fits, drift and influence, in one HTML file."""
+"""The report of a calibration: gains and friction, residual and influence of every run, drift, in one HTML file."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from armload_identification.report.page import rendered, write_page
 
 _TEMPLATE: Final = "calibration.html.j2"
 _LOUD: Final = 1.5
-"""Residual over that of all runs together from which a number is set in bold."""
+"""Ratio of a run's residual to that of all runs from which it is printed in bold."""
 _STRONG: Final = 1.0
-"""Standard deviations by which a gain moves without a run, from which the number is set in bold."""
+"""Influence of a run on a gain, in standard deviations, from which it is printed in bold."""
 
 
 @dataclass(frozen=True)
 class _JointRow:
-    """One joint, every number as text."""
+    """One joint, numbers as text."""
 
     number: int
     name: str
@@ -47,7 +47,7 @@ class _JointRow:
 
 @dataclass(frozen=True)
 class _Cell:
-    """A number of a table, and whether it stands out."""
+    """A number in a table, and whether it is printed in bold."""
 
     text: str
     strong: bool
@@ -79,10 +79,10 @@ def write_calibration_report(path: Path, calibration: ArmCalibration, descriptio
     """Write the report of a calibration.
 
     Args:
-        path: Where to; an existing file is replaced.
-        calibration: The arm.
-        description: What it is, in a line.
-        names: Of its joints.
+        path: The file; an existing one is replaced.
+        calibration: The calibration.
+        description: Description of the arm, in one line.
+        names: Names of its joints.
 
     Raises:
         ReportError: the file cannot be written, or the names do not fit the joints.
@@ -94,9 +94,9 @@ def render_calibration_report(calibration: ArmCalibration, description: str, nam
     """The report's text.
 
     Args:
-        calibration: The arm.
-        description: What it is, in a line.
-        names: Of its joints.
+        calibration: The calibration.
+        description: Description of the arm, in one line.
+        names: Names of its joints.
 
     Returns:
         HTML.
@@ -176,7 +176,7 @@ def _payload_rows(calibration: ArmCalibration) -> list[tuple[str, str, str, str]
 
 
 def _run_row(calibration: ArmCalibration, run: CalibratedRun) -> _RunRow:
-    """How a run fits."""
+    """Residual and influence of a run."""
     ratio = run.residual_rms_nm / np.maximum(calibration.noise_nm, np.finfo(float).tiny)
     struck = f", {run.struck} left out as impacts" if run.struck else ""
     return _RunRow(
@@ -195,7 +195,7 @@ def _cells(values: FloatArray, strong: float) -> tuple[_Cell, ...]:
 
 
 def _drift(calibration: ArmCalibration, names: Sequence[str]) -> list[_Panel]:
-    """Friction of every run, by day where all runs name theirs, else in their order."""
+    """Friction of every run, by day if all runs state theirs, else in their order."""
     runs = calibration.runs
     days = [_day(run.recorded) for run in runs]
     if all(days) and len(set(days)) > 1:
@@ -226,7 +226,7 @@ def _drift(calibration: ArmCalibration, names: Sequence[str]) -> list[_Panel]:
 
 
 def _day(recorded: str) -> date | None:
-    """The day of a run; None where its recording does not say."""
+    """The day of a run; None if its recording does not state it."""
     try:
         return date.fromisoformat(recorded[:10])
     except ValueError:

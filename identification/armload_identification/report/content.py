@@ -1,4 +1,4 @@
-"""What a report is about: the payload and its arm, and the runs and judgements there are. Nothing here draws."""
+"""Content of a report, without its layout: the payload and its arm, and the available runs and validation."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from armload_identification.signals.load_signal import LoadSignal
 
 @dataclass(frozen=True)
 class ReportSubject:
-    """What the report is about.
+    """Subject of the report.
 
     Attributes:
         robot: Name of the robot.
-        description: What it is, in a line.
+        description: Description of the robot, in one line.
         joint_names: Names of the joints, from the base to the flange.
-        created: Date and time, as they are to be printed.
+        created: Date and time, as printed.
         armload_version: Version of the program.
-        simulated: The recordings are of a simulated arm.
-        truth: In simulation, the payload in the frame of the result; else None.
+        simulated: Whether the recordings are of a simulated arm.
+        truth: In simulation, the mounted payload in the frame of the result; else None.
         payload: The result, as in the payload file.
     """
 
@@ -39,13 +39,13 @@ class ReportSubject:
 
 @dataclass(frozen=True, eq=False)
 class ShownRuns:
-    """A pair of runs and what a payload makes of it.
+    """A pair of runs and a payload's prediction for it.
 
     Attributes:
         signal: The measured torque difference.
-        predicted_nm: (K, n) torque that is predicted at its samples.
+        predicted_nm: (K, n) predicted torque at its samples.
         residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus prediction.
-        sources: Of the loaded and, where there is one, the unloaded recording.
+        sources: Sources of the loaded and, if there is one, the unloaded recording.
     """
 
     signal: LoadSignal
@@ -56,13 +56,13 @@ class ShownRuns:
 
 @dataclass(frozen=True, eq=False)
 class ReportContent:
-    """What there is to report beside the payload; each part may be missing.
+    """Content of a report besides the payload; each part may be missing.
 
     Attributes:
-        identification: The fit, where the payload was identified in this run of the program.
-        fitted: The runs that the payload was identified from, where they are at hand.
+        identification: The fit, if the payload was identified in this run of the program.
+        fitted: The runs from which the payload was identified, if available.
         validation: How well the payload predicts another motion.
-        validation_sources: Of the validation's recordings.
+        validation_sources: Sources of the validation's recordings.
     """
 
     identification: Identification | None = None
@@ -77,7 +77,7 @@ class ReportContent:
         validation: Validation | None = None,
         validation_sources: tuple[RecordingSource, ...] = (),
     ) -> ReportContent:
-        """An identification, and its validation where there is one."""
+        """From an identification, and its validation if there is one."""
         fitted = ShownRuns(
             identification.signal,
             identification.predicted_nm,
@@ -88,7 +88,7 @@ class ReportContent:
 
     @property
     def motion(self) -> tuple[LoadSignal, RecordingSource | None] | None:
-        """The motion to show, and the recording that says how it was planned."""
+        """The motion to show, and the recording that contains its excitation."""
         if self.fitted is not None:
             return self.fitted.signal, self.fitted.sources[0]
         if self.validation is not None:

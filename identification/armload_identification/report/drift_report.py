@@ -33,14 +33,14 @@ def write_drift_report(
     """Write the report.
 
     Args:
-        path: Where to; an existing file is replaced.
+        path: The file; an existing one is replaced.
         drift: The arm over its runs.
-        calibration: What the runs were held against.
+        calibration: The calibration with which the runs were compared.
         calibration_name: Its file.
         robot: Name of the arm.
-        description: What it is, in a line.
-        names: Of its joints.
-        advice: What to do.
+        description: Description of the arm, in one line.
+        names: Names of its joints.
+        advice: Recommended action.
         left_out: Name and reason of runs that could not be used.
         armload_version: Version of the program.
 

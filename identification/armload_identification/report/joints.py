@@ -1,4 +1,4 @@
-"""What each joint measured and what the prediction leaves of it: the tables per run."""
+"""The table of a run: each joint's torque, noise and residual."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class JointRow:
         number: From 1.
         name: Its name.
         torque: RMS of the payload's torque.
-        noise: Of the difference of two samples.
+        noise: Standard deviation of the noise in the difference of two samples.
         residual: RMS of that difference minus prediction.
-        ratio: Residual over noise.
-        loss: Share of the signal that smoothing took, in percent.
-        lossy: That is more than the method allows.
-        mismatch: How far the two motions are apart, in mrad RMS.
-        position_fit: How far the measured position is off the fitted one, in mrad RMS.
-        scale: Measured over predicted torque with its 95 % interval; empty where it is not asked or not known.
+        ratio: Residual divided by noise.
+        loss: Share of the signal removed by smoothing, in percent.
+        lossy: Whether that is more than the method allows.
+        mismatch: RMS difference of the two motions, in mrad.
+        position_fit: RMS of measured minus fitted position, in mrad.
+        scale: Ratio of measured to predicted torque with its 95 % interval; empty if not requested or not determined.
     """
 
     number: int
@@ -60,8 +60,8 @@ def joint_rows(
     Args:
         signal: The measured difference.
         residual_rms_nm: (n,) RMS of single raw differences minus prediction.
-        names: Of the joints.
-        scales: Measured over predicted torque; None where it is not asked.
+        names: Names of the joints.
+        scales: Ratio of measured to predicted torque; None if not requested.
     """
     ratio = _over(residual_rms_nm, signal.noise_nm)
     decimals = common_decimals(signal.noise_nm, 3)
@@ -100,11 +100,11 @@ def _scale(scales: JointScales, joint: int) -> str:
 
 
 def _column(values: FloatArray, decimals: int) -> tuple[Numeral, ...]:
-    """Numbers with the same decimals."""
+    """Numbers with the same number of decimals."""
     return align([numeral(float(value), decimals) for value in values])
 
 
 def _over(residual_nm: FloatArray, noise_nm: FloatArray) -> FloatArray:
-    """(n,) residual over noise; infinite where there is no noise, 0 where there is neither."""
+    """(n,) residual divided by noise; infinite without noise, 0 without both."""
     bottomless = np.where(residual_nm > 0.0, np.inf, 0.0)
     return np.asarray(np.divide(residual_nm, noise_nm, out=bottomless, where=noise_nm > 0.0))

@@ -1,4 +1,4 @@
-"""What to do with a result: use it, look further, or measure again."""
+"""Recommended next steps: use the result, examine it further, or measure again."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _MEASURE_AGAIN = (
 
 
 def next_steps(payload: PayloadResult, validation: Validation | None) -> tuple[str, ...]:
-    """One to three sentences, the first thing first.
+    """One to three sentences, in the order of the steps.
 
     Args:
         payload: The result.
-        validation: What other runs say of it; None where there are none.
+        validation: Its validation with other runs; None without one.
     """
     outcome = None if validation is None else validation.outcome
     if outcome is Outcome.WRONG:

@@ -1,4 +1,4 @@
-"""Numbers as a reader wants them: as many digits as the interval justifies, columns aligned at the point."""
+"""Formatting of numbers: as many digits as the interval justifies, columns aligned at the decimal point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MINUS: Final = "\N{MINUS SIGN}"
 _MOST_DECIMALS: Final = 9
 _EXACT_DIGITS: Final = 6
 _POINT_CH: Final = 0.5
-"""Width of the point, in widths of a digit."""
+"""Width of the decimal point, in widths of a digit."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class Numeral:
     """A number of a column.
 
     Attributes:
-        text: As it is printed.
-        pad_ch: Empty room behind it, in widths of a digit, that puts its point under the others'.
+        text: The number as printed.
+        pad_ch: Padding after it, in widths of a digit, that aligns the decimal points.
     """
 
     text: str
@@ -31,10 +31,10 @@ class Numeral:
 
 
 def decimals_for(half_width: float, value: float) -> int:
-    """Digits behind the point that show two significant digits of a half width.
+    """Number of decimals that shows two significant digits of a half width.
 
     Args:
-        half_width: Half width of the value's interval; 0 or without bound, the value's own size decides.
+        half_width: Half width of the value's interval; if it is 0 or not finite, the value itself decides.
         value: The value.
     """
     if np.isfinite(half_width) and half_width > 0.0:
@@ -43,12 +43,12 @@ def decimals_for(half_width: float, value: float) -> int:
 
 
 def numeral(value: float, decimals: int, *, signed: bool = False) -> str:
-    """A number with a true minus sign, and without the sign of a zero.
+    """A number with a typographic minus sign, and without a sign for zero.
 
     Args:
         value: The number.
-        decimals: Digits behind the point.
-        signed: Put a plus before what is above zero.
+        decimals: Number of decimals.
+        signed: Whether positive numbers get a plus sign.
     """
     if not np.isfinite(value):
         return "unknown" if np.isnan(value) else f"{MINUS if value < 0.0 else ''}\N{INFINITY}"
@@ -60,10 +60,10 @@ def numeral(value: float, decimals: int, *, signed: bool = False) -> str:
 
 
 def align(texts: Sequence[str]) -> tuple[Numeral, ...]:
-    """Numbers of a column with the room behind each that puts the points under each other.
+    """Numbers of a column with the padding that aligns their decimal points.
 
     Args:
-        texts: Printed numbers, with or without a point; an empty text stays so.
+        texts: Printed numbers, with or without a decimal point; texts may be empty.
     """
     behind = [_width_behind(text) for text in texts]
     widest = max(behind, default=0.0)
@@ -71,11 +71,11 @@ def align(texts: Sequence[str]) -> tuple[Numeral, ...]:
 
 
 def common_decimals(values: ArrayLike, digits: int) -> int:
-    """Digits behind the point that a column of like quantities has in common.
+    """Common number of decimals of a column.
 
     Args:
         values: (k,) numbers.
-        digits: Significant digits of the greatest.
+        digits: Significant digits of the greatest one.
     """
     numbers = np.asarray(values, dtype=np.float64)
     greatest = float(np.max(np.abs(numbers), where=np.isfinite(numbers), initial=0.0))
@@ -83,13 +83,13 @@ def common_decimals(values: ArrayLike, digits: int) -> int:
 
 
 def scientific(value: float) -> tuple[str, str]:
-    """A number of any size, as two digits and the power of ten they are to be multiplied with.
+    """A number as mantissa of two digits and power of ten.
 
     Args:
         value: The number.
 
     Returns:
-        Both as text; no power where the number is not finite.
+        Both as text; the power is empty if the number is not finite.
     """
     if not np.isfinite(value):
         return numeral(value, 0), ""
@@ -103,15 +103,15 @@ def listed(parts: Sequence[str]) -> str:
 
 
 def _decimals(size: float, digits: int) -> int:
-    """Digits behind the point that show `digits` significant ones; 0 for nothing."""
+    """Number of decimals that shows `digits` significant digits; 0 for zero and for numbers that are not finite."""
     if not np.isfinite(size) or size == 0.0:
         return 0
-    # The rounded number decides: 0.0996 to two digits is 0.10.
+    # From the rounded number: 0.0996 to two digits is 0.10.
     exponent = int(f"{size:.{digits - 1}e}".partition("e")[2])
     return int(np.clip(digits - 1 - exponent, 0, _MOST_DECIMALS))
 
 
 def _width_behind(text: str) -> float:
-    """Width of the point and what follows it, in widths of a digit."""
+    """Width of the decimal point and the digits after it, in widths of a digit."""
     _, point, fraction = text.partition(".")
     return len(fraction) + (_POINT_CH if point else 0.0)

@@ -1,4 +1,4 @@
-"""A page of HTML: from its template, and into its file."""
+"""An HTML page: rendered from its template, and written to its file."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from armload_identification.storage.replace_file import replace_file
 
 
 def rendered(template: str, **values: object) -> str:
-    """A page by its template, in which everything is defined and text is escaped.
+    """A page from its template; undefined values are errors, and text is escaped.
 
     Args:
-        template: Its file, in this package.
-        values: What it shows.
+        template: The template's file, in this package.
+        values: Values of the template's variables.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("armload_identification.report", "."),
@@ -31,7 +31,7 @@ def write_page(path: Path, page: str) -> None:
     """Write a page.
 
     Args:
-        path: Where to; an existing file is replaced.
+        path: The file; an existing one is replaced.
         page: Its text.
 
     Raises:

@@ -1,6 +1,6 @@
-"""What was found, as a reader wants it: a sentence, the table of the ten, the plain estimate beside the reported.
+"""The result for a reader: a sentence, the table of the ten parameters, plain and reported estimates compared.
 
-What is not determined has no number here, only how far from determined it is.
+Undetermined parameters have no number, only how far they are from being determined.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ class ParameterRow:
     """One of the ten parameters.
 
     Attributes:
-        quantity: What it is.
-        symbol: Its letter.
+        quantity: Name of the quantity.
+        symbol: Its symbol.
         index: Its index.
         unit: Its unit.
         determined: Whether the data determine it; if not, there is no number.
         estimate: The number.
         low: Low end of its 95 % interval.
         high: High end.
-        limit_share: Half width of the interval over the greatest with which it would be determined; None where it is
-            not known, as of what a payload file says is not determined.
-        truth: In simulation, what it is; else None.
-        error: How far off the estimate is; empty without truth or estimate.
-        covered: Whether the interval holds the truth; None without truth or estimate.
+        limit_share: Half width of the interval divided by the greatest with which the parameter would be determined;
+            None if unknown, as for undetermined parameters of a payload file.
+        truth: In simulation, the true value; else None.
+        error: Error of the estimate; empty without truth or estimate.
+        covered: Whether the interval contains the truth; None without truth or estimate.
     """
 
     quantity: str
@@ -63,16 +63,16 @@ class ParameterRow:
 
 @dataclass(frozen=True)
 class ComparedRow:
-    """A determined parameter as the plain estimate has it and as it is reported.
+    """A determined parameter in the plain estimate and as reported.
 
     Attributes:
-        quantity: What it is.
-        symbol: Its letter.
+        quantity: Name of the quantity.
+        symbol: Its symbol.
         index: Its index.
         unit: Its unit.
-        plain: Of the plain estimate.
-        reported: Of the physically possible one.
-        change: From the one to the other, in half widths of the interval.
+        plain: Value of the plain estimate.
+        reported: Value of the physically possible estimate.
+        change: Reported minus plain, in half widths of the interval.
     """
 
     quantity: str
@@ -85,7 +85,7 @@ class ComparedRow:
 
 
 def mass_card(payload: PayloadResult) -> tuple[str, str] | None:
-    """The mass and its interval, each with the unit; None where it is not determined.
+    """The mass and its interval, each with the unit; None if it is not determined.
 
     Args:
         payload: The result.
@@ -97,7 +97,7 @@ def mass_card(payload: PayloadResult) -> tuple[str, str] | None:
 
 
 def headline(payload: PayloadResult) -> str:
-    """What was found, in a sentence or two with intervals.
+    """The result in one to three sentences with intervals.
 
     Args:
         payload: The result.
@@ -124,7 +124,7 @@ def headline(payload: PayloadResult) -> str:
 
 
 def truth_sentence(payload: PayloadResult, truth: InertialParameters) -> str:
-    """How far off a simulated payload's mass and centre of mass are, where they are determined.
+    """Error of a simulated payload's mass and centre of mass, if determined.
 
     Args:
         payload: The result.
@@ -144,16 +144,16 @@ def truth_sentence(payload: PayloadResult, truth: InertialParameters) -> str:
 def parameter_rows(
     payload: PayloadResult, half_width_95: FloatArray, truth: InertialParameters | None
 ) -> tuple[ParameterRow, ...]:
-    """The table of the ten.
+    """The table of the ten parameters.
 
     Args:
         payload: The result.
-        half_width_95: (10,) half widths of the 95 % intervals, also of what is not determined; nan where not known.
-        truth: In simulation, the payload in the same frame.
+        half_width_95: (10,) half widths of the 95 % intervals, also of undetermined parameters; nan if unknown.
+        truth: In simulation, the payload in the same frame; else None.
     """
     values, known, intervals = payload.values, payload.determined, payload.interval_95
     limits = _limits(payload.model.mass_kg)
-    # What is not determined is shown to the digit that would be.
+    # The truth of an undetermined parameter is shown with the digits of one just determined.
     shown = np.where(known, half_widths(payload), limits)
     texts = [
         row if there else ("", "", "") for row, there in zip(_rounded(values, shown, intervals), known, strict=True)
@@ -190,10 +190,10 @@ def parameter_rows(
 
 
 def compared_rows(identification: Identification, payload: PayloadResult) -> tuple[ComparedRow, ...]:
-    """Plain and reported values of what is determined.
+    """Plain and reported values of the determined parameters.
 
     Args:
-        identification: With the plain estimate.
+        identification: The identification, with the plain estimate.
         payload: The result.
     """
     plain = derived(identification.plain_parameters)[0]
@@ -214,7 +214,7 @@ def compared_rows(identification: Identification, payload: PayloadResult) -> tup
 
 
 def _limits(mass_kg: float) -> FloatArray:
-    """(10,) greatest half widths with which the parameters of a payload of this mass are determined."""
+    """(10,) greatest half widths of determined parameters for a payload of this mass."""
     unit = np.array([mass_kg] + [REFERENCE_LENGTH_M] * 3 + [mass_kg * REFERENCE_LENGTH_M**2] * 6)
     return np.asarray(DETERMINED_SHARE * unit)
 
@@ -225,7 +225,7 @@ def half_widths(payload: PayloadResult) -> FloatArray:
 
 
 def _rounded(values: FloatArray, half_widths: FloatArray, intervals: FloatArray) -> list[tuple[str, str, str]]:
-    """Value, low and high end, each to the digit that the half width justifies."""
+    """Value, low and high end, each with the digits that the half width justifies."""
     rows = []
     for value, half_width, (low, high) in zip(values, half_widths, intervals, strict=True):
         decimals = decimals_for(half_width, value)
@@ -234,7 +234,7 @@ def _rounded(values: FloatArray, half_widths: FloatArray, intervals: FloatArray)
 
 
 def _bracket(low: str, high: str, unit: str) -> str:
-    """An interval that is not broken over two lines."""
+    """An interval without line breaks."""
     return f"({low} to {high} {unit})".replace(" ", NO_BREAK)
 
 

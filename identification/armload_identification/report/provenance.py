@@ -1,4 +1,4 @@
-"""Where the numbers come from: the recordings, what was left out of them, and the motion that was driven."""
+"""Source of the numbers: the recordings, the rows dropped from them, and the motion."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class FileRow:
     """A recording.
 
     Attributes:
-        role: What it was used for.
+        role: Its use.
         name: The file's name.
-        details: Kind, rate and date of the run, as far as the file has them.
+        details: Format, rate and date of the run, as far as the file contains them.
         rows: Rows read and dropped, by reason.
         sha256: Hash of the file.
     """
@@ -39,12 +39,12 @@ class FileRow:
 def file_rows(
     fitted: Sequence[RecordingSource], validating: Sequence[RecordingSource], provenance: Provenance
 ) -> tuple[FileRow, ...]:
-    """The recordings the result rests on, those it was validated on, and those that the payload file names besides.
+    """The recordings used for the result, those for its validation, and others named in the payload file.
 
     Args:
-        fitted: Sources of the runs it was identified from: loaded, and unloaded where there is one.
-        validating: Sources of the runs it was validated on: loaded and unloaded.
-        provenance: Of the payload file.
+        fitted: Sources of the runs of the identification: loaded, and unloaded if there is one.
+        validating: Sources of the runs of the validation: loaded and unloaded.
+        provenance: Provenance in the payload file.
     """
     rows = [
         FileRow(f"{role}, {load}", source.path.name, _details(source), _rows(source), source.sha256)
@@ -61,10 +61,10 @@ def file_rows(
 
 
 def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
-    """What was driven.
+    """Description of the motion.
 
     Args:
-        source: Of the loaded run, where it is at hand.
+        source: Source of the loaded run, if available.
         signal: The measured difference.
     """
     text = None if source is None else source.attachments.get(EXCITATION_ATTACHMENT)
@@ -86,7 +86,7 @@ def motion_sentence(source: RecordingSource | None, signal: LoadSignal) -> str:
 
 
 def _slow_round(source: RecordingSource | None) -> str:
-    """What the recording says of the slow round before the motion."""
+    """Description of the slow round before the motion, if recorded."""
     run = {} if source is None else source.run()
     lasted_s, speed_m_s = run.get("slow_round_s"), run.get("slow_round_speed_m_s")
     if not isinstance(lasted_s, float) or not isinstance(speed_m_s, float):
@@ -98,7 +98,7 @@ def _slow_round(source: RecordingSource | None) -> str:
 
 
 def _way_round(source: RecordingSource | None) -> str:
-    """What the recording says of a way round an obstacle to where the motion begins."""
+    """Description of a detour round an obstacle to the start of the motion, if recorded."""
     text = None if source is None else source.attachments.get(WAY_ROUND_ATTACHMENT)
     if text is None:
         return ""
@@ -110,7 +110,7 @@ def _way_round(source: RecordingSource | None) -> str:
 
 
 def comparison_sentence(signal: LoadSignal) -> str:
-    """How the loaded run was compared with the unloaded one.
+    """Description of the comparison of the loaded with the unloaded run.
 
     Args:
         signal: The measured difference.
@@ -142,7 +142,7 @@ def _periods(count: int) -> str:
 
 
 def _details(source: RecordingSource) -> str:
-    """Kind, rate and date, as far as the file has them."""
+    """Format, rate and date, as far as the file contains them."""
     run = source.run()
     parts = [source.kind.upper()]
     if "cycle_hz" in run:

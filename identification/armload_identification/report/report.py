@@ -1,6 +1,6 @@
-"""The report of an identification: one HTML file with everything in it, readable without having been there.
+"""The report of an identification: one self-contained HTML file.
 
-Nothing is loaded from anywhere, nothing runs in it, and the same inputs give the same bytes.
+It loads nothing, contains no scripts, and the same inputs give the same bytes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _TEMPLATE: Final = "template.html.j2"
 
 @dataclass(frozen=True)
 class _Panel:
-    """A joint's figure, with what stands above it."""
+    """A joint's figure with its caption."""
 
     number: int
     name: str
@@ -67,9 +67,9 @@ def write_report(path: Path, subject: ReportSubject, content: ReportContent) -> 
     """Write the report.
 
     Args:
-        path: Where to; an existing file is replaced.
-        subject: What it is about.
-        content: Fit, runs and validation, as far as there are any.
+        path: The file; an existing one is replaced.
+        subject: Subject of the report.
+        content: Fit, runs and validation, as far as available.
 
     Raises:
         ReportError: the file cannot be written, or the names do not fit the joints.
@@ -81,8 +81,8 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
     """The report's text.
 
     Args:
-        subject: What it is about.
-        content: Fit, runs and validation, as far as there are any.
+        subject: Subject of the report.
+        content: Fit, runs and validation, as far as available.
 
     Returns:
         HTML.
@@ -130,7 +130,7 @@ def render_report(subject: ReportSubject, content: ReportContent) -> str:
 
 
 def _notes(payload: PayloadResult, fit: Identification | None) -> Iterator[str]:
-    """What the reader must not miss, the gravest first."""
+    """Important notes, the most severe first."""
     if not payload.feedforward_ready:
         unknown = [name for name, there in zip(PARAMETER_NAMES[:4], payload.determined[:4], strict=True) if not there]
         yield (
@@ -152,7 +152,7 @@ def _motion_panels(signal: LoadSignal, names: tuple[str, ...]) -> Iterator[_Pane
 
 
 def _runs(content: ReportContent, names: tuple[str, ...]) -> Iterator[_Run]:
-    """The identification's pair of runs, and the validation's, where they are there."""
+    """The pairs of runs of identification and validation, as far as available."""
     fitted, validation = content.fitted, content.validation
     if fitted is not None:
         yield _run(
@@ -199,7 +199,7 @@ def _run(
 
 
 def _facts(identification: Identification) -> tuple[tuple[str, str], ...]:
-    """Figures of the fit for those who judge such fits."""
+    """Statistics of the fit for experts."""
     fit, signal = identification.plain, identification.signal
     used = int(np.count_nonzero(signal.valid))
     return (

@@ -1,4 +1,4 @@
-"""The verdict as the report's first screen shows it."""
+"""The verdict as shown at the top of the report."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _KINDS: Final = {Outcome.RIGHT: "passed", Outcome.WRONG: "failed", Outcome.CANNO
 
 @dataclass(frozen=True)
 class VerdictBox:
-    """What the validation says.
+    """Result of the validation in words.
 
     Attributes:
-        kind: "passed", "failed" or "missing", which gives its colour.
-        title: In three words.
-        text: In a few sentences.
+        kind: "passed", "failed" or "missing", which determines the colour.
+        title: A few words.
+        text: A few sentences.
     """
 
     kind: str
@@ -32,8 +32,8 @@ def verdict_box(validation: Validation | None, names: Sequence[str]) -> VerdictB
     """The verdict in words.
 
     Args:
-        validation: None where there was none.
-        names: Of the joints.
+        validation: The validation; None without one.
+        names: Names of the joints.
     """
     if validation is None:
         return VerdictBox(

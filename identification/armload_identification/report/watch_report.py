@@ -1,4 +1,4 @@
-"""The report of a watch: what an arm carried over time, what happened, how its friction stands, in one HTML file."""
+"""The report of a watch: payload of an arm over time, events, and its friction, in one HTML file."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from armload_identification.report.page import rendered, write_page
 _TEMPLATE: Final = "watch.html.j2"
 _WIDE_IN, _HIGH_IN = 7.0, 3.0
 _MOST_MOMENTS: Final = 2000
-"""Of a longer watch every so many are drawn."""
+"""Of a longer watch every k-th moment is drawn."""
 _WIDEST: Final = 0.25
-"""An interval wider than this share of the picture's range says nothing and is left out."""
+"""An interval wider than this share of the figure's range is not drawn."""
 
 
 @dataclass(frozen=True)
 class WatchedEvent:
-    """Something that happened.
+    """An event.
 
     Attributes:
-        time_s: When.
-        text: What, in words.
-        marked: Drawn in the picture: grasped, dropped, changed.
+        time_s: When it happened.
+        text: Its description.
+        marked: Whether it is drawn in the figure: grasped, dropped, changed.
     """
 
     time_s: float
@@ -46,10 +46,10 @@ class WatchedJoint:
 
     Attributes:
         name: Its name.
-        moving_s: Time for which it moved fast enough to show its load.
-        friction_nm: By how much its friction differs from the calibration's, at half its greatest speed.
-        usual_nm: Standard deviation of that from run to run.
-        missing: Cycles without its answer; 0 of a recording.
+        moving_s: Time during which it moved fast enough for an estimate.
+        friction_nm: Its friction minus the calibration's, at half its greatest speed.
+        usual_nm: Standard deviation of that difference between runs.
+        missing: Number of cycles without its response; 0 for a recording.
     """
 
     name: str
@@ -61,19 +61,19 @@ class WatchedJoint:
 
 @dataclass(frozen=True, eq=False)
 class WatchHistory:
-    """What was watched.
+    """History of a watch.
 
     Attributes:
         robot: Name of the arm.
-        description: What it is, in a line.
+        description: Description of the arm, in one line.
         watched: The recording, or the bus.
-        armload_version: Of the program.
+        armload_version: Version of the program.
         time_s: (N,) moments.
         mass_kg: (N,) estimates.
         half_width_95_kg: (N,) half widths of their intervals.
-        known: (N,) the joints have moved enough to say anything.
-        events: In the order of time.
-        joints: At the end.
+        known: (N,) True once the joints have moved enough for an estimate.
+        events: Events in the order of time.
+        joints: Joints at the end.
     """
 
     robot: str
@@ -92,8 +92,8 @@ def write_watch_report(path: Path, history: WatchHistory) -> None:
     """Write the report; an existing file is replaced.
 
     Args:
-        path: Where to.
-        history: What was watched.
+        path: The file.
+        history: The watch.
 
     Raises:
         ReportError: the file cannot be written.
@@ -105,12 +105,12 @@ def write_watch_report(path: Path, history: WatchHistory) -> None:
 
 
 def watch_svg(history: WatchHistory, name: str, title: str) -> str:
-    """Mass with its interval over time, and a line where it was grasped, dropped or changed.
+    """Mass with its interval over time, and a line at each marked event.
 
     Args:
-        history: What was watched.
-        name: Unique on the page.
-        title: What it shows, in words.
+        history: The watch.
+        name: Id, unique on the page.
+        title: Description of the figure.
 
     Returns:
         An `svg` element.
@@ -140,5 +140,5 @@ def watch_svg(history: WatchHistory, name: str, title: str) -> str:
 
 
 def _range(values: FloatArray) -> float:
-    """From the least to the greatest; 0 of none."""
+    """Maximum minus minimum; 0 without values."""
     return float(np.ptp(values)) if values.size else 0.0

@@ -1,1 +1,1 @@
-"""Results as their users hold them: one object with payload, verdict, table, dictionary, file and report."""
+"""Results for users: objects with payload, verdict, table, dictionary, file and report."""

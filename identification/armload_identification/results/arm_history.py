@@ -1,4 +1,4 @@
-"""What an arm's runs say of its health: a table to print, a picture, a report and a document."""
+"""An arm's health over its runs: a table to print, a picture, a report and a document."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ HEADINGS: Final = ("joint", "friction N m", "minus the calibration's", "gain", "
 
 @dataclass(frozen=True, eq=False)
 class ArmHistory:
-    """An arm over its runs; printed, it is a table and what changed.
+    """An arm over its runs; printed as a table with the changes.
 
     Attributes:
         robot: Name of the arm.
-        description: What it is, in a line.
-        joint_names: Of its joints.
-        calibration: What the runs were held against.
+        description: Its description, in one line.
+        joint_names: Names of its joints.
+        calibration: The calibration with which the runs were compared.
         calibration_name: Its file.
-        drift: What was found.
+        drift: The result of the comparison.
         left_out: Name and reason of the runs that could not be used.
         armload_version: Version of the program.
     """
@@ -45,7 +45,7 @@ class ArmHistory:
 
     @property
     def advice(self) -> str:
-        """What to do."""
+        """Recommended action, in one or two sentences."""
         if self.drift.out_of_date:
             return "Find out what changed on the arm, and calibrate it again from runs since then."
         if any(not found.alone for found in self.drift.findings):
@@ -61,7 +61,7 @@ class ArmHistory:
         return "The calibration is still valid."
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Per joint the present levels; empty where the runs do not show one."""
+        """Present levels by joint; empty if the runs do not determine one."""
         rows: list[tuple[str, ...]] = []
         for joint, name in enumerate(self.joint_names):
             friction, gain, residual = (_present(self.drift.charts[figure][joint].level) for figure in Figure)
@@ -79,14 +79,14 @@ class ArmHistory:
         return rows
 
     def _warming_nm(self, joint: int) -> float | None:
-        """By how much friction changes from the first minute to an hour of work; None where that is not known."""
+        """Change of friction from the first minute to an hour of work, N m; None if unknown."""
         warming = self.drift.warming
         if warming is None or warming.slope_nm[joint] == 0.0:
             return None
         return -float(warming.curve_nm(np.array([_COLD_S]))[0, joint])
 
     def to_dict(self) -> dict[str, Any]:
-        """Numbers, texts, lists and dictionaries: the schema `armload/drift/1`."""
+        """Everything as numbers, texts, lists and dictionaries: the schema `armload/drift/1`."""
         drift = self.drift
         return {
             "schema": "armload/drift/1",
@@ -129,7 +129,7 @@ class ArmHistory:
         }
 
     def _chart(self, figure: Figure, joint: int) -> dict[str, Any]:
-        """A chart; what is not known is None."""
+        """A chart; None for unknown values."""
         chart = self.drift.charts[figure][joint]
 
         def listed(values: FloatArray) -> list[float | None]:
@@ -177,17 +177,17 @@ class ArmHistory:
         )
 
     def __str__(self) -> str:
-        """The table, what changed, and what to do."""
+        """The table, the changes, and the recommended action."""
         lines = plain_table(HEADINGS, self.rows(), text_columns=(0,))
         return "\n".join([*lines, *(found.text for found in self.drift.findings), self.advice])
 
 
 def _present(level: FloatArray) -> float | None:
-    """The last level that is known."""
+    """The last known level."""
     known = level[np.isfinite(level)]
     return float(known[-1]) if known.size else None
 
 
 def _linear(figure: Figure, value: float) -> float:
-    """The residual as a ratio, the rest as it is."""
+    """The residual as a ratio, other values unchanged."""
     return float(np.exp(value)) if figure is Figure.RESIDUAL else value

@@ -1,4 +1,4 @@
-"""What is known of a payload: its values, the fit that they come from, and what a second pair of runs says of them."""
+"""A payload with everything known about it: its values, the fit, and the validation with a second pair of runs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from armload_identification.verdict.agreement import Outcome
 
 
 class DescribedArm(Protocol):
-    """What results say of an arm; a robot of the configuration is one."""
+    """What results contain about an arm; implemented by a robot of the configuration."""
 
     @property
     def name(self) -> str:
@@ -28,7 +28,7 @@ class DescribedArm(Protocol):
 
     @property
     def description(self) -> str:
-        """What the robot is, in a line."""
+        """Description of the robot, in one line."""
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -41,14 +41,14 @@ class DescribedArm(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A payload, with everything that is known of it; printed, it is a table.
+    """A payload with everything known about it; printed as a table.
 
     Attributes:
         arm: The arm that carried it.
-        payload: Its values, intervals and provenance: what the payload file holds.
-        content: The fit, the runs and the validation, as far as there are any.
+        payload: Its values, intervals and provenance: the content of the payload file.
+        content: The fit, the runs and the validation, as far as available.
         armload_version: Version of the program.
-        truth: In simulation, the payload that was mounted; else None.
+        truth: In simulation, the mounted payload; else None.
 
     Examples:
         >>> import armload
@@ -78,28 +78,28 @@ class Findings:
 
     @property
     def outcome(self) -> Outcome | None:
-        """Whether the validation finds the payload right or wrong, or cannot tell; None where there was none."""
+        """Result of the validation: right, wrong, or cannot tell; None without a validation."""
         return None if self.content.validation is None else self.content.validation.outcome
 
     @property
     def verdict(self) -> VerdictBox:
-        """What the validation says in words."""
+        """Result of the validation in words."""
         return verdict_box(self.content.validation, self.arm.joint_names)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the operator should know of the fit, one sentence each."""
+        """Notes to the operator about the fit, one sentence each."""
         return () if self.content.identification is None else self.content.identification.notes
 
     @property
     def simulated(self) -> bool:
-        """Whether every recording says that it was made with a simulated arm."""
+        """Whether every recording is marked as made with a simulated arm."""
         fitted = () if self.content.fitted is None else self.content.fitted.sources
         sources = (*fitted, *self.content.validation_sources)
         return bool(sources) and all(source.run().get("simulated", False) for source in sources)
 
     def with_validation_in_provenance(self) -> Findings:
-        """The same, with the recordings of the validation named in the payload file beside those of the fit."""
+        """The same with the recordings of the validation added to the payload's provenance."""
         hashes = hashes_by_name(self.content.validation_sources)
         provenance = self.payload.provenance
         provenance = replace(provenance, recordings_sha256=provenance.recordings_sha256 | hashes)
@@ -109,7 +109,7 @@ class Findings:
         """Write the payload file; an existing file is replaced.
 
         Raises:
-            PayloadFileError: the model is impossible or too close to it, or the file cannot be written.
+            PayloadFileError: the model is impossible or nearly so, or the file cannot be written.
         """
         write_payload(Path(path), self.payload)
 
@@ -117,11 +117,12 @@ class Findings:
         """Write the report as one HTML file; an existing file is replaced.
 
         Args:
-            path: Where to.
-            created: Date and time that the page bears; now, if not given.
+            path: The file.
+            created: Date and time on the page; now if not given.
 
         Raises:
             ReportError: the file cannot be written.
+            ExtraMissing: the libraries for reports are not installed.
         """
         require_extra(Extra.REPORT, "a report")
         from armload_identification.report.report import write_report  # matplotlib takes longer to load than a fit

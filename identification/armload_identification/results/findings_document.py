@@ -1,7 +1,6 @@
 """Findings as a document of plain numbers, texts, lists and dictionaries: the schema `armload/payload/1`.
 
-`controller/JSON.md` describes every key; a test compares the two. Keys carry their units; a number that there is none
-of is None.
+`controller/JSON.md` describes every key; a test compares the two. Keys contain their units; a missing number is None.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ def findings_document(
         joint_names: Names of its joints.
         payload: The payload.
         content: Fit, runs and validation.
-        verdict: What the validation says in words.
+        verdict: Result of the validation in words.
     """
     fitted, validation = content.fitted, content.validation
     return {
@@ -60,7 +59,7 @@ def findings_document(
 
 
 def payload_fields(payload: PayloadResult) -> dict[str, Any]:
-    """A payload: what is determined, its intervals, the complete model, and what is left of the torque."""
+    """A payload: determined values, their intervals, the complete model, and the residual torque."""
     known = payload.determined.tolist()
     values = [value if there else None for value, there in zip(payload.values.tolist(), known, strict=True)]
     intervals = [pair if there else None for pair, there in zip(payload.interval_95.tolist(), known, strict=True)]
@@ -87,7 +86,7 @@ def body_fields(body: InertialParameters) -> dict[str, Any]:
 
 
 def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dict[str, Any]:
-    """A validation: how the payload compares with what the second pair of runs says of it, and joint by joint."""
+    """A validation: comparison of the payload with the one identified from the second pair of runs, and by joint."""
     scales = validation.verdict.of_payload
     columns = {
         "torque_in_band_nm": numbers(validation.torque_in_band_nm),
@@ -106,7 +105,7 @@ def validation_fields(validation: Validation, joint_names: Sequence[str]) -> dic
 
 
 def agreement_fields(agreement: Agreement) -> dict[str, Any]:
-    """How a payload compares with what was measured of it, and what would have been noticed."""
+    """Comparison of a payload with measured values, and the smallest error that would have been detected."""
 
     def four(values: FloatArray) -> dict[str, Any]:
         mass, *center = numbers(values)
@@ -125,17 +124,17 @@ def agreement_fields(agreement: Agreement) -> dict[str, Any]:
 
 
 def numbers(values: FloatArray) -> list[float | None]:
-    """Numbers of an array, None for what is not finite: JSON has no word for it."""
+    """Numbers of an array, None if not finite, which JSON cannot represent."""
     return [number(value) for value in values.tolist()]
 
 
 def number(value: float) -> float | None:
-    """A number, None where it is not finite."""
+    """A number, None if it is not finite."""
     return float(value) if math.isfinite(value) else None
 
 
 def _where(values: FloatArray, known: NDArray[np.bool_]) -> list[float | None]:
-    """Numbers of an array, None where they are not known."""
+    """Numbers of an array, None for unknown ones."""
     return [number(value) if there else None for value, there in zip(values.tolist(), known.tolist(), strict=True)]
 
 

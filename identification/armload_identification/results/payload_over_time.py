@@ -1,4 +1,4 @@
-"""What an arm carried over time: one line per window of a run, to print and to draw."""
+"""Payload of an arm over time: one line per window of a run, to print and to draw."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _PICTURE_DPI = 130
 
 @dataclass(frozen=True, eq=False)
 class PayloadOverTime:
-    """Payload by window of one run; printed, it is a table.
+    """Payload by window of one run; printed as a table.
 
     Attributes:
         robot: Name of the arm.
-        windows: One after the other.
-        source: Of the recording.
+        windows: Windows in the order of time.
+        source: Source of the recording.
         armload_version: Version of the program.
     """
 
@@ -33,7 +33,7 @@ class PayloadOverTime:
     armload_version: str
 
     def rows(self) -> list[tuple[str, str, str, str]]:
-        """Per window its time, mass, centre of mass where it is determined, and a remark."""
+        """Per window its time, mass, determined coordinates of the centre of mass, and a remark."""
         rows = []
         for window in self.windows:
             when = f"{window.start_s:.1f} to {window.end_s:.1f}"
@@ -48,7 +48,7 @@ class PayloadOverTime:
         return rows
 
     def to_dict(self) -> dict[str, Any]:
-        """Numbers, texts, lists and dictionaries: the schema `armload/windows/1`."""
+        """Everything as numbers, texts, lists and dictionaries: the schema `armload/windows/1`."""
         return {
             "schema": "armload/windows/1",
             "armload_version": self.armload_version,
@@ -62,6 +62,7 @@ class PayloadOverTime:
 
         Raises:
             ReportError: the file cannot be written.
+            ExtraMissing: the libraries for pictures are not installed.
         """
         require_extra(Extra.REPORT, "the picture of a payload over time")
         from armload_identification.report.figures.figure_file import write_figure
@@ -85,7 +86,7 @@ HEADINGS: Sequence[str] = ("time s", "mass kg", "centre of mass mm", "remark")
 
 
 def _window(window: Window) -> dict[str, Any]:
-    """One window; what is not determined has no number."""
+    """One window; None for values that are not determined."""
     entry: dict[str, Any] = {"start_s": window.start_s, "end_s": window.end_s}
     if window.found is None:
         return entry | {"mass_kg": None, "half_width_95_kg": None, "center_of_mass_m": None, "refusal": window.refusal}

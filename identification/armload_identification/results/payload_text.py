@@ -1,4 +1,4 @@
-"""A payload's ten values as text: as many digits as the interval justifies, and no number where none is determined."""
+"""A payload's ten values as text: as many digits as the interval justifies, and no number for undetermined values."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ NOT_DETERMINED: Final = "not determined"
 
 @dataclass(frozen=True)
 class ValueText:
-    """One of the ten.
+    """One of the ten values.
 
     Attributes:
         name: As in `PARAMETER_NAMES`.
         estimate: The number, or `NOT_DETERMINED`.
-        interval: "low to high", or nothing.
+        interval: "low to high", or empty.
         unit: Its unit.
     """
 
@@ -53,12 +53,12 @@ def decimals(half_width: float) -> int:
 
 
 def plain_table(headings: Sequence[str], rows: Sequence[Sequence[str]], text_columns: Sequence[int]) -> list[str]:
-    """Lines of a table without borders; numbers stand to the right, texts to the left.
+    """Lines of a table without borders; numbers are right-aligned, texts left-aligned.
 
     Args:
-        headings: Of the columns.
+        headings: Headings of the columns.
         rows: Cells.
-        text_columns: Columns of texts.
+        text_columns: Columns that contain texts.
     """
     widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
     return [

@@ -1,8 +1,8 @@
-"""Two runs of one motion without a known period: their positions as splines, and the time between them.
+"""Two runs of one motion without a known period: their positions as splines, and the time shift between them.
 
-Nothing is differentiated from samples: the measured position is fitted by a quintic spline by least squares,
-at the stamps as they are, and the spline is differentiated. How fine its knots are is decided by the data
-(generalised cross-validation). The runs are laid over each other by position.
+Samples are not differentiated: the measured position is fitted by a quintic spline by least squares, at the original
+time stamps, and the spline is differentiated. The spacing of its knots is chosen by generalised cross-validation. The
+runs are aligned by position.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 _DEGREE: Final = 5
 _COARSEST_KNOTS_S: Final = 2.0
 _SAMPLES_PER_KNOT: Final = 8
-"""At least; finer knots would follow the encoder's noise into the acceleration."""
+"""Minimum; with finer knots the encoder's noise would appear in the acceleration."""
 _REFINEMENTS: Final = 8
 _ELSEWHERE_RAD: Final = 0.1
-"""Runs this far apart are doing different things at that moment, such as being driven to the start by hand."""
+"""Runs this far apart are not in the same motion at that moment, such as while being jogged to the start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class MeasuredMotion:
         spline: (n,)-valued quintic spline of the time since `start_s`.
         start_s: Time stamp of the first sample.
         duration_s: Time of the last sample since the first.
-        knot_spacing_s: Spacing of the knots that was chosen.
+        knot_spacing_s: Chosen spacing of the knots.
         fit_rad: (n,) RMS of the samples about the spline.
     """
 
@@ -47,7 +47,7 @@ class MeasuredMotion:
 
 
 def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
-    """Fit a quintic spline to measured positions, knots as fine as the data require.
+    """Fit a quintic spline to measured positions, with the spacing of the knots chosen from the data.
 
     Args:
         time_s: (N,) increasing, irregular.
@@ -57,7 +57,7 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
         The motion.
 
     Raises:
-        RecordingError: too short for any spline.
+        RecordingError: too short for a spline.
     """
     from scipy.interpolate import make_lsq_spline
 
@@ -71,7 +71,7 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
         if coefficients < 0.5 * elapsed.size:
             spline = make_lsq_spline(elapsed, position_rad, knots, k=_DEGREE)
             misfit = np.mean((position_rad - spline(elapsed)) ** 2, axis=0)
-            # One score for all joints, so that no joint's units or stroke dominates.
+            # The sum of logarithms prevents joints with a large stroke from dominating.
             score = float(np.sum(np.log(misfit + 1e-18)) - 2 * misfit.size * np.log1p(-coefficients / elapsed.size))
             if best is None or score < best[0]:
                 best = (score, spacing_s, spline, np.sqrt(misfit))
@@ -86,7 +86,7 @@ def fit_motion(time_s: FloatArray, position_rad: FloatArray) -> MeasuredMotion:
 
 
 def _knots(elapsed: FloatArray, spacing_s: float) -> FloatArray:
-    """Knots of a spline; in a hole of the data there are none, so that samples determine every coefficient."""
+    """Knots of a spline; gaps in the data contain none, so that samples determine every coefficient."""
     pieces = max(1, round(elapsed[-1] / spacing_s))
     edges = np.linspace(0.0, elapsed[-1], pieces + 1)
     counts = np.histogram(elapsed, edges)[0]
@@ -95,20 +95,20 @@ def _knots(elapsed: FloatArray, spacing_s: float) -> FloatArray:
 
 
 def time_shift(first: MeasuredMotion, second: MeasuredMotion) -> float:
-    """Time to add to the first run's elapsed time to be at the same place of the second run's.
+    """Time to add to the first run's elapsed time to obtain the corresponding time of the second run.
 
-    The speeds of all joints are correlated for a first guess, then the positions are laid over each other by
-    least squares (Gauss-Newton on the one unknown).
+    The initial value comes from the cross-correlation of all joints' velocities; then the positions are aligned by
+    least squares (Gauss-Newton in one unknown).
 
     Args:
         first: One run.
         second: Another run of the same motion.
 
     Returns:
-        Shift in s, to a small part of the sampling interval.
+        Shift in s, accurate to a small part of the sampling interval.
 
     Raises:
-        RecordingError: the runs share no second of motion.
+        RecordingError: the runs have less than one second of motion in common.
     """
     longest_s = max(first.duration_s, second.duration_s)
     step_s = min(0.02, longest_s / 256.0)

@@ -1,8 +1,8 @@
-"""The filters that take noise out of a measured signal, and the noise that it has.
+"""Filters for measured signals, and estimation of their noise.
 
-Averages of whole periods go through the five-point cubic smoothing of Chen 2016; what has no period goes through a
-zero-phase low-pass chosen by the motion's own band. scipy.signal is loaded by the low-pass only: it loads much of
-scipy, and neither moving an arm nor averaging periods requires it.
+Averages of whole periods are smoothed by the five-point cubic smoothing of Chen 2016; runs without a period by a
+zero-phase low-pass chosen according to the motion's band. scipy.signal is loaded only by the low-pass: it loads much of
+SciPy, and neither moving an arm nor averaging periods requires it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SMOOTHING_LOSS_LIMIT: Final = 0.10
 _WINDOW: Final = 5
 _POWERS: Final = np.vander(np.arange(_WINDOW) - 2.0, 4)
 _CUBIC: Final = _POWERS @ np.linalg.pinv(_POWERS)
-"""From five values to those of the cubic that fits them best."""
+"""Matrix from five values to those of the best-fitting cubic."""
 _LOW_PASS_ORDER: Final = 4
 _LOW_PASS_BANDS: Final = 8.0
 _BAND_POWER: Final = 0.999
@@ -49,14 +49,14 @@ def smooth(values: FloatArray) -> FloatArray:
 
 
 def smoothing_loss(raw: FloatArray, smoothed: FloatArray) -> FloatArray:
-    """Share of each signal's RMS that a filter took away, 1 - RMS(smoothed) / RMS(raw).
+    """Share of each signal's RMS removed by a filter, 1 - RMS(smoothed) / RMS(raw).
 
     Args:
         raw: (N, n) before.
         smoothed: (N, n) after.
 
     Returns:
-        (n,) between 0 and 1; 0 for a signal that is zero.
+        (n,) between 0 and 1; 0 for a zero signal.
     """
     before = np.sqrt(np.mean(raw**2, axis=0))
     after = np.sqrt(np.mean(smoothed**2, axis=0))
@@ -69,7 +69,7 @@ def low_pass(values: FloatArray, interval_s: float, cutoff_hz: float) -> FloatAr
     Args:
         values: (N, n), equidistant.
         interval_s: Time between samples.
-        cutoff_hz: Where each of the two passes takes 3 dB.
+        cutoff_hz: Frequency at which each of the two passes attenuates by 3 dB.
 
     Returns:
         (N, n) filtered along the first axis, without delay.
@@ -83,14 +83,14 @@ def low_pass(values: FloatArray, interval_s: float, cutoff_hz: float) -> FloatAr
 
 @lru_cache(maxsize=64)
 def _butterworth(cutoff_hz: float, interval_s: float) -> FloatArray:
-    """Second-order sections; their design takes longer than filtering a short run."""
+    """Second-order sections; cached, because their design takes longer than filtering a short run."""
     from scipy.signal import butter
 
     return np.asarray(butter(_LOW_PASS_ORDER, cutoff_hz, fs=1.0 / interval_s, output="sos"))
 
 
 def low_pass_cutoff(velocity: FloatArray, interval_s: float) -> float:
-    """Cutoff in Hz of the low-pass for a motion: a multiple of the band in which nearly all of its power lies.
+    """Cutoff frequency in Hz of the low-pass for a motion: a multiple of the band containing nearly all of its power.
 
     Args:
         velocity: (K, n) equidistant velocities in rad/s.
@@ -106,9 +106,9 @@ def low_pass_cutoff(velocity: FloatArray, interval_s: float) -> float:
 def white_noise(values: FloatArray) -> FloatArray:
     """Standard deviation of the white noise on every sample, from third differences.
 
-    A third difference removes whatever a cubic over four samples can follow, which is all that an excitation
-    contains, and leaves white noise with 20 times its variance. The size is taken from the median, because
-    friction at a reversal is sharper than any noise: by the RMS it made the noise of a wrist 1.7 times too large.
+    A third difference removes every signal that is nearly quadratic over four samples, such as an excitation, and
+    amplifies the variance of white noise by 20. Its size is estimated from the median, because friction at a reversal
+    causes outliers: with the RMS, the noise of a wrist was 1.7 times too large.
 
     Args:
         values: (N, n) raw samples, N at least 4.
@@ -118,6 +118,6 @@ def white_noise(values: FloatArray) -> FloatArray:
     """
     difference = np.diff(values, n=3, axis=0)
     usual = deviation_by_median(difference)
-    # A coarsely quantised signal repeats itself so often that its median is meaningless.
+    # A coarsely quantised signal has so many repeated values that the median is 0.
     spread = np.where(usual > 0.0, usual, np.sqrt(np.mean(difference**2, axis=0)))
     return np.asarray(spread / np.sqrt(_THIRD_DIFFERENCE_GAIN))

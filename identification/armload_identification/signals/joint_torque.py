@@ -1,7 +1,7 @@
-"""From what the drives report to joint torque: the one place where a current becomes a torque.
+"""From reported currents or torques to joint torque; the only place where a current is converted to a torque.
 
-Drives see motors; the model sees joints. AXIS is a motor seen through its gear: q_joint = C q_axis and, since
-power is the same on both sides, tau_joint = C^-T tau_axis.
+Drives refer to motors, the model to joints. An AXIS is the output side of a motor's gear: q_joint = C q_axis and, as
+the power is the same on both sides, tau_joint = C^-T tau_axis.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from armload_identification.identification_errors import ModelError, RecordingEr
 from armload_identification.recording.recording import Recording
 
 NOMINAL_DEVIATION: Final = 0.02
-"""Relative standard deviation that a gain is assumed to have until it is calibrated. On the UR10e the gains that a
-regression of the controller's own signals gives put the mass 0.2 to 3 % off."""
+"""Assumed relative standard deviation of a gain before calibration. On the UR10e, gains from a regression of the
+controller's own signals cause errors of the mass of 0.2 to 3 %."""
 
 
 @dataclass(frozen=True, eq=False)
 class Transmission:
-    """What lies between motor current and joint torque.
+    """Conversion of motor current to joint torque.
 
     Attributes:
         gain_nm_a: (n,) axis torque per ampere of motor current: torque constant times gear ratio.
-        coupling: (n, n) C with q_joint = C q_axis; the identity where no motors are coupled.
-        calibrated: (n,) True where a gain was calibrated with a known load and is not nominal; nowhere if not given.
-        deviation: (n,) relative standard deviation of each gain; if not given, that of the covariance, else 0 where
-            it was calibrated and `NOMINAL_DEVIATION` where it is nominal.
+        coupling: (n, n) C with q_joint = C q_axis; the identity if no motors are coupled.
+        calibrated: (n,) True if a gain was calibrated with a known load, False if nominal; all False if not given.
+        deviation: (n,) relative standard deviation of each gain; if not given, that of the covariance, else 0 for
+            calibrated and `NOMINAL_DEVIATION` for nominal gains.
         covariance: (n, n) of the logarithms of the gains; diagonal if not given.
-        torque_gain: (n,) axis torque per N m that a drive reports, where drives report torque; 1 if not given.
+        torque_gain: (n,) axis torque per N m reported by a drive; 1 if not given.
         torque_calibrated: Whether deviation and covariance are those of `torque_gain`.
 
     Raises:
@@ -101,7 +101,7 @@ class Transmission:
         object.__setattr__(self, "_from_current", gain[:, None] * np.linalg.inv(coupling))
 
     def held_at(self, gain_nm_a: FloatArray, covariance: FloatArray) -> Transmission:
-        """The same axes with other gains, which are not to be fitted.
+        """The same axes with other gains, which are held fixed in a fit.
 
         Args:
             gain_nm_a: (n,) the gains.
@@ -110,7 +110,7 @@ class Transmission:
         return Transmission(gain_nm_a, self.coupling, np.ones(gain_nm_a.size, dtype=bool), covariance=covariance)
 
     def gain_shares(self, torque_nm: FloatArray) -> FloatArray:
-        """How joint torque changes with the logarithm of each gain, C^-T e_a (C^T tau)_a.
+        """Derivative of joint torque by the logarithm of each gain, C^-T e_a (C^T tau)_a.
 
         Args:
             torque_nm: (N, n) joint torques.
@@ -122,13 +122,13 @@ class Transmission:
         return np.asarray((torque_nm @ self.coupling).T[:, :, None] * to_axis[:, None, :])
 
     def gain_doubts(self, torque_nm: FloatArray) -> FloatArray:
-        """Torque of one standard deviation of each independent error of the gains.
+        """Torque error for one standard deviation of each independent error of the gains.
 
         Args:
             torque_nm: (N, n) joint torques.
 
         Returns:
-            (k, N, n) in N m; none where the gains are exact.
+            (k, N, n) in N m; k = 0 for exact gains.
         """
         values, vectors = np.linalg.eigh(self.covariance)
         size = np.sqrt(np.maximum(values, 0.0))
@@ -136,15 +136,15 @@ class Transmission:
         return np.asarray(np.einsum("ak,atj->ktj", vectors[:, kept] * size[kept], self.gain_shares(torque_nm)))
 
     def changed_by(self, log_gain: FloatArray) -> FloatArray:
-        """Matrix M with which joint torques by these gains become tau M by others.
+        """Matrix M such that a joint torque tau with these gains is tau M with others.
 
         Args:
-            log_gain: (n,) logarithms of the other gains over these.
+            log_gain: (n,) logarithms of the ratios of the other gains to these.
         """
         return np.asarray((self.coupling * np.exp(log_gain)) @ np.linalg.inv(self.coupling))
 
     def reported_torque(self, torque_nm: FloatArray) -> FloatArray:
-        """Joint torque of torques that drives report, tau = C^-T diag(gain) C^T tau_reported.
+        """Joint torque from reported torques, tau = C^-T diag(gain) C^T tau_reported.
 
         Args:
             torque_nm: (n,) or (N, n) joint torques as reported.
@@ -154,7 +154,7 @@ class Transmission:
         return np.asarray((torque_nm @ self.coupling * self.torque_gain) @ np.linalg.inv(self.coupling))
 
     def joint_torque(self, current_a: FloatArray) -> FloatArray:
-        """Joint torque of measured motor currents, tau = C^-T diag(gain) i.
+        """Joint torque from motor currents, tau = C^-T diag(gain) i.
 
         Args:
             current_a: (n,) or (N, n) motor currents.
@@ -176,14 +176,14 @@ class Transmission:
         return np.asarray(self._from_current.T @ current_covariance @ self._from_current)
 
     def measured(self, torque_nm: FloatArray | None, current_a: FloatArray | None) -> FloatArray | None:
-        """Joint torque that was measured: as the drives report it, else from their currents.
+        """Measured joint torque: from reported torques, else from currents.
 
         Args:
-            torque_nm: (n,) or (N, n) joint torques that the drives report, or None.
-            current_a: (n,) or (N, n) motor currents that they report, or None.
+            torque_nm: (n,) or (N, n) joint torques reported by the drives, or None.
+            current_a: (n,) or (N, n) motor currents reported by the drives, or None.
 
         Returns:
-            Joint torques in N m; None where neither was measured.
+            Joint torques in N m; None if neither was measured.
         """
         if torque_nm is not None:
             return self.reported_torque(torque_nm)
@@ -201,7 +201,7 @@ def joint_torque(recording: Recording, transmission: Transmission) -> FloatArray
         (N, n) joint torques in N m.
 
     Raises:
-        RecordingError: a signal that stands still, or no torque at all.
+        RecordingError: a constant signal, or neither torque nor current.
     """
     reported, name = (recording.current_a, "current_a")
     if recording.torque_nm is not None:

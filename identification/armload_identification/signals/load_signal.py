@@ -1,11 +1,10 @@
-"""What the payload alone did: the torque of a loaded run minus that of an unloaded run of the same motion.
+"""The payload's torque: that of a loaded run minus that of an unloaded run of the same motion.
 
-The arm's own links and nearly all friction are in both runs and cancel, so that no body model is needed. Where
-both recordings hold whole periods of a known excitation they are compared phase by phase; else they are laid over each
-other by position, and both are sampled at the same places of the motion.
+The arm's links and nearly all friction are the same in both runs and cancel, so that no body model is needed. If both
+recordings contain whole periods of a known excitation, they are compared phase by phase; otherwise they are aligned by
+position, and both are sampled at the same positions of the motion.
 
-The two motions are never quite equal. How far they are apart is reported; runs of different trajectories are
-refused.
+The two motions always differ slightly. Their difference is reported; runs of different trajectories are refused.
 """
 
 from __future__ import annotations
@@ -37,24 +36,24 @@ from armload_identification.signals.motion import (
 
 _SAME_PATH_RAD: Final = 0.01
 _SAME_PATH_SHARE: Final = 0.03
-"""Two runs are of one trajectory if every joint's RMS difference is below either."""
+"""Two runs have the same trajectory if every joint's RMS difference is below one of these."""
 _SAME_SPEED: Final = 0.02
 _ALIKE: Final = 5.0
-"""Times that, at no moment more, within the part in which both do the same."""
+"""Greatest difference at any moment of the common part, in multiples of that limit."""
 _COMMON: Final = 0.3
-"""Of the motion, at least, is done by both; else it is not the same motion."""
+"""Least share of the motion that must be common to both runs."""
 _SHORTEST_S: Final = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class LoadSignal:
-    """Torque difference of two motions over the loaded one, K samples of n joints.
+    """Torque difference of two runs along the loaded run's motion, K samples of n joints.
 
     Attributes:
         loaded: The run with the payload.
-        unloaded: The arm without it at the same places of the motion: a run, or what a model of the arm predicts.
+        unloaded: The arm without it at the same positions of the motion: a run, or the prediction of an arm model.
         mismatch_rad: (n,) RMS difference of the two measured motions.
-        shift_s: Time from the loaded to the unloaded run's samples; 0 where phases were compared.
+        shift_s: Time from the loaded to the unloaded run's samples; 0 if phases were compared.
     """
 
     loaded: Motion
@@ -74,7 +73,7 @@ class LoadSignal:
 
     @property
     def periodic(self) -> bool:
-        """The last sample is followed by the first."""
+        """Whether the last sample is followed by the first."""
         return self.loaded.periodic
 
     @property
@@ -84,7 +83,7 @@ class LoadSignal:
 
     @cached_property
     def raw_nm(self) -> FloatArray:
-        """(K, n) torque difference, averaged over the periods where there are some."""
+        """(K, n) torque difference, averaged over the periods of a periodic run."""
         return self.loaded.raw_nm - self.unloaded.raw_nm
 
     @cached_property
@@ -94,7 +93,7 @@ class LoadSignal:
 
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
-        """(K,) False where a sample of either had to be filled in; it is not used."""
+        """(K,) False if a sample of either run was filled in; such samples are not used."""
         return self.loaded.valid & self.unloaded.valid
 
     @cached_property
@@ -104,12 +103,12 @@ class LoadSignal:
 
     @cached_property
     def averaged_noise_nm(self) -> FloatArray:
-        """(n,) what is left of it in `raw_nm`."""
+        """(n,) standard deviation of the noise in `raw_nm`, N m."""
         return np.hypot(self.loaded.averaged_noise_nm, self.unloaded.averaged_noise_nm)
 
     @property
     def noise_source(self) -> str:
-        """Where the noise was taken from: `SCATTER` only where both runs have it from there."""
+        """How the noise was estimated: `SCATTER` only if it was for both runs."""
         return SCATTER if {self.loaded.noise_source, self.unloaded.noise_source} == {SCATTER} else ABOVE_BAND
 
     @cached_property
@@ -129,32 +128,32 @@ class LoadSignal:
 
     @cached_property
     def empty_arm(self) -> Motion:
-        """The unloaded run, with the difference's noise and holes."""
+        """The unloaded run, with the noise and validity of the difference."""
         return replace(self.unloaded, valid=self.valid, averaged_noise_nm=self.averaged_noise_nm)
 
     def part(self, start_s: float, end_s: float) -> LoadSignal:
-        """The samples from one time to before another.
+        """The samples from one time up to, not including, another.
 
         Args:
-            start_s: Since the first sample.
-            end_s: Likewise.
+            start_s: Time since the first sample.
+            end_s: Time since the first sample.
         """
         return replace(self, loaded=self.loaded.part(start_s, end_s), unloaded=self.unloaded.part(start_s, end_s))
 
     def with_torque_times(self, matrix: FloatArray) -> LoadSignal:
-        """The same motion with every torque tau replaced by tau M; the noise is left as it is.
+        """The same motion with every torque tau replaced by tau M; the noise is not changed.
 
         Args:
-            matrix: (n, n) M, as other gains make it.
+            matrix: (n, n) M, the effect of other gains.
         """
         loaded, unloaded = (run.with_torque_times(matrix) for run in (self.loaded, self.unloaded))
         return replace(self, loaded=loaded, unloaded=unloaded)
 
     def with_delay(self, delay_s: float) -> LoadSignal:
-        """The same torque with the motion that it belongs to.
+        """The same torque with the motion to which it belongs.
 
         Args:
-            delay_s: By how much later than positions the drives report torques.
+            delay_s: Delay of the reported torques relative to the positions.
         """
         return replace(self, loaded=self.loaded.with_delay(delay_s), unloaded=self.unloaded.with_delay(delay_s))
 
@@ -186,14 +185,14 @@ def load_signal(loaded: Recording, unloaded: Recording, transmission: Transmissi
 
 
 def without_body(motion: Motion, body_nm: FloatArray) -> LoadSignal:
-    """The torque of a loaded run less that of the empty arm.
+    """The torque of a loaded run minus that of the empty arm.
 
     Args:
         motion: The loaded run.
         body_nm: (K, n) torque of the empty arm on the same motion, friction included.
 
     Returns:
-        What `load_signal` makes of two runs; the noise is that of one.
+        The signal as from `load_signal`, with the noise of one run.
     """
     nothing = np.zeros(motion.n)
     predicted = replace(
@@ -210,7 +209,7 @@ def without_body(motion: Motion, body_nm: FloatArray) -> LoadSignal:
 
 
 def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
-    """Phase by phase over the average period."""
+    """The difference of two average periods, phase by phase."""
     _require_same_excitation(loaded, unloaded)
     phases = phases_per_period(loaded)
     one, two = (average_period(run, transmission, phases) for run in (loaded, unloaded))
@@ -223,7 +222,7 @@ def _by_phase(loaded: Recording, unloaded: Recording, transmission: Transmission
 
 
 def _by_position(loaded: Recording, unloaded: Recording, transmission: Transmission) -> LoadSignal:
-    """Laid over each other by position, at the loaded run's times."""
+    """The difference of two runs aligned by position, at the loaded run's times."""
     _require_same_excitation(loaded, unloaded)
     one, two = (TimedRun.of(run, transmission) for run in (loaded, unloaded))
     shift_s = _shift_by_phase(one.run, two.run)
@@ -238,10 +237,10 @@ def _by_position(loaded: Recording, unloaded: Recording, transmission: Transmiss
 
 
 def _shift_by_phase(one: Recording, two: Recording) -> float | None:
-    """Time from the first run's moments to the second's where both know their phase; None where one does not.
+    """Time from the first run's samples to the second's by their phases; None if one of them has no phase.
 
     Raises:
-        RecordingError: the runs share less than a second of their excitation.
+        RecordingError: the runs have less than a second of their excitation in common.
     """
     if one.phase_s is None or two.phase_s is None or one.excitation is None or two.excitation is None:
         return None
@@ -259,7 +258,7 @@ def _shift_by_phase(one: Recording, two: Recording) -> float | None:
 
 
 def _common_part(one: TimedRun, two: TimedRun, grid: Grid, shift_s: float) -> tuple[float, float]:
-    """Begin and end of the longest stretch in which both runs do the same; all of it where there is hardly any."""
+    """Start and end of the longest part in which both motions agree; the entire grid if that is too short."""
     elapsed = grid.elapsed_s
     position = one.path.spline(elapsed)
     apart = np.abs(position - two.path.spline(elapsed + shift_s))
@@ -277,12 +276,12 @@ def _common_part(one: TimedRun, two: TimedRun, grid: Grid, shift_s: float) -> tu
 
 
 def _allowed_rad(position: FloatArray) -> FloatArray:
-    """(n,) RMS difference up to which two runs are of one motion."""
+    """(n,) greatest RMS difference of two runs of the same motion."""
     return np.asarray(np.maximum(_SAME_PATH_RAD, _SAME_PATH_SHARE * position.std(axis=0)))
 
 
 def _require_same_excitation(loaded: Recording, unloaded: Recording) -> None:
-    """Raise where the two runs were commanded along different series."""
+    """Raise if the two runs were commanded along different series."""
     if loaded.excitation is None or unloaded.excitation is None:
         return
     one, two = loaded.excitation.trajectory, unloaded.excitation.trajectory
@@ -306,7 +305,7 @@ def _equal(one: FourierTrajectory, two: FourierTrajectory) -> bool:
 
 
 def _require_same_path(loaded: Recording, unloaded: Recording, one: Motion, two: Motion) -> FloatArray:
-    """(n,) RMS difference of the two motions; raises where it is too great for their torques to be subtracted."""
+    """(n,) RMS difference of the two motions; raises if it is too great for subtracting their torques."""
     position = one.states.position_rad
     mismatch = np.asarray(np.sqrt(np.mean((position - two.states.position_rad) ** 2, axis=0)))
     allowed = _allowed_rad(position)

@@ -1,7 +1,7 @@
-"""What one run shows of an arm: its motion and its joint torque, at equidistant samples.
+"""Motion and joint torque of one run, at equidistant samples.
 
-A run that holds whole periods of a known excitation becomes its average period. Any other run is taken as it is: its
-position as a spline, its torque interpolated to a grid and low-passed.
+A run that contains whole periods of a known excitation becomes its average period. For any other run the position is a
+spline, and the torque is interpolated to a grid and low-passed.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ ABOVE_BAND: Final = "the signal above the motion's band"
 
 _NO_MOTION_RAD: Final = 0.01
 _STANDING: Final = 0.02
-"""Below this share of the greatest speed the arm stands; only what lies between is motion."""
+"""The arm counts as moving from this share of its greatest speed; standstill is cut off at both ends."""
 _MOST_HOLES: Final = 10
-"""Equidistant samples that a run may need for each that it has."""
+"""Greatest ratio of equidistant samples to samples of the run."""
 _HOLE: Final = 0.25
-"""Samples further apart than this share of the low-pass' shortest period leave a hole."""
+"""A gap is a distance of samples above this share of the period of the low-pass's cutoff frequency."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,14 +40,14 @@ class Motion:
 
     Attributes:
         time_s: (K,) time since the start of the period, or of the motion.
-        periodic: The last sample is followed by the first.
+        periodic: Whether the last sample is followed by the first.
         states: (K, n) each: fitted to the measured position, and its analytic derivatives.
-        raw_nm: (K, n) measured joint torque, averaged over the periods where there are some.
-        torque_nm: (K, n) the same, smoothed: five-point cubic on averages, else a zero-phase low-pass.
-        valid: (K,) False where a sample had to be filled in; it is not used.
+        raw_nm: (K, n) measured joint torque, averaged over the periods of a periodic run.
+        torque_nm: (K, n) the same, smoothed: five-point cubic for averages, else a zero-phase low-pass.
+        valid: (K,) False if a sample was filled in; such samples are not used.
         noise_nm: (n,) standard deviation of one RAW sample of the torque.
-        averaged_noise_nm: (n,) what is left of it in `raw_nm`, after averaging or interpolation.
-        noise_source: Where the noise was taken from, `SCATTER` or `ABOVE_BAND`.
+        averaged_noise_nm: (n,) standard deviation in `raw_nm`, after averaging or interpolation.
+        noise_source: How the noise was estimated, `SCATTER` or `ABOVE_BAND`.
         smoothing_loss: (n,) share of the RMS lost by smoothing.
         periods: Whole periods averaged; 1 without a period.
         position_fit_rad: (n,) RMS of the measured position about the fitted one.
@@ -77,18 +77,18 @@ class Motion:
         return float(self.time_s[1] - self.time_s[0])
 
     def with_delay(self, delay_s: float) -> Motion:
-        """The same torque with the motion that it belongs to.
+        """The same torque with the motion to which it belongs.
 
         Args:
-            delay_s: By how much later than positions the drives report torques.
+            delay_s: Delay of the reported torques relative to the positions.
         """
         return replace(self, states=self.states.earlier(delay_s, self.interval_s))
 
     def with_torque_times(self, matrix: FloatArray) -> Motion:
-        """The same motion with every torque tau replaced by tau M; the noise is left as it is.
+        """The same motion with every torque tau replaced by tau M; the noise is not changed.
 
         Args:
-            matrix: (n, n) M, as other gains make it.
+            matrix: (n, n) M, the effect of other gains.
         """
         return replace(self, raw_nm=self.raw_nm @ matrix, torque_nm=self.torque_nm @ matrix)
 
@@ -110,11 +110,11 @@ class Motion:
         )
 
     def part(self, start_s: float, end_s: float) -> Motion:
-        """The samples from one time to before another.
+        """The samples from one time up to, not including, another.
 
         Args:
-            start_s: Since the first sample.
-            end_s: Likewise.
+            start_s: Time since the first sample.
+            end_s: Time since the first sample.
         """
         rows = slice(*np.searchsorted(self.time_s, [start_s, end_s]))
         return replace(
@@ -171,10 +171,10 @@ def average_period(run: Recording, transmission: Transmission, phases: int) -> M
         phases: K, the number of equidistant phases to average at.
 
     Returns:
-        One period; its motion goes through the same filter as its torque.
+        One period; its motion passes through the same filter as its torque.
 
     Raises:
-        RecordingError: no whole period, a phase that did not advance evenly, or no torque.
+        RecordingError: no whole period, a phase that did not advance uniformly, or no torque.
     """
     torque = joint_torque(run, transmission)
     folded = fold(run, torque, phases)
@@ -203,7 +203,7 @@ def average_period(run: Recording, transmission: Transmission, phases: int) -> M
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Equidistant times at which a run is sampled, and the filter that its torque goes through.
+    """Equidistant times at which a run is sampled, and the filter for its torque.
 
     Attributes:
         elapsed_s: (K,) times since the run's first sample.
@@ -226,7 +226,7 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class TimedRun:
-    """A run without a known period, to be sampled at any times.
+    """A run as a function of time, which can be sampled at any times.
 
     Attributes:
         run: The rows of its motion.
@@ -243,7 +243,7 @@ class TimedRun:
         """Fit the motion of a run.
 
         Args:
-            run: The run; approach and return are left out where its phase marks them.
+            run: The run; approach and return are excluded if its phase marks them.
             transmission: Gains and coupling.
 
         Raises:
@@ -253,11 +253,11 @@ class TimedRun:
         return cls(rows, fit_motion(rows.time_s, rows.position_rad), joint_torque(rows, transmission))
 
     def moving_grid(self, start_s: float, end_s: float) -> Grid:
-        """Times between which the arm moves, as dense as the run's own samples.
+        """Times from the first to the last movement, spaced as the run's own samples.
 
         Args:
             start_s: Earliest time since the run's first sample.
-            end_s: Latest.
+            end_s: Latest time since the run's first sample.
 
         Raises:
             RecordingError: nearly all of the run is missing.
@@ -280,7 +280,7 @@ class TimedRun:
         """The run at given times.
 
         Args:
-            grid: Where, within the run.
+            grid: The times, within the run.
         """
         stamps_s, moment_s = self.run.time_s, grid.elapsed_s + self.run.time_s[0]
         noise = white_noise(self.torque_nm[(stamps_s >= moment_s[0]) & (stamps_s <= moment_s[-1])])
@@ -298,7 +298,7 @@ class TimedRun:
             torque_nm=smoothed,
             valid=apart_s <= _HOLE / grid.cutoff_hz,
             noise_nm=noise,
-            # Interpolation averages two samples, and so takes away some of their noise.
+            # Interpolation averages two samples, which reduces their noise.
             averaged_noise_nm=noise * np.sqrt(np.mean((1.0 - share) ** 2 + share**2)),
             noise_source=ABOVE_BAND,
             smoothing_loss=smoothing_loss(raw, smoothed),
@@ -308,7 +308,7 @@ class TimedRun:
 
 
 def require_motion(run: Recording) -> None:
-    """Refuse a run in which the arm stands still.
+    """Raise if the arm does not move in a run.
 
     Args:
         run: The run.
@@ -334,7 +334,7 @@ def _scatter_of(run: Recording, average: PeriodAverage, transmission: Transmissi
 
 
 def _moving_part(run: Recording) -> Recording:
-    """The run without approach and return, where its phase marks them; else all of it."""
+    """The run without approach and return if its phase marks them, else the entire run."""
     if run.phase_s is None:
         return run
     if np.count_nonzero(np.isfinite(run.phase_s)) < 2:

@@ -1,7 +1,7 @@
 """A periodic run folded onto one period: average, scatter, and the motion as a Fourier series.
 
-Where the rows lie in a period is found in `recording.phases`. A recording that was reduced to its average period while
-it was read goes the same way, as one period that stands for many.
+`recording.reduction.phases` determines the position of the rows in a period. A recording that was reduced to its
+average period while it was read is processed in the same way, as a single period.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from armload_identification.recording.reduction.period_average import ON_GRID
 from armload_identification.recording.reduction.phases import periodic_phase, require_even, whole
 
 _FITTED: Final = 0.25
-"""At most this share of the samples is taken up by a fit of the motion."""
+"""Greatest ratio of the fitted motion's coefficients to samples."""
 _FILLINGS: Final = 20
 _NOTHING: Final = 1e-18
 """Square of 1 nrad: no encoder resolves less."""
@@ -30,9 +30,9 @@ class PeriodicRun:
     """One run folded onto one period of K phases, n joints.
 
     Attributes:
-        period_s: Duration of a period by the time stamps.
-        periods: Whole periods M that were averaged, of the motion itself: a series of every g-th harmonic has g
-            of them in each of the excitation's.
+        period_s: Duration of a period according to the time stamps.
+        periods: Number M of averaged periods of the motion itself: a series of every g-th harmonic has g of them in
+            each period of the excitation.
         torque_nm: (K, n) torque averaged over the periods (Chen 2016, eq. (9)).
         valid: (K,) False where no period has a sample; those rows are interpolated.
         scatter_nm: (n,) standard deviation of ONE raw sample between periods; None for one period.
@@ -61,7 +61,7 @@ def fold(recording: Recording, torque_nm: FloatArray, phases: int) -> PeriodicRu
         The folded run.
 
     Raises:
-        RecordingError: no whole period, or a phase that did not advance evenly.
+        RecordingError: no whole period, or a phase that did not advance uniformly.
 
     References:
         Chen 2016, eqs. (6), (9).
@@ -113,7 +113,7 @@ def _on_grid(place: FloatArray, values: FloatArray, periods: int, phases: int) -
     else:
         wanted = first + np.arange(length, dtype=np.float64)
         after = np.clip(np.searchsorted(place, wanted), 1, place.size - 1)
-        # A neighbour on both sides, no further apart than a sample and a half: else a hole, left empty.
+        # Requires neighbours on both sides at most 1.5 sampling intervals apart; otherwise the phase stays empty.
         spacing = float(np.median(np.diff(place)))
         near = (place[after] - place[after - 1] < 1.5 * spacing + 1e-9) & (wanted <= place[-1] + 0.5 * spacing)
         for column in range(values.shape[1]):
@@ -133,7 +133,7 @@ def _scatter(table: FloatArray, mean: FloatArray, count: NDArray[np.intp]) -> Fl
 
 
 def _filled(values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
-    """Phases without a sample, interpolated over the period's seam; they are not used in the fit."""
+    """Values with empty phases filled by periodic interpolation; these are not used in the fit."""
     if valid.all():
         return values
     phases = np.arange(valid.size)
@@ -144,11 +144,11 @@ def _filled(values: FloatArray, valid: NDArray[np.bool_]) -> FloatArray:
 def _fit_motion(
     position: FloatArray, valid: NDArray[np.bool_], excitation: FourierTrajectory, rate: float
 ) -> tuple[FourierTrajectory, FloatArray]:
-    """Series of the measured position over a period of K phases, and the RMS that is left.
+    """Series of the measured position over a period of K phases, and the RMS of its residual.
 
-    The arm does not follow the excitation exactly: friction shakes it at every reversal, by 17 to 72 urad on er50,
-    whose acceleration times the arm's inertia is 2 N m. How many harmonics beyond the excitation's own the positions
-    support is decided by generalised cross-validation.
+    The arm does not follow the excitation exactly: friction shakes it at every reversal, on er50 by 17 to 72 urad, with
+    accelerations that correspond to 2 N m. The number of harmonics, at least the excitation's, is chosen by generalised
+    cross-validation.
     """
     phases = valid.size
     filled = _filled(position, valid)
@@ -157,7 +157,7 @@ def _fit_motion(
         harmonics = _supported_harmonics(spectrum, excitation.harmonics, phases)
         spectrum[harmonics + 1 :] = 0.0
         fitted = np.fft.irfft(spectrum * phases, phases, axis=0)
-        # What lies in a hole is taken from the series, which the next one is then free to have.
+        # Empty phases are filled from the series, iterated until they no longer affect it.
         filled = np.where(valid[:, None], position, fitted)
     motion = FourierTrajectory(
         excitation.base_frequency_hz / rate,
@@ -169,7 +169,7 @@ def _fit_motion(
 
 
 def _supported_harmonics(spectrum: NDArray[np.complex128], least: int, phases: int) -> int:
-    """Number of harmonics for which generalised cross-validation is best, from `least` on."""
+    """Number of harmonics, at least `least`, by generalised cross-validation."""
     twice = np.full(len(spectrum), 2.0)
     twice[0] = 1.0
     if phases % 2 == 0:
@@ -178,6 +178,6 @@ def _supported_harmonics(spectrum: NDArray[np.complex128], least: int, phases: i
     harmonics = np.arange(least, max(int(0.5 * _FITTED * phases), least + 1))
     left = power.sum(axis=0) - np.cumsum(power, axis=0)[harmonics]
     freedom = 1.0 - (2 * harmonics + 1) / phases
-    # One score for all joints, so that no joint's stroke dominates.
+    # The sum of logarithms prevents joints with a large stroke from dominating.
     score = np.sum(np.log(np.maximum(left, _NOTHING)), axis=1) - 2.0 * left.shape[1] * np.log(np.maximum(freedom, 0.01))
     return int(harmonics[np.argmin(score)])

@@ -1,4 +1,4 @@
-"""Whether a motion repeats itself, and after which time."""
+"""Detection of a repeating motion and its period."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from armload_core.arrays import FloatArray
 
 _ALIKE: Final = 0.998
-"""Normalised square difference function (1 is equal) from which a motion counts as repeated."""
+"""Normalised square difference function (1 for equal motions) from which a motion counts as repeated."""
 _MOST_SAMPLES: Final = 2**15
 _MOVES_RAD: Final = 0.01
 
 
 def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | None:
-    """Shortest time after which a motion is the same again, seen at least twice.
+    """Shortest period of a motion that contains at least two periods.
 
         r(T) = 2 sum q(t) q(t + T) / sum (q(t)^2 + q(t + T)^2),    over all joints that move
 
@@ -24,7 +24,7 @@ def repeated_after(elapsed_s: FloatArray, position_rad: FloatArray) -> float | N
         position_rad: (N, n) positions.
 
     Returns:
-        The period in s; None where the motion does not repeat itself.
+        The period in s; None if the motion does not repeat.
 
     References:
         McLeod, Wyvill, A smarter way to find pitch, ICMC 2005, equation 8.

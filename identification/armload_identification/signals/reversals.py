@@ -1,4 +1,4 @@
-"""Where a joint reverses: which samples count little there, and how fast its direction of motion turns over."""
+"""Reversals of a joint: weights of samples near them, and the speed that smooths the direction of motion."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 from armload_core.arrays import FloatArray
 
 _TURN_OVER: Final = 0.01
-"""The direction of motion turns over within this share of a joint's greatest speed."""
+"""Speed that smooths the direction of motion, as a share of a joint's greatest speed."""
 REVERSAL: Final = 0.10
-"""Share of a joint's greatest speed at which a sample weighs 0.7. A servo needs 50 ms to get over a reversal; on
-er50's motions a tenth leaves these out, and rotors, mu and delay come out within 2 % of the truth."""
+"""Share of a joint's greatest speed at which a sample's weight is 0.7. A servo settles within 50 ms of a reversal; on
+er50's motions a tenth excludes this time, and rotors, mu and delay are identified within 2 %."""
 _SLOWEST_RAD_S: Final = 1e-4
 
 
 def reversal_weights(velocity_rad_s: FloatArray, share: float = REVERSAL) -> FloatArray:
-    """Weights that leave out reversals: x / sqrt(1 + x^2), x = (dq / v)^2, v a small share of the greatest speed.
+    """Weights that exclude reversals: x / sqrt(1 + x^2), x = (dq / v)^2, v a small share of the greatest speed.
 
-    Near a reversal friction is what no model of it says: presliding, backlash and ripple. A joint that stands
-    still keeps its weight.
+    Near a reversal no friction model is accurate, because of presliding, backlash and ripple. A joint at rest keeps its
+    weight.
 
     Args:
         velocity_rad_s: (N, n).
-        share: v in terms of each joint's greatest speed.
+        share: v as a share of each joint's greatest speed.
 
     Returns:
         (N, n) factors on the rows of the whitened system, 0 to 1.
@@ -38,7 +38,7 @@ def reversal_weights(velocity_rad_s: FloatArray, share: float = REVERSAL) -> Flo
 
 
 def reversal_speed(velocity_rad_s: FloatArray) -> FloatArray:
-    """(n,) speed about which the direction of motion turns over, from the greatest speed of each joint.
+    """(n,) speed in rad/s that smooths the direction of motion, from the greatest speed of each joint.
 
     Args:
         velocity_rad_s: (N, n).

@@ -1,4 +1,4 @@
-"""Scale of a distribution from a median, which a few wild values do not move."""
+"""Scale of a distribution from a median, which outliers do not affect."""
 
 from __future__ import annotations
 

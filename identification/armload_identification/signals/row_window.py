@@ -1,9 +1,9 @@
-"""Rows of a run of any motion: means over a third of a second, of what was measured and of what a model makes of it.
+"""Rows of a run of any motion: means over a third of a second of measured and of modelled quantities.
 
-Torque, and all that explains it, goes through one kernel, (1 - u^2)^2: the one that a cubic's second derivative
-implies, as in the recursive estimator, whose window is shorter, as its user waits for it. A filter that torque alone
-goes through takes from jerky motion what the model still has: 10 kg on a simulated arm with elastic joints came out as
-10.6 kg, and as 10.1 kg through this one.
+Torque and regressor pass through the same kernel, (1 - u^2)^2. It is the kernel implied by a cubic's second derivative,
+as in the recursive estimator, whose window is shorter to reduce the delay. If only the torque were filtered, jerky
+motion would remain in the model: 10 kg on a simulated arm with elastic joints was then identified as 10.6 kg, and with
+this kernel as 10.1 kg.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from armload_core.arrays import FloatArray
 
 HALF_S: Final = 0.16
 _ONWARD: Final = 0.95
-"""Share of the window for which a joint moves one way, from which on its row counts."""
+"""Mean direction over the window from which a joint's row has a weight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +26,9 @@ class RowWindow:
     """R rows of K equidistant samples.
 
     Attributes:
-        middle: (R,) the sample in the middle of each row.
-        offset: (w,) samples of a row, from its middle on.
-        weight: (w,) of these; their sum is 1.
+        middle: (R,) index of the sample in the middle of each row.
+        offset: (w,) indices of a row's samples relative to its middle.
+        weight: (w,) their weights, with a sum of 1.
         samples: K.
     """
 
@@ -44,7 +44,7 @@ class RowWindow:
         Args:
             samples: K.
             interval_s: Time between samples.
-            step: How many of them from row to row.
+            step: Samples from row to row.
         """
         reach = int(HALF_S / interval_s)
         offset = np.arange(-reach, reach + 1)
@@ -53,7 +53,7 @@ class RowWindow:
 
     @property
     def whole(self) -> NDArray[np.bool_]:
-        """(R,) False at either end of the run, where a part of the window is missing."""
+        """(R,) False at both ends of the run, where the window is incomplete."""
         return np.asarray((self.middle + self.offset[0] >= 0) & (self.middle + self.offset[-1] < self.samples))
 
     def mean(self, values: FloatArray) -> FloatArray:
@@ -68,17 +68,17 @@ class RowWindow:
         return found
 
     def usable(self, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(R,) rows whose window is whole and without a hole.
+        """(R,) True for rows with a complete window of valid samples.
 
         Args:
-            valid: (K,) False in a hole.
+            valid: (K,) False for invalid samples.
         """
         return np.asarray(self.whole & (self.mean(np.asarray(~valid, dtype=np.float64)) == 0.0))
 
     def onward(self, direction: FloatArray) -> FloatArray:
-        """(R, n) weight, 0 to 1, of rows in whose window a joint moves one way; where it turns or stands it is 0.
+        """(R, n) weight: 1 if a joint keeps its direction in the row's window, 0 if it reverses or stands still.
 
         Args:
-            direction: (K, n) of the motion, -1 to 1.
+            direction: (K, n) direction of motion, -1 to 1.
         """
         return np.asarray(np.maximum((np.abs(self.mean(direction)) - _ONWARD) / (1.0 - _ONWARD), 0.0))

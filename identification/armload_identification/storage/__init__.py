@@ -1,1 +1,1 @@
-"""How files are read and written: strict TOML, the text of TOML values, atomic replacement."""
+"""Reading and writing files: strict TOML and CSV, the text of TOML values, atomic replacement."""

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Final
 
 LARGEST_BYTES: Final = 2**24
-"""Of a file of settings or results; the largest that are written have some 100 kB."""
+"""Largest accepted file of settings or results; the largest written ones have some 100 kB."""
 
 
 def require_regular(path: Path) -> None:
-    """Refuse what is no regular file: opening a pipe waits for a writer, and a device may have no end.
+    """Raise unless a path is a regular file: opening a pipe waits for a writer, and a device may have no end.
 
     Args:
         path: The file; a symbolic link is followed.
@@ -35,10 +35,10 @@ def read_whole(path: Path, largest_bytes: int = LARGEST_BYTES) -> bytes:
 
     Args:
         path: The file.
-        largest_bytes: More than that is refused.
+        largest_bytes: Largest accepted size.
 
     Raises:
-        OSError: it cannot be read, is no regular file, or is larger.
+        OSError: it cannot be read, is not a regular file, or is larger.
     """
     require_regular(path)
     with path.open("rb") as file:
@@ -49,7 +49,7 @@ def read_whole(path: Path, largest_bytes: int = LARGEST_BYTES) -> bytes:
 
 
 def hash_of_files(paths: Iterable[Path]) -> str:
-    """SHA-256 of the content of files of any size, one after the other.
+    """SHA-256 of the concatenated content of files of any size.
 
     Args:
         paths: The files.

@@ -1,4 +1,4 @@
-"""Writing a file so that a reader finds the old content or the new, never a part of it."""
+"""Atomic writing of a file: a reader finds the old content or the new, never a part of it."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from pathlib import Path
 
 
 def replace_file(path: Path, content: str | bytes) -> None:
-    """Write a file beside its place, flush it to the disk and rename it into place.
+    """Write a temporary file in the same folder, flush it to the disk and rename it to its final name.
 
-    A crash or a full disk leaves the earlier file as it was. An existing file keeps its permissions, a symbolic link
-    stays a link to the new content, and what is no regular file (/dev/stdout, a pipe) is written to directly.
+    A crash or a full disk leaves the earlier file unchanged. An existing file keeps its permissions, a symbolic link
+    remains a link to the new content, and other kinds of file (/dev/stdout, a pipe) are written to directly.
 
     Args:
-        path: Where to.
-        content: Text is written as UTF-8, with the line ends it has.
+        path: The file.
+        content: Bytes, or text that is written as UTF-8 with its own line ends.
 
     Raises:
-        OSError: the file cannot be written; nothing is left beside its place.
+        OSError: the file cannot be written; no temporary file remains.
     """
     data = content.encode() if isinstance(content, str) else content
     place = path.resolve()
@@ -44,7 +44,7 @@ def replace_file(path: Path, content: str | bytes) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Flush the rename itself; file systems that cannot flush a folder are left to their own timing."""
+    """Flush the rename itself, on file systems that can flush a folder."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         with contextlib.suppress(OSError):

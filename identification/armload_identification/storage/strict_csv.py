@@ -1,4 +1,4 @@
-"""Strict tables: CSV with a header line of known columns, and one sentence for whatever is wrong with a line."""
+"""Strict tables: CSV with a header line of known columns, and a one-sentence error for an invalid line."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ class CsvLine:
     """A line of a table.
 
     Attributes:
-        number: Of the line in the file.
-        values: Text by column; columns that a short line leaves out are missing.
+        number: Number of the line in the file.
+        values: Text by column; without the columns that a short line omits.
     """
 
     number: int
     values: dict[str, str]
 
     def text(self, column: str) -> str:
-        """What stands in a column; nothing where nothing does.
+        """Text of a column; empty if the line has none.
 
         Args:
             column: Its name.
@@ -38,12 +38,12 @@ class CsvLine:
         return self.values.get(column, "")
 
     def positive(self, column: str, source: str, error: FileErrorClass) -> float | None:
-        """A number above 0; None where the column is empty.
+        """A number above 0; None if the column is empty.
 
         Args:
             column: Its name.
-            source: What messages call the file.
-            error: Raised where it is no such number.
+            source: Name of the file in messages.
+            error: Class of the error raised for any other text.
         """
         text = self.text(column)
         if not text:
@@ -62,8 +62,8 @@ def read_csv(path: Path, error: FileErrorClass, largest_bytes: int = LARGEST_BYT
 
     Args:
         path: The file.
-        error: Raised where it cannot be read, is no text, or is larger.
-        largest_bytes: Of the file.
+        error: Class of the error raised if it cannot be read, is not text, or is larger.
+        largest_bytes: Largest accepted size.
     """
     try:
         return read_whole(path, largest_bytes).decode("utf-8-sig")
@@ -76,15 +76,15 @@ def read_csv(path: Path, error: FileErrorClass, largest_bytes: int = LARGEST_BYT
 def parse_csv(
     text: str, source: str, required: Sequence[str], optional: Sequence[str], rows: str, error: FileErrorClass
 ) -> tuple[CsvLine, ...]:
-    """The lines of a table; empty lines and those that begin with # are left out.
+    """The lines of a table, without empty lines and those that begin with #.
 
     Args:
         text: CSV.
-        source: What messages call it.
+        source: Name of the table in messages.
         required: Columns that the header must name.
         optional: Columns that it may name.
-        rows: What is expected of it, for a table without any.
-        error: Raised where the table makes no sense, naming line, column and value.
+        rows: Description of the expected rows, for the error of an empty table.
+        error: Class of the error raised for an invalid table, naming line, column and value.
     """
     lines = csv.reader(text.splitlines(), skipinitialspace=True)
     header = [name.strip() for name in next(lines, [])]

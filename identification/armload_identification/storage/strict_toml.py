@@ -1,8 +1,8 @@
-"""Strict TOML: tables as pydantic models, and one sentence for whatever is wrong with a file.
+"""Strict TOML: tables as pydantic models, and a one-sentence error for an invalid file.
 
-Every key is known, every number finite and of its type, nothing is converted. An error names the file, the key, the
-value found and what was expected; for an unknown key also the nearest one that exists, for a missing key the nearest
-one that is there. The same reader serves robots' files and the files of results.
+Unknown keys are refused, every number is finite and of its type, nothing is converted. An error names the file, the
+key, the value found and what was expected; for an unknown key also the most similar known key, for a missing key the
+most similar key in the file. The same reader is used for robot files and files of results.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from armload_identification.storage.read_file import read_whole
 from armload_identification.storage.replace_file import replace_file
 
 FileErrorClass = Callable[[str, str, object, str], Exception]
-"""An error made from file, key, value found and what was expected."""
+"""Makes an error from file, key, value found and what was expected."""
 
 _KEYS_ALIKE = 0.6
-"""Similarity (`difflib`) from which one key may be meant where another stands."""
+"""Similarity (`difflib`) from which a key may be a misspelling of another."""
 
 _WANTED = {
     "model_type": "expected a table",
@@ -54,7 +54,7 @@ Text = Annotated[str, Field(min_length=1)]
 
 
 class Table(BaseModel):
-    """A table in which every key is known and every number a finite number."""
+    """A table without unknown keys and with finite numbers only."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -67,7 +67,7 @@ class BadValue(ValueError):
 
     Attributes:
         key: Dotted path of the key within the table.
-        found: The value; None where the key is missing.
+        found: The value; None if the key is missing.
         expected: What would have been accepted, as the end of a sentence.
     """
 
@@ -83,7 +83,7 @@ def read_text(path: Path, error: FileErrorClass) -> str:
 
     Args:
         path: The file.
-        error: What is raised.
+        error: Makes the error that is raised.
 
     Raises:
         Exception: made by `error`; no such file, no permission, a pipe or device, too large, or not UTF-8.
@@ -99,12 +99,12 @@ def read_text(path: Path, error: FileErrorClass) -> str:
 
 
 def write_text(path: Path, text: str, error: FileErrorClass) -> None:
-    """Write a file whole: beside its place, then renamed.
+    """Write a file atomically.
 
     Args:
-        path: Where to; an existing file is replaced.
-        text: What to write.
-        error: What is raised.
+        path: The file; an existing one is replaced.
+        text: Its content.
+        error: Makes the error that is raised.
 
     Raises:
         Exception: made by `error`; the file cannot be written.
@@ -120,9 +120,9 @@ def parse(content: str, source: str, tables: type[_Tables], error: FileErrorClas
 
     Args:
         content: TOML.
-        source: What messages call the file.
+        source: Name of the file in messages.
         tables: The root table.
-        error: What is raised.
+        error: Makes the error that is raised.
 
     Raises:
         Exception: made by `error`, naming file, key, value and what was expected.
@@ -131,15 +131,15 @@ def parse(content: str, source: str, tables: type[_Tables], error: FileErrorClas
 
 
 def toml_values(content: str, source: str, error: FileErrorClass) -> dict[str, Any]:
-    """The values of a TOML text, not checked yet.
+    """The unchecked values of a TOML text.
 
     Args:
         content: TOML.
-        source: What messages call the file.
-        error: What is raised.
+        source: Name of the file in messages.
+        error: Makes the error that is raised.
 
     Raises:
-        Exception: made by `error`; the text is no TOML.
+        Exception: made by `error`; the text is not TOML.
     """
     try:
         return tomllib.loads(content)
@@ -154,13 +154,13 @@ def toml_values(content: str, source: str, error: FileErrorClass) -> dict[str, A
 def validated(
     values: Mapping[str, Any], source: str, tables: type[_Tables], error: FileErrorClass, within: str = ""
 ) -> _Tables:
-    """Tables from values that were read already.
+    """Tables from values that have been read.
 
     Args:
         values: Value by key.
-        source: What messages call the origin of the values.
-        tables: The table that the values should make.
-        error: What is raised.
+        source: Name of the source of the values in messages.
+        tables: The expected table.
+        error: Makes the error that is raised.
         within: Key of that table, for messages.
 
     Raises:
@@ -180,7 +180,7 @@ def _number_list(value: object) -> NDArray[np.float64]:
 
 
 def _number_rows(value: object) -> NDArray[np.float64]:
-    """Rows of finite numbers, all of one length."""
+    """Rows of finite numbers, all of the same length."""
     rows = value if isinstance(value, list) else []
     wide = {len(row) if isinstance(row, list) and all(_is_finite(v) for v in row) else 0 for row in rows}
     if len(wide) != 1 or 0 in wide:
@@ -195,7 +195,7 @@ NumberRows = Annotated[NDArray[np.float64], PlainValidator(_number_rows)]
 
 
 def require_shape(key: str, found: NDArray[np.float64], shape: tuple[int, ...]) -> None:
-    """Refuse an array of another shape.
+    """Raise unless an array has the expected shape.
 
     Raises:
         BadValue: naming the key.
@@ -216,7 +216,7 @@ def _is_finite(value: object) -> bool:
 
 
 def _explained(problem: ValidationError, tables: type[Table], within: str) -> tuple[str, object, str]:
-    """Key, value found and what was expected for the first of the problems that pydantic found."""
+    """Key, value found and what was expected, for the first problem found by pydantic."""
     problems = problem.errors(include_url=False)
     first, more = problems[0], len(problems) - 1
     key, found = _dotted((within, *first["loc"]) if within else first["loc"]), first["input"]
@@ -240,7 +240,7 @@ def _explained(problem: ValidationError, tables: type[Table], within: str) -> tu
 
 
 def _wanted(problem: ErrorDetails) -> str:
-    """What was expected, in terms of TOML."""
+    """What was expected, in the terms of TOML."""
     limits = problem.get("ctx", {})
     if problem["type"] == "value_error":
         return str(limits["error"])
@@ -248,7 +248,7 @@ def _wanted(problem: ErrorDetails) -> str:
 
 
 def _dotted(loc: Sequence[int | str]) -> str:
-    """Path of a key as a reader counts: the first joint is joints[1]."""
+    """Path of a key, with lists counted from 1: the first joint is joints[1]."""
     path = ""
     for part in loc:
         path += f"[{part + 1}]" if isinstance(part, int) else f".{part}" if path else part
@@ -256,20 +256,20 @@ def _dotted(loc: Sequence[int | str]) -> str:
 
 
 def _required(loc: Sequence[int | str], tables: type[Table]) -> str:
-    """Says that a missing table or value is required."""
+    """The end of the message for a missing table or value."""
     field = _fields_at(loc[:-1], tables)[str(loc[-1])]
     return "the table is required" if _table_in(field.annotation) is not None else "it is required"
 
 
 def _near_missing(problem: ErrorDetails, tables: type[Table]) -> str | None:
-    """An unknown key of the same table that looks like the missing one."""
+    """An unknown key of the same table that is similar to the missing one."""
     fields = _fields_at(problem["loc"][:-1], tables)
     strangers = [key for key in problem["input"] if key not in fields]
     return next(iter(difflib.get_close_matches(str(problem["loc"][-1]), strangers, n=1, cutoff=_KEYS_ALIKE)), None)
 
 
 def _near_unknown(loc: Sequence[int | str], tables: type[Table]) -> str:
-    """The table that has this very key, which was put under a wrong header; else the nearest key of the same table."""
+    """The table to which an unknown key belongs, else the most similar key of the same table."""
     key = str(loc[-1])
     owner = next((path for path, model in _all_tables(tables, "") if path and key in model.model_fields), None)
     if owner is not None:
@@ -279,7 +279,7 @@ def _near_unknown(loc: Sequence[int | str], tables: type[Table]) -> str:
 
 
 def _fields_at(loc: Sequence[int | str], tables: type[Table]) -> Mapping[str, FieldInfo]:
-    """Keys of the table at a place; none where the place is no table."""
+    """Keys of the table at a path; empty if there is no table."""
     annotation: Any = tables
     for part in loc:
         model = _table_in(annotation)

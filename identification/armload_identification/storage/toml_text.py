@@ -1,4 +1,4 @@
-"""The text of TOML values; every number reads back bit for bit."""
+"""The text of TOML values; every number is read back identically."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def number(value: float) -> str:
 
 
 def array(value: ArrayLike) -> str:
-    """An array of floats; a list of lists gets a line each."""
+    """An array of floats; a matrix gets one line per row."""
     numbers = np.asarray(value, dtype=np.float64)
     if numbers.ndim == 1:
         return "[" + ", ".join(number(v) for v in numbers) + "]"

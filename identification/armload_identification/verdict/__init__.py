@@ -1,1 +1,1 @@
-"""Whether recordings and results can be trusted: sanity, validation, comparison, notes."""
+"""Checks of recordings and results: sanity, validation, comparison, notes to the operator."""

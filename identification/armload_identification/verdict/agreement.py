@@ -1,19 +1,19 @@
-"""Do two results for mass and centre of mass agree? The statistic behind every verdict on a payload.
+"""Agreement of two results for mass and centre of mass: the statistic for all verdicts on a payload.
 
     d = [m, c]_measured - [m, c]_judged,        C = C_measured + C_judged + C_gains + diag(5 g, 1 mm, 1 mm, 1 mm)^2
 
-Where both were obtained with the same gains, C_gains holds only what a gain's error does to one and not to the
-other. With nu degrees of freedom the payload differs where
+If both were obtained with the same gains, C_gains contains only the difference of the effects of a gain's error on the
+two. With nu degrees of freedom the payload differs if
 
     (d^T C^-1 d / 4) (nu - 3) / nu > F_0.99(4, nu - 3)
 
-(Hotelling). A difference that is significant need not matter, and one that is not may still be too large. So there are
-three outcomes, for a tolerance of mass and centre of mass:
+(Hotelling). A significant difference may be unimportant, and an insignificant one too large. There are therefore three
+outcomes, for a tolerance of mass and centre of mass:
 
-- right: the 95 % interval of the difference lies within the tolerance; or the two do not differ, and an error of the
-  tolerance would have been noticed with a probability of 95 %.
+- right: the 95 % interval of the difference lies within the tolerance; or the two do not differ, and an error equal to
+  the tolerance would have been detected with a probability of 95 %.
 - wrong: they differ, and not demonstrably within the tolerance.
-- cannot tell: they do not differ, but an error beyond the tolerance could have gone unnoticed.
+- cannot tell: they do not differ, but an error beyond the tolerance could have gone undetected.
 
 References:
     Hotelling, Annals of Mathematical Statistics 2(3), 1931.
@@ -37,12 +37,12 @@ from armload_identification.model.mass_center import MassCenterCovariance
 from armload_identification.model.payload import InertialParameters
 
 FLOOR: Final = np.array([0.005, 0.001, 0.001, 0.001])
-"""Standard deviation in kg and m of what no covariance holds: the servo's sag under the load, remounting."""
+"""Standard deviation in kg and m of errors that no covariance contains: the servo's sag under load, remounting."""
 FALSE_ALARM: Final = 0.01
 POWER: Final = 0.95
 _SIZE: Final = 4
 _LEAST_FREEDOM: Final = 5.0
-"""F is taken with at least as many: with fewer, limit and noticeable error are practically unbounded."""
+"""Least degrees of freedom for F: with fewer, limit and noticeable error are practically unbounded."""
 _LONGEST: Final = 1000.0
 
 
@@ -56,11 +56,11 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """By how much a payload may be off.
+    """Tolerated error of a payload.
 
     Attributes:
-        mass_share: Share of its mass.
-        center_m: Distance of its centre of mass.
+        mass_share: As a share of its mass.
+        center_m: As a distance of its centre of mass.
 
     Raises:
         ModelError: a tolerance that is not positive.
@@ -81,7 +81,7 @@ class Known:
 
     Attributes:
         parameters: The payload.
-        covariance: Of its mass and centre of mass.
+        covariance: Covariance of its mass and centre of mass.
     """
 
     parameters: InertialParameters
@@ -95,12 +95,12 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """How a payload compares with what was measured of it.
+    """Comparison of a payload with an independent measurement.
 
     Attributes:
         outcome: Right, wrong, cannot tell.
         difference: (4,) measured minus judged mass in kg and centre of mass in m.
-        covariance: (4, 4) of it.
+        covariance: (4, 4) covariance of the difference.
         freedom: nu, its degrees of freedom.
         statistic: The F statistic.
         critical: The value that it exceeds by chance in one of a hundred comparisons.
@@ -108,8 +108,8 @@ class Agreement:
         judged_kg: Mass of the payload in question.
         tolerance_kg: Tolerance of the mass.
         tolerance_m: Tolerance of the centre of mass.
-        noticeable_kg: Error of the mass alone that would be noticed with a probability of 95 %.
-        noticeable_m: The same for the centre of mass, in the direction in which it is seen worst.
+        noticeable_kg: Error of only the mass that would be detected with a probability of 95 %.
+        noticeable_m: The same for the centre of mass, in its least certain direction.
         weakest: (3,) that direction, a unit vector.
     """
 
@@ -129,22 +129,22 @@ class Agreement:
 
     @property
     def differs(self) -> bool:
-        """True where the two differ by more than chance, 1 % of false alarms."""
+        """Whether the two differ significantly, with 1 % of false alarms."""
         return self.statistic > self.critical
 
     @property
     def distance_m(self) -> float:
-        """By how much the centres of mass are apart."""
+        """Distance of the centres of mass."""
         return float(np.linalg.norm(self.difference[1:]))
 
 
 @dataclass(frozen=True, slots=True)
 class LengthNeeded:
-    """How much longer runs would have to be for an error of the tolerance to be noticed.
+    """Length of the runs that is required to detect an error equal to the tolerance.
 
     Attributes:
-        factor: At least 1; inf where no length would do.
-        gains_limit: No length would do because of the gains; else because the tolerance is too close to the floor.
+        factor: Multiple of the present length, at least 1; inf if no length suffices.
+        gains_limit: Whether no length suffices because of the gains; otherwise the tolerance is too close to the floor.
     """
 
     factor: float
@@ -156,11 +156,11 @@ def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agree
 
     Args:
         judged: The payload in question.
-        measured: What was measured.
-        tolerance: By how much the payload may be off.
+        measured: The measured payload.
+        tolerance: Tolerated error of the payload.
 
     Returns:
-        Verdict and figures.
+        Outcome and statistics.
     """
     difference = measured.values - judged.values
     gains = _from_gains(judged.covariance, measured.covariance)
@@ -196,12 +196,12 @@ def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agree
 
 
 def length_needed(judged: Known, measured: Known, tolerance: Tolerance) -> LengthNeeded:
-    """How much longer runs would have to be for an error of the tolerance to be noticed.
+    """Length of the runs that is required to detect an error equal to the tolerance.
 
     Args:
         judged: The payload in question.
-        measured: What was measured.
-        tolerance: What is to be noticed.
+        measured: The measured payload.
+        tolerance: The error to be detected.
     """
     from scipy.optimize import brentq
 
@@ -209,7 +209,7 @@ def length_needed(judged: Known, measured: Known, tolerance: Tolerance) -> Lengt
     gains = _from_gains(judged.covariance, measured.covariance)
 
     def excess(log_factor: float, of_gains: FloatArray) -> float:
-        """By how much the worse of the two noticeable errors exceeds its tolerance, as a share of it."""
+        """Relative excess over its tolerance of the worse of the two noticeable errors."""
         longer = float(np.exp(log_factor))
         kg, m, _ = _noticeable(*_combined(judged.covariance, measured.covariance, of_gains, longer))
         return float(max(kg / tolerance_kg, m / tolerance.center_m) - 1.0)
@@ -234,7 +234,7 @@ def _from_gains(one: MassCenterCovariance, other: MassCenterCovariance) -> Float
 def _combined(
     one: MassCenterCovariance, other: MassCenterCovariance, of_gains: FloatArray, longer: float = 1.0
 ) -> tuple[FloatArray, float]:
-    """Covariance of the difference and its degrees of freedom, had both runs been so many times as long."""
+    """Covariance of the difference and its degrees of freedom for runs `longer` times as long."""
     parts = [(known.measured / longer, known.freedom * longer) for known in (one, other)]
     total = parts[0][0] + parts[1][0] + of_gains + np.diag(FLOOR**2)
     scatter = 0.0
@@ -258,7 +258,7 @@ def _denominator(freedom: float) -> float:
 
 
 def _noticeable(covariance: FloatArray, freedom: float) -> tuple[float, float, FloatArray]:
-    """Smallest errors noticed with the probability `POWER`: of the mass, of the centre, and its weakest direction."""
+    """Smallest errors detected with the probability `POWER`: of mass and centre, and the latter's weakest direction."""
     size = _limits(freedom)[1]
     precision = np.linalg.inv(covariance)
     power, axes = np.linalg.eigh(precision[1:, 1:])

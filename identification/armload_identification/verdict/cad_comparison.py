@@ -1,7 +1,7 @@
-"""A payload against CAD, in the paper's terms: Chen 2016, Table 2 and eq. (13).
+"""Comparison of a payload with CAD, in the paper's convention: Chen 2016, Table 2 and eq. (13).
 
-The paper gives mass, centre of mass and the inertia about the ORIGIN of the payload's frame, with products of
-inertia +int xy dm; this is the one place where the project does. Its error is |estimate - truth| / |truth|.
+The paper states mass, centre of mass and the inertia about the ORIGIN of the payload's frame, with products of inertia
++int xy dm; this convention is used only here. The error is |estimate - truth| / |truth|.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ class Comparison:
 
     Attributes:
         frame: Name of the frame.
-        estimate: (10,) what was identified, complete as in the file's `[model]`.
-        truth: (10,) what it is compared with.
+        estimate: (10,) identified values, complete as in the file's `[model]`.
+        truth: (10,) reference values.
         error: (10,) |estimate - truth| / |truth|; inf where the truth is 0 and the estimate is not.
-        determined: (10,) True where every value that the entry is made from was determined.
+        determined: (10,) True if all values from which the entry is computed were determined.
     """
 
     frame: str
@@ -41,8 +41,8 @@ def compare(payload: PayloadResult, cad: PayloadResult) -> Comparison:
     """Relative errors of an identified payload.
 
     Args:
-        payload: What was identified.
-        cad: What is taken for true.
+        payload: The identified payload.
+        cad: The reference.
 
     Returns:
         Values and errors, inertia about the origin of the frame.
@@ -63,7 +63,7 @@ def compare(payload: PayloadResult, cad: PayloadResult) -> Comparison:
     estimate, truth = in_papers_convention(payload.model), in_papers_convention(cad.model)
     off = np.abs(estimate - truth)
     error = np.divide(off, np.abs(truth), out=np.where(off > 0.0, np.inf, 0.0), where=truth != 0.0)
-    # The inertia about the origin holds mass and centre of mass too.
+    # The inertia about the origin also depends on mass and centre of mass.
     determined = np.asarray(payload.determined).copy()
     determined[4:] &= determined[:4].all()
     return Comparison(payload.frame, estimate, truth, error, determined)

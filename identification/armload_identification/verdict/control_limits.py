@@ -1,9 +1,9 @@
-"""Control limits for a figure of an arm over its runs, and since when it is another one.
+"""Control limits for a quantity of an arm over its runs, and changes of its level.
 
-The figure is measured against the calibration, so that its centre is zero. Its spread from run to run is that of the
-differences of successive runs, which a change of level hardly moves; where runs are few, the spread that was expected
-beforehand decides. A change of level is one that the runs on either side of it show together: the levels are the
-piecewise constant course that fits best, each further change at the price of a false alarm in a hundred such reports.
+The quantity is relative to the calibration, so that its expected value is zero. Its spread between runs is estimated
+from the differences of successive runs, which a change of level hardly affects; with few runs the expected spread
+dominates. The levels are the piecewise constant function that fits best, with a penalty for each change that gives one
+false alarm in a hundred such reports.
 
 References:
     Shewhart, Economic Control of Quality of Manufactured Product, 1931; Montgomery, Introduction to Statistical Quality
@@ -27,14 +27,14 @@ LIMIT: Final = 3.0
 FALSE_ALARM: Final = 0.01
 """Probability that a report of an unchanged arm names a change."""
 _EXPECTED_RUNS: Final = 5.0
-"""The expected spread counts as much as so many differences of runs."""
+"""Weight of the expected spread, in differences of runs."""
 _OF_DIFFERENCES: Final = 2.0 / 3.0
 """Degrees of freedom of a mean square successive difference, per run."""
 _HALF: Final = float(chdtri(1.0, 0.5))
 _CLIPPED: Final = 9.0
-"""A squared difference counts for at most so many times what the median one says: it may be a change."""
+"""A squared difference is limited to this multiple of the variance from the median one: it may be a change."""
 _LEAST_LEVEL: Final = 2
-"""Runs of a level; a single one that is off is no change yet."""
+"""Least number of runs of a level; a single deviating run is not a change."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ class LevelChange:
     """A change of level.
 
     Attributes:
-        index: The first run behind it; 0 where all runs differ from the calibration.
+        index: The first run after it; 0 if all runs differ from the calibration.
         before: Level before it; 0, the calibration's, for index 0.
-        after: Level behind it.
+        after: Level after it.
         deviation: Standard deviation of the difference.
     """
 
@@ -56,16 +56,16 @@ class LevelChange:
 
 @dataclass(frozen=True, eq=False)
 class ControlChart:
-    """A figure over r runs, in their order.
+    """A quantity over r runs, in their order.
 
     Attributes:
-        values: (r,) difference from the calibration; NaN where a run does not show it.
-        deviation: (r,) standard deviation of each: of the run itself and from run to run.
+        values: (r,) difference from the calibration; NaN if a run does not determine it.
+        deviation: (r,) standard deviation of each: of the run itself and between runs.
         limit: (r,) half the distance of the control limits, the calibration's own error on the run's motion included.
-        spread: Standard deviation from run to run.
-        outside: (r,) beyond the limits.
-        alone: (r,) off from the runs beside it by more than chance; left out of the levels.
-        level: (r,) level at each run; NaN where there are too few.
+        spread: Standard deviation between runs.
+        outside: (r,) True beyond the limits.
+        alone: (r,) True for outliers, which differ significantly from the neighbouring runs; not used for the levels.
+        level: (r,) level at each run; NaN if there are too few.
         changes: The changes of level.
     """
 
@@ -80,14 +80,14 @@ class ControlChart:
 
 
 def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usual: float, charts: int) -> ControlChart:
-    """The chart of a figure.
+    """The chart of a quantity.
 
     Args:
-        values: (r,) difference from the calibration, by run; NaN where a run does not show it.
-        noise: (r,) standard deviation by the run's own noise.
-        doubt: (r,) standard deviation by the calibration's errors.
-        usual: Standard deviation that is expected from run to run.
-        charts: How many charts the report has: all of them together are to raise few false alarms.
+        values: (r,) difference from the calibration, by run; NaN if a run does not determine it.
+        noise: (r,) standard deviation due to the run's own noise.
+        doubt: (r,) standard deviation due to the calibration's errors.
+        usual: Expected standard deviation between runs.
+        charts: Number of charts of the report, which have the false alarm rate together.
 
     Returns:
         Limits, levels and changes.
@@ -96,7 +96,7 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
     v, own, known = values[shown], noise[shown], doubt[shown]
     spread = _spread(v, own, usual)
     deviation = np.hypot(own, spread)
-    # A change of level and a run that is off by itself, upwards or downwards, at every run of every chart.
+    # Change of level or outlier, upwards or downwards, at every run of every chart.
     tests = 4.0 * charts * max(shown.size, 1)
     freedom = _EXPECTED_RUNS + _OF_DIFFERENCES * max(shown.size - 1, 0)
     bound = -float(stdtrit(freedom, FALSE_ALARM / tests))
@@ -108,7 +108,7 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
         part = kept[start:end]
         weight = deviation[part] ** -2.0
         mean, variance = float(np.average(v[part], weights=weight)), 1.0 / float(weight.sum())
-        # The first level is held against the calibration, whose error all its runs share.
+        # The first level is compared with the calibration, whose error all its runs share.
         other = float(np.mean(known[part] ** 2)) if before_variance is None else before_variance
         size = float(np.sqrt(variance + other))
         if abs(mean - before) > bound * size:
@@ -130,7 +130,7 @@ def control_chart(values: FloatArray, noise: FloatArray, doubt: FloatArray, usua
 
 
 def _spread(values: FloatArray, noise: FloatArray, usual: float) -> float:
-    """Standard deviation from run to run, from the mean square of successive differences."""
+    """Standard deviation between runs, from the mean square of successive differences."""
     count = values.size - 1
     if count < 1:
         return usual
@@ -141,17 +141,17 @@ def _spread(values: FloatArray, noise: FloatArray, usual: float) -> float:
 
 
 def _alone(values: FloatArray, deviation: FloatArray, bound: float) -> NDArray[np.bool_]:
-    """Runs that differ from those beside them."""
+    """Runs that differ from their neighbours."""
     if values.size < _LEAST_LEVEL + 1:
         return np.zeros(values.size, dtype=bool)
-    # Away from both neighbours, and to the same side of them; the first and the last run have one.
+    # Away from both neighbours, in the same direction; the first and the last run have only one.
     step = np.diff(values) / (bound * np.hypot(deviation[1:], deviation[:-1]))
     before, behind = np.concatenate([[-step[0]], step]), np.concatenate([-step, [step[-1]]])
     return np.asarray((np.minimum(before, behind) > 1.0) | (np.maximum(before, behind) < -1.0))
 
 
 def _levels(values: FloatArray, weight: FloatArray, price: float) -> list[tuple[int, int]]:
-    """Beginning and end of every level: least weighted squares, and a price for each level behind the first."""
+    """Start and end of every level: weighted least squares with a penalty for each level after the first."""
     count = values.size
     if count == 0:
         return []

@@ -1,16 +1,16 @@
-"""Is a recording's friction still that of the calibrated arm?
+"""Whether a recording's friction is still that of the calibrated arm.
 
-A gear's friction drifts as it warms up, and a calibration knows by how much it did from run to run. What a recording
-leaves of the arm's own torque is fitted with changes of Coulomb and viscous friction and of the offset, expected to be
-of that size. A change far beyond it says that the calibration no longer holds: a cold arm, another lubricant, a worn
-gear, or another gain.
+A gear's friction drifts as it warms up, and a calibration contains its spread between runs. The residual of the arm's
+own torque in a recording is fitted with changes of Coulomb and viscous friction and of the offset, expected to be of
+that size. With a change far beyond it the calibration is no longer valid: a cold arm, another lubricant, a worn gear,
+or another gain.
 
-How far a joint's change x of Coulomb and viscous friction is from none, in standard deviations:
+Size of a joint's change x of Coulomb and viscous friction, in standard deviations:
 
     sqrt(x^T (D + C)^-1 x),    D = diag(variances between the runs of the calibration), C covariance of x by the fit
 
-A short run shows the sum of both at its speed far better than either, so that they err in opposite directions: C says
-so. Where both are well known, neither hides the other.
+A short run determines the sum of both at its speed far better than each, so that their errors are anticorrelated, which
+C contains.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.model.body_model import smooth_sign
 
 FAR: Final = 5.0
-"""Standard deviations of drift between runs and of the fit together."""
+"""Threshold in standard deviations of drift between runs and fit together."""
 _INDEPENDENT_HZ: Final = 2.0
-"""Residuals of moving joints are alike for about half a second."""
+"""Residuals of moving joints are correlated over about half a second."""
 _REVERSAL: Final = 0.10
-"""Below this share of a joint's greatest speed friction is what no model says."""
+"""Share of a joint's greatest speed below which no friction model is accurate."""
 
 
 def friction_change(
     arm: KnownArm, velocity_rad_s: FloatArray, left_nm: FloatArray, used: NDArray[np.bool_], interval_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """By how much friction differs from that of the calibration's runs.
+    """Difference of a run's friction from that of the calibration's runs.
 
     Args:
         arm: The calibrated arm.
         velocity_rad_s: (K, n) of a run.
-        left_nm: (K, n) its torque less that of the calibrated arm, payload and friction included.
-        used: (K,) which samples count.
-        interval_s: Time between them.
+        left_nm: (K, n) its torque minus that of the calibrated arm, payload and friction included.
+        used: (K,) True for samples to use.
+        interval_s: Time between samples.
 
     Returns:
         (2, n) changes of Coulomb friction (N m) and viscous friction (N m s/rad), and their (n, 2, 2) covariance.
@@ -65,25 +65,25 @@ def friction_change(
 
 
 def standard_deviations(change: FloatArray, covariance: FloatArray, drift: FloatArray) -> FloatArray:
-    """How far each joint's friction is from that of the calibration.
+    """Size of each joint's change of friction.
 
     Args:
-        change: (2, n) of Coulomb friction (N m) and viscous friction (N m s/rad), as fitted.
-        covariance: (n, 2, 2) of these, by the fit.
+        change: (2, n) fitted changes of Coulomb friction (N m) and viscous friction (N m s/rad).
+        covariance: (n, 2, 2) their covariance from the fit.
         drift: (2, n) standard deviations of both between runs.
 
     Returns:
-        (n,) standard deviations of drift and fit together.
+        (n,) in standard deviations of drift and fit together.
     """
     both = covariance + drift.T[:, :, None] ** 2 * np.eye(2)
     return np.asarray(np.sqrt(np.einsum("in,nij,jn->n", change, np.linalg.inv(both), change)))
 
 
 def friction_notes(change: FloatArray) -> tuple[str, ...]:
-    """What the operator should know of it.
+    """Notes to the operator about changed friction.
 
     Args:
-        change: (n,) as `standard_deviations`.
+        change: (n,) from `standard_deviations`.
     """
     far = np.flatnonzero(change > FAR)
     if not far.size:

@@ -1,10 +1,10 @@
-"""Which joint disagrees with a payload: the measured torque of each joint as a multiple of the predicted one.
+"""Joints that disagree with a payload: the measured torque of each joint as a multiple of the predicted one.
 
     tau_j = a_j tau_payload,j + F_j s + v_j dq + f_j,        s the direction of motion,
 
-joint by joint, so that no joint's error leaks into another and changes of friction are not read as a scale. Intervals
-come from the residual's local spectrum. A payload of the wrong mass has the same a on every joint, a wrong drive gain
-a different a on one joint.
+joint by joint, so that no joint's error affects another and changes of friction are not mistaken for a scale. Intervals
+come from the residual's local spectrum. A wrong mass gives the same a on every joint, a wrong drive gain a different a
+on one joint.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.reversals import reversal_speed
 
 _DETERMINED_WITHIN: Final = 0.05
-"""A joint's scale is determined where its 95 % half width is at most this."""
+"""Greatest 95 % half width of a determined scale."""
 _MATTERS: Final = 0.01
 """The UR10e's joints 2 to 6 agree within this with calibrated gains."""
 _RANK: Final = 1e-9
@@ -31,11 +31,11 @@ _RANK: Final = 1e-9
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JointScales:
-    """Measured over predicted payload torque of n joints.
+    """Ratio of measured to predicted payload torque of n joints.
 
     Attributes:
-        scale: (n,) a; 1 where the joint agrees, nan where the payload does not load it.
-        half_width_95: (n,) half width of its 95 % interval; inf where the payload does not load the joint.
+        scale: (n,) a; 1 if the joint agrees, nan if the payload does not load it.
+        half_width_95: (n,) half width of its 95 % interval; inf if the payload does not load the joint.
     """
 
     scale: FloatArray
@@ -43,12 +43,12 @@ class JointScales:
 
     @property
     def determined(self) -> NDArray[np.bool_]:
-        """(n,) joints whose scale is known within 5 %."""
+        """(n,) True for joints whose scale is known within 5 %."""
         return np.asarray(self.half_width_95 <= _DETERMINED_WITHIN)
 
     @property
     def disagree(self) -> NDArray[np.bool_]:
-        """(n,) joints that are off by more than 1 % and by more than their interval."""
+        """(n,) True for joints that deviate by more than 1 % and by more than their interval."""
         return np.asarray(self.determined & (np.abs(self.scale - 1.0) > np.maximum(self.half_width_95, _MATTERS)))
 
 
@@ -83,7 +83,7 @@ def joint_scales(signal: LoadSignal, predicted_nm: FloatArray, friction_nm: Floa
             continue
         rows = rows[:, moved] / length[moved]
         left, size, right = np.linalg.svd(rows, full_matrices=False)
-        # The payload's own torque and an offset are one column on a joint that stands still.
+        # At rest, the payload's torque cannot be separated from an offset.
         if size[-1] < _RANK * size[0]:
             continue
         half = right.T / size

@@ -1,7 +1,7 @@
-"""Recordings whose numbers an arm cannot have: other units, torques at the motor, another arm.
+"""Detection of recordings with impossible magnitudes: wrong units, torques at the motor, another arm.
 
-Compared with what the arm's file says: its ranges, the torque of its joints, and, where it knows them, its links. A
-torque that holds the links up is known within tens of per cent then, and units are off by far more.
+They are compared with the arm's file: its ranges, the torque of its joints, and, if known, its links. The torque due to
+the links' weight is then known within tens of per cent, and wrong units cause far greater errors.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from armload_identification.recording.recording import Recording
 _ROWS: Final = 500
 _DEGREE: Final = 180.0 / np.pi
 _TOO_STRONG: Final = 20.0
-"""Times a joint's greatest torque that no drive gives, even for a moment; units are a thousand times off."""
+"""Multiple of a joint's greatest torque that no drive reaches even briefly; wrong units cause a factor of 1000."""
 _WIDE: Final = 3.0
-"""Times a joint's range that no motion takes: the angles are in another unit."""
+"""Multiple of a joint's range that no motion reaches: the angles are in another unit."""
 _OUTSIDE_RAD: Final = 0.2
 _HEAVY: Final = 0.02
-"""Share of the greatest torque from which what the links weigh shows in a joint."""
+"""Share of the greatest torque from which the links' weight is visible in a joint's torque."""
 _FOLLOWS: Final = 0.6
-"""Correlation from which a torque is the links', whatever its scale."""
+"""Correlation from which a torque is due to the links, whatever its scale."""
 _WEAK, _STRONG = 0.1, 10.0
-"""Measured over expected torque beyond which it is another unit, or the other side of the gear."""
+"""Ratios of measured to expected torque beyond which the unit, or the side of the gear, is wrong."""
 _MILLI: Final = (300.0, 3000.0)
 
 
 @dataclass(frozen=True, eq=False)
 class ArmMagnitudes:
-    """What an arm of n joints can have, as far as it is known.
+    """Possible magnitudes of an arm of n joints, as far as known.
 
     Attributes:
-        joint_names: From the base to the flange.
-        position_min_rad: (n,) NaN or -inf where not known.
-        position_max_rad: (n,) NaN or inf likewise.
-        torque_max_nm: (n,) NaN where not known.
-        body: Its links; None where they are not known.
+        joint_names: Names of the joints, from the base to the flange.
+        position_min_rad: (n,) least position; NaN or -inf if unknown.
+        position_max_rad: (n,) greatest position; NaN or inf if unknown.
+        torque_max_nm: (n,) greatest torque; NaN if unknown.
+        body: Its links; None if unknown.
     """
 
     joint_names: tuple[str, ...]
@@ -53,16 +53,16 @@ class ArmMagnitudes:
 
 
 def require_possible(run: Recording, chain: Chain, torque_nm: FloatArray | None, arm: ArmMagnitudes) -> None:
-    """Refuse a run that the arm cannot have made.
+    """Raise for a run that cannot be of this arm.
 
     Args:
         run: The run, with the arm's joints.
         chain: The arm.
-        torque_nm: (N, n) joint torque of the run; None where there is none.
-        arm: What it can have.
+        torque_nm: (N, n) joint torque of the run; None without any.
+        arm: Its possible magnitudes.
 
     Raises:
-        RecordingError: naming joint, value, what the arm has, and the likely unit.
+        RecordingError: naming joint, value, the arm's limit, and the likely unit.
     """
     every = slice(None, None, max(1, run.size // _ROWS))
     position = run.position_rad[every]
@@ -76,7 +76,7 @@ def require_possible(run: Recording, chain: Chain, torque_nm: FloatArray | None,
 
 
 def _refuse_positions(run: Recording, position: FloatArray, arm: ArmMagnitudes) -> None:
-    """Refuse positions beyond the joints' ranges."""
+    """Raise for positions beyond the joints' ranges."""
     low, high = np.nanmin(position, axis=0), np.nanmax(position, axis=0)
     with np.errstate(invalid="ignore"):
         beyond = np.maximum(arm.position_min_rad - low, high - arm.position_max_rad)
@@ -101,7 +101,7 @@ def _refuse_positions(run: Recording, position: FloatArray, arm: ArmMagnitudes) 
 
 
 def _refuse_strength(run: Recording, torque: FloatArray, arm: ArmMagnitudes) -> None:
-    """Refuse torques that no joint can give."""
+    """Raise for torques that no joint can provide."""
     with np.errstate(invalid="ignore"):
         times = np.nanpercentile(np.abs(torque), 99.0, axis=0) / arm.torque_max_nm
     if not (times > _TOO_STRONG).any():
@@ -117,7 +117,7 @@ def _refuse_strength(run: Recording, torque: FloatArray, arm: ArmMagnitudes) -> 
 def _refuse_scale(
     run: Recording, position: FloatArray, torque: FloatArray, chain: Chain, arm: ArmMagnitudes, body: ArmBody
 ) -> None:
-    """Refuse torques that follow the links' weight at another scale, on the joint that carries most."""
+    """Raise for torques that are proportional to the links' weight at a wrong scale, on the joint that carries most."""
     still = np.zeros_like(position)
     expected = ArmDynamics(chain, body).torque(np.nan_to_num(position), still, still)
     swing, measured = expected - expected.mean(axis=0), torque - np.nanmean(torque, axis=0)

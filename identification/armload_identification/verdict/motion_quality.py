@@ -1,4 +1,4 @@
-"""Whether a motion shows what a payload weighs, and which motion is missing where it does not."""
+"""Whether a motion suffices to determine a payload's mass, and which motion is missing otherwise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armload_identification.model.body_model import BodyModel
 from armload_identification.signals.motion import Motion
 
 _COUNTS_S: Final = 1.0
-"""A joint that moves for less says nothing."""
+"""Shortest time of motion for which a joint counts as moving."""
 _LEAST_JOINTS: Final = 2
 _ENOUGH_S: Final = 5.0
 _BRISK_RAD_S: Final = 0.3
@@ -25,11 +25,11 @@ _LONG_S: Final = 10.0
 
 @dataclass(frozen=True, eq=False)
 class MotionQuality:
-    """How much the joints move, n joints.
+    """Amount of motion of n joints.
 
     Attributes:
-        moving_s: (n,) time for which each joint is faster than where its friction is known.
-        brisk_rad_s: (n,) speed at which a joint shows its load well.
+        moving_s: (n,) time during which each joint is fast enough for its friction to be known.
+        brisk_rad_s: (n,) speed at which a joint's load can be determined well.
     """
 
     moving_s: FloatArray
@@ -40,7 +40,7 @@ class MotionQuality:
         """The quality of a motion.
 
         Args:
-            motion: What was measured.
+            motion: The measured motion.
             body: The calibrated arm.
         """
         slowest = MOVING * body.reversal_speed_rad_s
@@ -50,25 +50,25 @@ class MotionQuality:
 
     @property
     def share(self) -> float:
-        """0 to 1: how many of the joints move for long enough."""
+        """Share of the joints that move long enough, 0 to 1."""
         return float(np.mean(np.minimum(self.moving_s / _ENOUGH_S, 1.0)))
 
     @property
     def missing(self) -> str:
-        """What to do for a better estimate: 'move joints 4 to 6 at 0.3 rad/s for 10 s'; empty where all joints move."""
+        """Motion for a better estimate: 'move joints 4 to 6 at 0.3 rad/s for 10 s'; empty if all joints move."""
         lazy = self.moving_s < _ENOUGH_S
         if not lazy.any():
             return ""
         return f"move {_joints(lazy)} at {self.brisk_rad_s[lazy].min():.2g} rad/s for {_LONG_S:g} s"
 
     def require_enough(self, name: str) -> None:
-        """Refuse standstill, and motion of a single joint.
+        """Raise for standstill, and for motion of a single joint of several.
 
         Args:
-            name: What messages call the run.
+            name: Name of the run in messages.
 
         Raises:
-            EstimationError: saying which motion is missing.
+            EstimationError: naming the missing motion.
         """
         moves = self.moving_s >= _COUNTS_S
         if np.count_nonzero(moves) >= min(_LEAST_JOINTS, moves.size):
@@ -82,8 +82,8 @@ class MotionQuality:
         """The error for a mass that the motion does not determine.
 
         Args:
-            name: What messages call the run.
-            mass_kg: The mass as it comes out.
+            name: Name of the run in messages.
+            mass_kg: The estimated mass.
             half_width_kg: Half width of its 95 % interval.
         """
         remedy = self.missing or "record a longer run"

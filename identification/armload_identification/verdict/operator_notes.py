@@ -1,4 +1,4 @@
-"""What the operator should know of an identification, one sentence each."""
+"""Notes to the operator about an identification, one or two sentences each."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
 
 _AT_REST: Final = 0.1
-"""Weight that no sample of a joint at rest exceeds."""
+"""Upper bound of the weights of a joint at rest."""
 _POOR_FIT: Final = 0.5
 _FEW_PERIODS: Final = 2
 _LOUD: Final = 5.0
-"""A joint's torque counts as evidence about the arm from this multiple of its noise."""
+"""Multiple of its noise from which a joint's torque is evidence about the arm."""
 _STRANGE: Final = 0.3
-"""Share of a joint's torque that an arm's own model does not leave; 0.24 is the most on the UR10e, at a wrist."""
+"""Share of a joint's torque that the residual of an arm's own model does not reach; at most 0.24 on the UR10e, at a
+wrist."""
 _DEVIATIONS_95: Final = 2.0
 _UNJUDGED: Final = 0.08
-"""Error of a gain that a pair should notice; where it may not, the note says so."""
+"""Error of a gain that a pair should detect; a note is given if it may not."""
 _UNLIMITED: Final = 0.5
-"""Limit of what a pair notices, beyond which it is no limit: no gain is expected to be that far off."""
+"""Detectable error from which a pair detects practically none: no gain is expected to be that wrong."""
 _PUSHES: Final = 0.02
-"""Friction that pushes by more than this share of the torque."""
+"""Share of the torque from which negative friction is reported."""
 
 
 def notes_on(
@@ -47,16 +48,16 @@ def notes_on(
     physical: PhysicalEstimate,
     uncertainty: Uncertainty,
 ) -> list[str]:
-    """Sentences on recordings, gains, signal and result.
+    """Notes on recordings, gains, signal and result.
 
     Args:
-        runs: The loaded and, where there is one, the unloaded recording.
+        runs: The loaded and, if there is one, the unloaded recording.
         transmission: Gains and which of them are calibrated.
         signal: The torque difference.
         arm: The body fitted to the unloaded run, or None.
         fit: The plain estimate.
-        friction: Friction that was fitted, or None.
-        gains: What the data say of the gains, or None.
+        friction: The fitted friction, or None.
+        gains: The fitted gains, or None.
         physical: The physically possible estimate.
         uncertainty: Intervals.
     """
@@ -110,7 +111,7 @@ def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
 
 
 def _on_contradictions(gains: GainFit | None) -> list[str]:
-    """Gains that the data contradict, each with its size."""
+    """Gains that the data contradict, each with its error, and gains that cannot be checked."""
     if gains is None:
         return []
     notes = []
@@ -134,7 +135,7 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
 
 
 def _unnoticed(noticeable: float) -> str:
-    """Errors of a gain that may not be reported."""
+    """Range of a gain's error that may go unreported."""
     limit = float(np.expm1(min(noticeable, 1.0)))
     return f"up to {limit:.0%}" if limit < _UNLIMITED else "any error"
 
@@ -189,7 +190,7 @@ def _on_result(
 
 
 def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
-    """Whether the unloaded run can be this arm's: its joints carry its own links and have friction."""
+    """Joints of the unloaded run whose torque is not explained by the arm's links and positive friction."""
     if arm is None:
         return []
     loud = arm.torque_rms_nm > _LOUD * signal.averaged_noise_nm
@@ -205,8 +206,8 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
 
 
 def _on_misfit(signal: LoadSignal, fit: Estimate) -> list[str]:
-    """Whether a payload explains the torque difference, of all joints and of each."""
-    # A joint at rest was not fitted: its friction holds whatever it holds.
+    """Joints whose torque difference is not explained by a payload, or all of them together."""
+    # A joint at rest was not fitted: its static friction can take any value.
     moves = fit.sample_weight[signal.valid].max(axis=0) > _AT_REST
     torque, left = (np.where(moves, values[signal.valid], 0.0) for values in (signal.torque_nm, fit.residual_nm))
     measured = np.mean((torque * fit.weight_1_nm) ** 2)

@@ -1,4 +1,4 @@
-"""A payload judged by a second identification of it, and what would show an error that went unnoticed."""
+"""Verdict on a payload by a second identification, and how to detect an error that would go undetected."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _POSES: Final = 200
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Remedy:
-    """What would make an error of the tolerance noticeable.
+    """How an error equal to the tolerance could be detected.
 
     Attributes:
-        length: How much longer all runs would have to be.
-        mass_limits: The mass is what is known too poorly.
-        center_limits: The centre of mass is.
-        mass_joint: Joint, from 0, that determines the mass best.
+        length: Required length of all runs.
+        mass_limits: Whether the mass is too uncertain.
+        center_limits: Whether the centre of mass is too uncertain.
+        mass_joint: Joint, from 0, that best determines the mass.
         center_joint: Joint, from 0, that best determines the weakest direction of the centre of mass.
         level_share: Mean square sine of the angle between that direction and gravity: 1 always level, 0 always upright.
     """
@@ -47,9 +47,9 @@ class PayloadVerdict:
 
     Attributes:
         agreement: Statistic and outcome.
-        of_payload: Every joint's measured torque as a multiple of what the payload in question predicts.
-        of_measured: The same for the payload that was measured; what is off here contradicts the other joints.
-        remedy: What would show an error of the tolerance.
+        of_payload: Every joint's measured torque as a multiple of the prediction with the payload in question.
+        of_measured: The same with the measured payload; a deviation here contradicts the other joints.
+        remedy: How an error equal to the tolerance could be detected.
     """
 
     agreement: Agreement
@@ -64,7 +64,7 @@ class PayloadVerdict:
 
 
 def known_payload(result: PayloadResult) -> Known:
-    """A payload file's mass and centre of mass; a file without covariance is taken by its intervals.
+    """A payload file's mass and centre of mass; the covariance from its intervals if the file has none.
 
     Args:
         result: Content of the file.
@@ -76,12 +76,12 @@ def known_payload(result: PayloadResult) -> Known:
 
 
 def with_gains(known: Known, gain: FloatArray, covariance: FloatArray) -> Known:
-    """The same payload, had its runs been taken with other gains.
+    """The same payload as if it had been identified with other gains.
 
-    Mass and centre of mass move along the slopes that the payload's file has; inertia stays with the centre of mass.
+    Mass and centre of mass change along the slopes of the payload's file; the inertia about the centre of mass is kept.
 
     Args:
-        known: As it was identified.
+        known: The identified payload.
         gain: (n,) the other gains.
         covariance: (n, n) of their logarithms.
 
@@ -110,20 +110,20 @@ def remedy_for(
     chain: Chain,
     position_rad: FloatArray,
 ) -> Remedy:
-    """What would make an error of the tolerance noticeable.
+    """How an error equal to the tolerance could be detected.
 
     Args:
         agreement: The comparison.
-        length: How much longer all runs would have to be.
-        fit: The fit to the runs that it was judged by.
-        parameters: What came out of it.
+        length: Required length of all runs.
+        fit: The fit to the runs of the validation.
+        parameters: Its parameters.
         chain: The arm.
         position_rad: (K, n) the motion.
     """
     slope = derived(parameters)[1]
     mass, center = np.zeros(10), np.zeros(10)
     mass[0], center[1:4] = 1.0, agreement.weakest
-    # What an error of mass or centre alone does to theta, the rest of the ten values staying as they are.
+    # Changes of theta for an error of only the mass, and of only the centre of mass.
     errors = np.linalg.solve(slope, np.column_stack([mass, center]))
     seen = np.sum((fit.whitened[:, :, :10] @ errors) ** 2, axis=0)
     down = chain.gravity_m_s2 / np.linalg.norm(chain.gravity_m_s2)

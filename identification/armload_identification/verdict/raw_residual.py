@@ -1,8 +1,8 @@
-"""What a prediction leaves of single raw samples, like with like beside their noise.
+"""Residual of a prediction for single raw samples, comparable with their noise.
 
-Both figures belong to the difference of two RAW torque samples, one of a loaded and one of an unloaded run at the same
-place, neither averaged nor smoothed. The noise is its standard deviation, from the scatter of single samples between
-periods or, with one period, from third differences, that is from the signal above the motion's band.
+Both refer to the difference of two RAW torque samples, one of a loaded and one of an unloaded run at the same position
+of the motion, neither averaged nor smoothed. The noise is its standard deviation, from the scatter of single samples
+between periods or, with one period, from third differences, that is from the signal above the motion's band.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from armload_identification.signals.load_signal import LoadSignal
 
 
 def raw_residual_rms(signal: LoadSignal, predicted_nm: FloatArray) -> FloatArray:
-    """RMS of single-sample differences minus prediction, from the averages and what averaging took out of them.
+    """RMS of single-sample differences minus prediction, from the averages and the noise that averaging removed.
 
     Args:
         signal: The measured difference.

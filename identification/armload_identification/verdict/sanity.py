@@ -1,4 +1,4 @@
-"""What is wrong with a pair of recordings, found before it becomes a wrong payload."""
+"""Checks that reject faulty recordings before they lead to a wrong payload."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ _MOVES_RAD: Final = 0.05
 _LOST_TO_MEANS: Final = 0.01
 """Share of the motion's amplitude."""
 _FEEDS_ENERGY: Final = -0.03
-"""Work of all joints over all energy turned over, below which they cannot be braked by friction."""
+"""Least ratio of the work of all joints to their total energy exchange: friction makes the work positive."""
 _EXPLAINED: Final = 0.9
 _OPPOSED: Final = -0.8
 _CLEAR: Final = 5.0
 _STAYS: Final = 7
-"""A signal with any noise does not repeat its greatest value this often in a row by chance."""
+"""A signal with noise does not repeat its greatest value this often in succession by chance."""
 _RATHER_THAN_CHANCE: Final = 3
-"""Nor where a coarse resolution lets it repeat other values, so much longer than these."""
+"""The repetition must also be longer by this factor than that of any other value, for signals of coarse resolution."""
 
 
 def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmission) -> None:
-    """Refuse recordings that are mixed up or whose torque cannot be right.
+    """Raise for recordings that are mixed up or have an impossible torque.
 
-    Friction takes energy from every motor over a run that ends where it began. A motor that gains energy has its
-    sign wrong.
+    Over a run that ends where it began, friction dissipates energy, so that the motors' total work is positive;
+    otherwise a sign is wrong.
 
     Args:
         loaded: Run with the payload.
@@ -42,7 +42,7 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
         transmission: Gains and coupling.
 
     Raises:
-        RecordingError: one file twice, labels exchanged, a torque column that stands still, or a wrong sign.
+        RecordingError: the same file twice, exchanged labels, a constant or saturated torque column, or a wrong sign.
     """
     if loaded.source.sha256 == unloaded.source.sha256:
         raise RecordingError(
@@ -60,7 +60,7 @@ def check_pair(loaded: Recording, unloaded: Recording, transmission: Transmissio
 
 
 def check_run(run: Recording, transmission: Transmission) -> None:
-    """Refuse a run with a torque column that stands still, is cut off at a bound, or feeds energy in.
+    """Raise for a run with a torque column that is constant, saturated, or of the wrong sign.
 
     Args:
         run: The run.
@@ -84,7 +84,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
     step = np.diff(run.position_rad[rows], axis=0)
     work = 0.5 * (torque[rows][1:] + torque[rows][:-1]) * step
     turned_over = np.sum(np.abs(work), axis=0)
-    # Only their sum: the other joints of an arm feed energy into one, and over a cycle nothing limits how much.
+    # Only their sum: a single joint can receive any amount of energy from the others over a cycle.
     if moves.any() and work.sum() < _FEEDS_ENERGY * turned_over.sum():
         joints = ", ".join(str(joint + 1) for joint in np.flatnonzero(moves & (work.sum(axis=0) < 0.0)))
         raise RecordingError(
@@ -94,7 +94,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
 
 
 def _refuse_long_means(run: Recording) -> None:
-    """Refuse a run so long that its means take away from the motion: at f, (pi f T)^2 / 6 of the amplitude."""
+    """Raise for a run so long that its means attenuate the motion: at f, by (pi f T)^2 / 6 of the amplitude."""
     if run.repeats is None or run.average is not None:
         return
     mean_s = float(np.median(np.diff(run.time_s)))
@@ -111,7 +111,7 @@ def _refuse_long_means(run: Recording) -> None:
 
 
 def _refuse_saturation(run: Recording, measured: FloatArray, moves: NDArray[np.bool_]) -> None:
-    """Refuse a run in which a joint that moves stays at its greatest value, and nowhere else so long."""
+    """Raise for a run in which a moving joint's torque stays at its greatest value, longer than at any other."""
     repeats = repeated_values(measured) if run.repeats is None else run.repeats
     stays = (repeats.at_bound >= _STAYS) & (repeats.at_bound >= _RATHER_THAN_CHANCE * repeats.elsewhere)
     for joint in np.flatnonzero(moves & stays):
@@ -123,7 +123,7 @@ def _refuse_saturation(run: Recording, measured: FloatArray, moves: NDArray[np.b
 
 
 def _closed_part(run: Recording) -> NDArray[np.intp]:
-    """Rows of a motion that ends where it began: whole periods, or all of it; none where it does not close."""
+    """Rows of a closed motion: whole periods, else the entire run; none if it does not end where it began."""
     if run.phase_s is not None and run.excitation is not None:
         inside = np.flatnonzero(np.isfinite(run.phase_s))
         length_s = whole_periods(run) * run.excitation.trajectory.period_s
@@ -134,7 +134,7 @@ def _closed_part(run: Recording) -> NDArray[np.intp]:
 
 
 def check_signs(signal: LoadSignal, regressor: FloatArray, fit: Estimate) -> None:
-    """Refuse a fit in which one joint contradicts all others.
+    """Raise if one joint's sign contradicts all others.
 
     Args:
         signal: The torque difference.
@@ -164,7 +164,7 @@ def check_signs(signal: LoadSignal, regressor: FloatArray, fit: Estimate) -> Non
 
 
 def explain_negative_mass(mass_kg: float, half_width_kg: float) -> EstimationError:
-    """The error for a mass that no payload has.
+    """The error for a mass that is not positive.
 
     Args:
         mass_kg: Plain estimate, not above 0.

@@ -19,13 +19,13 @@ TITLES: Final = {
 }
 _AXES: Final = ("x", "y", "z")
 _ALONG: Final = 0.9
-"""Cosine from which a direction is called by the axis' name."""
+"""Cosine from which a direction is named after an axis."""
 _LEVEL: Final = 0.5
-"""Mean square sine to gravity below which poses are asked for that turn a direction level."""
+"""Mean square sine of the angle to gravity below which poses with that direction horizontal are recommended."""
 
 
 def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
-    """What a validation says, the result first.
+    """Result of a validation in sentences, the outcome first.
 
     Args:
         verdict: The verdict.
@@ -42,11 +42,11 @@ def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
 
 
 def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
-    """What a comparison says, the result first.
+    """Result of a comparison in sentences, the outcome first.
 
     Args:
         agreement: The comparison.
-        source: What the payload is compared with, and a verb: "CAD gives".
+        source: Subject and verb of the first sentence, such as "CAD gives".
     """
     found = f"{source} {_off(agreement)}; {_allowed(agreement)}."
     match agreement.outcome:
@@ -72,7 +72,7 @@ def agreement_sentences(agreement: Agreement, source: str) -> list[str]:
 
 
 def _what_is_off(agreement: Agreement) -> str:
-    """What differs by more than its own interval, as an error of the payload in question."""
+    """Values that differ by more than their own interval, as errors of the payload in question."""
     difference, beyond = agreement.difference, np.abs(agreement.difference) > agreement.half_width_95
     off = []
     if beyond[0]:
@@ -112,7 +112,7 @@ def _allowed(agreement: Agreement) -> str:
 
 
 def _direction(agreement: Agreement) -> str:
-    """The direction in which the centre of mass is seen worst."""
+    """The direction in which the centre of mass is least certain."""
     axis = int(np.argmax(np.abs(agreement.weakest)))
     if abs(agreement.weakest[axis]) >= _ALONG:
         return f"along the flange's {_AXES[axis]} axis"
@@ -121,7 +121,7 @@ def _direction(agreement: Agreement) -> str:
 
 
 def _joints(verdict: PayloadVerdict, names: Sequence[str]) -> list[str]:
-    """Which joints disagree with the payload, and which with each other."""
+    """Joints that disagree with the payload, and joints that disagree with each other."""
     text = []
     wrong = verdict.of_payload.disagree
     if wrong.any():

@@ -1,1 +1,1 @@
-"""One reader per format of recordings; `reader_registry` has them all."""
+"""One reader per format of recordings; `reader_registry` lists them."""

@@ -1,7 +1,7 @@
-"""CSV logs of other programs, with every row that is left out accounted for.
+"""CSV logs of other programs, with every dropped row counted.
 
-Rows that cannot be read are dropped and counted by reason: too few or too many columns (a cut last row has
-its own reason), or text where a number should be. Nothing is guessed or filled in.
+Rows that cannot be read are dropped and counted by reason: too few or too many columns (a truncated last row has its
+own reason), or text instead of a number. Nothing is guessed or filled in.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class CsvReader:
 
     Args:
         path: The file.
-        columns: What stands where; if not given, the names of the header show it.
+        columns: The columns; recognised by the header if not given.
     """
 
     kind = "csv"
@@ -43,7 +43,7 @@ class CsvReader:
         """See `RecordingReader`.
 
         Raises:
-            RecordingError: the file is empty, or a wanted column does not exist.
+            RecordingError: the file is empty, or a requested column does not exist.
         """
         layout: _Layout | None = None
         for lines, last in self._lines(account):
@@ -61,7 +61,7 @@ class CsvReader:
             raise RecordingError(f"{self._path}: the file is empty. Give a recording with rows of numbers.")
 
     def _lines(self, account: ReadingAccount) -> Iterator[tuple[list[str], bool]]:
-        """Lines that are not blank, many at a time, and whether they are the last."""
+        """Blocks of lines that are not blank, and whether it is the last block."""
         digest = hashlib.sha256()
         waiting: list[str] = []
         rest = b""
@@ -70,7 +70,7 @@ class CsvReader:
                 digest.update(chunk)
                 *whole, rest = (rest + chunk).split(b"\n")
                 waiting += [text for line in whole if (text := _text(line))]
-                # Some lines always wait, so that it is known which is the last.
+                # Some lines are always held back, because the last block must not be empty.
                 while len(waiting) > _BLOCK_LINES:
                     yield waiting[:_BLOCK_LINES], False
                     waiting = waiting[_BLOCK_LINES:]
@@ -93,7 +93,7 @@ class CsvReader:
 
 
 class _Layout:
-    """Where the wanted numbers stand in a row, and how many columns a whole row has."""
+    """Positions of the wanted numbers in a row, and the number of columns of a complete row."""
 
     def __init__(self, path: Path, given: CsvColumns | None, header: list[str] | None, lines: list[str]) -> None:
         if given is None and header is None:
@@ -128,13 +128,13 @@ class _Layout:
 
 
 def _text(line: bytes) -> str:
-    """A line without its ending; empty where it is blank."""
+    """A line without its ending; empty if it is blank."""
     text = line.decode("utf-8", errors="replace").rstrip("\r")
     return text if text.strip() else ""
 
 
 def _header(first_line: str) -> list[str] | None:
-    """Names of the columns, or None where the first line is data: a header has no number in it."""
+    """Names of the columns, or None if the first line is data: a header contains no number."""
     fields = [text.strip().strip('"') for text in first_line.split(",")]
     for text in fields:
         try:
@@ -166,7 +166,7 @@ def _indices(path: Path, quantity: str, wanted: Sequence[int | str], header: lis
 
 
 def _numbers(lines: list[str], wanted: list[int]) -> tuple[FloatArray, int]:
-    """(rows, len(wanted)) numbers and how many lines held text instead."""
+    """(rows, len(wanted)) numbers, and the number of lines that contain text instead."""
     if not lines:
         return np.empty((0, len(wanted))), 0
     try:

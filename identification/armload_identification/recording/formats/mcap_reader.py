@@ -1,8 +1,9 @@
-"""The recordings that armload makes: one topic of an MCAP file, in blocks.
+"""Recordings made by armload: one topic of an MCAP file, in blocks.
 
-A file whose writer was killed ends in the middle of a record: everything before that record is whole and is read.
-The library's record classes are used where there are few records; messages, of which there are millions, are read by
-the kernels. Nothing of a damaged file decides how much memory is taken: what a record or chunk may hold is bounded.
+A file whose writer was killed ends in the middle of a record: everything before that record is complete and is read.
+
+The library's record classes are used for rare records; the millions of messages are read by the kernels. A damaged file
+cannot cause excessive use of memory: the size of a record or chunk is bounded.
 """
 
 from __future__ import annotations
@@ -34,31 +35,31 @@ from armload_identification.recording.run_format import MAGIC, RUN_ATTACHMENT, T
 
 _BLOCK_ROWS: Final = 2**13
 _BLOCK_NUMBERS: Final = 2**20
-"""Of a block, however many joints a message has."""
+"""Most numbers in a block, for any number of joints."""
 _COPY_BYTES: Final = 2**16
 _MOST_BYTES: Final = 2**26
-"""Of one record, and of a chunk when it is unpacked: the recorder's are 1 MB at most."""
+"""Most bytes of a record, and of an uncompressed chunk: the recorder's have 1 MB at most."""
 _RECORD: Final = struct.Struct("<BQ")
-"""In front of every record: its kind and length."""
+"""Header of every record: its kind and length."""
 _CHANNEL_ID: Final = struct.Struct("<H")
 _MESSAGE_HEADER: Final = 22
-"""In front of a message's data: channel, sequence number and two times."""
+"""Bytes before a message's data: channel, sequence number and two times."""
 _CHECKSUM_BYTES: Final = 4
 _TOPICS_NAMED: Final = 10
 _SCALARS: Final = ("time_s", "phase_s")
 _OPTIONAL: Final = ("velocity_rad_s", "current_a", "torque_nm")
-"""In the order in which the kernels number them."""
+"""In the order of the kernels' numbering."""
 _UNUSABLE: Final = (KeyError, TypeError, ValueError, AttributeError)
-"""What a message raises that is not as the schema has it."""
+"""Exceptions of a message that does not follow the schema."""
 _BROKEN: Final = (McapError, zstandard.ZstdError, RuntimeError, ValueError, OverflowError, EOFError, struct.error)
-"""What a record raises that is not as the format has it; LZ4 raises RuntimeError."""
+"""Exceptions of a record that does not follow the format; LZ4 raises RuntimeError."""
 
 
 class McapReader:
     """Reads the topic `run_format.TOPIC`.
 
     Args:
-        path: The MCAP file; it may be cut short.
+        path: The MCAP file; it may be truncated.
 
     Raises:
         RecordingError: an attachment is damaged.
@@ -74,10 +75,10 @@ class McapReader:
             raise self._damaged(f"an attachment cannot be read: {error}") from error
 
     def blocks(self, account: ReadingAccount) -> Iterator[RowBlock]:
-        """See `RecordingReader`; a message that is not as `run_format.MESSAGE_SCHEMA` is counted as malformed.
+        """See `RecordingReader`; a message that violates `run_format.MESSAGE_SCHEMA` is counted as malformed.
 
         Raises:
-            RecordingError: the file is damaged, or has no message on the topic.
+            RecordingError: the file is damaged, or has no usable message on the topic.
         """
         table = _Table(account)
         try:
@@ -120,7 +121,7 @@ class McapReader:
             end = file.read(len(MAGIC))
             digest.update(end)
             account.truncated = not (ended and end == MAGIC)
-            # Bytes after the last whole record belong to the file all the same.
+            # The hash of the file includes the bytes after the last complete record.
             while rest := file.read(_COPY_BYTES):
                 digest.update(rest)
         account.sha256 = digest.hexdigest()
@@ -130,11 +131,10 @@ class McapReader:
 
 
 class _Table:
-    """Rows of numbers from the topic's messages: time, phase, and the arrays that the messages hold.
+    """Rows of numbers from the topic's messages: time, phase, and the arrays of the messages.
 
-    Which arrays these are is seen from the first and the last message of the first chunk that can be used; where
-    another message lacks one, its row holds NaN. The kernels take what the recorder writes; any other message is read
-    here.
+    The arrays are determined from the first and the last message of the first usable chunk; if another message lacks
+    one, its row contains NaN. The kernels read messages as the recorder writes them; all others are read here.
     """
 
     def __init__(self, account: ReadingAccount) -> None:
@@ -150,10 +150,10 @@ class _Table:
         """The records of one chunk.
 
         Args:
-            records: One behind the other, from the first.
+            records: The records' bytes, beginning with a complete header.
 
         Yields:
-            Blocks that are full.
+            Full blocks.
 
         Raises:
             ValueError: a record is longer than the chunk.
@@ -171,10 +171,10 @@ class _Table:
                 at = self._read_one(records, at)
 
     def take(self) -> Iterator[RowBlock]:
-        """Everything collected since the last time.
+        """The rows collected since the last call.
 
         Yields:
-            One block, where there is anything.
+            One block, unless there are none.
         """
         if not self._filled:
             return
@@ -192,7 +192,7 @@ class _Table:
         )
 
     def _learn(self, records: bytes) -> None:
-        """Joints and arrays of a chunk's messages; nothing where none of them can be used."""
+        """Determine joints and arrays from a chunk's messages, unless none of these can be used."""
         messages = []
         at = 0
         while at < len(records):
@@ -216,7 +216,7 @@ class _Table:
         self._table = np.empty((min(_BLOCK_ROWS, _BLOCK_NUMBERS // width), width))
 
     def _scan(self, records: bytes, at: int) -> int:
-        """Take messages that the kernels know, up to one that they do not."""
+        """Read messages with the kernels, up to the first that they cannot read."""
         arrays = sum(1 << bit for bit, name in enumerate(_OPTIONAL) if name in self._names)
         channels = b"".join(self._channels.values())
         room = self._table[self._filled :]
@@ -227,7 +227,7 @@ class _Table:
         return at
 
     def _read_one(self, records: bytes, at: int) -> int:
-        """Take the next record, whatever it is."""
+        """Read the next record, of any kind."""
         message, at = self._record(records, at)
         if message is None:
             return at
@@ -245,7 +245,7 @@ class _Table:
         return at
 
     def _row(self, message: bytes) -> FloatArray | None:
-        """Numbers of a message; none where its feedback is missing."""
+        """Numbers of a message; None if its feedback is missing."""
         if not self.n:
             raise ValueError("no earlier message has positions")
         content = orjson.loads(message)
@@ -261,7 +261,7 @@ class _Table:
         return None if True in missing else np.array(row, dtype=np.float64)
 
     def _record(self, records: bytes, at: int) -> tuple[bytes | None, int]:
-        """The message of the topic in the next record, if it is one, and where the next begins."""
+        """The next record's message if it is one of the topic, and the start of the record after it."""
         start = at + _RECORD.size
         if start > len(records):
             raise ValueError("a chunk ends in the middle of a record")
@@ -281,7 +281,7 @@ class _Table:
 
 
 def _joint_names(run: str, n: int) -> tuple[str, ...]:
-    """The names of n joints in a run's description; none where it does not have them."""
+    """The names of n joints in a run's description; empty if it has none."""
     try:
         names = orjson.loads(run)["joints"]
     except _UNUSABLE:
@@ -291,7 +291,7 @@ def _joint_names(run: str, n: int) -> tuple[str, ...]:
 
 
 def _attached(path: Path) -> Iterator[tuple[str, str]]:
-    """Name and text of each attachment; of several with one name the last counts."""
+    """Name and text of each attachment."""
     with path.open("rb") as file:
         file.read(len(MAGIC))
         for _, content in _records(file, {Opcode.ATTACHMENT}):
@@ -305,7 +305,7 @@ def _attached(path: Path) -> Iterator[tuple[str, str]]:
 def _records(
     file: BinaryIO, wanted: Collection[int], passed: Callable[[bytes], None] | None = None
 ) -> Iterator[tuple[int, bytes]]:
-    """Kind and content of every wanted record that is whole, to the footer; `passed` gets every byte behind them."""
+    """Kind and content of every complete wanted record up to the footer; `passed` is called with all bytes read."""
     size = os.fstat(file.fileno()).st_size
     while len(header := file.read(_RECORD.size)) == _RECORD.size:
         opcode, length = _RECORD.unpack(header)
@@ -355,5 +355,5 @@ def _unpacked(content: bytes) -> bytes:
 
 
 def _stream(content: bytes) -> ReadDataStream:
-    """A record as the library's classes read it."""
+    """A record as a stream for the library's classes."""
     return ReadDataStream(BytesIO(content))

@@ -1,8 +1,7 @@
 """NumPy archives (.npz): one array per quantity, by its name.
 
-`time_s` (N,), `position_rad` (N, n), and `velocity_rad_s`, `current_a`, `torque_nm` of the same shape, as
-`Recording.from_arrays` calls them, or any of the short names below; `joint_names` (n,) may be there. Nothing is
-unpickled.
+`time_s` (N,), `position_rad` (N, n), and `velocity_rad_s`, `current_a`, `torque_nm` of the same shape, as in
+`Recording.from_arrays`, or any of the short names below; `joint_names` (n,) is optional. Nothing is unpickled.
 """
 
 from __future__ import annotations
@@ -34,13 +33,13 @@ _BROKEN: Final = (ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error
 
 
 class NumpyReader:
-    """Reads the arrays of an archive, a block of rows of each at a time.
+    """Reads the arrays of an archive in blocks of rows.
 
     Args:
         path: The file.
 
     Raises:
-        RecordingError: no archive, or without time or position.
+        RecordingError: not an archive, or one without time or position.
     """
 
     kind = "npz"
@@ -71,7 +70,7 @@ class NumpyReader:
         """See `RecordingReader`.
 
         Raises:
-            RecordingError: damaged, or arrays that do not fit each other.
+            RecordingError: damaged, or arrays of inconsistent shapes.
         """
         account.sha256 = hash_of_files([self._path])
         try:
@@ -81,7 +80,7 @@ class NumpyReader:
             raise self._damaged(error) from error
 
     def _blocks(self, archive: zipfile.ZipFile, account: ReadingAccount) -> Iterator[RowBlock]:
-        """Blocks of rows, decompressed as they are needed."""
+        """Blocks of rows, decompressed one at a time."""
         streams = {quantity: archive.open(f"{name}.npy") for quantity, name in self._arrays.items()}
         kinds = {quantity: _header_of(stream) for quantity, stream in streams.items()}
         shape = kinds["position_rad"][0]
@@ -114,7 +113,7 @@ class NumpyReader:
 
 
 def _header_of(stream: Any) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and type of an array of real numbers in rows."""
+    """Shape and type of an array of real numbers, which must be stored row by row."""
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, by_columns, kind = read(stream)

@@ -1,7 +1,7 @@
-"""Parquet tables, and LeRobot's data sets (v3), which are such tables with a description beside them.
+"""Parquet tables, and LeRobot's data sets (v3), which are such tables with a description.
 
-Columns are recognised by name, as in any table; a column may hold a list with a number for each joint, as LeRobot's
-`observation.state` does.
+Columns are recognised by name, as in any table; a column may contain a list with a number for each joint, such as
+LeRobot's `observation.state`.
 
 References:
     LeRobotDataset v3: `meta/info.json`, `data/chunk-*/file-*.parquet`.
@@ -29,7 +29,7 @@ from armload_identification.recording.row_block import RowBlock
 from armload_identification.storage.read_file import hash_of_files, read_whole
 
 INFO: Final = Path("meta") / "info.json"
-"""Of a LeRobot data set, inside its folder."""
+"""Description of a LeRobot data set, relative to its folder."""
 _EPISODE: Final = "episode_index"
 _LISTS: Final = {
     "position_rad": ("observation.state", "observation.position", "position", "positions", "q"),
@@ -37,7 +37,7 @@ _LISTS: Final = {
     "current_a": ("observation.current", "current", "currents"),
     "torque_nm": ("observation.effort", "observation.torque", "effort", "torque", "torques", "tau"),
 }
-"""Columns that may hold a list, by quantity."""
+"""Columns that may contain lists, by quantity."""
 _TIMES: Final = ("timestamp", "time", "time_s", "t")
 _BLOCK_ROWS: Final = 2**13
 _BROKEN: Final = (pa.ArrowException, ValueError, KeyError, TypeError, OSError, AttributeError)
@@ -48,11 +48,11 @@ class ParquetReader:
 
     Args:
         path: The file, or the folder of a data set.
-        columns: What stands where; if not given, the names show it.
-        episode: Number of the episode to read, where there are several.
+        columns: The columns; recognised by their names if not given.
+        episode: Number of the episode to read, if there are several.
 
     Raises:
-        RecordingError: not readable, several episodes of which none is chosen, or one that is not there.
+        RecordingError: not readable, several episodes of which none is chosen, or an episode that does not exist.
     """
 
     kind = "parquet"
@@ -72,7 +72,7 @@ class ParquetReader:
         """See `RecordingReader`.
 
         Raises:
-            RecordingError: damaged, or columns that are not there.
+            RecordingError: damaged, or columns that do not exist.
         """
         groups = {
             name: [column if isinstance(column, str) else self._names.names[column] for column in columns]
@@ -127,7 +127,7 @@ class ParquetReader:
         )
 
     def _require_episode(self) -> None:
-        """Refuse a table of several recordings of which none is chosen, or a choice that is not there."""
+        """Raise for several episodes of which none is chosen, and for a choice that does not exist."""
         episodes: set[int] = set()
         if _EPISODE in self._names.names:
             for file in self._files:
@@ -149,7 +149,7 @@ class ParquetReader:
 
 
 def _numbered(episodes: set[int]) -> str:
-    """Numbers of episodes, in short where none is left out."""
+    """Numbers of episodes, as a range if they are consecutive."""
     first, last = min(episodes), max(episodes)
     whole = last - first + 1 == len(episodes)
     return f"{first} to {last}" if whole else ", ".join(map(str, sorted(episodes)))
@@ -168,7 +168,7 @@ def _described(folder: Path) -> tuple[Mapping[str, Any], list[Path]]:
 
 
 def _joints_of(info: Mapping[str, Any], column: str) -> tuple[str, ...]:
-    """Names of the numbers in a LeRobot column, such as "elbow.pos"; none where the description has none."""
+    """Names of the joints in a LeRobot column, such as "elbow.pos"; empty if the description has none."""
     try:
         names = info["features"][column]["names"]
         names = next(iter(names.values())) if isinstance(names, dict) else names
@@ -182,7 +182,7 @@ def _holds_lists(kind: Any) -> bool:
 
 
 def _numbers(column: Any) -> FloatArray:
-    """(N, k) numbers of a column, k above 1 where it holds lists; NaN where there is none."""
+    """(N, k) numbers of a column, k above 1 for lists; NaN for missing numbers."""
     if not _holds_lists(column.type):
         return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False)).reshape(-1, 1)
     flat = column.flatten().cast(pa.float64()).to_numpy(zero_copy_only=False)

@@ -1,9 +1,9 @@
 """ROS 2 bags: a folder, or one of its storage files.
 
-Read are `sensor_msgs/JointState`, `control_msgs/DynamicJointState` and `control_msgs/JointTrajectoryControllerState`.
-Joints are matched by name in every message, as their order may change. On one topic several nodes may publish, such as
-arm and gripper: of the groups of joints that occur together one is taken, and messages without all of its joints are
-passed over.
+The messages read are `sensor_msgs/JointState`, `control_msgs/DynamicJointState` and
+`control_msgs/JointTrajectoryControllerState`. Joints are matched by name in every message, as their order may change.
+Several nodes may publish on one topic, such as arm and gripper: one of the groups of joints that occur together is
+used, and messages without all of its joints are skipped.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ STORAGE_SUFFIXES: Final = (".db3", ".mcap")
 METADATA: Final = "metadata.yaml"
 _BLOCK_ROWS: Final = 2**9
 _LEARNT_FROM: Final = 400
-"""Messages of each topic by which joints and time stamps are chosen."""
+"""Messages of each topic from which joints and time stamps are chosen."""
 _INCREASING: Final = 0.9
-"""Share of the header stamps that must increase."""
+"""Share of the header stamps that must increase for them to be used."""
 _LONGEST_REASON: Final = 200
 _TYPES: Final = (
     "sensor_msgs/msg/JointState",
@@ -53,7 +53,7 @@ _CONTROL_MESSAGES: Final = {
         "trajectory_msgs/JointTrajectoryPoint actual\ntrajectory_msgs/JointTrajectoryPoint error\n"
     ),
 }
-"""As of ROS 2 Humble, whose bags in SQLite do not hold the definitions of their messages."""
+"""Definitions of ROS 2 Humble, whose SQLite bags do not contain the definitions of their messages."""
 _BROKEN: Final = (
     AnyReaderError,
     ReaderError,
@@ -70,12 +70,12 @@ _BROKEN: Final = (
     TypeError,
     ValueError,
 )
-"""What the libraries raise on a damaged bag."""
+"""Exceptions of the libraries for a damaged bag."""
 
 
 @dataclass(frozen=True, eq=False)
 class _JointSample:
-    """One message: names, and numbers in their order; an empty array where there are none."""
+    """One message: names, and numbers in the same order; an empty array for a missing quantity."""
 
     names: tuple[str, ...]
     stamp_ns: int
@@ -86,7 +86,7 @@ class _JointSample:
 
 @dataclass(frozen=True)
 class _Choice:
-    """What is read of a bag."""
+    """Topic, joints and quantities that are read from a bag."""
 
     topic: str
     names: tuple[str, ...]
@@ -100,10 +100,10 @@ class RosReader:
 
     Args:
         path: The bag's folder, or a storage file.
-        options: What the effort is, and which joints are wanted.
+        options: Quantity of the effort, and the wanted joints.
 
     Raises:
-        RecordingError: no bag, or one without messages of joints.
+        RecordingError: not a bag, or one without joint positions.
     """
 
     kind = "ros2"
@@ -141,7 +141,7 @@ class RosReader:
             yield self._block(rows)
 
     def _chosen(self, reader: AnyReader) -> _Choice:
-        """Topic, joints and time stamps that are read."""
+        """Choose topic, joints and time stamps."""
         topics = sorted({connection.topic for connection in reader.connections if connection.msgtype in _TYPES})
         groups: dict[tuple[str, frozenset[str]], list[tuple[int, _JointSample]]] = {}
         for topic in topics:
@@ -175,7 +175,7 @@ class RosReader:
         )
 
     def _row(self, sample: _JointSample, when_ns: int) -> list[float] | None:
-        """Numbers of a message in the order of the chosen joints; none where there are fewer than names."""
+        """Numbers of a message in the order of the chosen joints; None if their number differs from the names'."""
         place = {name: index for index, name in enumerate(sample.names)}
         order = [place[name] for name in self._choice.names]
         if sample.position.size != len(sample.names):
@@ -204,7 +204,7 @@ class RosReader:
         )
 
     def _samples(self, reader: AnyReader, topics: Sequence[str]) -> Iterator[tuple[int, _JointSample | None]]:
-        """The bag's time of each message of some topics, and the message; none where it cannot be read."""
+        """Each message of some topics with the bag's time; None for an unreadable message."""
         wanted = [c for c in reader.connections if c.topic in topics and c.msgtype in _TYPES]
         for connection, when_ns, raw in reader.messages(wanted):
             try:
@@ -214,7 +214,7 @@ class RosReader:
 
     @contextmanager
     def _opened(self) -> Iterator[AnyReader]:
-        """The bag, open."""
+        """Open the bag; errors of the library become `RecordingError`."""
         store = get_typestore(Stores.ROS2_HUMBLE)
         for name, definition in _CONTROL_MESSAGES.items():
             store.register(get_types_from_msg(definition, name))
@@ -256,26 +256,26 @@ def _sample(connection: Connection, message: Any) -> _JointSample:
 
 
 def _short(error: Exception) -> str:
-    """What a library says, on one line."""
+    """A library's message, on one line."""
     return " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
 
 
 def _has(values: FloatArray, sample: _JointSample) -> bool:
-    """Whether a message has a quantity of all its joints, and not for the form's sake only."""
+    """Whether a message has a quantity for all its joints, not just NaN as a placeholder."""
     return values.size == len(sample.names) and not np.isnan(values).all()
 
 
 def _in_order(wanted: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
-    """The joints that are wanted, in that order, and behind them the others."""
+    """The wanted joints in their order, then the others."""
     first = [name for name in wanted if name in names]
     return (*first, *(name for name in names if name not in first))
 
 
 def _bag_of(path: Path) -> Path:
-    """What the library opens: a folder with its metadata, or a storage file.
+    """The path for the library: a folder with its metadata, or a storage file.
 
     Raises:
-        RecordingError: a folder that is no bag.
+        RecordingError: a folder that is not a bag.
     """
     if not path.is_dir() or (path / METADATA).is_file():
         return path

@@ -1,1 +1,1 @@
-"""Long recordings made short while they are read: period averages, or means over 10 ms."""
+"""Reduction of long recordings while they are read: period averages, or means over 10 ms."""

@@ -17,18 +17,18 @@ from armload_identification.recording.reduction.repeated_values import RepeatCou
 from armload_identification.recording.row_block import RowBlock, joined
 
 ON_GRID: Final = 0.05
-"""Samples that lie this close to a common grid, in grid steps, are averaged as they are."""
+"""Samples this close to a common grid, in grid steps, are averaged without interpolation."""
 _LEARNT_FROM: Final = 2**14
-"""Rows with a phase that the grid is taken from."""
+"""Rows with a phase from which the grid is determined."""
 
 
 class PeriodAverager:
     """Mean and scatter of every phase of a period, one period at a time (Welford's update).
 
     Args:
-        path: What messages call the run.
-        excitation: What it follows.
-        interpolated: Whether samples between the grid's phases are interpolated to them; else they must lie on it.
+        path: Name of the run in messages.
+        excitation: The excitation that it follows.
+        interpolated: Whether samples are interpolated to the grid's phases; otherwise they must lie on the grid.
     """
 
     def __init__(self, path: Path, excitation: Excitation, *, interpolated: bool) -> None:
@@ -39,7 +39,7 @@ class PeriodAverager:
         self._repeats: RepeatCounter | None = None
 
     def add(self, rows: RowBlock) -> None:
-        """Go on with more rows; those outside the periods only count for repeated values."""
+        """Add more rows; those outside the periods are used only for repeated values."""
         effort = rows.effort
         if effort is None or rows.phase_s is None or not rows.size:
             return
@@ -78,7 +78,7 @@ class PeriodAverager:
         )
 
     def _learn(self) -> None:
-        """Take the grid from the first rows, and begin with them."""
+        """Determine the grid from the first rows, and add these."""
         if sum(block.size for block in self._learning) < 2:
             raise WrongReduction
         rows = joined(self._learning)
@@ -88,7 +88,7 @@ class PeriodAverager:
 
 
 class _PhaseGrid:
-    """Sums over K equidistant phases of a period, and how time advances with phase."""
+    """Sums at K equidistant phases of a period, and the relation of time and phase."""
 
     def __init__(self, path: Path, rows: RowBlock, excitation: Excitation, interpolated: bool) -> None:
         phase = _phase_of(rows)
@@ -114,7 +114,7 @@ class _PhaseGrid:
         self._advance = _Advance()
 
     def add(self, rows: RowBlock) -> None:
-        """Sum up more rows, all of them with a phase."""
+        """Add more rows, all of them with a phase."""
         phase, effort = _phase_of(rows), rows.effort
         if effort is None:
             raise WrongReduction
@@ -139,7 +139,7 @@ class _PhaseGrid:
             self._period[index[chosen] % self._phases] = values[chosen]
 
     def result(self) -> tuple[FloatArray, FloatArray, int, FloatArray | None]:
-        """Phases that have samples, their means, whole periods, and the covariance of one sample of the effort."""
+        """Phases that have samples, their means, number of periods, and the covariance of one sample of the effort."""
         periods = whole_between(self._first_s, self._last_s, self._spacing_s, self._period_s)
         if periods < 1:
             raise WrongReduction
@@ -153,13 +153,13 @@ class _PhaseGrid:
         return phase_s, self._mean[known], periods, covariance
 
     def time_at(self, phase_s: FloatArray) -> FloatArray:
-        """Time stamps that phases of the average period stand for, on the run's own even advance."""
+        """Time stamps of phases of the average period, at the run's mean advance."""
         return self._advance.time_at(phase_s)
 
     def _close(self) -> None:
-        """Take the period that has been filled into the sums, and begin the next."""
+        """Add the completed period to the sums, and begin the next."""
         filled = np.isfinite(self._period[:, 0])
-        # A period without a hole, which is most of them, is taken without copying.
+        # A complete period, which most are, is not copied.
         there = slice(None) if filled.all() else np.flatnonzero(filled)
         sample = self._period[there]
         self._count[there] += 1
@@ -171,7 +171,7 @@ class _PhaseGrid:
         self._number += 1
 
     def _between(self, place: FloatArray, values: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
-        """Grid phases that have a sample on both sides, no further apart than a sample and a half, and values there."""
+        """Grid phases between two samples at most 1.5 sampling intervals apart, and interpolated values there."""
         first = self._first
         if self._before is not None:
             place = np.concatenate([self._before[0], place])
@@ -186,7 +186,7 @@ class _PhaseGrid:
 
 
 class _Advance:
-    """How time advances with phase: a least squares line, and the greatest distance from it."""
+    """Time as a function of phase: a least squares line, and the greatest distance from it."""
 
     def __init__(self) -> None:
         self._n = 0
@@ -196,7 +196,7 @@ class _Advance:
         self._extremes: list[tuple[float, float]] = []
 
     def add(self, phase: FloatArray, time_s: FloatArray) -> None:
-        """Go on with more samples."""
+        """Add more samples."""
         mean_phase, mean_time = float(phase.mean()), float(time_s.mean())
         centred = phase - mean_phase
         square, product = float(centred @ centred), float(centred @ (time_s - mean_time))
@@ -210,7 +210,7 @@ class _Advance:
         self._n = total
         if self._rate is None and square > 0.0:
             self._rate = product / square
-        # Within a block the line's slope moves no extreme: only the two farthest samples of each are kept.
+        # Within a block the final slope moves no extreme: only the two farthest samples of each block are kept.
         off = (time_s - mean_time) - (self._rate or 1.0) * centred
         for row in (int(np.argmin(off)), int(np.argmax(off))):
             self._extremes.append((float(phase[row]), float(time_s[row])))
@@ -229,7 +229,7 @@ class _Advance:
 
 
 def _phase_of(rows: RowBlock) -> FloatArray:
-    """The phase of rows that have one."""
+    """The phase of rows; without one the reduction is not possible."""
     if rows.phase_s is None:
         raise WrongReduction
     return rows.phase_s

@@ -1,7 +1,7 @@
-"""Where the rows of a run lie in the periods of its excitation.
+"""Position of a run's rows in the periods of its excitation.
 
-The recording holds the phase of every sample. What was asked for is not taken for granted: the duration of a
-period is measured from the time stamps, cycles may be missing, and only whole periods count.
+The recording contains the phase of every sample. The duration of a period is nevertheless measured from the time
+stamps, cycles may be missing, and only whole periods are used.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from armload_identification.identification_errors import RecordingError
 from armload_identification.recording.recording import Recording
 
 _ABSENT: Final = 1e-6
-"""A harmonic below this share of the greatest counts as absent."""
+"""A harmonic below this share of the greatest is treated as absent."""
 _UNEVEN: Final = 0.02
-"""The phase may be this share of a period off an even advance."""
+"""Allowed deviation of the phase from a uniform advance, as a share of a period."""
 _FEWEST: Final = 8
-"""Phases of a period, however slowly it was sampled."""
+"""Least number of phases per period, however slowly it was sampled."""
 
 
 def whole_periods(recording: Recording) -> int:
-    """Whole periods of the motion that a recording holds or is the average of; 0 where it has no excitation.
+    """Number of whole periods in a recording, or in its average; 0 without an excitation.
 
     Args:
         recording: The run.
@@ -40,7 +40,7 @@ def whole_periods(recording: Recording) -> int:
 
 
 def phases_per_period(recording: Recording) -> int:
-    """Cycles in one period of the motion of a recording that holds whole periods.
+    """Number of samples in one period of a recording that contains whole periods.
 
     Args:
         recording: The run.
@@ -50,7 +50,7 @@ def phases_per_period(recording: Recording) -> int:
 
 
 def periodic_phase(recording: Recording) -> tuple[FloatArray, FourierTrajectory]:
-    """Phases inside the whole periods, and the trajectory they belong to.
+    """Phases within the whole periods, and the trajectory to which they refer.
 
     Args:
         recording: The run.
@@ -67,14 +67,14 @@ def periodic_phase(recording: Recording) -> tuple[FloatArray, FourierTrajectory]
 
 
 def shortest_period(phase: FloatArray, trajectory: FourierTrajectory) -> FourierTrajectory:
-    """The same series with its own, shortest period.
+    """The same series with its shortest period.
 
-    A series that holds every g-th harmonic only repeats itself g times in what was called its period: whatever errs
-    alike in each repetition is then in every line of the spectrum of the average, and not in every g-th alone, between
-    lines that hold noise.
+    A series of every g-th harmonic repeats itself g times in its nominal period. With the shortest period, errors that
+    recur in each repetition are in every line of the average's spectrum, instead of in every g-th line between lines
+    of noise.
 
     Args:
-        phase: Phases of a run; the shorter period must hold a whole number of them.
+        phase: Phases of a run; the shorter period must contain a whole number of samples.
         trajectory: The series as it was designed.
     """
     size = np.hypot(trajectory.sin_rad, trajectory.cos_rad).max(axis=0)
@@ -91,7 +91,7 @@ def shortest_period(phase: FloatArray, trajectory: FourierTrajectory) -> Fourier
 
 
 def phases_of(phase: FloatArray, trajectory: FourierTrajectory) -> int:
-    """Phases that a period is averaged at: as many as it was sampled at.
+    """Number of phases of an average period: the number of samples per period.
 
     Args:
         phase: Phases of a run.
@@ -101,33 +101,33 @@ def phases_of(phase: FloatArray, trajectory: FourierTrajectory) -> int:
 
 
 def whole(phase: FloatArray, period_s: float) -> int:
-    """Whole periods that phases, at least two, span.
+    """Number of whole periods in a run's phases.
 
     Args:
-        phase: Phases of a run.
+        phase: Phases of a run, at least two.
         period_s: Duration of a period.
     """
     return whole_between(float(phase[0]), float(phase[-1]), float(np.median(np.diff(phase))), period_s)
 
 
 def whole_between(first_s: float, last_s: float, step_s: float, period_s: float) -> int:
-    """Whole periods between a first and a last phase.
+    """Number of whole periods between a first and a last phase.
 
     Args:
-        first_s: The first.
-        last_s: The last.
-        step_s: Between two phases.
+        first_s: First phase.
+        last_s: Last phase.
+        step_s: Difference of successive phases.
         period_s: Duration of a period.
     """
     return int((last_s - first_s + step_s) / period_s + 1e-6)
 
 
 def require_even(path: Path, uneven_s: float, rate: float, period_s: float) -> None:
-    """Refuse a run whose phase did not advance evenly.
+    """Raise if a run's phase did not advance uniformly.
 
     Args:
-        path: What the message calls the run.
-        uneven_s: Greatest distance of a time stamp from an even advance.
+        path: Name of the run in the message.
+        uneven_s: Greatest deviation of a time stamp from a uniform advance.
         rate: Measured seconds per second of phase.
         period_s: Duration of a period.
 
@@ -142,5 +142,5 @@ def require_even(path: Path, uneven_s: float, rate: float, period_s: float) -> N
 
 
 def _cycles(phase: FloatArray, trajectory: FourierTrajectory) -> int:
-    """Cycles in one period."""
+    """Number of samples in one period."""
     return round(trajectory.period_s / float(np.median(np.diff(phase))))

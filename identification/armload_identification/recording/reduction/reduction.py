@@ -1,6 +1,6 @@
-"""What is kept of a run while it is read, so that memory does not grow with its length.
+"""Interface of the reductions of a run while it is read, so that memory does not grow with its length.
 
-A short run is kept as it is. A long run that follows an excitation becomes the sums of its average period, any other
+A short run is kept unchanged. A long run that follows an excitation is reduced to its average period, any other to
 means over 10 ms.
 """
 
@@ -13,23 +13,23 @@ from armload_identification.recording.row_block import RowBlock
 
 
 class WrongReduction(Exception):
-    """A run cannot be reduced in this way; it must be read again to be reduced in another."""
+    """A run cannot be reduced in this way, and must be read again with another reduction."""
 
 
 class Reduction(Protocol):
-    """Takes the usable rows of a run one block after the other."""
+    """Reduces the usable rows of a run, block by block."""
 
     def add(self, rows: RowBlock) -> None:
-        """Go on with more rows.
+        """Add more rows.
 
         Raises:
-            WrongReduction: the rows do not allow this way.
+            WrongReduction: the rows cannot be reduced in this way.
         """
 
     def recording(self, source: RecordingSource) -> Recording:
-        """What is left of the run.
+        """The reduced run.
 
         Raises:
-            WrongReduction: the run as a whole does not allow this way.
-            RecordingError: the run cannot be used in any way.
+            WrongReduction: the run cannot be reduced in this way.
+            RecordingError: the run cannot be used.
         """

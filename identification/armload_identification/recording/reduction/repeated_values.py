@@ -1,4 +1,4 @@
-"""How long a signal repeats one value, at its bound and elsewhere: what shows that it is cut off."""
+"""Longest repetition of a value in a signal, at its bound and elsewhere, to detect clipping."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class RepeatedValues:
 
     Attributes:
         bound: (n,) greatest magnitude.
-        at_bound: (n,) how often in a row a value of that magnitude was repeated.
-        elsewhere: (n,) how often in a row any other value was.
+        at_bound: (n,) longest sequence of repetitions of a value with that magnitude.
+        elsewhere: (n,) longest sequence of repetitions of any other value.
     """
 
     bound: FloatArray
@@ -38,10 +38,10 @@ class RepeatCounter:
         self._last, self._length = np.full(n, np.nan), np.zeros(n)
 
     def add(self, values: FloatArray) -> None:
-        """Go on with more samples.
+        """Add more samples.
 
         Args:
-            values: (N, n) the next ones, N at least 1.
+            values: (N, n) the next samples, N at least 1.
         """
         for signal, column in enumerate(values.T):
             starts = np.concatenate([[0], np.flatnonzero(np.diff(column) != 0.0) + 1])
@@ -52,7 +52,7 @@ class RepeatCounter:
             self._last[signal], self._length[signal] = column[-1], lengths[-1]
             greatest = float(level.max())
             if self._bound[signal] < greatest * _AT_BOUND:
-                # What was the bound so far is a value like any other.
+                # The previous bound is now a value like any other.
                 self._elsewhere[signal] = max(self._elsewhere[signal], self._at_bound[signal])
                 self._at_bound[signal] = 0.0
             self._bound[signal] = max(self._bound[signal], greatest)
@@ -61,12 +61,12 @@ class RepeatCounter:
             self._elsewhere[signal] = max(self._elsewhere[signal], lengths[~high].max(initial=1.0) - 1.0)
 
     def result(self) -> RepeatedValues:
-        """What was counted so far."""
+        """The repetitions counted so far."""
         return RepeatedValues(self._bound.copy(), self._at_bound.copy(), self._elsewhere.copy())
 
 
 def repeated_values(values: FloatArray) -> RepeatedValues:
-    """Repetitions in signals that are in memory as a whole.
+    """Repetitions in complete signals.
 
     Args:
         values: (N, n).

@@ -1,11 +1,11 @@
 """A run without periods reduced to means over 10 ms while it is read.
 
-A mean over T is its own anti-aliasing filter: its response has a zero at every multiple of 1/T, which is what would
-fold onto standstill. At 100 Hz, what would fold onto 0 to 8 Hz is damped by 21 dB or more, and 8 Hz itself by 0.1 dB;
-position and torque go through the same filter. Means do not overlap, so that white noise stays white.
+A mean over T is its own anti-aliasing filter: its response has zeros at the multiples of 1/T, which alias to 0 Hz. At
+100 Hz, components that alias to 0 to 8 Hz are attenuated by 21 dB or more, and 8 Hz itself by 0.1 dB; position and
+torque pass through the same filter. The means do not overlap, so that white noise stays white.
 
-So that memory does not grow with the run, there are at most `MOST_MEANS`, 22 minutes at 10 ms: whenever there are more,
-two by two become one. `verdict.sanity` refuses means that are too long for the motion.
+To bound memory there are at most `MOST_MEANS` means, 22 minutes at 10 ms; beyond that, pairs of means are merged.
+`verdict.sanity` refuses means that are too long for the motion.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from armload_identification.recording.row_block import RowBlock, joined
 INTERVAL_S: Final = 0.01
 MOST_MEANS: Final = 2**17
 _FULL: Final = 0.5
-"""A mean over less than this share of the samples that it should have is left out: it belongs to another moment."""
+"""A mean of less than this share of its samples is dropped, as its mean time differs from the interval's centre."""
 
 
 class TimeAverager:
-    """Means over equal stretches of time.
+    """Means over equal intervals of time.
 
     Args:
-        excitation: What the run follows, where that is known.
-        most_means: Means that are kept.
+        excitation: The excitation that the run follows, if known.
+        most_means: Greatest number of means.
     """
 
     def __init__(self, excitation: Excitation | None, most_means: int = MOST_MEANS) -> None:
@@ -45,7 +45,7 @@ class TimeAverager:
         self._repeats: RepeatCounter | None = None
 
     def add(self, rows: RowBlock) -> None:
-        """Go on with more rows."""
+        """Add more rows."""
         effort = rows.effort
         if not rows.size:
             return
@@ -60,7 +60,7 @@ class TimeAverager:
             self._repeats.add(effort)
         rows = rows if self._open is None else joined([self._open, rows])
         number = self._number(rows)
-        # Closed are whole pairs of stretches, so that two by two can become one at any time.
+        # Only pairs of intervals are closed, so that pairs can be merged at any time.
         closed = int(np.searchsorted(number, number[-1] - number[-1] % 2))
         self._open = rows.rows(slice(closed, None))
         if closed:
@@ -85,11 +85,11 @@ class TimeAverager:
         )
 
     def _number(self, rows: RowBlock) -> FloatArray:
-        """Number of the stretch that each row lies in."""
+        """Number of each row's interval."""
         return np.floor((rows.time_s - self._start_s) / self._width_s)
 
     def _keep(self, means: RowBlock) -> None:
-        """Add to the means; make two by two one where there are too many."""
+        """Add to the means; merge pairs if there are too many."""
         self._means.append(means)
         self._size += means.size
         while self._size > self._most_means:
@@ -100,12 +100,12 @@ class TimeAverager:
             self._samples *= 2
 
     def _stretches(self, rows: RowBlock) -> RowBlock:
-        """Means of the stretches that rows lie in."""
+        """Means of the rows' intervals."""
         return rows if self._samples == 1 else _averaged(rows, self._number(rows), _FULL * self._samples)
 
 
 def _averaged(rows: RowBlock, number: FloatArray, fewest: float) -> RowBlock:
-    """Means over rows of one number, where there are at least so many; the velocity is left out."""
+    """Means over rows with the same number, if there are at least `fewest`; without the velocity."""
     first = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1])
     count = np.diff(np.append(first, rows.size))
     full = count >= fewest

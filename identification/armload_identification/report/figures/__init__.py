@@ -1,1 +1,1 @@
-"""Figures of reports and pictures: Matplotlib, and SVG that stands inside a page."""
+"""Figures of reports and pictures: Matplotlib, and SVG inside a page."""

@@ -18,13 +18,13 @@ _MOST_DAYS: Final = 8
 
 
 def gains_figure(change: FloatArray, half_width_95: FloatArray, determined: list[bool], title: str) -> str:
-    """Calibrated over nominal gain of every joint, with its interval.
+    """Change of every joint's gain from nominal, with its interval.
 
     Args:
-        change: (n,) calibrated over nominal gain, less 1.
-        half_width_95: (n,) of it.
-        determined: Whether the runs determine it.
-        title: What it shows, in words.
+        change: (n,) ratio of calibrated to nominal gain, minus 1.
+        half_width_95: (n,) half width of its 95 % interval.
+        determined: Whether the runs determine each gain.
+        title: Description of the figure.
 
     Returns:
         An `svg` element.
@@ -46,15 +46,15 @@ def gains_figure(change: FloatArray, half_width_95: FloatArray, determined: list
 
 
 def drift_figure(days: FloatArray, labels: list[str], change: FloatArray, usual: float, joint: int, title: str) -> str:
-    """By how much a joint's friction differed from run to run.
+    """Change of a joint's friction over the runs.
 
     Args:
-        days: (r,) place of every run on the axis: days since the first, or the run's number.
-        labels: Text of every run's place; alike for runs of one day.
+        days: (r,) position of every run on the axis: days since the first, or the run's number.
+        labels: Tick label of every run; the same for runs of one day.
         change: (r,) change of the friction at half the greatest speed, N m.
-        usual: One standard deviation of what is expected.
+        usual: Expected standard deviation, N m.
         joint: Joint, from 0.
-        title: What it shows, in words.
+        title: Description of the figure.
 
     Returns:
         An `svg` element.

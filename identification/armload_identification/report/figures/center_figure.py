@@ -2,9 +2,8 @@
 
     x^T H^-1 x = 1,   H_ij = rho_ij h_i h_j
 
-with h the half widths of the 95 % intervals and rho the correlation: the ellipse is as wide and as high as they are.
-
-Colours are the page's own (`currentColor` and its variables), so that they change with it.
+with h the half widths of the 95 % intervals and rho the correlation: the ellipse has the width and height of the
+intervals. Colours are the page's (`currentColor` and its variables), so that they follow its colour scheme.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from armload_identification.model.payload import PayloadResult
 from armload_identification.report.numerals import NO_BREAK, numeral
 
 FLANGE_MM: Final = 63.0
-"""Width of the plate that is drawn: a usual flange, ISO 9409-1."""
+"""Diameter of the drawn plate: a common flange, ISO 9409-1."""
 _THICK_MM: Final = 8.0
 _SIDE: Final = 320
-"""Of a drawing, in its own units."""
+"""Width and height of a drawing, in SVG units."""
 _ROOM: Final = 1.25
 _LEAST_DOT: Final = 3.5
 _AXES: Final = ("x", "y", "z")
@@ -35,7 +34,7 @@ class CenterView:
     """One drawing.
 
     Attributes:
-        heading: From where it is seen.
+        heading: Direction of view.
         svg: The drawing, an `svg` element.
     """
 
@@ -44,10 +43,10 @@ class CenterView:
 
 
 def center_views(payload: PayloadResult) -> tuple[CenterView, ...]:
-    """The drawings whose two directions are determined.
+    """The drawings whose two coordinates are determined.
 
     Args:
-        payload: The result, in the flange's frame.
+        payload: The result, in the flange frame.
     """
     wanted = (("From the side", 2, 0), ("From the front, onto the flange", 0, 1))
     known = payload.determined[1:4]
@@ -65,7 +64,7 @@ def _half_widths_mm(payload: PayloadResult) -> FloatArray:
 
 
 def _correlation(payload: PayloadResult, one: int, other: int) -> float:
-    """Of two coordinates; 0 where it is not known."""
+    """Correlation of two coordinates; 0 if unknown."""
     if payload.mass_center is None:
         return 0.0
     known = payload.mass_center
@@ -100,7 +99,7 @@ def _drawing(payload: PayloadResult, heading: str, across: int, up: int, reach_m
 
 
 def _flange(across: int, scale: float) -> str:
-    """The plate: edge on where the view shows z, else face on."""
+    """The plate: edge-on if the view shows z, else face-on."""
     middle, wide = 0.5 * _SIDE, scale * FLANGE_MM
     if across == 2:
         thick = scale * _THICK_MM
@@ -134,7 +133,7 @@ def _ruler(reach_mm: float, scale: float) -> str:
 
 
 def _ellipse(one: float, other: float, correlation: float) -> tuple[float, float, float]:
-    """Semi-axes and the turn of the first in degrees, counter-clockwise."""
+    """Semi-axes, and angle of the first in degrees, counter-clockwise."""
     cross = correlation * one * other
     values, vectors = np.linalg.eigh(np.array([[one**2, cross], [cross, other**2]]))
     wide, high = np.sqrt(np.maximum(values[::-1], 0.0))

@@ -14,17 +14,17 @@ from armload_identification.report.figures.joint_figures import INK, PREDICTED, 
 from armload_identification.verdict.control_limits import ControlChart
 
 DATES: Final = 4
-"""Labels below a chart."""
+"""Most tick labels below a chart."""
 _BAND: Final = "#e3e3e3"
 _DAY_S: Final = 86_400.0
 _FEW_DAYS: Final = 3.0
 
 
 def days_of(moments: Sequence[datetime]) -> FloatArray:
-    """(r,) places of moments on an axis, in days.
+    """(r,) positions of moments on an axis, in days.
 
     Args:
-        moments: With their zone.
+        moments: With time zone.
     """
     return np.array([moment.timestamp() / _DAY_S for moment in moments])
 
@@ -32,13 +32,13 @@ def days_of(moments: Sequence[datetime]) -> FloatArray:
 def draw_control_chart(
     axes: Axes, place: FloatArray, chart: ControlChart, drawn: Callable[[FloatArray], FloatArray]
 ) -> None:
-    """Draw limits in grey, runs, levels in black, and what stands out in orange.
+    """Draw limits in grey, runs, levels in black, and outliers and changes in orange.
 
     Args:
-        axes: Where to.
-        place: (r,) of the runs along the axis.
-        chart: What to draw.
-        drawn: From the chart's values to those of the axis.
+        axes: The axes.
+        place: (r,) positions of the runs along the axis.
+        chart: The chart.
+        drawn: Converts the chart's values to those of the axis.
     """
     known = np.isfinite(chart.values)
     axes.fill_between(place[known], drawn(-chart.limit[known]), drawn(chart.limit[known]), color=_BAND, linewidth=0)
@@ -52,11 +52,11 @@ def draw_control_chart(
 
 
 def draw_dates(axes: Axes, place: FloatArray) -> None:
-    """Label an axis of days with dates, and with hours where there are few days.
+    """Label an axis of days with dates, and with hours if there are few days.
 
     Args:
-        axes: Where to.
-        place: (r,) days, as `days_of` gives them.
+        axes: The axes.
+        place: (r,) days, from `days_of`.
     """
     axes.xaxis.set_major_locator(ticks(DATES))
     text = "{:%d %b\n%H:%M}" if np.ptp(place) < _FEW_DAYS else "{:%d %b\n%Y}"

@@ -1,4 +1,4 @@
-"""The figures of an arm's drift: a control chart per joint and figure, and friction against the time at work."""
+"""The figures of an arm's drift: a control chart per joint and quantity, and friction over time in operation."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Drawing:
     """The control charts of all joints, one row per joint.
 
     Args:
-        drift: The arm.
-        names: Of its joints.
+        drift: The arm over its runs.
+        names: Names of its joints.
     """
     figures = tuple(Figure)
     place, dated = _places(drift)
     with matplotlib.style.context(["default", FIGURE_STYLE]):
         height_in = _ROW_IN * len(names) + _ENDS_IN
         drawing = Drawing(figsize=(_WIDE_IN, height_in))
-        # By hand: a layout that is computed takes longer than all the rest of the report.
+        # Fixed: a computed layout takes longer than the rest of the report.
         drawing.subplots_adjust(0.1, 0.4 / height_in, 0.99, 1.0 - 0.2 / height_in, 0.3, 0.3)
         grid = drawing.subplots(len(names), len(figures), sharex=True, squeeze=False)
         for joint, name in enumerate(names):
@@ -57,14 +57,14 @@ def charts_drawing(drift: ArmDrift, names: Sequence[str]) -> Drawing:
 
 
 def _places(drift: ArmDrift) -> tuple[FloatArray, bool]:
-    """Where every run stands on the axis, and whether that is a date."""
+    """Position of every run on the axis, and whether it is a date."""
     if drift.began:
         return days_of(drift.began), True
     return np.arange(1.0, len(drift.runs) + 1.0), False
 
 
 def _drawn(values: FloatArray, figure: Figure) -> FloatArray:
-    """What is drawn of the values of a chart."""
+    """A chart's values in the units of the figure."""
     shown = np.exp(values) if figure is Figure.RESIDUAL else 100.0 * values if figure is Figure.GAIN else values
     return np.asarray(shown)
 
@@ -79,11 +79,11 @@ def _time_axis(axes: Axes, place: FloatArray, dated: bool) -> None:
 
 
 def warm_up_drawing(warming: WarmUp, names: Sequence[str]) -> Drawing:
-    """Friction against the time at work, one field per joint.
+    """Friction over time in operation, one panel per joint.
 
     Args:
         warming: The curve and its points.
-        names: Of the joints.
+        names: Names of the joints.
     """
     rows = -(-len(names) // _COLUMNS)
     minutes = np.linspace(0.0, max(float(warming.at_work_s.max()), WARM_S), 100)

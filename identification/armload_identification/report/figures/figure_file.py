@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 def write_figure(path: Path, figure: Figure, dpi: float) -> None:
-    """Write a figure; an existing file is replaced whole.
+    """Write a figure; an existing file is replaced atomically.
 
     Args:
-        path: Where to; its ending is the format, such as .svg or .png.
-        figure: What to write.
-        dpi: Resolution of pixels, per inch.
+        path: The file; its suffix is the format, such as .svg or .png.
+        figure: The figure.
+        dpi: Resolution in pixels per inch.
 
     Raises:
         ReportError: the file cannot be written.

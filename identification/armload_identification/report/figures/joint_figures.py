@@ -1,7 +1,7 @@
 """The figures of the report: the motion, and measured against predicted torque, one figure per joint.
 
-Drawn without pyplot and its global state. Colours are Okabe and Ito's, which the colour-blind can tell apart; in
-grey the lines differ by weight and dashes.
+Drawn without pyplot and its global state. Colours are Okabe and Ito's, which colour-blind readers can distinguish; in
+grey the lines differ by width and dashes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SMOOTHED: Final = "#0072b2"
 PREDICTED: Final = "#d55e00"
 RESIDUAL: Final = "#009e73"
 COLORS: Final = {"ink": INK, "raw": RAW, "smoothed": SMOOTHED, "predicted": PREDICTED, "residual": RESIDUAL}
-"""For the key, which stands in the page."""
+"""For the legend, which is part of the page."""
 PREDICTED_DASHES: Final = (5.0, 1.5)
 
 FIGURE_STYLE: Final = {
@@ -37,7 +37,7 @@ FIGURE_STYLE: Final = {
     "axes.labelcolor": INK,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.titley": 1.0,  # else a fifth of the time goes into a place for the title
+    "axes.titley": 1.0,  # otherwise placing the title takes a fifth of the time
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": "#e3e3e3",
@@ -51,7 +51,7 @@ FIGURE_STYLE: Final = {
     "lines.linewidth": 1.0,
 }
 _BINS: Final = 600
-"""Longer series are drawn by the least and the greatest of this many stretches: the eye sees no more."""
+"""Longer series are drawn as the minimum and maximum of this many segments, which is the resolution of the page."""
 _WIDE_IN: Final = 7.0
 _NARROW_IN: Final = 3.4
 _LEFT_IN: Final = 0.52
@@ -64,8 +64,8 @@ def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
     Args:
         signal: The motion.
         joint: Joint, from 0.
-        name: Unique on the page.
-        title: What it shows, in words.
+        name: Id, unique on the page.
+        title: Description of the figure.
 
     Returns:
         An `svg` element.
@@ -87,14 +87,14 @@ def motion_figure(signal: LoadSignal, joint: int, name: str, title: str) -> str:
 def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name: str, title: str) -> str:
     """Measured against predicted payload torque of a joint, and the residual below.
 
-    The dashed lines of the residual are twice the standard deviation of the noise that is left in the raw curve.
+    The dashed lines of the residual are at two standard deviations of the noise in the raw curve.
 
     Args:
         signal: The measured difference.
         predicted_nm: (K, n) predicted difference.
         joint: Joint, from 0.
-        name: Unique on the page.
-        title: What it shows, in words.
+        name: Id, unique on the page.
+        title: Description of the figure.
 
     Returns:
         An `svg` element.
@@ -120,18 +120,17 @@ def torque_figure(signal: LoadSignal, predicted_nm: FloatArray, joint: int, name
 
 
 def thin_out(time_s: FloatArray, values: FloatArray, bins: int = _BINS) -> tuple[FloatArray, FloatArray]:
-    """The least and the greatest sample of each stretch, in the order in which they came.
+    """The minimum and maximum sample of each segment, in their order.
 
-    Nothing that stands out is lost, unlike with every k-th sample.
+    No peak is lost, unlike with every k-th sample.
 
     Args:
         time_s: (K,) times.
         values: (K,) values; nan where there is none.
-        bins: Stretches.
+        bins: Number of segments.
 
     Returns:
-        Times and values: all of them where there are at most two per stretch, else two per stretch; nan where a
-        stretch has none.
+        Times and values: all if there are at most two per segment, else two per segment; nan if a segment has none.
     """
     if values.size <= 2 * bins:
         return time_s, values
@@ -146,7 +145,7 @@ def thin_out(time_s: FloatArray, values: FloatArray, bins: int = _BINS) -> tuple
 
 
 def _stacked(figure: Figure, heights_in: tuple[float, float, float, float]) -> tuple[Axes, Axes]:
-    """Two axes above each other; from below: room, lower axes, room, upper axes. Alike in every figure."""
+    """Two axes above each other; heights from below: margin, lower axes, margin, upper axes."""
     wide, high = figure.get_size_inches()
     room, lower, between, upper = heights_in
     left, width = _LEFT_IN / wide, (wide - _LEFT_IN - _RIGHT_IN) / wide
@@ -171,12 +170,12 @@ def _curve(
 
 
 def ticks(most: int) -> MaxNLocator:
-    """Round numbers, and not more of them than there is room for."""
+    """At most this many ticks, at round numbers."""
     return MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
 
 
 def _name_axis(axes: Axes, label: str) -> None:
-    """Quantity and unit above the axis, where they can be read without turning the head; plain numbers."""
+    """Quantity and unit as horizontal text above the axis; numbers without offset or exponent."""
     axes.set_title(label, loc="left", fontsize=7.5, pad=3.0)
     axes.ticklabel_format(style="plain", useOffset=False)
 

@@ -1,4 +1,4 @@
-"""A payload's mass over time as a picture."""
+"""Figure of a payload's mass over time."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def mass_figure(marks: Sequence[tuple[float, float, float]], gaps: Sequence[tupl
 
     Args:
         marks: Time in s, mass in kg and half width of its interval in kg.
-        gaps: From when to when in s nothing could be said.
-        title: Above the picture.
+        gaps: Start and end in s of times without an estimate.
+        title: Title of the figure.
     """
     from matplotlib.figure import Figure
 

@@ -1,6 +1,6 @@
-"""The picture of an excitation: where the joints and the tool go, and how near to every limit.
+"""The picture of an excitation: the motion of joints and tool, and the use of every limit.
 
-Drawn without pyplot and its global state. Colours are Okabe and Ito's, which the colour-blind can tell apart.
+Drawn without pyplot and its global state. Colours are Okabe and Ito's, which colour-blind readers can distinguish.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _STYLE: Final = {
     "axes.labelcolor": _INK,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.titley": 1.0,  # else a fifth of the time goes into a place for the title
+    "axes.titley": 1.0,  # otherwise placing the title takes a fifth of the time
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": "#e3e3e3",
@@ -61,13 +61,13 @@ _CHARACTER_IN: Final = 0.07
 def path_figure(excitation: Excitation, envelope: Envelope, joint_names: tuple[str, ...]) -> Figure:
     """One page about an excitation.
 
-    Left: every joint's position over a period, between its limits. Right: the tool's path and some postures from the
-    side and from above, with what the arm must not touch. Below: how much of each limit is used, and the criterion
-    over the iterations of the design.
+    Left: every joint's position over a period, with its limits. Right: the flange's path and some postures from the
+    side and from above, with the obstacles. Below: use of each limit, and the criterion over the iterations of the
+    design.
 
     Args:
-        excitation: The motion; its history is drawn where the file has it.
-        envelope: The limits that it was designed within.
+        excitation: The motion; its history is drawn if the file has it.
+        envelope: The limits of the design.
         joint_names: Names of the joints, from the base to the flange.
 
     Raises:
@@ -129,12 +129,12 @@ class _Tool:
         self.centres_m = [workspace.centres(q) for q in positions[:: _SAMPLES // _POSTURES]]
 
     def draw(self, axes: Axes, plane: tuple[int, int], title: str) -> None:
-        """Everything projected along an axis of the base.
+        """Draw everything projected along an axis of the base.
 
         Args:
-            axes: Where to.
-            plane: The base's axes that are seen, to the right and up.
-            title: What is seen.
+            axes: The axes.
+            plane: The base's axes that point to the right and up.
+            title: Title of the view.
         """
         points = self.joints_m[:, :, plane]
         for box in self.workspace.boxes:
@@ -155,7 +155,7 @@ class _Tool:
 
 
 def _walls(axes: Axes, workspace: Workspace, plane: tuple[int, int]) -> None:
-    """Half-spaces that are seen edge on, as lines with a name."""
+    """Half-spaces seen edge-on, as lines with their names."""
     for wall in workspace.half_spaces:
         normal = wall.normal[list(plane)]
         if abs(np.linalg.norm(normal) - 1.0) > 1e-6:
@@ -167,14 +167,14 @@ def _walls(axes: Axes, workspace: Workspace, plane: tuple[int, int]) -> None:
 
 
 def _outline(box: Box, plane: tuple[int, int]) -> FloatArray:
-    """(M, 2) corners of a box's shadow, in order."""
+    """(M, 2) corners of a box's projection, in order."""
     signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
     shadow = ((signs * box.size_m) @ box.pose[:3, :3].T + box.pose[:3, 3])[:, plane]
     return np.asarray(shadow[ConvexHull(shadow).vertices])
 
 
 def _use(axes: Axes, trajectory: FourierTrajectory, envelope: Envelope, names: tuple[str, ...]) -> None:
-    """How much of every limit is used, in per cent, and the clearances."""
+    """Use of every limit in per cent, and the clearances."""
     joints, room = envelope.joints, envelope.margins(trajectory)
     half = 0.5 * (joints.position_max_rad - joints.position_min_rad)
     limits = {

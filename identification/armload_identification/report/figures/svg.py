@@ -1,4 +1,4 @@
-"""A matplotlib figure as SVG that stands inside a page: no addresses, no dates, no style rules of its own."""
+"""A Matplotlib figure as SVG inside a page: without addresses, dates and style rules."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from matplotlib.figure import Figure
 
 _NAMESPACE: Final = re.compile(r"^\{[^}]*\}")
 _NEEDLESS_DIGITS: Final = re.compile(r"(\.\d\d)\d+")
-"""Behind a hundredth of a point: invisible, and a third of the page."""
+"""Digits below a hundredth of a point: invisible, but a third of the page."""
 _LEFT_OUT: Final = frozenset({"metadata", "style"})
 _REFERRING: Final = frozenset({"href", "clip-path"})
 
 
 def inline_svg(figure: Figure, name: str, title: str) -> str:
-    """A figure as the text of an `svg` element that fills the width it is given.
+    """A figure as the text of an `svg` element that fills the available width.
 
     Args:
         figure: Drawn with `svg.fonttype` "none", so that text stays text, and a fixed `svg.hashsalt`.
-        name: Unique on the page; it goes in front of every id.
-        title: What the figure shows, for those who cannot see it.
+        name: Prefix of every id, unique on the page.
+        title: Description of the figure, for readers who cannot see it.
     """
     written = io.BytesIO()
     figure.savefig(written, format="svg", metadata={"Date": None})
@@ -39,7 +39,7 @@ def inline_svg(figure: Figure, name: str, title: str) -> str:
 
 
 def _clean(element: ElementTree.Element, name: str) -> None:
-    """Make ids unique; take name spaces, metadata, style rules and needless digits out, all the way down."""
+    """Make ids unique and remove name spaces, metadata, style rules and needless digits, recursively."""
     element.tag = _NAMESPACE.sub("", element.tag)
     attributes = {_NAMESPACE.sub("", key): value for key, value in element.items()}
     for key, value in attributes.items():

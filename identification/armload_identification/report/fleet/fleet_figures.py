@@ -1,4 +1,4 @@
-"""The figures of many arms: control charts of a suspicious one, and a strip per figure of every one."""
+"""The figures of many arms: control charts of a suspicious one, and a small strip per quantity of every arm."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armload_identification.report.figures.joint_figures import FIGURE_STYLE, IN
 from armload_identification.report.figures.svg import inline_svg
 
 CHARTS: Final = 3
-"""Beside each other."""
+"""Number of charts in a row."""
 _WIDE_IN: Final = 7.0
 _HIGH_IN: Final = 1.9
 _STRIP: Final = (96.0, 18.0)
@@ -27,19 +27,19 @@ _LIMIT_COLOR: Final = "#e3e3e3"
 
 
 def charts_figure(figures: Sequence[FigureReview], name: str, title: str) -> str:
-    """Control charts beside each other; dashed, the level of the twins.
+    """Control charts in a row; the level of the twins is dashed.
 
     Args:
         figures: At most `CHARTS`.
-        name: Unique on the page.
-        title: What is shown, in words.
+        name: Id, unique on the page.
+        title: Description of the figure.
 
     Returns:
         An `svg` element.
     """
     with matplotlib.style.context(["default", FIGURE_STYLE]):
         drawing = Figure(figsize=(_WIDE_IN, _HIGH_IN))
-        # By hand: a layout that is computed takes longer than all the rest of the report.
+        # Fixed: a computed layout takes longer than the rest of the report.
         drawing.subplots_adjust(0.07, 0.24, 0.99, 0.86, 0.3)
         grid = drawing.subplots(1, CHARTS, squeeze=False)[0]
         for axes, figure in zip(grid, figures, strict=False):
@@ -60,10 +60,10 @@ def charts_figure(figures: Sequence[FigureReview], name: str, title: str) -> str
 
 
 def strip(figure: FigureReview) -> str:
-    """The same chart as small as a word: limits, runs, and what stands out.
+    """The same chart in the size of a word: limits, runs, and outliers.
 
     Args:
-        figure: What is shown.
+        figure: The quantity.
 
     Returns:
         An `svg` element.

@@ -1,4 +1,4 @@
-"""The report of many arms: the most suspicious first, then all of them, and what gave no result; one HTML file."""
+"""The report of many arms: the most suspicious ones, all arms, and recordings without a result, in one HTML file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from armload_identification.report.numerals import NO_BREAK, decimals_for, numer
 from armload_identification.report.page import rendered, write_page
 
 MOST_SUSPICIOUS: Final = 10
-"""Arms that are shown with their charts."""
+"""Number of arms shown with their charts."""
 _MOST_PROBLEMS: Final = 50
 _TEMPLATE: Final = "fleet/fleet.html.j2"
 
@@ -34,7 +34,7 @@ class _Panel:
 
 @dataclass(frozen=True)
 class _Figure:
-    """A figure in the table of all arms."""
+    """A quantity in the table of all arms."""
 
     text: str
     strip: Markup
@@ -42,7 +42,7 @@ class _Figure:
 
 @dataclass(frozen=True)
 class _Row:
-    """An arm in the table of all."""
+    """An arm in the table of all arms."""
 
     name: str
     model: str
@@ -56,7 +56,7 @@ def write_fleet_report(path: Path, review: FleetReview, armload_version: str) ->
     """Write the report of a fleet.
 
     Args:
-        path: Where to; an existing file is replaced.
+        path: The file; an existing one is replaced.
         review: The fleet.
         armload_version: Version of the program.
 
@@ -92,7 +92,7 @@ def render_fleet_report(review: FleetReview, armload_version: str) -> str:
 
 
 def _panel(arm: ArmReview, number: int) -> _Panel:
-    """A suspicious arm with the charts of what is suspicious, and of what it carries."""
+    """A suspicious arm with the charts of suspicious and other important quantities."""
     named = [arm.figures[found.quantity] for found in arm.suspicions if found.quantity is not None]
     others = [_most_off(arm, (kind,)) for kind in (Kind.MASS, Kind.GAIN, Kind.FRICTION)]
     shown = list(dict.fromkeys([*named, *(figure for figure in others if figure is not None)]))[:CHARTS]
@@ -114,7 +114,7 @@ def _row(arm: ArmReview) -> _Row:
 
 
 def _shown(figure: FigureReview) -> _Figure:
-    """The latest value of a figure, and all of them."""
+    """The latest value of a quantity, and its strip."""
     unit, scale = UNITS[figure.quantity.kind]
     decimals = decimals_for(scale * float(figure.chart.deviation[-1]), scale * float(figure.values[-1]))
     of = f"{figure.quantity.of}: " if figure.quantity.of else ""
@@ -124,6 +124,6 @@ def _shown(figure: FigureReview) -> _Figure:
 
 
 def _most_off(arm: ArmReview, kinds: Iterable[Kind]) -> FigureReview | None:
-    """Of the figures of some kinds the one whose latest value is farthest from where it began."""
+    """The quantity of the given kinds whose latest value deviates most from its initial level."""
     figures = [figure for quantity, figure in arm.figures.items() if quantity.kind in kinds]
     return max(figures, key=lambda f: float(np.abs(f.chart.values[-1]) / f.chart.deviation[-1]), default=None)
