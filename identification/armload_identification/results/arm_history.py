@@ -11,6 +11,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import ArmCalibration
+from armload_identification.extras import Extra, require_extra
 from armload_identification.pipeline.arm_drift import ArmDrift, Figure
 from armload_identification.results.payload_text import plain_table
 
@@ -147,9 +148,10 @@ class ArmHistory:
         """Draw the control charts, .png, .svg or .pdf; an existing file is replaced.
 
         Raises:
-            OSError: the file cannot be written.
+            ReportError: the file cannot be written.
+            ExtraMissing: the libraries for pictures are not installed.
         """
-        # Imported here: matplotlib is slow to load.
+        require_extra(Extra.REPORT, "the picture of an arm over its runs")
         from armload_identification.report.figures.drift_figures import charts_drawing
         from armload_identification.report.figures.figure_file import write_figure
 
@@ -160,7 +162,9 @@ class ArmHistory:
 
         Raises:
             ReportError: the file cannot be written.
+            ExtraMissing: the libraries for reports are not installed.
         """
+        require_extra(Extra.REPORT, "the report of an arm over its runs")
         from armload_identification.report.drift_report import write_drift_report
 
         write_drift_report(
