@@ -1,1 +1,1 @@
-"""The robots armload ships, as TOML files beside this one."""
+"""The robots shipped with armload, as TOML files in this folder."""
