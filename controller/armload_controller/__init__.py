@@ -1,1 +1,1 @@
-"""The motion: setpoints, limits, cycle, recorder, feed-forward, command line."""
+"""The controller: motion, cycle, sessions, analysis, feed-forward, export, command line."""

@@ -1,4 +1,4 @@
-"""What can go wrong with configuration, motion and commissioning.
+"""Errors of configuration, motion and commissioning.
 
 ControlError
  +-- ConfigurationError   a file, its key, the value found and what was expected
@@ -6,9 +6,9 @@ ControlError
  +-- MotionError          the motion was stopped: cause, joint, value, bound; carries the last feedback
  +-- RecordingFailed      the disk is full, or another error of the file
  +-- CommissioningError   a step of the commissioning cannot be done as asked
- +-- OffsetRefused        a drive's torque offset does not do what it should
- +-- ExportError          a payload that must not be written for others, or a file in the way
- +-- FleetError           many recordings cannot be worked on: a library, a scheduler, a file of rows
+ +-- OffsetRefused        a drive responds wrongly to its torque offset
+ +-- ExportError          a payload that must not be exported, or a different file that exists
+ +-- FleetError           recordings of many arms cannot be processed: a library, a scheduler, a file of rows
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class ConfigurationError(ControlError):
     """A configuration that cannot be used.
 
     Attributes:
-        file: The file it stands in.
-        key: Dotted path of the key; the first joint is joints[1]. Empty where the file as a whole is meant.
-        found: The value found; None where it is missing. A table is not repeated.
-        expected: What would have been accepted.
+        file: The file that contains it.
+        key: Dotted path of the key; the first joint is joints[1]. Empty if the error concerns the file itself.
+        found: The value found; None if missing. A table is not repeated.
+        expected: What was expected.
     """
 
     def __init__(self, file: str, key: str, found: object, expected: str) -> None:
@@ -46,11 +46,11 @@ class ConfigurationError(ControlError):
 
 
 class UnsafeBus(ControlError):
-    """A bus that must not be opened like this: a real arm could be on it, or nothing at all could."""
+    """A bus that must not be opened like this: a real arm could be on it, or no other process can reach it."""
 
 
 class RecordingFailed(ControlError):
-    """What was measured could not be written."""
+    """The recording could not be written."""
 
 
 class CommissioningError(ControlError):
@@ -58,7 +58,7 @@ class CommissioningError(ControlError):
 
 
 class OffsetRefused(ControlError):
-    """The torque offset of a drive does not do what it should.
+    """A drive responds wrongly to its torque offset.
 
     Attributes:
         joints: Names of the joints.
@@ -70,15 +70,15 @@ class OffsetRefused(ControlError):
 
 
 class FleetError(ControlError):
-    """Recordings of many arms cannot be worked on: a library, a scheduler or a file of rows."""
+    """Recordings of many arms cannot be processed: a library, a scheduler or a file of rows."""
 
 
 class ListingError(FleetError):
-    """What there is cannot be listed now, such as on a server that does not answer; another time it may be."""
+    """Files cannot be listed now, for example because a server does not answer; a later attempt may succeed."""
 
 
 class ExportError(ControlError):
-    """A payload that must not be written for others, or a file in the way.
+    """A payload that must not be exported, or a different file that exists.
 
     Attributes:
         file: The file that is read or written.

@@ -1,4 +1,4 @@
-"""Whether an operator is at the terminal; loads nothing, so that help can use it too."""
+"""Whether an operator is at the terminal; imports nothing heavy, so that help can use it too."""
 
 from __future__ import annotations
 

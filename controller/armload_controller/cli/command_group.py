@@ -1,4 +1,4 @@
-"""A group of commands that shows a command's help without loading pydantic, and names what replaced a command."""
+"""A group of commands that shows help without loading pydantic, and names the successors of removed commands."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _ENDED: Final = {
     ),
     "identify-body": "`armload calibrate ROBOT RUNS --output FILE` also identifies the body, from any runs",
 }
-"""What does the work of a command that is no longer there."""
+"""Successor of each removed command."""
 
 
 class CommandGroup(TyperGroup):
-    """Typer's group, whose own flags are False where they are not given.
+    """Typer's group, with False as the default of its own flags.
 
-    Typer gives `--help` and the options of completion no default. It then converts their None through pydantic before
-    every command, which takes as long as the rest of a command's help.
+    Typer gives `--help` and the completion options no default. It then converts None through pydantic before every
+    command, which takes as long as the rest of a command's help.
     """
 
     def get_params(self, ctx: Any) -> list[Any]:
@@ -32,7 +32,7 @@ class CommandGroup(TyperGroup):
         return params
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command by its name; one that has ended names its successor."""
+        """The command by its name; for a removed one, an error that names its successor."""
         if args and args[0] in _ENDED:
             ctx.fail(f"{args[0]} has been removed: {_ENDED[args[0]]}.")
         return super().resolve_command(ctx, args)

@@ -1,7 +1,7 @@
-"""Tables in the width there is: nothing is cut off, no word is broken, no column is left out.
+"""Tables fitted to the console's width: no text is cut off, no word is broken, no column is omitted.
 
-A table that is too wide has its texts wrapped between words, evenly; where that is not enough it comes in parts, one
-below the other, each with the first column in front.
+The texts of a table that is too wide are wrapped between words, evenly; if that is not enough, the table is split into
+parts, one below the other, each beginning with the first column.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ _PADDING = 2
 
 
 def fitted(table: Table, console: Console) -> list[Table]:
-    """A table as it can be shown.
+    """Fit a table to a console.
 
     Args:
         table: Texts and numbers in columns.
-        console: Where to.
+        console: The console.
 
     Returns:
-        The table, with widths set where it must be narrower, or several that hold its columns.
+        The table unchanged, or with reduced widths, or several tables with its columns.
     """
     most = [_width(console, column, table.columns[0])[1] for column in table.columns]
     if _total(most) <= console.width:
@@ -44,7 +44,7 @@ def _width(console: Console, column: Column, first: Column) -> tuple[int, int]:
     most = max(size.maximum for size in sizes)
     least = max(size.minimum for size in sizes)
     if column.no_wrap or column.justify == "right" or column is first:
-        # Numbers and names of rows stay in one piece, "1.2 to 3.4" and "joint_2 *" as well; their heading may wrap.
+        # Numbers and row names, such as "1.2 to 3.4" and "joint_2 *", are not wrapped; their heading may be.
         least = max(size.maximum for size in sizes[1:]) if len(sizes) > 1 else most
         least = max(least, sizes[0].minimum)
     return least, most
@@ -56,7 +56,7 @@ def _total(widths: Sequence[int]) -> int:
 
 
 def _part(table: Table, columns: list[int], least: list[int], most: list[int], width: int) -> Table:
-    """Some columns of a table; what room there is goes to where the most is wanted."""
+    """Some columns of a table; spare width goes to the columns that lack most."""
     widths = list(least)
     for _ in range(width - _total(widths)):
         wanting = max(range(len(widths)), key=lambda i: most[i] - widths[i])

@@ -1,6 +1,6 @@
-"""The program's entry: what this project raises becomes one line, anything else is a defect and keeps its traceback.
+"""The program's entry: an error of this project is shown as one line, any other is a bug and keeps its traceback.
 
-Imports stand inside, so that an interrupt while they are loading ends as quietly as a later one.
+Imports are inside the function, so that an interrupt during loading ends as quietly as a later one.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def main() -> None:
 
 
 def _notes(error: Exception) -> list[str]:
-    """What was noted with an error and with its cause, and what it came on top of.
+    """Notes of an error and of its cause, and the error that preceded it.
 
-    Other drives' trouble, what is left to do by hand; and the error that was being handled when closing failed too.
+    Notes are, for example, problems of other drives and steps to do by hand; an error precedes if closing also failed.
     """
     notes = [note for reason in (error, error.__cause__) for note in getattr(reason, "__notes__", ())]
     if error.__context__ is not None and not error.__suppress_context__:
@@ -55,7 +55,7 @@ def _notes(error: Exception) -> list[str]:
 
 
 def _exit_status(error: Exception) -> int:
-    """A shell's own status for a stop that was asked for, else that of a refusal."""
+    """The shell's usual status for a requested stop, otherwise that of a refusal."""
     from armload_controller.motion.motion_control import OperatorStop, TerminationStop
 
     for reason in (error, error.__cause__):

@@ -1,4 +1,4 @@
-"""The arm that a command is given: by name or file, or as a URDF."""
+"""The arm given to a command: by name or file, or as a URDF."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def given_arm(robot: str | None, urdf: Path | None, base: str | None, flange: st
     Args:
         robot: Name or path of a robot's file.
         urdf: Path of a URDF.
-        base: Link that the URDF's arm begins at.
-        flange: Link that it ends at.
+        base: First link of the arm in the URDF.
+        flange: Its last link.
 
     Raises:
-        BadParameter: none of the two, both, or links without a URDF.
+        BadParameter: neither or both of robot and URDF are given, or links without a URDF.
         ConfigurationError: the file cannot be used.
     """
     from armload_controller.config.robot import load_robot

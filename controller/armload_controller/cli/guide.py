@@ -1,4 +1,4 @@
-"""`armload` without a command, at a terminal: four things to do, each as the command that does the same."""
+"""`armload` without a command, at a terminal: a choice of four tasks, each translated to a command."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _URDF: Final = ".urdf"
 
 
 def guided_words(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
-    """Ask what to do.
+    """Ask the operator what to do.
 
     Args:
-        ask: Puts a question.
+        ask: Asks a question and returns the answer.
         say: Shows a line.
-        shipped: Names of the robots that come with armload.
+        shipped: Names of the shipped robots.
 
     Returns:
-        The words of the command; none where the operator wants nothing.
+        The words of the command; empty if the operator quits.
     """
     say("What do you want to do?")
     for number, choice in enumerate(CHOICES, 1):
@@ -55,7 +55,7 @@ def guided_words(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
 
 
 def _identify(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
-    """Two recordings and an arm."""
+    """Ask for two recordings and an arm."""
     loaded = _existing(ask, say, "Recording with the payload: ")
     unloaded = _existing(ask, say, "Recording of the same motion without it: ")
     arm = _robot(ask, say, shipped, urdf=True)
@@ -68,7 +68,7 @@ def _identify(ask: Ask, say: Say, shipped: tuple[str, ...]) -> list[str]:
 
 
 def _init(ask: Ask, say: Say) -> list[str]:
-    """A URDF or none, and a file that is not there yet."""
+    """Ask for a URDF, if any, and for a file that does not exist yet."""
     urdf = _existing(ask, say, "URDF of the arm; empty to answer questions instead: ", optional=True)
     arm = [urdf, *_links(ask, say, urdf)] if urdf else []
     while True:
@@ -80,7 +80,7 @@ def _init(ask: Ask, say: Say) -> list[str]:
 
 
 def _links(ask: Ask, say: Say, urdf: str) -> list[str]:
-    """Base and flange, where the URDF leaves a choice."""
+    """Ask for base and flange if the URDF leaves a choice."""
     from armload_controller.config.urdf_arm import read_urdf_arm
     from armload_controller.control_errors import ConfigurationError
 
@@ -116,13 +116,13 @@ def _existing(ask: Ask, say: Say, question: str, *, optional: bool = False) -> s
 
 
 def _path(answer: str) -> str:
-    """A path as it was typed, without quotation marks, its ~ replaced."""
+    """A typed path without quotation marks, with ~ expanded."""
     bare = answer.strip().strip("'\"")
     return str(Path(bare).expanduser()) if bare else ""
 
 
 def _new_folder() -> Path:
-    """A folder that is not there yet."""
+    """A folder that does not exist yet."""
     number = 1
     while (folder := Path("runs") / f"try-{number}").exists():
         number += 1

@@ -1,7 +1,7 @@
 """The operator's keys while an arm moves: space pauses and resumes, - and + change the speed in steps of 10 %.
 
-Keys are looked for once a cycle by the thread that reports the progress; there is none of its own. The terminal is
-set not to wait for a whole line only while something moves: questions are answered as ever. Ctrl-C stays a signal.
+Keys are polled once per cycle by the thread that reports progress, without a separate thread. The terminal delivers
+single keys only during motion; questions are answered line by line as usual. Ctrl-C remains a signal.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from armload_controller.motion.motion_control import Goal, MotionControl
 
 HINT = "keys: space pauses and resumes, - and + change the speed, Ctrl-C stops"
 STEP = 0.1
-"""Of the planned speed, per key; also the slowest that keys can set."""
+"""Step per key as a share of the planned speed; also the lowest speed that keys can set."""
 _AT_ONCE = 64
 _ESCAPE_SEQUENCES = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*[@-~]?|O.?|.)?", re.DOTALL)
-"""What arrow and function keys send, in which a + or - means nothing."""
+"""Sequences of arrow and function keys, in which + and - have no meaning."""
 
 
 class Key(Enum):
-    """What a key asks for."""
+    """Request of a key."""
 
     PAUSE = "pause or resume"
     SLOWER = "slower"
@@ -35,16 +35,16 @@ class Key(Enum):
 
 
 _KEYS = {" ": Key.PAUSE, "-": Key.SLOWER, "+": Key.FASTER, "=": Key.FASTER}
-"""The key of + without shift is as good."""
+""""=" is the key of + without shift."""
 
 
 def decode(typed: bytes) -> list[Key]:
-    """What was asked for, in order; what means nothing is left out."""
+    """The requests of typed bytes, in order; other keys are ignored."""
     return [_KEYS[letter] for letter in _ESCAPE_SEQUENCES.sub(b"", typed).decode("latin-1") if letter in _KEYS]
 
 
 def press(control: MotionControl, key: Key) -> None:
-    """Ask a motion for what a key means."""
+    """Pass a key's request to a motion."""
     goal = control.goal
     match key:
         case Key.PAUSE if goal.paused:
@@ -57,7 +57,7 @@ def press(control: MotionControl, key: Key) -> None:
 
 
 def described(goal: Goal) -> str:
-    """What is asked for, in the words of a progress line; nothing at full speed."""
+    """The present request as text for a progress line; empty at full speed."""
     if goal.stop is not None:
         return "stopping"
     if goal.paused:
@@ -69,7 +69,7 @@ class Keyboard:
     """A terminal's keys as requests to a motion.
 
     Args:
-        control: Gets the requests.
+        control: Receives the requests.
         terminal: File descriptor of the terminal.
     """
 
@@ -78,14 +78,14 @@ class Keyboard:
 
     @classmethod
     def of_this_process(cls, control: MotionControl) -> Keyboard | None:
-        """The keyboard of this process, None where its input is no terminal."""
+        """The keyboard of this process; None if its input is not a terminal."""
         if sys.stdin is None or sys.stdin.closed or not sys.stdin.isatty():
             return None
         return cls(control, sys.stdin.fileno())
 
     @contextmanager
     def awake(self) -> Iterator[None]:
-        """Keys arrive one by one and are not shown, until the block is left."""
+        """Deliver keys one by one, without echo, within a `with` block."""
         if not self._in_foreground():
             yield
             return
@@ -94,23 +94,23 @@ class Keyboard:
         try:
             yield
         finally:
-            # Of a terminal that is gone there is nothing to restore.
+            # A closed terminal cannot be restored.
             with suppress(termios.error):
                 termios.tcsetattr(self._terminal, termios.TCSANOW, before)
 
     def forget(self) -> None:
-        """Drop what was typed and not read: a question is not answered before it is asked."""
+        """Discard unread input, so that a question is not answered before it is asked."""
         if self._in_foreground():
             termios.tcflush(self._terminal, termios.TCIFLUSH)
 
     def poll(self) -> str:
-        """Pass on what was typed since the last call; never waits.
+        """Process the keys typed since the last call; never waits.
 
         Returns:
-            What is asked for now, in the words of a progress line.
+            The present request, as text for a progress line.
         """
         ready, _, _ = select.select([self._terminal], [], [], 0.0)
-        # A process in the background that reads its terminal is halted, with the arm moving.
+        # A background process that reads its terminal is suspended, with the arm moving.
         if ready and self._in_foreground():
             typed = b""
             with suppress(OSError):
@@ -120,7 +120,7 @@ class Keyboard:
         return described(self._control.goal)
 
     def _in_foreground(self) -> bool:
-        """Whether the terminal listens to this process."""
+        """Whether this process is in the terminal's foreground group."""
         try:
             return os.tcgetpgrp(self._terminal) == os.getpgrp()
         except OSError:

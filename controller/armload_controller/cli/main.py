@@ -1,7 +1,7 @@
 """The commands of `armload`.
 
-A command's module declares its arguments and loads nothing else. What the command needs is imported where it is used,
-so that help, version and completion do not wait for it; `tests/unit/controller/cli/test_startup.py` checks this.
+A command's module declares its arguments and imports everything else inside the command, so that help, version and
+completion do not wait for it; `tests/unit/controller/cli/test_startup.py` checks this.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ app = typer.Typer(
     help="Identify what a robot arm is carrying from its motor currents.",
     invoke_without_command=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode=None,  # its boxes cut off the names of options where the console is narrow
+    rich_markup_mode=None,  # its boxes cut off option names on narrow consoles
 )
 for command in (
     commission,
@@ -79,7 +79,7 @@ def _options(
     ] = False,
 ) -> None:
     """Identify what a robot arm is carrying from its motor currents."""
-    # The matrices are small, and an arm does not wait while threads wait for each other. The libraries read these
+    # The matrices are small, and threads waiting for each other would delay the cycle. The libraries read these
     # variables when they are loaded, which is later.
     for library in ("OPENBLAS", "MKL", "BLIS", "OMP"):
         os.environ[f"{library}_NUM_THREADS"] = "1"
@@ -88,7 +88,7 @@ def _options(
 
 
 def _without_command(context: typer.Context) -> None:
-    """Help; at a terminal, what to do is asked, done, and shown as a command."""
+    """Show help; at a terminal, ask what to do instead, run it, and show the command."""
     if not (attended() and sys.stdout.isatty()):
         typer.echo(context.get_help())
         raise typer.Exit(EXIT_USAGE)

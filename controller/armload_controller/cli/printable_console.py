@@ -1,4 +1,4 @@
-"""A console on which no text from a file can do more than be read."""
+"""A console on which text from files cannot have side effects."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from armload_controller.cli.printable_text import printable
 
 
 class OutlivingStream:
-    """A stream whose reader may go: what is written after that is dropped, and the program goes on.
+    """A stream that survives the loss of its reader: later output is dropped, and the program continues.
 
-    An arm in motion is not left to itself because the terminal was closed, or the pipe that it is shown through.
+    A moving arm must not be left uncontrolled because the terminal or a pipe was closed.
 
     Args:
         stream: The stream.
@@ -44,7 +44,7 @@ class OutlivingStream:
 
     @contextmanager
     def _dropping(self) -> Iterator[None]:
-        """Where the reader has gone, what is still in the stream's buffer goes nowhere too."""
+        """If the reader has gone, redirect the stream to the null device, including what is still buffered."""
         try:
             yield
         except OSError as error:
@@ -67,12 +67,12 @@ def accepts_output(stream: IO[str]) -> bool:
 
 
 class PrintableConsole(Console):
-    """Rich's console; every string that it is given is made printable first, and none of it is markup or an emoji.
+    """Rich's console that makes every string printable first, without markup or emoji.
 
     Args:
-        file: Where to print; standard output, or standard error, if not given.
+        file: Stream to print to; standard output, or standard error, if not given.
         stderr: Print to standard error.
-        **options: As Rich has them.
+        **options: Rich's options.
     """
 
     def __init__(self, *, file: TextIO | None = None, stderr: bool = False, **options: Any) -> None:
@@ -86,6 +86,6 @@ class PrintableConsole(Console):
 
         Args:
             text: The string.
-            **options: As Rich has them.
+            **options: Rich's options.
         """
         return super().render_str(printable(text), **options)

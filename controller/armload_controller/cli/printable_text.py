@@ -1,7 +1,7 @@
-"""Text from a file or a drive, made so that it can do no more than be read.
+"""Makes text from files and drives safe to print.
 
-Names, messages and paths come from untrusted files and drives. A control character among them would
-move the cursor, hide a line or write the window's title.
+Names, messages and paths come from untrusted files and drives. A control character in them could move the cursor, hide
+a line or change the window's title.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import re
 from typing import Final
 
 _CONTROLS: Final = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""All but tab and line feed; also what reverses the direction of a text, and halves of surrogate pairs."""
+"""All control characters except tab and line feed, characters that reverse text direction, and lone surrogates."""
 
 
 def printable(text: str) -> str:
-    r"""A text with its control characters written out, such as \u001b; so JSON stays the same document.
+    r"""A text with its control characters as escapes, such as \u001b, which leaves a JSON document equivalent.
 
     Args:
-        text: From anywhere.
+        text: Any text.
     """
     return _CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", text)

@@ -1,4 +1,4 @@
-"""Options that say what is used of recordings, and what a table or a bag does not say itself."""
+"""Options that select parts of recordings, and that supply what a table or bag does not state."""
 
 from __future__ import annotations
 
@@ -55,16 +55,16 @@ def recording_choices(
     """The options as one choice for each recording.
 
     Args:
-        columns: As given, like the next four.
-        effort: Likewise.
-        between: Likewise.
-        joints: Likewise.
-        episode: Likewise.
-        count: How many recordings there are.
+        columns: Value of --columns.
+        effort: Value of --effort.
+        between: Value of --between.
+        joints: Value of --joints.
+        episode: Value of --episode.
+        count: Number of recordings.
 
     Raises:
-        BadParameter: a time, a joint or an episode that is none.
-        RecordingError: columns that cannot be understood.
+        BadParameter: an invalid time, joint or episode.
+        RecordingError: invalid columns.
     """
     from armload_controller.config.robot_recordings import RecordingChoice
     from armload_identification.recording.csv_columns import parse_columns
@@ -90,7 +90,7 @@ def _between(begin: str, end: str) -> tuple[float, float]:
 
 
 def _joints(text: str) -> tuple[int, ...]:
-    """Columns from 0 of joints that are counted from 1."""
+    """Indices from 0 of joints that are numbered from 1."""
     chosen: list[int] = []
     for part in text.split(","):
         match = _RANGE.fullmatch(part.strip())

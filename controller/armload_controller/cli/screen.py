@@ -1,8 +1,8 @@
-"""What the operator sees while something runs: steps, progress bars, tables, prompts.
+"""The operator's screen: steps, progress bars, tables, prompts.
 
-A bar is drawn only when a whole percent has been added, by the thread that reports the progress, which may be the
-cycle's: a drawing thread of its own would take the cycle's time at random. While the terminal accepts no output
-(Ctrl-S, a remote connection that stalls) nothing is drawn, as the cycle would wait for it.
+A bar is redrawn only after a full percent, by the thread that reports the progress, which may be the cycle's: a
+separate drawing thread would disturb the cycle at random. While the terminal accepts no output (Ctrl-S, a stalled
+remote connection) nothing is drawn, because the cycle would wait for it.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from armload_controller.cli.printable_text import printable
 from armload_controller.control_errors import CommissioningError
 
 UNBOUNDED_WIDTH = 1000
-"""Width of what is no terminal."""
+"""Width of a stream that is not a terminal."""
 _USUAL_WIDTH = 80
-"""Width of a terminal that does not know its own."""
+"""Width of a terminal that does not report one."""
 _LEAST_BAR = 8
 _GREATEST_BAR = 30
 _TIME = Column(no_wrap=True, min_width=7)
@@ -43,10 +43,10 @@ _TIME = Column(no_wrap=True, min_width=7)
 
 
 class _Rate(ProgressColumn):
-    """How much is done per second."""
+    """Amount done per second."""
 
     def render(self, task: Task) -> Text:
-        """The rate since the beginning."""
+        """The rate since the start."""
         return Text("" if not task.elapsed else f"{task.completed / task.elapsed:.1f}/s")
 
 
@@ -54,9 +54,9 @@ class Screen:
     """A console that satisfies `run_session.Display`.
 
     Args:
-        keyboard: Whose keys are listened to while something is tracked.
-        as_json: The result is a document on the standard output: steps, bars and questions go to standard error, and
-            results in words are left out.
+        keyboard: Keyboard that is polled while something is tracked.
+        as_json: The result is a document on standard output: steps, bars and questions go to standard error, and
+            results as text are omitted.
     """
 
     def __init__(self, keyboard: Keyboard | None = None, *, as_json: bool = False) -> None:
@@ -67,16 +67,16 @@ class Screen:
         self.errors = PrintableConsole(stderr=True, width=_width(sys.stderr))
 
     def step(self, text: str) -> None:
-        """One line: something begins."""
+        """Print one line, for the start of an activity."""
         self.console.print(text, soft_wrap=not self.console.is_terminal)
 
     def result(self, text: str) -> None:
-        """A result in words."""
+        """Print a result as text."""
         if not self._as_json:
             self.step(text)
 
     def table(self, table: Table) -> None:
-        """A result as a table, whole whatever the width."""
+        """Print a result as a table, complete at any width."""
         if self._as_json:
             return
         for part in fitted(table, self.console):
@@ -84,7 +84,7 @@ class Screen:
 
     @contextmanager
     def track(self, text: str, total: int, *, rate: bool = False) -> Iterator[Callable[[int], None]]:
-        """A progress bar, with how much is done per second if wanted; the function given takes how much is done."""
+        """Show a progress bar, optionally with a rate; the yielded function is called with the amount done."""
         if self._keyboard is not None and not self._hinted:
             self._hinted = True
             self.step(HINT)
@@ -106,7 +106,7 @@ class Screen:
             yield done
 
     def _columns(self, text: str) -> list[ProgressColumn]:
-        """What a line of progress is made of; where it is narrow the bar gives way first."""
+        """Columns of a progress line; on a narrow console the bar is omitted first."""
         times = [TimeElapsedColumn(table_column=_TIME), TimeRemainingColumn(table_column=_TIME)]
         room = self.console.width - len(f"{text}  100% 0:00:00 0:00:00")
         bar = [BarColumn(bar_width=min(room, _GREATEST_BAR))] if room >= _LEAST_BAR else []
@@ -121,7 +121,7 @@ class Screen:
         """Ask for a text.
 
         Raises:
-            CommissioningError: there are no more answers.
+            CommissioningError: the input has ended.
         """
         try:
             return self.console.input(question, markup=False)
@@ -130,7 +130,7 @@ class Screen:
             raise CommissioningError("end of input: nothing was done") from error
 
     def confirm(self, question: str) -> bool:
-        """Ask; no answer, as without a keyboard, is no."""
+        """Ask a yes/no question; no answer, as at the end of input, means no."""
         if self._keyboard is not None:
             self._keyboard.forget()
         try:
@@ -141,9 +141,9 @@ class Screen:
 
 
 def _width(stream: TextIO | None) -> int:
-    """Columns of a stream: what COLUMNS says, else the terminal's; in a file or a pipe lines are as long as they are.
+    """Columns of a stream: COLUMNS if set, else the terminal's; lines in a file or pipe are not wrapped.
 
-    COLUMNS=0, as some shells and consoles without a size have it, says nothing.
+    COLUMNS=0, which some shells and consoles without a size set, is ignored.
     """
     said = os.environ.get("COLUMNS", "")
     if said.isdecimal() and int(said) > 0:

@@ -1,4 +1,4 @@
-"""`armload commission`: the whole of it, from switched-off drives to a payload file and a report."""
+"""`armload commission`: the complete procedure, from switched-off drives to a payload file and a report."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def commission(
 
 
 def _files(directory: Path) -> dict[str, str]:
-    """The folder and what was written there; a calibration where the runs sufficed for one."""
+    """The folder and the files written to it; a calibration only if the runs sufficed for one."""
     names = {"payload": PAYLOAD_NAME, "report": REPORT_NAME, "calibration": CALIBRATION_NAME}
     there = {key: directory / name for key, name in names.items() if (directory / name).exists()}
     return {"directory": str(directory)} | {key: str(path) for key, path in there.items()}
@@ -141,16 +141,16 @@ def _files(directory: Path) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Plan:
-    """What is to be recorded, and how.
+    """What to record, and how.
 
     Attributes:
         arm: The arm.
-        directory: Where to.
+        directory: Folder of the recordings.
         now: Date and time of the commissioning.
-        simulated_drives: Only drives with the simulation's identity are driven.
-        yes: The operator has agreed to what allows that.
-        mass_kg: Of the payload, where it was weighed.
-        live: Where to show the arm while it moves; None shows it nowhere.
+        simulated_drives: Whether only drives with the simulation's identity may be driven.
+        yes: Whether the operator has agreed in advance to everything that allows it.
+        mass_kg: Mass of the payload; None if it was not weighed.
+        live: Address of the live view; None for none.
     """
 
     arm: Robot
@@ -163,7 +163,7 @@ class _Plan:
 
 
 def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequence[Load], todo: Sequence[Load]) -> None:
-    """Record the halves that are not there yet."""
+    """Record the halves that do not exist yet."""
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.session.arm_access import open_arm
     from armload_controller.session.commissioning import record_half
@@ -194,7 +194,7 @@ def _record(plan: _Plan, screen: Screen, control: MotionControl, halves: Sequenc
 
 
 def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) -> None:
-    """Get the payload onto the flange, the drives being off."""
+    """Have the payload mounted while the drives are off."""
     if in_this_process:
         screen.step(f"payload {arm.simulation.payload_name!r} mounted on the simulated flange")
     elif not consent.given and not consent.ask(
@@ -204,7 +204,7 @@ def _mount(arm: Robot, screen: Screen, consent: Consent, in_this_process: bool) 
 
 
 def _show_half(screen: Screen, directory: Path, *, as_json: bool) -> None:
-    """The unloaded half is there, the loaded one is not."""
+    """Report that the unloaded half is recorded, and how to continue."""
     from armload_controller.cli.output.result_documents import half_document
 
     screen.step(f"recorded: {directory}. Mount the payload, then: --runs loaded --output {directory}")
@@ -213,7 +213,7 @@ def _show_half(screen: Screen, directory: Path, *, as_json: bool) -> None:
 
 
 def _account(load: Load, summaries: list[CycleSummary], wall_s: float) -> str:
-    """What the runs of one half counted, in one line."""
+    """Counts of one half's runs, in one line."""
     motion_s = sum(summary.duration_s for summary in summaries)
     missing = sum(int(summary.missing.sum()) for summary in summaries)
     skipped = sum(summary.skipped for summary in summaries)
@@ -233,9 +233,9 @@ def _evaluate(
     calibration: Path | None,
     mass_kg: float | None,
 ) -> Findings:
-    """Identify on the first pair, judge on the second, calibrate from all; write the results and show them.
+    """Identify from the first pair, validate on the second, calibrate from all; write the results and show them.
 
-    The report is written last: a folder that holds one holds everything that the recordings gave.
+    The report is written last: a folder that contains one is complete.
     """
     from armload_controller.analysis.robot_payload import identify
     from armload_controller.cli.output.findings_output import show_findings
@@ -261,7 +261,7 @@ def _evaluate(
 
 
 def _calibrate(arm: Robot, directory: Path, runs: Sequence[Recording]) -> list[str]:
-    """The arm from the four runs, for the next commissioning, and what to say of it; they may not suffice."""
+    """Calibrate the arm from the four runs, for the next commissioning, if they suffice; returns lines to show."""
     from armload_controller.analysis.robot_calibration import calibrate_from_runs
     from armload_controller.config.robot_runs import runs_as_recorded
     from armload_identification.files.calibration_file import write_calibration

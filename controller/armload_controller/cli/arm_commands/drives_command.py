@@ -1,8 +1,8 @@
-"""`armload drives`: who is on the bus, whether an arm's drives are as configured, their state, fault reset.
+"""`armload drives`: nodes on the bus, an arm's drives against its configuration, their state, fault reset.
 
-Nothing here energises a drive, so it is allowed on any bus. `scan` and `show` only read; what `check` and `reset` may
-write to whom is decided in `armload_drivers.bring_up.drive_check`. On the virtual bus, which has no other node,
-simulated drives answer.
+Nothing here energises a drive, so it is allowed on any bus. `scan` and `show` only read;
+`armload_drivers.bring_up.drive_check` decides what `check` and `reset` may write to which drive. On the virtual bus,
+which has no other node, simulated drives answer.
 """
 
 from __future__ import annotations

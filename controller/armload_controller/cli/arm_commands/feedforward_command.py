@@ -1,4 +1,4 @@
-"""`armload feedforward`: the payload's torque in the loop, and what it does to the following error."""
+"""`armload feedforward`: the payload's torque in the loop, and its effect on the following error."""
 
 from __future__ import annotations
 
@@ -145,12 +145,12 @@ def feedforward(
 
 @dataclass(frozen=True)
 class _Outcome:
-    """What came of a command.
+    """Result of the command.
 
     Attributes:
-        verdict: What the drives made of the torque offset.
-        comparisons: Following errors without and with it.
-        decisions: Of a run that adapts.
+        verdict: Result of the torque offset check.
+        comparisons: Following errors without and with feed-forward.
+        decisions: Decisions of an adapted run.
     """
 
     verdict: OffsetVerdict
@@ -159,7 +159,7 @@ class _Outcome:
 
 
 def _shown(screen: Screen, outcome: _Outcome, robot: str, picture: Path) -> Path:
-    """Comparisons as tables and as a picture."""
+    """Show comparisons as tables, and draw them."""
     from armload_controller.session.comparison_figure import draw
 
     for comparison in outcome.comparisons:
@@ -173,7 +173,7 @@ def _usable(arm: Robot, payload: Path) -> PayloadResult:
     """A payload that may be fed forward.
 
     Raises:
-        PayloadRefused: it may not.
+        PayloadRefused: the payload must not be fed forward.
     """
     from armload_controller.feedforward.injection import PayloadRefused
     from armload_controller.feedforward.payload_use import why_not_usable
@@ -187,7 +187,7 @@ def _usable(arm: Robot, payload: Path) -> PayloadResult:
 
 
 def _runs(arm: Robot, path: CheckedPath, used: ArmInUse) -> ComparisonRuns:
-    """Runs of the arm as it was calibrated."""
+    """Runs that use the arm's calibration, if any."""
     from armload_controller.feedforward.body_torque import held_torque
     from armload_controller.session.feedforward_comparison import ComparisonRuns
 
@@ -205,7 +205,7 @@ def _try_offset(
     open_servos: ServosFactory,
     operator: Operator,
 ) -> _Outcome:
-    """The torque offset, where the arm stands."""
+    """Try the torque offset at the present position."""
     from armload_controller.session.run_session import Load, run_session
 
     with run_session(arm, Load.LOADED, open_servos, operator) as session:
@@ -213,10 +213,10 @@ def _try_offset(
 
 
 def require_one_kind(payload: Path | None, expect: str | None, *, adapt: bool, compare: bool) -> None:
-    """Refuse options of which one contradicts another.
+    """Refuse options that contradict each other.
 
     Raises:
-        BadParameter: naming it.
+        BadParameter: naming the option.
     """
     if adapt and payload is not None:
         raise typer.BadParameter("takes no PAYLOAD: the payload is estimated", param_hint="--adapt")
@@ -233,11 +233,11 @@ def require_one_kind(payload: Path | None, expect: str | None, *, adapt: bool, c
 
 
 def declared_mass(arm: Robot, expect: str | None) -> DeclaredMass:
-    """What the operator says that the arm may carry.
+    """The range of mass that the operator expects.
 
     Raises:
-        BadParameter: no range.
-        AdaptationRefused: more than may be adapted to.
+        BadParameter: the text is not a range.
+        AdaptationRefused: the range is empty or too high.
     """
     from armload_controller.feedforward.adaptation_rules import DeclaredMass
 
@@ -257,7 +257,7 @@ def _adapt(
     operator: Operator,
     decisions: Path,
 ) -> _Outcome:
-    """The run with torque that follows the estimate; every decision is shown, and written as it is taken."""
+    """The run with torque adapted to the estimate; every decision is shown and logged immediately."""
     import json
     from concurrent.futures import ThreadPoolExecutor
 
@@ -311,7 +311,7 @@ def _compare(
     open_servos: ServosFactory,
     operator: Operator,
 ) -> _Outcome:
-    """All runs; in simulation the empty arm's and the true payload's too. The mildest addition comes first."""
+    """All runs; in simulation also those of the empty arm and of the true payload. The smallest addition is first."""
     from armload_controller.config.tables.drive_tables import VIRTUAL
     from armload_controller.feedforward.body_torque import ArmTorque, LoadFriction
     from armload_controller.session.feedforward_comparison import FollowingRun
@@ -340,7 +340,8 @@ def _compare(
     def chosen(*left_out: str) -> dict[str, FollowingRun]:
         return {label: run for label, run in results.items() if label not in left_out}
 
-    # Without the empty arm's error there is nothing to take off but the lag; the arm's own torque changes that error.
+    # Without a run of the empty arm only the lag can be subtracted. The arm's own torque would change the empty arm's
+    # error.
     comparisons = [] if empty is None else [runs.compare(without, chosen(ARM), empty, payload)]
     if empty is None or body is not None:
         comparisons.append(runs.compare(without, chosen(IDEAL), None, payload))
@@ -354,7 +355,7 @@ def _as_result(payload: PayloadResult, truth: InertialParameters) -> PayloadResu
 
 
 def _account(verdict: OffsetVerdict) -> str:
-    """What the check found, in a line."""
+    """The result of the check, in one line."""
     used = [
         f"{name} {100 * gain:.0f} %"
         for name, gain, usable in zip(verdict.joint_names, verdict.gain, verdict.usable, strict=True)
@@ -368,7 +369,7 @@ def _account(verdict: OffsetVerdict) -> str:
 
 
 def comparison_table(comparison: Comparison) -> Table:
-    """RMS of the error per joint, and how much less it is with feed-forward."""
+    """RMS of the error per joint, and its reduction by feed-forward."""
     from rich.table import Table
 
     from armload_controller.session.feedforward_comparison import Measure

@@ -1,4 +1,4 @@
-"""`armload simulate`: the drives of a simulated arm alone, for another process to command."""
+"""`armload simulate`: the drives of a simulated arm, to be commanded by another process."""
 
 from __future__ import annotations
 
@@ -102,17 +102,17 @@ def simulate(
 
 
 def payload_changes(given: list[str], simulation: RobotSimulation) -> list[PayloadChange]:
-    """Payload changes of texts such as '10s=tool.toml'.
+    """Payload changes from texts such as '10s=tool.toml'.
 
     Args:
         given: The texts.
         simulation: The arm's twin.
 
     Returns:
-        Changes in the order of time.
+        Changes in order of time.
 
     Raises:
-        BadParameter: another text, or two changes at one time.
+        BadParameter: a text has another form, or two changes have the same time.
         ConfigurationError: no payload of that name.
     """
     from armload_drivers.simulation.plant_spec import PayloadChange

@@ -1,4 +1,4 @@
-"""`armload watch`: what an arm carries while it works."""
+"""`armload watch`: the payload of an arm while it works."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def watch(
 
 
 def _diary(arm: Robot, payload: PayloadWatch | None, watched: str) -> WatchDiary:
-    """What keeps the moments for a report.
+    """Collects the moments for a report.
 
     Raises:
         BadParameter: the arm is not calibrated.
@@ -122,7 +122,7 @@ def _diary(arm: Robot, payload: PayloadWatch | None, watched: str) -> WatchDiary
 
 
 def _of_recording(watching: PayloadWatch, recording: Path, every_s: float, *, follow: bool) -> Iterator[WatchedMoment]:
-    """A recording, from its beginning."""
+    """Moments of a recording, from its beginning."""
     from time import sleep
 
     from armload_controller.analysis.payload_watch import follow as followed
@@ -139,7 +139,7 @@ def _on_bus(
     load: Load | None,
     for_s: float,
 ) -> Iterator[WatchedMoment]:
-    """The arm's bus, until it is enough."""
+    """Moments of the arm's bus, until stopped or the time is over."""
     import time
     from contextlib import ExitStack
 
@@ -163,7 +163,7 @@ def _on_bus(
 
 
 def _load(text: str | None) -> Load | None:
-    """What the arm carries, as the option says."""
+    """The load given by the option."""
     from armload_controller.session.run_session import Load
 
     try:
@@ -173,7 +173,7 @@ def _load(text: str | None) -> Load | None:
 
 
 def _seconds(text: str | None) -> float:
-    """Seconds of '60s' or '60'; without end where nothing is given."""
+    """Seconds from '60s' or '60'; inf if not given."""
     if text is None:
         return float("inf")
     try:

@@ -1,4 +1,4 @@
-"""`armload compare`: a payload against CAD: the verdict, and the errors as the paper counts them."""
+"""`armload compare`: a payload against CAD: the verdict, and the errors in the paper's convention."""
 
 from __future__ import annotations
 

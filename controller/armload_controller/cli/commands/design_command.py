@@ -1,4 +1,4 @@
-"""`armload design`: the excitation that says most about a payload, within all limits."""
+"""`armload design`: the most informative excitation for a payload, within all limits."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from armload_controller.cli.screen import Screen
 
 MOST_HARMONICS, MOST_RESTARTS, MOST_PERIODS = 50, 1000, 10_000
-"""More is a slip of the finger."""
+"""Larger values are taken as typing errors."""
 _MOST_DEG = 180.0
 _PARTS = 100
 """Steps of the progress."""
 
 
 class Purpose(StrEnum):
-    """What a motion is for."""
+    """Purpose of a motion."""
 
     PAYLOAD = "payload"
     ANY_MOTION = "any-motion"
@@ -36,7 +36,7 @@ _OPTIONS_OF = {
     Purpose.PAYLOAD: ("restarts", "harmonics", "period_s", "periods", "criterion"),
     Purpose.ANY_MOTION: ("at_rad", "within_deg", "mass_within", "speed_m_s", "calibration"),
 }
-"""Options that one purpose alone has."""
+"""Options that apply only to one purpose."""
 
 
 class CriterionName(StrEnum):
@@ -164,7 +164,7 @@ def _finish(screen: Screen, designed: DesignedExcitation | DesignedWiggle, outpu
 
 
 def _require_fitting(context: typer.Context, purpose: Purpose) -> None:
-    """Refuse options that the purpose has no use for."""
+    """Refuse options that do not apply to the purpose."""
     for of, names in _OPTIONS_OF.items():
         for name in names:
             given = context.get_parameter_source(name)
@@ -173,7 +173,7 @@ def _require_fitting(context: typer.Context, purpose: Purpose) -> None:
 
 
 def _radians(degrees: float) -> float:
-    """An amplitude."""
+    """An amplitude in rad."""
     if not 0.0 < degrees <= _MOST_DEG:
         raise typer.BadParameter(f"{degrees:g}: expected above 0, at most {_MOST_DEG:g}", param_hint="--within-deg")
     return radians(degrees)

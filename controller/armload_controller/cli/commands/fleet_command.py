@@ -153,7 +153,7 @@ def report_command(
 
 
 def _require_one(scheduler: str | None, workers: int | None) -> None:
-    """Refuse workers of this machine beside a scheduler, which has its own."""
+    """Refuse --workers together with --scheduler, which has its own workers."""
     if scheduler is not None and workers is not None:
         raise typer.BadParameter(
             "cannot be combined with --scheduler, which has its own workers", param_hint="--workers"
@@ -161,7 +161,7 @@ def _require_one(scheduler: str | None, workers: int | None) -> None:
 
 
 def _show(screen: Screen, tally: FleetTally, output: Path, *, as_json: bool) -> None:
-    """What came of some jobs."""
+    """Show the counts of a run over the jobs."""
     from armload_controller.cli.output.fleet_output import fleet_document, tally_text
 
     screen.result(tally_text(tally))

@@ -150,7 +150,7 @@ def identify(
 
 
 def _seconds(text: str) -> float:
-    """Seconds of '10s' or '10'."""
+    """Seconds from '10s' or '10'."""
     try:
         return float(text.removesuffix("s"))
     except ValueError:
@@ -158,7 +158,7 @@ def _seconds(text: str) -> float:
 
 
 def _number_or_range(text: str, option: str) -> float | tuple[float, float]:
-    """2.1, or (1.0, 3.0) of '1..3'."""
+    """2.1 from '2.1', or (1.0, 3.0) from '1..3'."""
     try:
         ends = [float(part) for part in text.split("..")]
     except ValueError:
@@ -176,7 +176,7 @@ def _known(
     *,
     symmetric: bool,
 ) -> KnownPayload | None:
-    """What the operator knows of the payload; None where it is nothing."""
+    """The operator's prior knowledge of the payload; None without any."""
     from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.files.payload_file import read_payload
 

@@ -107,12 +107,12 @@ def init(
 
 @dataclass(frozen=True)
 class _Designed:
-    """Both excitations of an arm, or why there are none.
+    """Both excitations of an arm, or the reason why there are none.
 
     Attributes:
-        names: Of their files.
-        problem: Why there are none.
-        roomiest_rad: (n,) pose with the most room among many.
+        names: Names of their files; None if there are none.
+        problem: The reason why there are none; None otherwise.
+        roomiest_rad: (n,) the random pose with the greatest clearance; None if no design was attempted.
     """
 
     names: tuple[str, str] | None
@@ -121,10 +121,10 @@ class _Designed:
 
 
 def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> None:
-    """Refuse a twin of what is not known.
+    """Refuse a simulated twin without sufficient data.
 
     Raises:
-        ConfigurationError: real drives are given as well, no payload, or a URDF without masses or limits.
+        ConfigurationError: real drives are given as well, or payload, masses or limits are missing.
     """
     from math import isnan
 
@@ -142,7 +142,7 @@ def _require_twin(arm: ArmDraft, payload_kg: float | None, has_drives: bool) -> 
 
 
 def _asked_payload(screen: Screen) -> float | None:
-    """What the operator says the arm may carry; None where that is left open."""
+    """The arm's maximum payload in kg, asked from the operator; None if left open."""
     while True:
         answer = screen.ask("Maximum payload of the arm, including the tool, in kg; empty to fill in later: ").strip()
         if not answer:
@@ -159,7 +159,7 @@ def _asked_payload(screen: Screen) -> float | None:
 def _arm(
     screen: Screen, urdf: Path | None, base: str | None, flange: str | None, payload_kg: float | None, output: Path
 ) -> tuple[ArmDraft, WorkspaceDraft, str | None]:
-    """The arm, its workspace, and the URDF as the file names it."""
+    """The arm, its workspace, and the URDF's path relative to the robot file."""
     from armload_controller.config.urdf_arm import read_urdf_arm
     from armload_controller.new_robot.arm_draft import draft_of_urdf
     from armload_controller.new_robot.arm_interview import interviewed
@@ -184,7 +184,7 @@ def _arm(
 
 
 def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, output: Path) -> BusDraft | None:
-    """The drives, where something says which they are."""
+    """The drives from a scan or a device description; None without either."""
     from armload_controller.new_robot.drive_drafts import (
         BusDraft,
         bus_address,
@@ -214,7 +214,7 @@ def _bus(n: int, scan: str | None, bitrate: int, description: Path | None, outpu
 def _designed(
     screen: Screen, output: Path, arm: ArmDraft, draft: Callable[[ArmDraft], DraftedFile], restarts: int
 ) -> _Designed:
-    """The two excitations, within the first part of the joints' ranges where there are any."""
+    """The two excitations, in the first of the candidate ranges in which both are found."""
     from armload_controller.analysis.robot_excitation import design, design_envelope
     from armload_controller.config.robot import load_robot
     from armload_controller.new_robot.arm_draft import within
@@ -248,7 +248,7 @@ def _designed(
 
 
 def _write(output: Path, text: str) -> None:
-    """The file, whole."""
+    """Write the file completely."""
     from armload_controller.control_errors import ConfigurationError
     from armload_identification.storage.strict_toml import write_text
 
@@ -256,7 +256,7 @@ def _write(output: Path, text: str) -> None:
 
 
 def _show_open_points(screen: Screen, drafted: DraftedFile) -> None:
-    """What could not be known."""
+    """Show what is missing or assumed."""
     if drafted.holes:
         screen.step("to be filled in; the file is refused until then:")
         for place in drafted.holes:
@@ -267,7 +267,7 @@ def _show_open_points(screen: Screen, drafted: DraftedFile) -> None:
 
 
 def _next_step(output: Path, drafted: DraftedFile, *, has_bus: bool, designed: bool) -> str:
-    """What to do now."""
+    """The next step for the operator."""
     if drafted.holes:
         return f"fill these in, then `armload drives check {output}`" if has_bus else "fill these in"
     if not designed:

@@ -1,4 +1,4 @@
-"""`armload recordings`: what is in recordings."""
+"""`armload recordings`: inspects recordings."""
 
 from __future__ import annotations
 

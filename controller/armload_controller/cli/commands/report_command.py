@@ -1,4 +1,4 @@
-"""`armload report`: a report from files that exist."""
+"""`armload report`: a report from existing files."""
 
 from __future__ import annotations
 

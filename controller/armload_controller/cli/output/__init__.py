@@ -1,1 +1,1 @@
-"""What commands print and write: tables, notes, JSON documents, files."""
+"""Output of commands: tables, notes, JSON documents, files."""

@@ -1,4 +1,4 @@
-"""What a calibration says, as tables: gains and friction per joint, and how each run fits."""
+"""A calibration as tables: gains and friction per joint, and the fit of each run."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
 
 
 def runs_table(result: ArmCalibration) -> Table:
-    """How every run fits."""
+    """Fit of every run."""
     table = Table(title="Runs used; off 1 is like the others", title_justify="left")
     for column in ("run", "carried"):
         table.add_column(column)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def show_drift(
     screen: Screen, history: ArmHistory, *, report: Path | None, picture: Path | None, as_json: bool
 ) -> None:
-    """Show levels and changes, and write what was asked for."""
+    """Show levels and changes, and write the requested files."""
     from rich.table import Table
 
     from armload_identification.results.arm_history import HEADINGS

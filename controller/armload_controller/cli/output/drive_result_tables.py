@@ -1,4 +1,4 @@
-"""What `armload drives` shows: nodes, the steps of a check, and the state of the drives, as tables."""
+"""Tables of `armload drives`: nodes, the steps of a check, and the state of the drives."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def check_table(rows: Sequence[Check]) -> Table:
 
 
 def safety_table(drives: Sequence[DriveSafety]) -> Table:
-    """One row per property and joint: what gives it, or what is lost without it and what a person must do."""
+    """One row per property and joint: how it is provided, or the consequence of its absence and the remedy."""
     table = Table(title="what safety rests on")
     for heading in ("joint", "the drive ...", "", "by"):
         table.add_column(heading, overflow="fold")
@@ -91,6 +91,6 @@ def status_table(status: ArmStatus) -> Table:
 
 
 def bus_line(status: ArmStatus) -> str:
-    """The bus in one line."""
+    """State of the bus in one line."""
     passive = ", error passive" if status.error_passive else ""
     return f"bus load {status.bus_load:.1%}, {status.error_frames} error frames{passive}"

@@ -1,4 +1,4 @@
-"""A payload's findings on the console: values, verdict, notes, and the files that are written."""
+"""A payload's findings on the console: values, verdict, notes, and the written files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ValidationOption = Annotated[
 
 
 def show_findings(screen: Screen, findings: Findings) -> None:
-    """Show values, what the validation found, and notes."""
+    """Show values, validation and notes."""
     from armload_controller.cli.output.result_tables import payload_table, possibility, validation_table
     from armload_identification.verdict.verdict_text import sentences
 
@@ -39,7 +39,7 @@ def show_findings(screen: Screen, findings: Findings) -> None:
 
 
 def finish(screen: Screen, findings: Findings, *, payload: Path | None, report: Path | None, as_json: bool) -> None:
-    """Write what was asked for and show the findings."""
+    """Write the requested files and show the findings."""
     show_findings(screen, findings)
     written = {"payload": payload, "report": report}
     if payload is not None:
@@ -55,7 +55,7 @@ def finish(screen: Screen, findings: Findings, *, payload: Path | None, report: 
 
 
 def require_not_wrong(findings: Findings) -> None:
-    """End with the status of a wrong payload where the validation found it wrong.
+    """Exit with the status of a wrong payload if the validation found it wrong.
 
     Raises:
         typer.Exit: with status 3.

@@ -1,4 +1,4 @@
-"""What `armload fleet` says: counts and rate of a run, and which arms are suspicious."""
+"""Output of `armload fleet`: counts and rate of a run, and the suspicious arms."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _MOST_LINES = 10
 
 
 def tally_text(tally: FleetTally) -> str:
-    """A run in a line or two.
+    """A run in one or two lines.
 
     Args:
-        tally: What came of it.
+        tally: Its counts.
     """
     if not tally.done:
         return f"nothing new: {_counted(tally.skipped, 'recording')} processed before"
@@ -32,7 +32,7 @@ def fleet_document(tally: FleetTally, output: Path) -> dict[str, Any]:
     """The same for `--json`.
 
     Args:
-        tally: What came of it.
+        tally: The counts of the run.
         output: Folder of the rows.
     """
     return {
@@ -44,7 +44,7 @@ def fleet_document(tally: FleetTally, output: Path) -> dict[str, Any]:
 
 
 def suspicion_lines(review: FleetReview) -> list[str]:
-    """The most suspicious arms, a line each.
+    """The most suspicious arms, one line each.
 
     Args:
         review: The fleet.

@@ -1,4 +1,4 @@
-"""`--json`: one document on a line of its own, alone on the standard output; everything else goes to standard error.
+"""`--json`: one document on one line, as the only text on standard output; everything else goes to standard error.
 
 `controller/JSON.md` describes the documents.
 """
@@ -19,5 +19,5 @@ JsonOption = Annotated[
 
 
 def print_document(document: dict[str, Any]) -> None:
-    """Print a document that has nothing but JSON's own types, and no number that JSON cannot write."""
+    """Print a document that contains only JSON's own types and finite numbers."""
     typer.echo(printable(json.dumps(document, allow_nan=False, ensure_ascii=False)))

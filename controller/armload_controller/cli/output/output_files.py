@@ -1,4 +1,4 @@
-"""Where results go."""
+"""Folders and files of results."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def require_folder(file: Path) -> None:
-    """Make the folder that a result goes to, before the work is done.
+    """Create the folder for a result before the work starts.
 
     Raises:
-        CommissioningError: it cannot be made, or the file is a folder itself.
+        CommissioningError: the folder cannot be created, or the file is itself a folder.
     """
     if file.is_dir():
         raise CommissioningError(f"{file} is a folder: give the name of a file")
@@ -23,11 +23,11 @@ def require_folder(file: Path) -> None:
 
 
 def require_drawable(file: Path) -> None:
-    """Make the folder that a report or a picture goes to, and refuse one that nothing could draw.
+    """Create the folder for a report or picture, and check that the drawing library is installed.
 
     Raises:
-        CommissioningError: the folder cannot be made, or the file is a folder itself.
-        ExtraMissing: what draws is not installed.
+        CommissioningError: the folder cannot be created, or the file is itself a folder.
+        ExtraMissing: the drawing library is not installed.
     """
     from armload_identification.extras import Extra, require_extra
 
@@ -39,11 +39,11 @@ def require_replaceable(file: Path, payload: PayloadResult) -> None:
     """Refuse to write a payload over one that was identified from other recordings.
 
     Args:
-        file: Where it is to go.
-        payload: What is to be written.
+        file: The file to write.
+        payload: The payload to write.
 
     Raises:
-        CommissioningError: another payload is there, or something that is no payload file.
+        CommissioningError: the file contains another payload, or is not a payload file.
     """
     from armload_identification.files.payload_file import read_payload
     from armload_identification.identification_errors import PayloadFileError
@@ -65,10 +65,10 @@ def require_replaceable(file: Path, payload: PayloadResult) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it.
+    """Create a folder and its parents.
 
     Raises:
-        CommissioningError: it cannot be made.
+        CommissioningError: it cannot be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What `armload recordings show` prints: facts in words, a table of the joints, and a document."""
+"""Output of `armload recordings show`: facts as text, a table of the joints, and a document."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _RUN_KEYS = ("robot", "load", "role", "created")
 
 
 def survey_text(facts: RecordingSurvey) -> str:
-    """Facts of a recording, a line each."""
+    """Facts of a recording, one line each."""
     run, source = facts.recording, facts.recording.source
     described = source.run()
     said = ", ".join(f"{key} {described[key]}" for key in _RUN_KEYS if described.get(key))
@@ -113,7 +113,7 @@ def _holes(facts: RecordingSurvey) -> str:
 
 
 def _motion(facts: RecordingSurvey) -> str:
-    """When the arm moves, and whether it repeats itself."""
+    """When the arm moves, and whether the motion is periodic."""
     if facts.moving_s is None:
         return "none"
     text = f"from {facts.moving_s[0]:.4g} to {facts.moving_s[1]:.4g} s"

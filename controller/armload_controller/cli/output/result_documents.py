@@ -1,6 +1,6 @@
 """Results of commands as documents for `--json`; `controller/JSON.md` describes them, and a test compares the two.
 
-A number that there is none of is None, as is one that is not finite.
+A missing number is None, and so is one that is not finite.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.results.findings_document import agreement_fields, numbers
 
 if TYPE_CHECKING:
-    # a command loads what it does, not what others print
+    # a command does not load the modules of the other documents
     from armload_controller.feedforward.adaptation import Decision
     from armload_controller.feedforward.offset_check import OffsetVerdict
     from armload_controller.new_robot.arm_draft import ArmDraft
@@ -33,7 +33,7 @@ def _document(kind: str, fields: dict[str, Any]) -> dict[str, Any]:
 
 
 def half_document(directory: Path) -> dict[str, Any]:
-    """The unloaded half of a commissioning: recordings, and nothing identified yet."""
+    """The unloaded half of a commissioning: recordings without an identification."""
     return _document("commission-half", {"files": {"directory": str(directory)}})
 
 
@@ -93,7 +93,7 @@ def comparison_document(result: Comparison, agreement: Agreement) -> dict[str, A
 
 
 def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> dict[str, Any]:
-    """Who answers on a bus."""
+    """Nodes that answer on a bus."""
     nodes = [
         {
             "node_id": node.node_id,
@@ -111,7 +111,7 @@ def nodes_document(interface: str, channel: str, found: Sequence[FoundNode]) -> 
 
 
 def checks_document(robot: str, found: ArmCheck) -> dict[str, Any]:
-    """The steps of a bring-up short of enabling, and what safety rests on."""
+    """The steps of a bring-up short of enabling, and the safety properties."""
     checks = [
         {
             "joint": row.joint,
@@ -181,7 +181,7 @@ def feedforward_document(
     picture: Path | None,
     decisions: Sequence[Decision] = (),
 ) -> dict[str, Any]:
-    """What the drives answered to a torque offset, the following errors without and with it, and what was decided."""
+    """The drives' response to a torque offset, the following errors without and with it, and the decisions."""
     offset = [
         {"name": name, "gain": float(gain) if usable else None, "usable": bool(usable)}
         for name, gain, usable in zip(verdict.joint_names, verdict.gain, verdict.usable, strict=True)
@@ -210,7 +210,7 @@ def feedforward_document(
 def init_document(
     arm: ArmDraft, drafted: DraftedFile, files: Sequence[Path], problem: str | None, following: str
 ) -> dict[str, Any]:
-    """A first robot file, and what could not be known."""
+    """A first robot file, with its missing and assumed values."""
     roles = ("robot", "identification", "validation")
     written = dict.fromkeys(roles) | {role: str(path) for role, path in zip(roles, files, strict=False)}
     return _document(

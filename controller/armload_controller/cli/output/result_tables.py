@@ -15,7 +15,7 @@ from armload_identification.results.payload_text import value_texts
 def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> Table:
     """Per parameter the estimate, its interval, whether it is determined, and in simulation truth and error.
 
-    What is not determined is said to be so and not printed as a number.
+    For a parameter that is not determined, the table says so instead of a number.
     """
     table = Table(title=f"Payload in the {payload.frame} frame, inertia about its centre of mass", title_justify="left")
     table.add_column("parameter", no_wrap=True)
@@ -36,7 +36,7 @@ def payload_table(payload: PayloadResult, truth: InertialParameters | None) -> T
 
 
 def validation_table(validation: Validation, joint_names: Sequence[str]) -> Table:
-    """What the payload leaves in the motion's band, and measured over predicted torque, per joint."""
+    """Residual in the motion's band, and ratio of measured to predicted torque, per joint."""
     table = Table(title="The payload's torque in the motion's band, friction predicted", title_justify="left")
     table.add_column("joint")
     for column in ("measured N m", "residual N m", "share", "measured / predicted"):
@@ -55,7 +55,7 @@ def validation_table(validation: Validation, joint_names: Sequence[str]) -> Tabl
 
 
 def possibility(identification: Identification) -> str:
-    """Whether the plain estimate was a possible body, and what is reported in its place."""
+    """Whether the plain estimate was physically possible, and if not the body reported instead."""
     if identification.physical.changed:
         plain = identification.plain_parameters
         return (

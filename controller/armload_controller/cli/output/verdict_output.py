@@ -1,4 +1,4 @@
-"""The verdict on the command line: the option it takes, the words it prints, the status it ends with."""
+"""The verdict on the command line: its option, its text, and its exit status."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def tolerance_of(values: tuple[float, float]) -> Tolerance:
 
 
 def show_verdict(screen: Screen, outcome: Outcome, text: Sequence[str]) -> None:
-    """Print a verdict, a sentence a line.
+    """Print a verdict, one sentence per line.
 
     Args:
-        screen: Where.
+        screen: The screen.
         outcome: The verdict.
-        text: What it says.
+        text: Its sentences.
     """
     from armload_identification.verdict.agreement import Outcome
     from armload_identification.verdict.verdict_text import TITLES
@@ -55,7 +55,7 @@ def show_verdict(screen: Screen, outcome: Outcome, text: Sequence[str]) -> None:
 
 
 def exit_status(outcome: Outcome) -> int:
-    """0, 3 where the payload is wrong, 4 where the runs cannot tell."""
+    """0 if the payload is right, 3 if it is wrong, 4 if the runs cannot tell."""
     from armload_identification.verdict.agreement import Outcome
 
     return {Outcome.RIGHT: 0, Outcome.WRONG: EXIT_WRONG, Outcome.CANNOT_TELL: EXIT_CANNOT_TELL}[outcome]

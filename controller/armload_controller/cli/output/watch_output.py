@@ -1,4 +1,4 @@
-"""A watched arm on the console: lines in a file or a pipe, one table that is drawn anew on a terminal."""
+"""A watched arm on the console: lines in a file or pipe, one table that is redrawn on a terminal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _SILENT_S = 3.0
 _LONG_S = 20.0
-"""A bar of motion is full from here on."""
+"""Time in motion at which a bar is full."""
 _BAR = 20
 
 
@@ -27,16 +27,16 @@ _BAR = 20
 def shown_moments(
     screen: Screen, robot: str, joint_names: Sequence[str], *, as_json: bool
 ) -> Iterator[Callable[[WatchedMoment], None]]:
-    """Shows moments as they come.
+    """Show moments as they come.
 
     Args:
-        screen: Where to.
+        screen: The screen.
         robot: Name of the arm.
-        joint_names: Of its joints.
-        as_json: Events alone are shown: the moments are documents.
+        joint_names: Names of its joints.
+        as_json: Show only events, because the moments are printed as documents.
 
     Yields:
-        Takes a moment.
+        A function to call with each moment.
     """
 
     def events(moment: WatchedMoment) -> None:
@@ -63,7 +63,7 @@ def shown_moments(
 
 
 def moment_table(moment: WatchedMoment, robot: str, joint_names: Sequence[str]) -> Table:
-    """A moment as a table: the line of `moment_text`, and how much each joint has moved."""
+    """A moment as a table: the line of `moment_text`, and the time in motion of each joint."""
     from rich.table import Table
 
     table = Table(title=f"{robot}: {moment_text(moment).strip()}", title_justify="left")
@@ -81,7 +81,7 @@ def moment_table(moment: WatchedMoment, robot: str, joint_names: Sequence[str]) 
 
 
 def moment_text(moment: WatchedMoment) -> str:
-    """Time, mass with its interval, and centre of mass; or why there is nothing to be seen."""
+    """Time, mass with its interval, and centre of mass; or why there is no estimate."""
     found, bus = moment.payload, moment.bus
     at = f"{moment.time_s:10.1f} s  "
     if bus is not None and bus.silent_s > _SILENT_S:

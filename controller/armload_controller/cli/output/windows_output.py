@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def show_windows(screen: Screen, history: PayloadOverTime, *, picture: Path | None, as_json: bool) -> None:
-    """Show the windows as a table, and write the picture that was asked for."""
+    """Show the windows as a table, and write the picture if requested."""
     from rich.table import Table
 
     from armload_identification.results.payload_over_time import HEADINGS
@@ -35,8 +35,8 @@ def write_picture(screen: Screen, draw: Callable[[Path], None], picture: Path) -
     """Write a picture.
 
     Raises:
-        CommissioningError: its ending is no format of pictures.
-        OSError: it cannot be written.
+        CommissioningError: the file's ending is not a picture format.
+        OSError: the file cannot be written.
     """
     from armload_controller.control_errors import CommissioningError
 
