@@ -15,10 +15,11 @@ moves, 4 to 8 times the residual's RMS on that arm. With the RMS, friction of it
 
 The data contradict a gain if its value estimated from the other axes differs from the assumed one by more than was
 assumed and by more than three standard deviations of that estimate. It is then treated as unknown, and named; at most
-a third of the axes, as beyond that it is not clear which are right. A gain error cannot be found if no other axis
-measures the payload. The test is made with that gain free: while it is held near its assumed value, the error counts
-as noise and hides itself. On an arm of seven joints, the standard deviation for the axis that carries most of the
-payload is then 2.2 % with a gain error of 5 % and 6.9 % with one of 20 %; with that gain free it is 0.9 and 1.0 %.
+a third of the axes, as beyond that it is not clear which are right: others that the data contradict are named as well,
+but keep their prior. A gain error cannot be found if no other axis measures the payload. The test is made with that
+gain free: while it is held near its assumed value, the error counts as noise and hides itself. On an arm of seven
+joints, the standard deviation for the axis that carries most of the payload is then 2.2 % with a gain error of 5 % and
+6.9 % with one of 20 %; with that gain free it is 0.9 and 1.0 %.
 
 Calibrated gains are known from more than one pair and are not fitted; their covariance is one of the errors that widen
 the intervals. Fitted again, they would put the two heights on the UR10e 2.6 mm apart instead of 0.4.
@@ -82,6 +83,7 @@ class GainFit:
         log_gain: (n,) e: the logarithm of the ratio of estimated to assumed gain.
         half_width_95: (n,) half width of its 95 % interval.
         contradicted: (n,) True where the data contradict the assumed gain, so that it was treated as unknown.
+        beyond: (n,) True where they contradict it too, but a third of the gains are treated as unknown already.
         assumed_deviation: (n,) assumed relative standard deviation.
         noticeable: (n,) error of a log gain that is named with a probability of 90 %, if it is the only one;
             computed from the noise with that gain free, so that it does not grow with the error.
@@ -94,6 +96,7 @@ class GainFit:
     log_gain: FloatArray
     half_width_95: FloatArray
     contradicted: NDArray[np.bool_]
+    beyond: NDArray[np.bool_]
     assumed_deviation: FloatArray
     noticeable: FloatArray
     slope: FloatArray
@@ -132,9 +135,11 @@ def fit_with_gains(
     covariance, contradicted = assumed.copy(), np.zeros(len(assumed), dtype=bool)
     found = system.solve(covariance)
     deviation = system.by_others(found, covariance)[1]
-    named = True
-    while named and _MINORITY * (np.count_nonzero(contradicted) + 1) <= len(assumed):
-        named = False
+    beyond = np.zeros_like(contradicted)
+    searching = True
+    while searching:
+        searching = False
+        full = _MINORITY * (np.count_nonzero(contradicted) + 1) > len(assumed)
         for axis in system.suspects(found, covariance, contradicted):
             freed = covariance.copy()
             freed[axis], freed[:, axis] = 0.0, 0.0
@@ -142,13 +147,16 @@ def fit_with_gains(
             trial = system.solve_freed(freed, found)
             value, free = system.by_others(trial, freed)
             deviation[axis] = free[axis]
-            named = bool(abs(value[axis]) > system.named_from(free)[axis])
-            if named:
-                found, covariance = system.solve(freed, trial, system.noise_of(trial.fit)), freed
-                deviation = np.minimum(deviation, system.by_others(found, covariance)[1])
-                contradicted[axis] = True
-                break
-    gains = system.gains(found, contradicted, deviation)
+            if abs(value[axis]) <= system.named_from(free)[axis]:
+                continue
+            if full:
+                beyond[axis] = True
+                continue
+            found, covariance = system.solve(freed, trial, system.noise_of(trial.fit)), freed
+            deviation = np.minimum(deviation, system.by_others(found, covariance)[1])
+            contradicted[axis] = searching = True
+            break
+    gains = system.gains(found, contradicted, beyond, deviation)
     return found.fit, system.friction(found, arm), gains, found.signal
 
 
@@ -307,12 +315,15 @@ class _System:
             found.fit, found.coefficient, self._chosen, before.known, before.known_deviation, arm
         )
 
-    def gains(self, found: _Found, contradicted: NDArray[np.bool_], deviation: FloatArray) -> GainFit:
+    def gains(
+        self, found: _Found, contradicted: NDArray[np.bool_], beyond: NDArray[np.bool_], deviation: FloatArray
+    ) -> GainFit:
         """The gains of a solution.
 
         Args:
             found: The solution.
             contradicted: (n,) True for those that the data contradict.
+            beyond: (n,) True for those that they contradict beyond the third that is treated as unknown.
             deviation: (n,) standard deviation of the other axes' estimate of each.
         """
         axes, known = self._axes, self._known_friction.size
@@ -329,7 +340,15 @@ class _System:
         assumed = np.asarray(self._transmission.deviation)
         noticeable = self.named_from(deviation) + _NINE_OF_TEN * deviation
         return GainFit(
-            found.log_gain, half_width, contradicted, assumed, noticeable, slope, covariance, self.held(found)
+            log_gain=found.log_gain,
+            half_width_95=half_width,
+            contradicted=contradicted,
+            beyond=beyond,
+            assumed_deviation=assumed,
+            noticeable=noticeable,
+            slope=slope,
+            covariance=covariance,
+            held=self.held(found),
         )
 
     def _coefficients(self, own: FloatArray) -> FloatArray:

@@ -124,7 +124,14 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
             f"(95 %: {low} to {high}), more than the assumed {allowed:.1%}. It was estimated with the payload. "
             "Check its torque constant and gear ratio, or calibrate the arm: `armload calibrate`."
         )
-    hidden = np.flatnonzero(~gains.contradicted & (gains.noticeable > _UNJUDGED))
+    if gains.beyond.any():
+        listed = joint_list(gains.contradicted | gains.beyond)
+        notes.append(
+            f"The data contradict the drive gains of joint {listed}. These are more than a third of the gains, so it "
+            "is not clear which of them are right: mass and centre of mass may lie outside their intervals. Check "
+            "torque constants and gear ratios, or calibrate the arm: `armload calibrate`."
+        )
+    hidden = np.flatnonzero(~gains.contradicted & ~gains.beyond & (gains.noticeable > _UNJUDGED))
     if hidden.size:
         listed = ", ".join(f"{joint + 1} ({_unnoticed(gains.noticeable[joint])})" for joint in hidden)
         notes.append(

@@ -74,13 +74,25 @@ def test_the_next_suspect_is_tried_where_one_is_as_assumed(panda):
     pair = panda.pair(1, np.expm1(log_gain), with_phase=True)
     gains = identify(*pair, chain(), nominal_transmission(exact=False)).gains
     assert np.flatnonzero(gains.contradicted).tolist() == [1]
+    assert not gains.beyond.any()
     assert (np.abs(gains.log_gain - log_gain) < gains.half_width_95).all()
+
+
+def test_more_gains_off_than_can_be_judged_are_reported(panda):
+    """Three of seven: nothing says which are right, and the third keeps its prior."""
+    off = np.array([0.0, -0.12, 0.12, 0.12, 0.0, 0.0, 0.0])
+    result = identify(*panda.pair(1, off, with_phase=True), chain(), nominal_transmission(exact=False))
+    assert np.flatnonzero(result.gains.contradicted).tolist() == [2, 3]
+    assert np.flatnonzero(result.gains.beyond).tolist() == [1]
+    (note,) = [note for note in result.notes if "more than a third" in note]
+    assert note.startswith("The data contradict the drive gains of joint 2, 3 and 4.")
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_exact_gains_raise_no_alarm(found, seed):
     result = found(seed)
     assert not result.gains.contradicted.any()
+    assert not result.gains.beyond.any()
     assert not any("contradict" in note for note in result.notes)
     assert (np.abs(result.gains.log_gain) <= result.gains.half_width_95).all()
 
