@@ -1,1 +1,1 @@
-"""Time and accuracy beside the peers'; `make bench` runs them all."""
+"""Benchmarks of time and accuracy, compared with other programs; `make bench` runs those of time."""

@@ -1,6 +1,6 @@
-"""`make bench`: every benchmark in one run, each beside its peers.
+"""`make bench`: all benchmarks of time in one run, each compared with other programs.
 
-These figures are this machine's, now: compare within a run, not between runs.
+The figures depend on the machine and its load: compare within a run, not between runs.
 """
 
 from benchmarks import (

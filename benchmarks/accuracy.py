@@ -23,7 +23,7 @@ from benchmarks.verdict import Tally
 
 
 def main() -> int:
-    """Run everything; the exit status is 1 where a criterion is not met."""
+    """Run everything; the exit status is 1 if a criterion is not met."""
     tally, census = Tally(), Census()
     real_currents.run(tally, census)
     operating_curve.run_measured(tally)

@@ -1,11 +1,10 @@
-"""Feed-forward that follows the estimate, on simulated pick and place: against the true payload's, and against none.
+"""Feed-forward of the estimated payload in simulated pick and place, compared with the true payload's and with none.
 
-An arm goes empty to where it picks, gets the payload there, carries it from place to place, and puts it down. Four
-runs of the same motion: empty, loaded without feed-forward, with adaptation, with the true payload fed while it hangs
-on the flange. What the payload adds to the following error is the loaded run's less the empty one's. The share of it
-that is taken away is taken from when the estimate was fed in until the payload is put down, and over the whole carry.
-
-The arm's calibration is of runs of other motions, empty and with another payload that was weighed.
+An arm moves empty to the pick position, grasps the payload, carries it between several positions, and releases it. Four
+runs of the same motion: empty, loaded without feed-forward, with adaptation, with the true payload fed forward while it
+is grasped. The payload's contribution to the following error is the loaded run's error minus the empty one's. Its
+reduction is evaluated from the first feed-forward to the release, and over the entire time of carrying. The arm's
+calibration is from runs of other motions, empty and with another, weighed payload.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ CASES = {"er50": (0.5, 2.0, 10.0), "prbt": (0.5, 3.0)}
 WEIGHED_KG = {"er50": 13.0, "prbt": 5.0}
 REACHED = 0.9
 SHOWN = 0.2
-"""Joints on which the true payload's torque takes away less are not judged: what is left there is friction."""
+"""Joints on which the true payload's torque reduces the error by less are not judged: the rest is friction."""
 RUN_S, EMPTY_MOVES, MOVES, SPEED, PAUSE_S = 90.0, 10, 12, (0.3, 0.6), 0.3
 RANGE_RAD = 1.2
 
@@ -62,7 +61,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """One run: (N,) times, (N, n) following errors, whether something was carried, and the feedback."""
+    """One run: (N,) times, (N, n) following errors, whether the payload was carried, and the feedback."""
 
     time_s: FloatArray
     error_rad: FloatArray
@@ -82,7 +81,7 @@ def run(tally: Tally) -> None:
 
 
 def payload_of(name: str, mass_kg: float) -> Cuboid:
-    """A payload of an arm by its mass; one of even density where none has it."""
+    """The payload of an arm with this mass; a standard one if there is none."""
     shelf = ER50_PAYLOADS if name == "er50" else PRBT_PAYLOADS
     found = [cuboid for cuboid in shelf if cuboid.mass_kg == mass_kg]
     return found[0] if found else Cuboid("part", mass_kg, (0.01, 0.02, 0.08), (0.1, 0.08, 0.12), 0.3)
@@ -100,7 +99,7 @@ def calibrate(robot: Robot) -> ArmCalibration:
 
 
 def recording(robot: Robot, followed: Followed, name: str) -> Recording:
-    """A run as it would be read from a file."""
+    """A run as read from a file."""
     with_current = followed.effort if reports_current(robot) else None
     return Recording(
         time_s=followed.time_s,
@@ -120,13 +119,13 @@ def reports_current(robot: Robot) -> bool:
 
 
 def work(robot: Robot, seed: int, goes_on: Callable[[float], bool], *, carry: bool = False) -> Iterator[Row]:
-    """From place to place, by quintics, all joints together.
+    """Synchronised quintic moves between random positions.
 
     Args:
         robot: The arm.
-        seed: Of the places and speeds.
-        goes_on: Asked before every move with the time so far.
-        carry: Whether the rows carry.
+        seed: Seed of positions and speeds.
+        goes_on: Whether to continue, called before every move with the elapsed time in s.
+        carry: Whether the rows are marked as carrying.
     """
     rng = np.random.default_rng(seed)
     here, time_s = robot.simulation.start_rad.copy(), 0.0
@@ -139,7 +138,7 @@ def work(robot: Robot, seed: int, goes_on: Callable[[float], bool], *, carry: bo
 
 
 def place(robot: Robot, rng: np.random.Generator) -> FloatArray:
-    """Somewhere in the middle of the joints' ranges."""
+    """A random position in the middle of the joints' ranges."""
     limits = robot.limits.motion
     low, high = np.maximum(limits.position_min_rad, -RANGE_RAD), np.minimum(limits.position_max_rad, RANGE_RAD)
     return rng.uniform(low, high)
@@ -161,7 +160,7 @@ def move(robot: Robot, here: FloatArray, there: FloatArray, speed: float, *, car
 
 
 def pick_and_place(robot: Robot, seed: int) -> list[Row]:
-    """To where the payload is, from place to place with it, and one move without it."""
+    """To the payload, between several positions with it, and one move without it."""
     rng = np.random.default_rng(seed)
     here = robot.simulation.start_rad.copy()
     rows: list[Row] = []
@@ -184,16 +183,16 @@ def follow(
     mounted: bool = False,
     on_change: Callable[[bool], None] = lambda carrying: None,
 ) -> Followed:
-    """Run a motion on the simulated arm, with the gate as a cycle has it.
+    """Run a motion on the simulated arm, with the torque gate of the control cycle.
 
     Args:
         robot: The arm.
         rows: The motion.
-        payload: What is picked up; None leaves the flange empty.
+        payload: The payload to grasp; None leaves the flange empty.
         plugin: Adds torque.
-        seed: Of the noise.
-        mounted: The payload hangs there from the beginning.
-        on_change: Called when the payload is picked up or put down.
+        seed: Seed of the noise.
+        mounted: Whether the payload is mounted from the beginning.
+        on_change: Called when the payload is grasped or released.
     """
     plant = ArmPlant(robot.simulation.plant_spec(None, seed))
     servos = FakeServos(robot.drives.settings, plant)
@@ -234,7 +233,7 @@ def follow(
 
 
 def judge(tally: Tally, robot: Robot, calibration: ArmCalibration, payload: Cuboid) -> None:
-    """One payload: four runs, and what is left of what it adds."""
+    """One payload: four runs, and the reduction of its contribution to the following error."""
     rows = pick_and_place(robot, seed=11)
     truth = payload.inertial()
     adapted, adaptation = with_adaptation(robot, rows, payload, calibration)
@@ -275,7 +274,7 @@ def judge(tally: Tally, robot: Robot, calibration: ArmCalibration, payload: Cubo
 def with_adaptation(
     robot: Robot, rows: list[Row], payload: Cuboid, calibration: ArmCalibration
 ) -> tuple[Followed, PayloadAdaptation]:
-    """The run that adapts."""
+    """The run with adaptation."""
     rated_kg = robot.payloads.rated_kg
     declared = DeclaredMass(0.0, 0.8 * rated_kg, rated_kg)
     estimator = PayloadEstimator(calibration, robot.chain, robot.drives.transmission)
@@ -296,7 +295,7 @@ def with_adaptation(
 def with_truth(
     robot: Robot, rows: list[Row], payload: Cuboid, truth: InertialParameters, calibration: ArmCalibration
 ) -> Followed:
-    """The run that knows what it carries."""
+    """The run with the true payload."""
     added = FeedforwardPlugin(
         robot.chain, robot.name, None, 1.0 / robot.bus.cycle_hz, None, calibration.commanded(robot.drives.coupling)
     )

@@ -1,7 +1,7 @@
-"""A payload from any motion: windows of the measured UR10e, payloads that change, false alarms, time of an update.
+"""A payload from any motion: windows of the measured UR10e, changing payloads, false alarms, time of an update.
 
-The calibration has not seen the pair that is tested: it has the other pair and the runs of other paths. A lighter
-payload is a mixture of the currents of the empty and the loaded run, whose positions agree within 0.2 mrad.
+The calibration does not use the pair that is tested, but the other pair and the runs of other paths. A lighter payload
+is a weighted mean of the currents of the empty and the loaded run, whose positions agree within 0.2 mrad.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from benchmarks.verdict import Tally
 
 PAIRS = {"a": "", "b": "_b"}
 WINDOWS = {20.0: (0.006, 0.015), 10.0: (0.009, 0.027), 5.0: (0.012, 0.04)}
-"""Length in s: median and 95 % of the mass' relative error."""
+"""Length in s: allowed median and 95 % quantile of the mass's relative error."""
 OVERLAP_S = 2.5
 COVERAGE, CENTER_M = 0.93, 0.004
 SHARE, CHANGE_S = 0.25, 0.7
-"""Of the weighed payload that is grasped or dropped, and when it has to be noticed on 95 % of occasions."""
+"""Share of the weighed payload that is grasped or dropped, and time within which 95 % of these must be detected."""
 SETTLED_S, EVERY_S, LATEST_S = 10.0, 3.0, 6.0
 UPDATE_US, UPDATES = 10.0, 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """One pair, and the arm as the other runs show it."""
+    """One pair, and the arm calibrated with the other runs."""
 
     loaded: Recording
     unloaded: Recording
@@ -49,7 +49,7 @@ class Pair:
 
 
 def run_measured(tally: Tally) -> None:
-    """The UR10e; skipped with the reason where the measured data are not beside the checkout."""
+    """The UR10e; skipped with a reason if the measured data are not beside the checkout."""
     tally.heading("3d. A payload from any motion of the UR10e")
     if not FOLDER.is_dir():
         tally.postpone("payloads from any motion", f"the measured recordings are not at {FOLDER}")
@@ -66,7 +66,7 @@ def run_measured(tally: Tally) -> None:
 
 
 def _judge_windows(tally: Tally, robot: Robot, pairs: list[Pair], length_s: float, limits: tuple[float, float]) -> None:
-    """Windows of one length, from several beginnings."""
+    """Windows of one length, from several start times."""
     error, inside, center = [], [], []
     for pair in pairs:
         chain, known = pair.calibration.level(robot.chain), pair.calibration.known_arm(robot.chain)
@@ -124,7 +124,7 @@ def _judge_in_the_loop(tally: Tally, robot: Robot, pairs: list[Pair]) -> None:
 
 
 def _judge_changes(tally: Tally, robot: Robot, pairs: list[Pair]) -> None:
-    """A payload that is grasped, or dropped, while the arm moves."""
+    """A payload that is grasped or dropped while the arm moves."""
     late, early = [], 0
     for pair in pairs:
         time_s, position, loaded = _stream(pair.loaded)
@@ -152,7 +152,7 @@ def _judge_changes(tally: Tally, robot: Robot, pairs: list[Pair]) -> None:
 def _noticed(
     estimator: PayloadEstimator, alarms: int, at_s: float, stream: tuple[FloatArray, FloatArray, FloatArray]
 ) -> float:
-    """How long after a change it is noticed; inf where it is not."""
+    """Delay in s until a change is detected; inf if it is not."""
     time_s, position, current = stream
     begin = int(np.searchsorted(time_s, at_s))
     end = int(np.searchsorted(time_s, at_s + LATEST_S))
@@ -164,7 +164,7 @@ def _noticed(
 
 
 def _judge_false_alarms(tally: Tally, robot: Robot, pairs: list[Pair], others: list[Recording]) -> None:
-    """Empty runs, in which nothing changes."""
+    """Empty runs without changes."""
     alarms, watched_s = 0, 0.0
     for pair in pairs:
         for run in (pair.unloaded, *others):
@@ -178,7 +178,7 @@ def _judge_false_alarms(tally: Tally, robot: Robot, pairs: list[Pair], others: l
 
 
 def _judge_updates(tally: Tally, robot: Robot, pair: Pair) -> None:
-    """Time of an update, and a million of them."""
+    """Time of an update, and numerical stability over a million updates."""
 
     def make() -> PayloadEstimator:
         return PayloadEstimator(pair.calibration, robot.chain, robot.drives.transmission)
@@ -231,13 +231,13 @@ def _stream(run: Recording, rows: NDArray[np.bool_] | slice = slice(None)) -> tu
 
 
 def _first_movement(run: Recording) -> float:
-    """Time since the first sample."""
+    """Time of the first movement since the first sample, s."""
     speed = np.abs(np.gradient(run.position_rad, run.time_s, axis=0)).max(axis=1)
     return float(run.time_s[np.flatnonzero(speed > 0.1)[0]] - run.time_s[0])
 
 
 def _at_the_same_places(pair: Pair) -> FloatArray:
-    """(N, n) currents of the empty run at the loaded run's places of the motion."""
+    """(N, n) currents of the empty run at the loaded run's positions."""
     time_s, _, _ = _stream(pair.loaded)
     other_s, position, current = _stream(pair.unloaded)
     shift_s = time_shift(fit_motion(time_s, pair.loaded.position_rad), fit_motion(other_s, position))

@@ -1,8 +1,8 @@
-"""A payload from random motion of simulated arms, normative and harsh; false alarms of arms that begin cold or warm.
+"""A payload from random motion of simulated arms, normative and harsh; false alarms of arms that start cold or warm.
 
 An arm is calibrated with its four runs of a commissioning, empty and with a weighed payload, and with two empty runs of
-random motion. Another payload then hangs on it in random motion of its own: what windows of a file and the estimator in
-the loop say of it. The harsh arm has gains within 2 % and 3 % more friction in loaded runs.
+random motion. Another payload, in another random motion, is then identified from windows of a file and by the estimator
+in the loop. The harsh arm has gain errors of up to 2 % and 3 % more friction in loaded runs.
 
     python -m benchmarks.any_motion_simulated [SEEDS]
 """
@@ -39,7 +39,7 @@ from benchmarks.trials import workers
 from benchmarks.verdict import Tally, progress_line
 
 SEEDS = 40
-"""Of `make accuracy`: ten minutes of CPU."""
+"""Number of seeds in `make accuracy`: ten minutes of CPU."""
 ARMS, TWINS = ("er50", "prbt"), (Twin.NORMATIVE, Twin.HARSH)
 WINDOWS_S = (20.0, 10.0, 5.0)
 IN_THE_LOOP_S = 20.0
@@ -49,18 +49,18 @@ PAYLOADS = {
     "er50": ("gearbox, far off-centre", "spindle"),
     "prbt": ("flat sheet, off-centre", "gripper with a part"),
 }
-"""Weighed, and to be found."""
+"""The weighed payload, and the one to identify."""
 HOUR_S, PIECES, COLD = 3600.0, 12, 0.2
-"""An hour in so many pieces of one motion, friction by this share higher, or lower, when it begins."""
+"""An hour as repetitions of one motion, with friction initially higher or lower by this share."""
 BEGINNINGS, BEGINNING_S = 16, 30.0
-"""Motions that begin with such friction."""
+"""Number and length of motions that start with such friction."""
 _WARMING_S = 600.0
 _ROLES = ("identification", "validation")
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """One window, or the end of a stretch in the loop: errors, in kg and m, and half widths; NaN where refused."""
+    """One window, or the end of a part in the loop: errors in kg and m, and half widths; NaN if refused."""
 
     mass_kg: float
     half_width_kg: float
@@ -73,7 +73,7 @@ def run(tally: Tally, pool: Executor, seeds: Sequence[int] = range(SEEDS)) -> No
     Args:
         tally: Criteria.
         pool: Processes.
-        seeds: Of motion, noise and gains.
+        seeds: Seeds of motion, noise and gains.
     """
     tally.heading(f"3e. A payload from random motion of simulated arms, {len(seeds)} seeds")
     kinds = list(product(ARMS, TWINS))
@@ -117,7 +117,7 @@ def _report(tally: Tally, what: str, found: list[Found], rated_kg: float) -> Non
         f"{len(known)}, {len(found) - len(known)} refused | {1e3 * center[0]:.1f}, {1e3 * center[1]:.1f}"
     )
     print(f"  {what:40s} | {text}")
-    # As few would hold by chance in one case of a hundred.
+    # So few intervals would hold by chance in one case of a hundred.
     least = int(binom.ppf(CHANCE, len(known), COVERAGE))
     held = round(holds * len(known))
     tally.judge(
@@ -128,7 +128,7 @@ def _report(tally: Tally, what: str, found: list[Found], rated_kg: float) -> Non
 
 
 def _seed(name: str, twin: Twin, seed: int) -> dict[str, list[Found]]:
-    """Calibrate, move, and look."""
+    """Calibrate, simulate a loaded motion, and identify."""
     robot = load_robot(name)
     rng = np.random.default_rng([seed, ARMS.index(name), TWINS.index(twin)])
     gain_error = HARSH_GAIN_ERROR * rng.uniform(-1.0, 1.0, robot.n) if twin is Twin.HARSH else np.zeros(robot.n)
@@ -183,12 +183,12 @@ def calibration_of(robot: Robot, twin: Twin, rng: np.random.Generator, gain_erro
 
 
 def _alarms_of_an_hour(name: str, cold: float) -> int:
-    """Changes that are noticed where nothing changes: the same motion, ever new noise, friction that settles."""
+    """False changes in an hour of the same motion with new noise and friction that settles."""
     robot = load_robot(name)
     rng, right = np.random.default_rng(5), np.zeros(robot.n)
     calibration = calibration_of(robot, Twin.NORMATIVE, rng, right)
     setpoints = point_to_point(robot, 77, HOUR_S / PIECES)
-    # One piece follows the other: its end is led back to its beginning.
+    # The end of the motion is connected to its start, so that it can be repeated.
     cycle = np.vstack(
         [setpoints, setpoints[-1] + (setpoints[0] - setpoints[-1]) * _smooth(round(4.0 * robot.bus.cycle_hz))[:, None]]
     )
@@ -206,7 +206,7 @@ def _alarms_of_an_hour(name: str, cold: float) -> int:
 
 
 def _alarms_of_beginnings(name: str, cold: float) -> int:
-    """Changes that are noticed in the first half minute of empty motions whose friction is another."""
+    """False changes in the first half minute of empty motions with different friction."""
     robot = load_robot(name)
     rng, right = np.random.default_rng(6), np.zeros(robot.n)
     calibration = calibration_of(robot, Twin.NORMATIVE, rng, right)
@@ -222,7 +222,7 @@ def _alarms_of_beginnings(name: str, cold: float) -> int:
 
 
 def _friction_at_axes(robot: Robot, calibration: ArmCalibration, moved: Stream) -> FloatArray:
-    """(K, n) friction of the joints without load, as the axes' torque has it."""
+    """(K, n) friction of the joints without load, as torque of the axes."""
     coupling, body = robot.drives.settings.coupling, calibration.body
     speed = np.gradient(moved.axis_position_rad @ coupling.T, moved.sample_s, axis=0)
     steady = body.coulomb_nm + body.root_nm * np.sqrt(np.abs(speed))

@@ -1,7 +1,7 @@
-"""One arm from many runs: the measured UR10e with one pair left out, and simulated arms with gains that are off.
+"""Calibration of an arm from many runs: the measured UR10e without one pair, and simulated arms with gain errors.
 
-A simulated arm has six runs on its two shipped excitations: empty, with a payload that was weighed, and with one that
-was not. Its gains are drawn within 5 %. A third payload, on the first excitation, is then identified with the
+A simulated arm has six runs with its two shipped excitations: empty, with a weighed payload, and with one that was not
+weighed. Its gain errors are drawn within 5 %. A third payload, with the first excitation, is then identified with the
 calibration.
 
     python -m benchmarks.arm_calibration [SEEDS]
@@ -35,7 +35,7 @@ from benchmarks.trials import workers
 from benchmarks.verdict import Tally, progress_line
 
 SEEDS = 40
-"""Of `make accuracy`."""
+"""Number of seeds in `make accuracy`."""
 SPREAD = 0.05
 PERIODS = {"er50": 50, "prbt": 3}
 PAYLOADS = {
@@ -49,7 +49,7 @@ RADIUS_WITHIN_M, HEIGHT_WITHIN_M = 0.001, 0.0025
 CPU_S = 7.0
 MOST_RUNS = 50
 NOMINAL_IS_DOUBTED = ("er50",)
-"""Arms of which currents are measured: nominal gains count as uncertain."""
+"""Arms with measured currents, whose nominal gains are uncertain."""
 PAIRS = {"a": "", "b": "_b"}
 
 
@@ -59,8 +59,8 @@ class SimulatedArm:
 
     Attributes:
         robot: The arm.
-        periods: By role of the excitation and name of the payload; empty for none.
-        payloads: By name.
+        periods: By role of the excitation and name of the payload, which is empty for an empty arm.
+        payloads: Payloads by name.
     """
 
     robot: Robot
@@ -70,14 +70,14 @@ class SimulatedArm:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """One seed: relative errors, whether the mass lies in its interval, and what a first commissioning is worth.
+    """One seed: relative errors, whether the mass lies in its interval, and the benefit of a first commissioning.
 
     Attributes:
-        gain_error: (n,) of the gains.
+        gain_error: (n,) relative errors of the gains.
         gain_z: (n,) the same in standard deviations.
-        mass_error: Of the third payload's mass.
+        mass_error: Relative error of the third payload's mass.
         inside: Whether its interval holds.
-        narrower: Half width of that mass with the calibration of one commissioning, over that with nominal gains.
+        narrower: Ratio of that mass's half width with the calibration of one commissioning to that with nominal gains.
         second_inside: Whether the former interval holds.
     """
 
@@ -90,7 +90,7 @@ class Outcome:
 
 
 def run_measured(tally: Tally) -> None:
-    """The UR10e; skipped with the reason where the measured data are not beside the checkout."""
+    """The UR10e; skipped with a reason if the measured data are not beside the checkout."""
     tally.heading("3b. One UR10e from its runs, one pair left out")
     if not FOLDER.is_dir():
         tally.postpone("the UR10e's calibration", f"the measured recordings are not at {FOLDER}")
@@ -171,7 +171,7 @@ def run_simulated(tally: Tally, pool: Executor, seeds: int = SEEDS) -> None:
 
 
 def _measured(robot: Robot) -> dict[str, MountedRun]:
-    """All twelve runs, the loaded ones by the name of their pair."""
+    """All twelve runs by file name; the mounting of a loaded run is the name of its pair."""
     paths = {FOLDER / f"loaded{suffix}.csv": name for name, suffix in PAIRS.items()}
     paths |= {FOLDER / f"unloaded{suffix}.csv": "" for suffix in PAIRS.values()}
     paths |= dict.fromkeys(sorted((FOLDER / "other_paths").glob("*.csv")), "")
@@ -204,7 +204,7 @@ def _judge_mass(tally: Tally, what: str, found: Identification, within: float) -
 
 
 def _judge_halves(tally: Tally, robot: Robot, runs: dict[str, MountedRun]) -> None:
-    """Disjoint sets of runs against each other."""
+    """Comparison of calibrations from disjoint sets of runs."""
     others = [run for key, run in runs.items() if "loaded" not in key]
     for number, (one, two) in enumerate(((others[0::2], others[1::2]), (others[1::2], others[0::2])), 1):
         first, second = (
@@ -227,7 +227,7 @@ def _print_gains(label: str, calibration: ArmCalibration) -> None:
 
 
 def _simulated(name: str) -> SimulatedArm:
-    """Periods from MuJoCo or the cache."""
+    """An arm's steady periods, from MuJoCo or the cache."""
     robot = load_robot(name)
     shelf = {cuboid.what: cuboid for cuboid in (*ER50_PAYLOADS, *PRBT_PAYLOADS)}
     known = {cuboid: shelf[cuboid] for cuboid in PAYLOADS[name]}
@@ -267,7 +267,7 @@ def _seed(arm: SimulatedArm, seed: int, periods: int) -> Outcome:
         low, high = result.uncertainty.interval_95[0]
         return bool(low <= truth <= high)
 
-    # A commissioning with the weighed payload, and the next one with the third.
+    # A commissioning with the weighed payload, and a second one with the third payload.
     first = _calibrated(
         robot, [each for each in six if each.mounting != other], {weighed: arm.payloads[weighed].mass_kg}
     )

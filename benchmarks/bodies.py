@@ -1,4 +1,4 @@
-"""Payloads to identify: solid bodies of even density, from their size, mass and place on the flange."""
+"""Payloads to identify: solid bodies of uniform density, given by size, mass and position on the flange."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class Cuboid:
     """A payload in the flange frame.
 
     Attributes:
-        what: What it could be.
+        what: Its name.
         mass_kg: Mass.
         center_m: Centre of mass.
-        size_m: Edges along the flange's axes before it is turned.
-        turned_rad: Turned about the flange's x by this, then about its z by as much, so that products of inertia
-            appear.
+        size_m: Edges along the flange's axes before the rotation.
+        turned_rad: Rotation about the flange's x and then about its z by the same angle, so that there are products of
+            inertia.
     """
 
     what: str
@@ -30,7 +30,7 @@ class Cuboid:
     turned_rad: float = 0.0
 
     def rigid_body(self) -> RigidBody:
-        """As the plant takes it."""
+        """As a body of the plant."""
         square = np.square(self.size_m)
         principal = np.diag(self.mass_kg / 12.0 * (square.sum() - square))
         c, s = np.cos(self.turned_rad), np.sin(self.turned_rad)
@@ -40,7 +40,7 @@ class Cuboid:
         return RigidBody(self.mass_kg, np.array(self.center_m), turn @ principal @ turn.T)
 
     def inertial(self) -> InertialParameters:
-        """As the identification takes it."""
+        """As inertial parameters."""
         body = self.rigid_body()
         return InertialParameters.from_center_of_mass(body.mass_kg, body.center_of_mass_m, body.inertia_kg_m2)
 
@@ -74,4 +74,4 @@ PRBT_PAYLOADS = (
 """For prbt, rated 6 kg."""
 
 CALIBRATION_LOAD = Cuboid("weighed disc pack", 15.0, (0.0, 0.0, 0.06), (0.24, 0.24, 0.10))
-"""What the gains are calibrated with: heavy, compact, another place than the paper's payload."""
+"""Payload for the calibration of gains: heavy, compact, at another position than the paper's payload."""

@@ -1,13 +1,10 @@
-"""What the data allow at best: the Cramer-Rao bound for the difference of two runs.
+"""The Cramer-Rao bound for the difference of two runs.
 
     cov(theta) >= [ M sum_t Phi_t^T S^-1 Phi_t ]^-1,     S = diag(noise_loaded^2 + noise_unloaded^2)
 
-over the K samples of one period, M periods, white noise on every raw sample. Whatever else the estimator fits
-(nuisance columns) is in Phi too. The unloaded run leaves the arm's own torque free at every phase; that it costs
-no more than the square root of two is checked by a test.
-
-References:
-    METHOD: "a bound is always computed for the trajectory and the estimator at hand".
+over the K samples of one period, M periods, white noise on every raw sample. Phi also contains the estimator's nuisance
+columns: the bound is that of the given trajectory and estimator. The unloaded run leaves the arm's own torque free at
+every phase; a test checks that this costs no more than the square root of two.
 """
 
 from __future__ import annotations
@@ -28,12 +25,12 @@ _PRODUCTS: Final = (7, 8, 9)
 
 
 def cramer_rao(regressor: FloatArray, noise_nm: FloatArray, periods: int) -> FloatArray:
-    """Least covariance of any unbiased estimate.
+    """Least covariance of an unbiased estimate.
 
     Args:
         regressor: (K, n, p) of one period.
         noise_nm: (n,) standard deviation of one raw sample of the difference.
-        periods: M of either run.
+        periods: M of each run.
 
     Returns:
         (p, p) covariance.
@@ -48,7 +45,7 @@ def bound_of(setup: Setup) -> FloatArray:
     """(10, 10) bound of a setup's theta, for its motion, its noise and the estimator's own nuisance columns."""
     result = identified(setup.without_noise(), 0)
     axis_noise = setup.scales.noise_nm * np.sqrt(NOISE_CYCLE_S / setup.loaded.sample_s)
-    # Coupled motors share their noise between joints; its correlation, 2 % of it, is not made use of.
+    # Coupled motors correlate the noise of joints; this correlation of 2 % is not used.
     to_joint = np.linalg.inv(setup.scales.coupling).T
     noise = np.sqrt(2.0 * (to_joint**2 @ axis_noise**2))
     return cramer_rao(_columns(setup, result), noise, result.signal.periods[0])[:10, :10]

@@ -1,7 +1,7 @@
-"""Arrays kept between runs under the user's cache directory, named by a hash of everything they depend on.
+"""Arrays kept between runs in the user's cache directory, named by a hash of everything they depend on.
 
-A file is only ever found under the hash of its inputs, of the sources that make it and of the versions of the
-libraries, so that it cannot be stale. Deleting the directory costs nothing but time.
+A file is named by the hash of its inputs, of the sources that make it and of the versions of the libraries, so that it
+cannot be stale. The directory can be deleted at any time.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from armload_core.arrays import FloatArray
 
 
 def cache_directory() -> Path:
-    """Where the files lie: XDG_CACHE_HOME, else .cache in the home directory."""
+    """The directory of the files: in XDG_CACHE_HOME, else in .cache in the home directory."""
     base = os.environ.get("XDG_CACHE_HOME")
     return (Path(base) if base else Path.home() / ".cache") / "armload" / "benchmarks"
 
@@ -29,7 +29,7 @@ def fingerprint(*parts: object) -> str:
     """Hash of values: numbers, texts, enumerations, arrays, paths (their CONTENT), and dataclasses and tuples of them.
 
     Raises:
-        TypeError: a value of another kind, which could change without being seen.
+        TypeError: a value of another type, whose changes could go undetected.
     """
     digest = hashlib.sha256()
     for part in parts:
@@ -38,11 +38,11 @@ def fingerprint(*parts: object) -> str:
 
 
 def cached(key: str, directory: Path, make: Callable[[], dict[str, FloatArray]]) -> dict[str, FloatArray]:
-    """Arrays from the cache, or made and put there.
+    """Arrays from the cache, made and stored if they are not there.
 
     Args:
         key: `fingerprint` of everything that `make` depends on.
-        directory: The cache; it is made where it is missing.
+        directory: The cache; created if it does not exist.
         make: Makes the arrays.
     """
     path = directory / f"{key}.npz"
@@ -52,7 +52,7 @@ def cached(key: str, directory: Path, make: Callable[[], dict[str, FloatArray]])
     except (FileNotFoundError, zipfile.BadZipFile, EOFError, ValueError):
         arrays = make()
     directory.mkdir(parents=True, exist_ok=True)
-    # Renamed when whole: two processes may make the same file, and neither ever reads half of one.
+    # Renamed when complete: two processes may make the same file, and neither reads a partial one.
     unfinished = directory / f"{key}.{os.getpid()}.part"
     with unfinished.open("wb") as target:
         np.savez_compressed(target, allow_pickle=False, **arrays)

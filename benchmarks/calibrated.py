@@ -20,8 +20,8 @@ def calibrated(
     """The arm from its runs.
 
     Args:
-        runs: All of them.
-        weighed: What is known of the payloads, by mounting.
+        runs: All its runs.
+        weighed: Known payloads by mounting.
         chain: The arm.
         transmission: Nominal gains, and coupling.
     """
@@ -52,10 +52,10 @@ def identified_with(
     transmission: Transmission,
     estimator: Estimator = Estimator.FRICTION,
 ) -> Identification:
-    """A payload, with the arm as it was calibrated; without a calibration by its nominal gains.
+    """A payload identified with a calibrated arm, or with nominal gains without a calibration.
 
     Raises:
-        IdentificationError: it was refused.
+        IdentificationError: the recordings were refused.
     """
     if calibration is None:
         return identify(loaded, unloaded, chain, transmission, estimator=estimator)

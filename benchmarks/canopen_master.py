@@ -1,7 +1,7 @@
-"""A master that shares nothing with this project's: canopen's own objects, and a planner of ten lines.
+"""A master independent of this project's: canopen's own objects, and a planner of ten lines.
 
-It drives the simulated drives of an arm from point to point, in lockstep and in virtual time: canopen is given every
-frame while it is being sent, so that it needs no thread and does not wait.
+It moves the simulated drives of an arm from point to point, in lockstep and in virtual time: canopen receives every
+frame while it is sent, so that it needs no thread and does not wait.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class CanopenMaster:
     """Drives an arm with canopen's objects.
 
     Args:
-        arm: Node ids, mode, kind of effort and coupling; scale is asked of the drives.
-        bus: Its end of the wire.
-        clock: Time of the simulation, which SYNC advances.
+        arm: Node ids, mode, kind of effort and coupling; scales are read from the drives.
+        bus: The master's end of the bus.
+        clock: Simulation time, advanced before each SYNC.
     """
 
     def __init__(self, arm: ArmSettings, bus: LockstepBus, clock: VirtualClock) -> None:
@@ -59,7 +59,7 @@ class CanopenMaster:
         self._counts_per_rad = np.array(turns) / (2.0 * np.pi)
 
     def _map(self, node: canopen.RemoteNode, effort: int) -> None:
-        """Statusword, position and effort back; controlword, target and torque offset there."""
+        """Map statusword, position and effort to the TPDO; controlword, target and torque offset to the RPDO."""
         node.tpdo.read()
         node.rpdo.read()
         back, there = node.tpdo[1], node.rpdo[1]
@@ -78,10 +78,10 @@ class CanopenMaster:
         return float(sdo[0x608F][1].raw / sdo[0x608F][2].raw * sdo[0x6091][1].raw / sdo[0x6091][2].raw)
 
     def enable(self) -> FloatArray:
-        """Bring all drives to OPERATION ENABLED where they stand.
+        """Bring all drives to OPERATION ENABLED at their present positions.
 
         Returns:
-            (n,) joint positions there.
+            (n,) joint positions in rad.
         """
         axes = np.array([node.sdo[0x6064].raw for node in self._nodes]) / self._counts_per_rad
         here: FloatArray = np.linalg.solve(self._to_axis, axes)
@@ -95,17 +95,17 @@ class CanopenMaster:
         return here
 
     def switch_off(self, joints_rad: FloatArray) -> None:
-        """Take the torque off where the arm stands."""
+        """Remove the torque at the present position."""
         for _ in range(round(_SWITCH_OFF_S / self._cycle_s)):
             self.cycle(joints_rad, _ENABLE[0])
 
     @staticmethod
     def _reached(node: canopen.RemoteNode, word: int) -> bool:
-        """Whether a drive is where a controlword leads."""
+        """Whether a drive has reached the state requested by a controlword."""
         return bool(node.tpdo[1][0x6041].raw & 0x6F == {0x06: 0x21, 0x07: 0x23, 0x0F: 0x27}[word])
 
     def cycle(self, joints_rad: FloatArray, word: int = 0x0F) -> None:
-        """Setpoints and a SYNC, one period after the last."""
+        """Send setpoints and a SYNC, one period after the last."""
         counts = np.rint(self._counts_per_rad * (self._to_axis @ joints_rad)).astype(int).tolist()
         word |= _INTERPOLATING if self._interpolated and word == _ENABLE[-1] else 0
         for node, target in zip(self._nodes, counts, strict=True):
@@ -121,7 +121,7 @@ class CanopenMaster:
             self.cycle(joints_rad)
 
     def go(self, begin_rad: FloatArray, end_rad: FloatArray, speed_rad_s: FloatArray) -> None:
-        """From rest to rest, all joints together, none faster than its speed: a quintic."""
+        """Move synchronously from rest to rest along a quintic, no joint faster than its speed."""
         time_s = 1.875 * float(np.max(np.abs(end_rad - begin_rad) / speed_rad_s))
         steps = max(1, round(time_s / self._cycle_s))
         for step in range(1, steps + 1):
@@ -130,7 +130,7 @@ class CanopenMaster:
 
 
 def _dictionary() -> canopen.ObjectDictionary:
-    """As much of a device description as this master needs."""
+    """The part of a device description that this master requires."""
     od = canopen.ObjectDictionary()
     for index, kind in _OBJECTS.items():
         od.add_object(_variable(index, 0, kind))
@@ -155,12 +155,12 @@ def _variable(index: int, subindex: int, kind: int) -> ODVariable:
 def arm_under_canopen(
     arm: ArmSettings, spec: PlantSpec, hear: Callable[[int, bytes, float], None]
 ) -> Iterator[CanopenMaster]:
-    """A simulated arm under this master, and somebody who listens.
+    """A simulated arm with this master, and a listener.
 
     Args:
         arm: Its drives.
-        spec: The arm behind them.
-        hear: Takes COB-ID, data and time of every frame.
+        spec: The arm moved by them.
+        hear: Called with COB-ID, data and time of every frame.
     """
     clock, wire = VirtualClock(), LockstepWire()
     with LockstepBus(wire) as ear, LockstepBus(wire) as drives_bus, LockstepBus(wire) as bus:

@@ -1,11 +1,12 @@
-"""CPU time per cycle of a simulated commissioning, beside another commit's.
+"""CPU time per cycle of a simulated commissioning, compared with another commit's.
 
     python -m benchmarks.commissioning CHECKOUT [--robot prbt] [--rounds 3]
 
 CHECKOUT is a working copy of the other commit with its own `.venv`: `git worktree add CHECKOUT COMMIT`, and `make env`
-in it. Both commission the same robot in turns, as `make commission` does: start-up, motion with all drives and the
-plant, identification, report. Processor time of user and system, divided by the rows recorded. What the other one
-compiles at its first start is left out by a run beforehand. A busy computer costs the one with threads more.
+in it. Both commission the same robot alternately, as `make commission` does: start-up, motion with all drives and the
+plant, identification, report. The figure is user and system CPU time divided by the number of recorded rows. A
+preceding run excludes what the other commit compiles at its first start. Load on the machine penalises the one with
+more threads.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Commissionings on fakes in virtual time: how fast the slow rounds and approaches are.
+"""Commissionings on fakes in virtual time: the speed of slow rounds and approaches.
 
-Speeds are those of the setpoints as they were sent, and of the positions that came back: differences of the tool centre
-point's places, by forward kinematics.
+Speeds are those of the setpoints as sent and of the measured positions, from differences of the tool centre point's
+positions by forward kinematics.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ MEASURED_OVER_S = 0.04
 
 
 class Places:
-    """Plug-in that keeps where the arm was sent and where it was, by segment."""
+    """Plug-in that records commanded and measured positions by segment."""
 
     name = "places"
 
@@ -43,7 +43,7 @@ class Places:
         self.measured: dict[Segment, list[FloatArray]] = {Segment.APPROACH: [], Segment.SLOW: []}
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Keep one cycle."""
+        """Record one cycle."""
         reference = step.sent_reference
         if step.sent is not None and reference is not None and reference.segment in self.sent:
             self.sent[reference.segment].append(step.sent.position_rad)
@@ -105,7 +105,7 @@ def _opener(robot: Robot, spec: PlantSpec) -> ServosFactory:
 
 
 def _fastest(robot: Robot, tool_m: float, positions: list[FloatArray], cycle_s: float, apart: int) -> float:
-    """Greatest speed of the tool centre point between positions that many cycles apart."""
+    """Greatest speed of the tool centre point between positions `apart` cycles apart."""
     poses = [robot.chain.forward(position)[-1] for position in positions]
     places = np.array([pose[:3, :3] @ [0.0, 0.0, tool_m] + pose[:3, 3] for pose in poses])
     moved = np.linalg.norm(places[apart:] - places[:-apart], axis=1)

@@ -1,4 +1,4 @@
-"""Do 95 % intervals hold the truth in 95 % of commissionings? Counted over thousands, with white noise."""
+"""Coverage of the 95 % intervals over thousands of simulated commissionings with white noise."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ MODEL_ERROR_SEEDS = 50
 PERIODS = (3, 10, 50)
 LEAST, MOST = 0.93, 0.98
 KEPT = 5
-"""Every fifth of 250 cycles a second is kept: 50 Hz, noise scaled as METHOD says; five times the seeds a minute."""
+"""Every fifth of 250 cycles per second is kept: 50 Hz, with the noise scaled by the square root of the rate; this is
+five times faster."""
 
 
 def run(tally: Tally, pool: Executor, census: Census) -> None:

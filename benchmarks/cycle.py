@@ -1,8 +1,8 @@
-"""What one cycle of six joints costs, part by part, beside the same cycle with canopen's PDO objects.
+"""Time of one cycle of six joints, part by part, compared with the same cycle with canopen's PDO objects.
 
-Master and simulated drives share a process and a bus in lockstep. CPU time is the master's own: what the drives take
-to act on its frames is measured at their end of the bus and taken off. Wall time includes it, with an ideal plant.
-The last row is a whole simulated cycle, drives and MuJoCo included, as `armload commission` runs it.
+Master and simulated drives share a process and a bus in lockstep. CPU time is the master's own: the time that the
+drives take to process its frames is measured at their end of the bus and subtracted. Wall time includes it, with an
+ideal plant. The last row is a complete simulated cycle, drives and MuJoCo included, as in `armload commission`.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def run() -> None:
 
 @contextmanager
 def _company() -> Iterator[None]:
-    """A second Python thread that never rests."""
+    """A second Python thread that is always busy."""
     stop = threading.Event()
 
     def spin() -> None:
@@ -84,14 +84,14 @@ def _company() -> Iterator[None]:
 
 
 class _TimedBus(LockstepBus):
-    """The drives' end of a bus: keeps how long they act."""
+    """The drives' end of a bus, which measures their processing time."""
 
     def __init__(self, wire: LockstepWire) -> None:
         self._spent_ns = 0
         super().__init__(wire)
 
     def listen(self, listener: Listener | None) -> None:
-        """As a LockstepBus, and time it."""
+        """As `LockstepBus`, with measurement of time."""
         if listener is None:
             super().listen(None)
             return
@@ -110,7 +110,7 @@ class _TimedBus(LockstepBus):
 
 
 def _simulated(cycles: int) -> np.ndarray:
-    """(cycles,) CPU time of whole cycles with the simulated arm, us."""
+    """(cycles,) CPU time of complete cycles with the simulated arm, us."""
     robot = load_robot(ROBOT)
     zero, rows = np.zeros(robot.n), np.zeros(cycles)
     with simulated_arm(robot, Load.LOADED) as servos:
@@ -125,7 +125,7 @@ def _simulated(cycles: int) -> np.ndarray:
 
 
 def _ours(cycles: int) -> np.ndarray:
-    """(cycles, 5) CPU time of each part and wall time of the whole, us."""
+    """(cycles, 5) CPU time of each part and wall time of the cycle, us."""
     robot = load_robot(ROBOT)
     arm, limits, clock = robot.drives.settings, robot.limits.motion, VirtualClock()
     plant, wire = IdealPlant(np.zeros(robot.n)), LockstepWire()
@@ -163,7 +163,7 @@ def _ours(cycles: int) -> np.ndarray:
 
 
 def _description() -> canopen.ObjectDictionary:
-    """As much of a device description as the peer needs."""
+    """The part of a device description that canopen requires."""
     od = canopen.ObjectDictionary()
 
     def variable(index: int, subindex: int, kind: int) -> ODVariable:

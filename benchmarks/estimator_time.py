@@ -1,8 +1,8 @@
 """Time of an update of the recursive estimator, by the number of joints.
 
-An update does the same work each time that it comes to the same samples, so that each is timed in several rounds and
-its least time taken: what is longer is this machine's other work. Its own work is greatest where a payload is another
-one. From Python, the call included; in C, the mean of a whole stream.
+An update does the same work whenever it processes the same samples, so that each is timed in several rounds and its
+least time is used: longer times are due to other load. It takes longest after a change of the payload. From Python the
+time includes the call; in C it is the mean over a stream.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ class Updating(Protocol):
     """An estimator, or its kernel."""
 
     def update(self, time_s: float, position: FloatArray, effort: FloatArray, /) -> None:
-        """Take a sample."""
+        """Process a sample."""
 
 
 def least_times_us(make: Callable[[], Updating], stream: Stream) -> FloatArray:
-    """Least time of every update of a stream, the clock's own taken away.
+    """Least time in us of every update of a stream, minus the clock's own.
 
     Args:
-        make: A new estimator.
+        make: Makes a new estimator.
         stream: Time (K,), positions and efforts (K, n).
     """
     rows = list(zip(stream[0].tolist(), stream[1], stream[2], strict=True))
@@ -50,7 +50,7 @@ def least_times_us(make: Callable[[], Updating], stream: Stream) -> FloatArray:
 
 
 def _estimator(n: int) -> kernels.PayloadEstimator:
-    """Of an arm of n joints that are alike, by turns about z and x."""
+    """The kernel for an arm of n equal joints, alternately about z and x."""
     placement = np.tile(np.eye(4), (n, 1, 1))
     placement[:, 2, 3] = 0.2
     axis = np.tile(np.eye(3)[[2, 0]], (n, 1))[:n]
@@ -62,7 +62,7 @@ def _estimator(n: int) -> kernels.PayloadEstimator:
 
 
 def _stream(n: int) -> Stream:
-    """All joints in motion, and a load that comes halfway."""
+    """All joints in motion, and a load from halfway on."""
     time_s = np.arange(0.0, LASTS_S, SAMPLE_S)
     position = np.sin(np.outer(time_s, 1.0 + 0.3 * np.arange(n)) + np.arange(n))
     effort = np.random.default_rng(1).normal(size=position.shape) + 50.0 * (time_s[:, None] > 0.5 * LASTS_S)

@@ -1,6 +1,6 @@
 """`python -m benchmarks.estimators`: every estimator on white noise, on the simulated arms and on real currents.
 
-What the table says chose the default, and stands in identification/README.md.
+The default was chosen by this table, which is in identification/README.md.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from benchmarks.verdict import progress_line
 
 SEEDS = 40
 FIRST_HEAVY = 2
-"""Payloads from 1 or 2 kg up: what a run of three periods tells of the lighter ones is noise."""
+"""Index of the first payload, 2 or 1 kg: lighter ones are dominated by noise in a run of three periods."""
 
 
 def main() -> None:

@@ -1,11 +1,11 @@
-"""Excitation design beside its open peers' way, on the same arm and the same limits.
+"""Excitation design compared with the method of other open tools, on the same arm with the same limits.
 
-The peer is what open tools do: SciPy's SLSQP over Pinocchio's regressor, minimising the condition number on a grid,
+Open tools use a method such as SciPy's SLSQP over Pinocchio's regressor, minimising the condition number on a grid,
 with finite differences for the derivatives of criterion and limits (FIGAROH and FloBaRoID do the same with other
-solvers and splines or Fourier series; FIGAROH itself is measured by `make peers`). The peer gets the same limits on
-its grid (joints, torque of the heaviest payload, every sphere's clearance), the better one of as many random motions to
-start from, and a bounded number of iterations: what it has by then is printed, its limits' violation with it. Times are
-of the processor: a busy machine adds none.
+solvers and splines or Fourier series; FIGAROH itself is measured by `make peers`). This peer has the same limits on its
+grid (joints, torque of the heaviest payload, every sphere's clearance), starts from the best of several random motions,
+and has a limited number of iterations; its final result is printed with its violation of the limits. Times are CPU
+times.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ PEER_DRAWS = 50
 
 
 def run() -> None:
-    """Print the whole design, then one start beside the peer's."""
+    """Print the complete design, then one start compared with the peer's."""
     robot = load_robot(ROBOT)
     envelope = robot.envelope(POSITION_MARGIN_RAD, RATE_SHARE, TORQUE_SHARE)
     cores = len(os.sched_getaffinity(0))
@@ -79,7 +79,7 @@ def run() -> None:
 
 
 def _children_s() -> float:
-    """Processor time of all processes that this one has ended."""
+    """CPU time of all child processes that have ended, s."""
     used = getrusage(RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
@@ -100,7 +100,7 @@ def _ours(
 
 
 class Peer:
-    """The condition number by SLSQP; everything that knows the arm is Pinocchio's."""
+    """The condition number minimised by SLSQP, with Pinocchio's model of the arm."""
 
     def __init__(self, robot: Robot, envelope: Envelope) -> None:
         chain = robot.chain
@@ -122,7 +122,7 @@ class Peer:
         self._sphere_link = [sphere.link for sphere in envelope.workspace.spheres]
 
     def solve(self) -> FourierTrajectory:
-        """From the best of some random motions, as far as the iterations go."""
+        """Optimise from the best of some random motions, up to the limit of iterations."""
         rng = np.random.default_rng(SEED)
         drawn = []
         for _ in range(PEER_DRAWS):
@@ -157,7 +157,7 @@ class Peer:
         return float(np.linalg.cond(phi.reshape(-1, 10)[:, ORDER]))
 
     def _room(self, x: FloatArray) -> FloatArray:
-        """Relative room to every limit at every sample, as the solver wants it: at least zero."""
+        """Relative margin to every limit at every sample; at least zero within the limits."""
         states, limits, workspace = self._states(x), self._envelope.joints, self._envelope.workspace
         half = 0.5 * (limits.position_max_rad - limits.position_min_rad)
         parts = [(states[0] - self._middle) / half]

@@ -1,9 +1,9 @@
-"""False alarms: commissionings in which nothing is wrong, over seeds, on fakes in virtual time.
+"""False alarms: fault-free commissionings with many seeds, on fakes in virtual time.
 
-A false alarm is a run that anything stopped. What a seed decides is the noise of the measured torque, and nothing of
-that comes back into the motion: the arm is moved once, by seed 0 and with every monitor, and for the other seeds the
-monitors that look at torque get the same motion with the seed's own noise, in the drives' units, as a run of that seed
-would give it to them (`tests/unit/benchmarks/test_benchmark_false_alarms.py` compares). Positions are the same for all.
+A false alarm is a stopped run. A seed determines only the noise of the measured torque, which does not affect the
+motion: the arm is moved once, with seed 0 and all monitors. For the other seeds, the monitors of torque are run on the
+same motion with that seed's noise, in the drives' units, as in a run with that seed
+(`tests/unit/benchmarks/test_benchmark_false_alarms.py` compares the two). Positions are the same for all seeds.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SEEDS = 20
 
 
 class RememberingPlant(ArmPlant):
-    """An arm that keeps the torques that it measured, without their noise."""
+    """An arm that records its measured torques without noise."""
 
     def __init__(self, spec: PlantSpec) -> None:
         super().__init__(replace(spec, joints=tuple(replace(j, torque_noise_nm=0.0) for j in spec.joints)))
@@ -49,7 +49,7 @@ class RememberingPlant(ArmPlant):
         self._seeded = np.random.default_rng(spec.seed)
 
     def sample(self, cycle_s: float) -> PlantSample:
-        """Measure, keep, and add the noise."""
+        """Measure, record, and add the noise."""
         sample = super().sample(cycle_s)
         self.torque_nm.append(sample.axis_torque_nm)
         noise = self.noise_nm * (sqrt(NOISE_CYCLE_S / cycle_s) * self._seeded.standard_normal(self.n))
@@ -58,7 +58,7 @@ class RememberingPlant(ArmPlant):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the monitors of one run were shown, and the number of the sample that each feedback was made of."""
+    """Input of the monitors in one run, and the index of the plant's sample for each feedback."""
 
     role: str
     steps: list[CycleStep] = field(default_factory=list)
@@ -66,7 +66,7 @@ class Motion:
 
 
 class Witness:
-    """Plug-in that keeps a run."""
+    """Plug-in that records a run."""
 
     name = "witness"
 
@@ -74,13 +74,13 @@ class Witness:
         self._motion, self._plant = motion, plant
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Keep one cycle."""
+        """Record one cycle."""
         self._motion.steps.append(step)
         self._motion.samples.append(len(self._plant.torque_nm) - 1)
 
 
 def run() -> None:
-    """Print what was stopped."""
+    """Print the stopped runs."""
     print(f"False alarms in commissionings (four runs each, slow rounds included), {SEEDS} seeds")
     with workers() as pool:
         found = _found(pool)
@@ -91,7 +91,7 @@ def run() -> None:
 
 
 def _found(pool: Executor) -> dict[tuple[str, Twin], tuple[list[str], float]]:
-    """What was stopped, and the computing time, by arm and plant."""
+    """Stopped runs and computing time, by arm and plant."""
     kinds = list(product(ROBOTS, (Twin.NORMATIVE, Twin.HARSH)))
     jobs = {kind: [pool.submit(_half, *kind, load) for load in Load] for kind in kinds}
     return {
@@ -104,7 +104,7 @@ def _found(pool: Executor) -> dict[tuple[str, Twin], tuple[list[str], float]]:
 
 
 def _half(name: str, twin: Twin, load: Load) -> tuple[list[str], float]:
-    """What stopped the runs of one half, by any seed, and how long that took to compute."""
+    """Stopped runs of one half with any seed, and the computing time in s."""
     begun_s = time.process_time()
     robot = load_robot(name)
     payload = robot.simulation.plant_spec(robot.simulation.payload_name).payload if load is Load.LOADED else None
@@ -132,12 +132,12 @@ def moved(
 
     Args:
         robot: The arm.
-        load: What hangs on its flange.
+        load: Whether the payload is mounted.
         spec: Its plant.
         excitations: By role, one period each.
 
     Returns:
-        What the monitors saw, the plant, and what was stopped.
+        Input of the monitors, the plant, and the stopped runs.
     """
     plant, cycle_s = RememberingPlant(spec), 1 / robot.bus.cycle_hz
     motions, stops = [], []
@@ -164,7 +164,7 @@ def moved(
 
 
 def replayed(robot: Robot, plant: RememberingPlant, motions: list[Motion], seed: int) -> list[list[JointFeedback]]:
-    """The feedback of every run as another seed makes it."""
+    """The feedback of every run with another seed."""
     units = ArmUnits(robot.drives.settings)
     clean_nm = np.array(plant.torque_nm)
     size = plant.noise_nm * sqrt(NOISE_CYCLE_S * robot.bus.cycle_hz)
@@ -184,10 +184,10 @@ def replayed(robot: Robot, plant: RememberingPlant, motions: list[Motion], seed:
 
 
 def judge(robot: Robot, load: Load, motion: Motion, feedbacks: list[JointFeedback]) -> None:
-    """Show a run to the monitors that look at torque.
+    """Run the monitors of torque on a recorded run.
 
     Raises:
-        ControlError: one of them stops it.
+        ControlError: one of them stops the run.
     """
     cycle_s = 1 / robot.bus.cycle_hz
     signs = TorqueSigns(robot.joint_names, robot.chain, robot.drives.transmission, cycle_s)

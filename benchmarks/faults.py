@@ -1,8 +1,8 @@
-"""Every fault in motion on the simulated er50: how soon it is noticed, and how far the arm goes on.
+"""Every fault during motion of the simulated er50: time to detection, and distance to standstill.
 
-Six joints at once, each at half its speed limit when it happens, with the normative plant; lockstep, so that every
-run gives the same figures. What follows the error is what `safety.py` does: quick stop, then torque off at
-standstill. For a lost master SYNC goes on from elsewhere and nobody stops the drives but themselves.
+All six joints are at half their speed limits when the fault occurs, with the normative plant; lockstep, so that every
+run gives the same figures. After the error the arm is stopped as in `safety.py`: quick stop, then torque off at
+standstill. For a lost master, SYNC continues from another source and only the drives themselves can stop.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ NODE = 3
 
 
 class _Watched(ArmPlant):
-    """A plant whose joint positions are kept at every SYNC."""
+    """A plant that records its joint positions at every SYNC."""
 
     def __init__(self, spec: PlantSpec, coupling: np.ndarray) -> None:
         super().__init__(spec)
@@ -44,7 +44,7 @@ class _Watched(ArmPlant):
         self.track: list[tuple[float, np.ndarray, np.ndarray]] = []
 
     def sample(self, cycle_s: float) -> PlantSample:
-        """Measure, and keep it."""
+        """Measure and record."""
         sample = super().sample(cycle_s)
         joints = self._joint_from_axis @ sample.axis_position_rad
         self.track.append((self.time_s, joints, self._joint_from_axis @ sample.axis_velocity_rad_s))
@@ -68,14 +68,14 @@ class _Arm:
         self.cycle = 0
 
     def step(self) -> None:
-        """One cycle of a swing of every joint, fastest after a quarter of its period."""
+        """One cycle of an oscillation of every joint, which is fastest after a quarter of its period."""
         self.cycle += 1
         phase = self.cycle * self.settings.cycle_s * self.speed_rad_s / AMPLITUDE_RAD
         target = self.start + AMPLITUDE_RAD * (1 - np.cos(phase))
         self.servos.exchange(JointCommand(target, np.zeros(len(target)), np.zeros(len(target))))
 
     def to_full_speed(self) -> None:
-        """Up to where the slowest joint is fastest."""
+        """Continue until the slowest joint has its greatest speed."""
         longest_s = math.pi / 2 * AMPLITUDE_RAD / self.speed_rad_s.min()
         for _ in range(round(longest_s / self.settings.cycle_s)):
             self.step()
@@ -85,7 +85,7 @@ class _Arm:
         self.other.send(can.Message(arbitration_id=cob_id, data=bytes.fromhex(data), is_extended_id=False, **kind))
 
     def without_master(self, seconds: float) -> None:
-        """Time passes with SYNC from elsewhere."""
+        """Let time pass with SYNC from another source."""
         for _ in range(round(seconds / self.settings.cycle_s)):
             self.clock.advance(self.settings.cycle_s)
             self.send(0x080, "")
@@ -98,7 +98,7 @@ class _Fault:
     name: str
     inject: Callable[[_Arm], object]
     alone: bool = False
-    """The drives have to stop by themselves: the master is dead, or its controller does not send any more."""
+    """The drives must stop by themselves: the master is dead, or its bus controller no longer sends."""
 
 
 def _reboot(arm: _Arm) -> None:
@@ -161,7 +161,7 @@ def _row(fault: _Fault, arm: _Arm) -> str:
 
 
 def _end(arm: _Arm) -> None:
-    """What `safety.py` does after an error."""
+    """The actions of `safety.py` after an error."""
     for action in (arm.servos.stop, arm.servos.disable, arm.servos.close):
         try:
             action()
@@ -170,7 +170,7 @@ def _end(arm: _Arm) -> None:
 
 
 def _stop(track: list[tuple[float, np.ndarray, np.ndarray]]) -> tuple[float, float]:
-    """Time to standstill of every joint, and the longest way of one."""
+    """Time until all joints stand still, and the longest travel of a joint in rad."""
     times = np.array([time_s for time_s, _, _ in track])
     joints = np.array([position for _, position, _ in track])
     speeds = np.abs(np.array([velocity for _, _, velocity in track])).max(axis=1)

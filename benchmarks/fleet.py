@@ -1,8 +1,8 @@
-"""Many pairs on Dask: CPU time beside `armload.identify` itself, two workers beside one, and an end with faults.
+"""Many pairs on Dask: CPU time compared with `armload.identify`, two workers compared with one, and a run with faults.
 
-Distinct pairs of the shipped arms, 30 s a run: the simulated arm's steady period with noise, quantisation and gain
-errors of their own, as the recorder writes them. In the last part one file in a hundred is damaged, a worker is killed
-and then the coordinator, both with SIGKILL, and a second run ends the work.
+Distinct pairs of the shipped arms, 30 s per run: the simulated arm's steady period with individual noise, quantisation
+and gain errors, as the recorder writes them. In the last part one file in a hundred is damaged, a worker and then the
+coordinator are killed with SIGKILL, and a second run completes the work.
 
     python -m benchmarks.fleet [PAIRS] [--folder FOLDER]        a folder is used again; 1,000 pairs are 1.5 GB of disk
 """
@@ -48,7 +48,7 @@ from benchmarks.setups import Twin, setup_of, shipped_motion
 from benchmarks.trials import Setup, workers
 
 PAIRS: Final = 24
-"""Of `make bench`; the criteria are stated for 1,000."""
+"""Number of pairs in `make bench`; the criteria refer to 1,000."""
 ROBOTS: Final = ("er50", "prbt")
 ARMS: Final = 10
 GAIN_SPREAD: Final = 0.02
@@ -66,8 +66,9 @@ def run(pairs: int = PAIRS, folder: Path | None = None) -> None:
     """Write recordings, identify them in every way, and print.
 
     Args:
-        pairs: How many.
-        folder: Where recordings go, or are: then it is as many as these; a temporary folder if not given.
+        pairs: Number of pairs.
+        folder: Folder for the recordings; existing ones are used, whatever their number. A temporary folder if not
+            given.
     """
     with tempfile.TemporaryDirectory() as temporary:
         recordings = folder or Path(temporary)
@@ -86,14 +87,14 @@ def run(pairs: int = PAIRS, folder: Path | None = None) -> None:
 
 @dataclass(frozen=True)
 class _Figures:
-    """A run of the command: CPU time of all its processes with their start, and time from first job to last row."""
+    """A run of the command: CPU time of its processes including their start, and time from first job to last row."""
 
     cpu_s: float
     wall_s: float
 
 
 def _compare(table: Path, scratch: Path, pairs: int) -> None:
-    """CPU time of a job beside that of `identify`, and the fleet with one worker and two."""
+    """Compare the CPU time of a job with that of `identify`, and the fleet with one worker and two."""
     size = sum(file.stat().st_size for file in table.parent.glob("*/*.mcap"))
     _say(f"  {size / pairs / 1e6:.2f} MB a pair")
     identify_s, job_s = _alternating(table)
@@ -102,7 +103,7 @@ def _compare(table: Path, scratch: Path, pairs: int) -> None:
     eighth = min(max(pairs // 8, 4 * len(ROBOTS)), pairs)
     before = _part(table, scratch / "before.csv", slice(0, eighth))
     after = _part(table, scratch / "after.csv", slice(pairs - eighth, pairs))
-    # One worker before and after two, so that what else the machine does falls on both.
+    # One worker before and after two, so that other load of the machine affects both.
     rates: list[float] = []
     for count, part in ((1, before), (2, table), (1, after)):
         output, start = scratch / f"rows-{len(rates)}", scratch / f"start-{len(rates)}"
@@ -128,7 +129,7 @@ def _compare(table: Path, scratch: Path, pairs: int) -> None:
 
 
 def _machine_efficiency() -> float:
-    """What two processes do in the time in which one does half of it, where they share nothing but the machine."""
+    """Parallel efficiency of two processes that share nothing but the machine."""
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
         list(pool.map(_loop, [1] * 8))
         ratios = []
@@ -155,7 +156,7 @@ def _part(table: Path, part: Path, pairs: slice) -> Path:
 
 
 def _alternating(table: Path) -> tuple[float, float]:
-    """Median CPU time of `armload.identify` and of a job on the same pairs, one after the other, both loaded before."""
+    """Median CPU time of `armload.identify` and of a job on the same pairs, alternating, after a warm-up of both."""
     jobs = list_jobs(read_job_table(table), table).jobs[:_ALTERNATING]
     robots = {name: load_robot(name) for name in ROBOTS}
     ways: tuple[Callable[[Job], object], ...] = (
@@ -170,7 +171,7 @@ def _alternating(table: Path) -> tuple[float, float]:
             begun_s = time.process_time()
             way(job)
             times.append(time.process_time() - begun_s)
-    # Robots take turns and differ: the mean of their medians.
+    # The robots alternate and differ: the mean of their medians.
     identify_s, job_s = (
         float(np.mean([np.median(times[first :: len(ROBOTS)]) for first in range(len(ROBOTS))])) for times in taken
     )
@@ -178,7 +179,7 @@ def _alternating(table: Path) -> tuple[float, float]:
 
 
 def _absolute(table: Path, names: list[str]) -> list[str]:
-    """Paths of a line of the table; its header as it is."""
+    """A line of the table with absolute paths; its header unchanged."""
     return [str(table.parent / name) if "/" in name else name for name in names]
 
 
@@ -218,7 +219,7 @@ def _with_faults(table: Path, scratch: Path, pairs: int) -> None:
 
 
 def _fleet(table: Path, output: Path, count: int) -> _Figures:
-    """The command, in processes of its own."""
+    """Run the command in its own processes."""
     before = getrusage(RUSAGE_CHILDREN)
     command = [*_COMMAND, str(table), "-o", str(output), "--workers", str(count), "--json"]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
@@ -228,19 +229,19 @@ def _fleet(table: Path, output: Path, count: int) -> _Figures:
 
 
 def _journal_rows(output: Path) -> int:
-    """Rows that are on the disk and not yet Parquet, and those that are."""
+    """Number of rows on the disk, in journals and in Parquet files."""
     journals = sum(file.read_text().count("\n") for file in output.glob("journal-*.jsonl"))
     return journals + len(read_rows(output, ("key",)))
 
 
 def _wait_for_rows(output: Path, coordinator: subprocess.Popen[bytes], count: int) -> None:
-    """Wait until there are so many, or the coordinator has ended."""
+    """Wait until there are `count` rows, or the coordinator has ended."""
     while coordinator.poll() is None and (not output.is_dir() or _journal_rows(output) < count):
         time.sleep(0.1)
 
 
 def _workers_of(process_id: int) -> list[int]:
-    """Processes that a process has spawned to do jobs."""
+    """Ids of the worker processes that a process has spawned."""
     threads = Path(f"/proc/{process_id}/task").glob("*/children")
     children = [child for thread in threads for child in thread.read_text().split()]
     return [int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
@@ -283,7 +284,7 @@ def write_run(path: Path, run: Recording, name: str, load: str, day: datetime) -
     """Write a run as the recorder does.
 
     Args:
-        path: Where to.
+        path: The file.
         run: The run.
         name: A shipped robot.
         load: "loaded" or "unloaded".

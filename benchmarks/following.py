@@ -1,16 +1,14 @@
-"""What feed-forward takes of the following error that a payload causes: er50 with 10 kg, prbt with 5 kg.
+"""Reduction by feed-forward of the following error that a payload causes: er50 with 10 kg, prbt with 5 kg.
 
 The payload, and the arm's body from the empty half, are identified by a commissioning over CANopen. Then one
 trajectory is run empty, loaded, and loaded with the torque of the identified payload, of the true one, of the
 identified one and its friction in the gears, and of payload and arm. Two trajectories: the robot's own validation
-excitation, and a sweep of one harmonic in the same ten seconds, designed here, in which joints reverse a fifth as
-often.
+excitation, and a sweep of one harmonic in the same ten seconds, designed here, with a fifth of the reversals.
 
-What is left is left at reversals. There the arm sticks, and how it breaks away depends on the inertia that the servo
-has to move: loaded, it does so a few milliseconds later, and rings longer. On prbt's validation excitation a half
-(joint 5) to three quarters (2, 3) of the residual's energy lie within 0.15 s of reversals, and the true payload's
-torque takes away no more than 50 to 53 % even where the gears' friction does not grow with the load (load_friction
-= 0).
+The remaining error occurs at reversals. There the arm sticks, and its breakaway depends on the inertia moved by the
+servo: with the payload it is a few milliseconds later, with longer ringing. On prbt's validation excitation half
+(joint 5) to three quarters (2, 3) of the residual's energy are within 0.15 s of reversals, and the true payload's
+torque reduces the error by only 50 to 53 % even if the gears' friction does not grow with the load (load_friction = 0).
 """
 
 from __future__ import annotations
@@ -58,7 +56,7 @@ def run() -> None:
 
 
 def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
-    """The payload as a commissioning finds it, and the body from its empty half."""
+    """The payload identified by a commissioning, and the body from its empty half."""
     with tempfile.TemporaryDirectory() as folder:
         for load in Load:
             record_half(
@@ -71,7 +69,7 @@ def _identify(robot: Robot) -> tuple[PayloadResult, BodyModel]:
 
 
 def _sweep(robot: Robot) -> Excitation:
-    """One harmonic, once there and back."""
+    """An excitation of one harmonic."""
     payload = robot.payloads.expected
     criterion = named_criterion(
         "a-optimal", robot.chain, robot.limits.torque_noise_nm, payload, robot.payloads.design_set

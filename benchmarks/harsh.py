@@ -1,4 +1,4 @@
-"""What limits the result on the harsh plant: its sources of error put on one after the other."""
+"""Limits of the accuracy on the harsh plant: its sources of error, added one by one."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def print_limits(pool: Executor, robot: Robot, motion: Motion, payload: RigidBod
     Args:
         pool: Processes.
         robot: The arm.
-        motion: What it does.
-        payload: Truth in the flange frame.
-        name: Of the table.
+        motion: Its motion.
+        payload: The true payload in the flange frame.
+        name: Name of the table.
     """
 
     def setup(twin: Twin) -> Setup:

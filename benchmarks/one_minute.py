@@ -21,11 +21,11 @@ MASS_SHARE = 0.01
 CENTER_M = 0.003
 MASS_OF_SEEDS = 0.95
 CENTER_OF_SEEDS = 0.95
-"""The bound itself has the centre within 3 mm on 96 % of seeds."""
+"""At the bound itself the centre is within 3 mm on 96 % of seeds."""
 
 
 def run(tally: Tally, pool: Executor, robot: Robot, census: Census) -> None:
-    """Table and criteria, then the same seed's experiment complete over CANopen."""
+    """Table and criteria, then one complete experiment over CANopen."""
     tally.heading(f"2. One minute instead of seventeen: six joints, {motion_seconds(robot):.0f} s of periods in all")
     payload = robot.simulation.plant_spec(robot.simulation.payload_name).payload
     if payload is None:
@@ -50,13 +50,13 @@ def run(tally: Tally, pool: Executor, robot: Robot, census: Census) -> None:
 
 
 def _compare_with_canopen(tally: Tally, pool: Executor, robot: Robot, setup: Setup) -> None:
-    """The expectation of the seeds has to lie in the interval of a run over the bus."""
+    """The expected value over the seeds must lie in the interval of a run over the bus."""
     with progress_line("the same over CANopen", 1):
         over_bus = commissioned(pool, robot.name, setup.transmission)
     expected = identified(setup.without_noise(), 0).parameters.values
     half = over_bus.uncertainty.half_width_95
     known = over_bus.uncertainty.determined
-    # One run has to hold all of its values at once: that is what 95 % is asked of, and Bonferroni gives.
+    # The 95 % refer to all values of the run simultaneously (Bonferroni).
     together = student.ppf(1.0 - 0.025 / np.count_nonzero(known), over_bus.uncertainty.degrees_of_freedom)
     wider = together / student.ppf(0.975, over_bus.uncertainty.degrees_of_freedom)
     off = np.abs(over_bus.parameters.values - expected) / half

@@ -1,12 +1,12 @@
-"""How often the verdict calls a payload wrong, right or neither, by how far off it is: the verdict's operating curve.
+"""The verdict's operating characteristic: rates of wrong, right and cannot tell as a function of a payload's error.
 
-Every commissioning is made as the program makes it, an identification and a validation pair of the shipped excitations
-on the normative plant, both with noise of their own; the validation of one seed also judges the payload of the next, so
-that a right payload is judged twice as often as there are seeds. A wrong payload is the identified one with its mass
-changed, inertia with it, or its centre of mass moved along one of the flange's axes.
+Every commissioning consists of an identification and a validation pair with the shipped excitations on the normative
+plant, with independent noise; the validation of one seed also judges the payload of the next, so that a right payload
+is judged twice per seed. A wrong payload is the identified one with changed mass and inertia, or with its centre of
+mass moved along one of the flange's axes.
 
-On the measured arm the first half of a pair of runs stands for the identification and the second for the validation,
-and the other way round; every half meets every error.
+On the measured arm the first half of a pair of runs is the identification and the second the validation, and vice
+versa; every half is tested with every error.
 
     python -m benchmarks.operating_curve
 """
@@ -62,8 +62,8 @@ class Commissioning:
     """One seed.
 
     Attributes:
-        judged: What the identification pair says.
-        measured: What the validation pair says.
+        judged: Payload from the identification pair.
+        measured: Payload from the validation pair.
     """
 
     judged: Known
@@ -85,7 +85,7 @@ def run(tally: Tally, pool: Executor, census: Census) -> None:
 
 
 def run_measured(tally: Tally) -> None:
-    """Halves of the UR10e's pairs; skipped with the reason where the measured data are not beside the checkout."""
+    """Halves of the UR10e's pairs; skipped with a reason if the measured data are not beside the checkout."""
     tally.heading("7. The verdict on the UR10e: halves of two pairs, 25 s each, wrong / right / cannot tell")
     if not FOLDER.is_dir():
         tally.postpone("the verdict on the UR10e", f"the measured recordings are not at {FOLDER}")
@@ -126,7 +126,7 @@ def _halves(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> 
 
 
 def _half(pair: Pair, half: int, chain: Chain, transmission: Transmission) -> Known:
-    """What the first or the second half of a pair says."""
+    """Payload from the first or the second half of a pair."""
     loaded, unloaded = (
         run.rows((run.time_s >= middle_s) == bool(half))
         for run in (pair.loaded, pair.unloaded)
@@ -146,7 +146,7 @@ def commissionings(
     *,
     gain_spread: float = 0.0,
 ) -> list[Commissioning]:
-    """Identification and validation of one payload, many times over."""
+    """Identification and validation of one payload with many seeds."""
     setups = tuple(
         setup_of(f"verdict, {name}, {role}", robot, Twin.NORMATIVE, shipped_motion(robot, role=role), payload)
         for role in ROLES
@@ -216,7 +216,7 @@ def _curve(name: str, made: Sequence[Commissioning], right: Sequence[Agreement])
 
 
 def _shipped_payloads(tally: Tally, pool: Executor, census: Census, robots: Sequence[Robot]) -> None:
-    """The curve of every payload that a configuration ships with, and what half, 0.9 and 1.1 of it are called."""
+    """The curve of every payload in a shipped configuration, and the verdicts on 0.5, 0.9 and 1.1 times the payload."""
     passed = tried = 0
     for robot in robots:
         right: list[Agreement] = []
@@ -239,7 +239,7 @@ def _shipped_payloads(tally: Tally, pool: Executor, census: Census, robots: Sequ
 
 
 def _judge_false_alarms(tally: Tally, name: str, right: Sequence[Agreement]) -> None:
-    """How often a right payload may be called wrong."""
+    """Judge how often a right payload is called wrong."""
     failed = sum(result.outcome is Outcome.WRONG for result in right)
     tally.judge(
         f"{name}: the right payload fails at most {FALSE_ALARMS_PER_400} times of 400",
@@ -249,7 +249,7 @@ def _judge_false_alarms(tally: Tally, name: str, right: Sequence[Agreement]) -> 
 
 
 def _shipped(robot: Robot) -> list[RigidBody]:
-    """The payloads that a configuration ships with: those to design for, and those of its simulation."""
+    """The payloads in a shipped configuration: those to design for, and those of its simulation."""
     bodies = [
         RigidBody(payload.mass_kg, payload.center_of_mass_m, payload.inertia_about_com)
         for payload in robot.payloads.design_set
@@ -262,13 +262,13 @@ def _shipped(robot: Robot) -> list[RigidBody]:
 
 
 def judge(judged: Known, measured: Known, factor: float = 1.0, shift_m: ArrayLike = (0.0, 0.0, 0.0)) -> Agreement:
-    """The verdict on a payload whose mass is a factor of the identified one, and its centre moved.
+    """The verdict on the identified payload with changed mass and centre of mass.
 
     Args:
-        judged: As identified.
-        measured: As the validation has it.
-        factor: On mass and inertia.
-        shift_m: By how much the centre of mass is moved.
+        judged: The identified payload.
+        measured: The payload from the validation.
+        factor: Factor on mass and inertia.
+        shift_m: Displacement of the centre of mass.
     """
     body = judged.parameters
     wrong = InertialParameters.from_center_of_mass(
@@ -278,7 +278,7 @@ def judge(judged: Known, measured: Known, factor: float = 1.0, shift_m: ArrayLik
 
 
 def _right(made: Sequence[Commissioning]) -> list[Agreement]:
-    """Every validation on its own payload and on the next seed's."""
+    """Every validation applied to its own payload and to the next seed's."""
     following = [*made[1:], made[0]]
     return [
         judge(each.judged, other.measured)
@@ -288,12 +288,12 @@ def _right(made: Sequence[Commissioning]) -> list[Agreement]:
 
 
 def _mass_errors(made: Sequence[Commissioning], share: float) -> list[Agreement]:
-    """Payloads too heavy and too light by turns."""
+    """Verdicts on payloads that are alternately too heavy and too light."""
     return [judge(each.judged, each.measured, 1.0 + share * (1 if seed % 2 else -1)) for seed, each in enumerate(made)]
 
 
 def _center_errors(made: Sequence[Commissioning], distance_m: float) -> list[Agreement]:
-    """Centres of mass moved along x, y and z, to and fro, by turns."""
+    """Verdicts on payloads with centres of mass moved along +-x, y and z in turn."""
     return [
         judge(each.judged, each.measured, shift_m=distance_m * DIRECTIONS[seed % len(DIRECTIONS)])
         for seed, each in enumerate(made)

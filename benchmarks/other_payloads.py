@@ -1,10 +1,9 @@
-"""Ten payloads on either arm, from a twentieth of what it carries to all of it.
+"""Ten payloads on each of two arms, from 3 or 5 % of the rated payload to all of it.
 
-How long a run has to be is not the estimator's choice: the drives' noise and the payload's mass decide. Beside every
-payload stands how many periods the bound itself asks for. Both arms are tried as a commissioning engineer has them: the
-excitation and the cycle of the shipped file. On prbt the three periods that it ships with do. er50's wrist is so noisy
-that a payload of 1 kg asks for 34 periods; it is judged on as many as the paper drove, 50, for every payload, and what
-the three periods that it ships with give is shown as it is.
+The required length of a run is determined by the drives' noise and the payload's mass. The table shows for every
+payload the number of periods that the bound requires. Both arms are used as shipped, with the excitation and the cycle
+of their files. For prbt its three periods suffice. er50's wrist is so noisy that a payload of 1 kg requires 34 periods;
+it is judged with 50 periods, as many as in the paper, and its three shipped periods are shown for information.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ from benchmarks.verdict import Tally, progress_line
 
 SEEDS = 40
 SHOWN_SEEDS = 20
-"""Where nothing is judged."""
+"""Number of seeds if nothing is judged."""
 LIGHT_SEEDS = 200
-"""Below FROM_KG the interval is judged: it takes this many seeds to tell 95 % from 90 % for four values at once."""
+"""Number of seeds below FROM_KG, where the intervals are judged: so many distinguish 95 % from 90 % for four values."""
 SHIPPED_PERIODS = 3
 JUDGED_PERIODS = {"er50": 50, "prbt": 3}
 MASS_SHARE = 0.02
@@ -60,7 +59,7 @@ def run(tally: Tally, pool: Executor, twin: Twin, census: Census) -> None:
 
 
 def periods_for_noise(setup: Setup) -> int:
-    """Periods after which the bound's errors would meet the criterion in 90 % of runs, if nothing but noise erred."""
+    """Number of periods with which errors at the bound meet the criterion in 90 % of runs, with noise only."""
     covariance = bound_of(setup) * setup.periods
     _, slope = derived(setup.truth)
     center = slope[1:4] @ covariance @ slope[1:4].T
@@ -80,7 +79,7 @@ def _setup(name: str, twin: Twin, payload: Cuboid, periods: int) -> Setup:
 
 
 def _one(tally: Tally, pool: Executor, payload: Cuboid, setup: Setup, census: Census, *, judging: bool) -> None:
-    """One row and, where it is judged, its criterion."""
+    """One row and, if it is judged, its criterion."""
     seeds = SHOWN_SEEDS if not judging else LIGHT_SEEDS if payload.mass_kg < FROM_KG else SEEDS
     with progress_line(setup.name, seeds) as progress:
         trials = run_trials(pool, setup, seeds, progress)
@@ -126,7 +125,7 @@ def _two(values: np.ndarray, digits: int) -> str:
 
 
 def _remarks(setup: Setup, trials: Sequence[Trial]) -> str:
-    """What a reader should know of a row."""
+    """Remarks on a row."""
     remarks = []
     refused = [trial.refused for trial in trials if trial.refused]
     if refused:

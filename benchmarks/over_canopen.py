@@ -1,4 +1,4 @@
-"""One seed complete over CANopen: master and simulated drives on the virtual bus, recorder, files, identification."""
+"""One complete commissioning over CANopen: master and simulated drives, recorder, files, identification."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from armload_identification.signals.joint_torque import Transmission
 
 
 def commissioned(pool: Executor, robot_name: str, transmission: Transmission) -> Identification:
-    """Both halves of a commissioning over CANopen, each in a process of its own, and what is identified from them.
+    """Both halves of a commissioning over CANopen, each in its own process, and the identification from them.
 
     Args:
         pool: Processes.
-        robot_name: Of a shipped robot.
-        transmission: Gains to identify with.
+        robot_name: Name of a shipped robot.
+        transmission: Gains for the identification.
     """
     with tempfile.TemporaryDirectory() as directory:
         halves = [pool.submit(_record, robot_name, load, directory) for load in Load]
@@ -39,10 +39,10 @@ def _record(robot_name: str, load: Load, directory: str) -> None:
     robot = load_robot(robot_name)
     short = Excitation(robot.excitations["validation"].trajectory, 1)
     robot = replace(robot, excitations=robot.excitations | {"validation": short})
-    # Both halves run at once: each in its own process, whose virtual bus nobody else sees.
+    # Both halves run in parallel, each in its own process with its own virtual bus.
     record_half(robot, load, lambda which: simulated_arm(robot, which), Path(directory), no_operator(), "benchmark")
 
 
 def motion_seconds(robot: Robot) -> float:
-    """Time in the measured periods of both runs."""
+    """Duration of the measured periods of both runs, s."""
     return 2.0 * robot.excitations["identification"].duration_s

@@ -1,6 +1,6 @@
-"""Do the intervals of a pair hold under everything at once? Counted on an arm of seven joints by Pinocchio alone.
+"""Coverage of a pair's intervals with all disturbances together, on an arm of seven joints simulated by Pinocchio only.
 
-Alone: `python -m benchmarks.pair_coverage`.
+    python -m benchmarks.pair_coverage
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ HELD = 0.9
 OFF = 0.05
 SIZES = (0.05, 0.1, 0.2)
 SIGNED_SEEDS = 3
-"""Seeds of each of these sizes and signs."""
+"""Number of seeds for each of these sizes and signs."""
 CARRYING = (1, 2, 3, 4, 5)
-"""Joints that carry the payload. Joint 1 is upright, and joint 7 carries 1 N m, near its own friction."""
+"""Joints that carry the payload. Joint 1 is vertical, and the load of joint 7, 1 N m, is close to its friction."""
 QUIET = 0.2
-"""Share of the noise at which what the model leaves shows most."""
+"""Share of the noise at which model errors are most visible."""
 
 
 def run(tally: Tally, pool: Executor) -> None:
-    """Intervals with exact and with nominal gains, and a gain that is 5, 10 and 20 % off."""
+    """Intervals with exact and with nominal gains, and gain errors of 5, 10 and 20 %."""
     tally.heading(f"Coverage under sag, friction, delay and coloured noise: seven joints, {SEEDS} seeds each")
     print(
         "  gains                 | " + "  ".join(f"{name:>4s}" for name in PARAMETER_NAMES) + "   of those determined"
@@ -62,7 +62,7 @@ def run(tally: Tally, pool: Executor) -> None:
 
 
 def _sizes(tally: Tally, pool: Executor) -> None:
-    """A gain that is off by each size and sign: the larger the error, the surer it must be named."""
+    """One gain error of each size and sign: every one must be named."""
     trials = [pool.submit(_each_size, joint) for joint in CARRYING]
     results = np.array([trial.result() for trial in trials])
     errors = [sign * size for size in SIZES for sign in (-1.0, 1.0)]
@@ -77,7 +77,7 @@ def _sizes(tally: Tally, pool: Executor) -> None:
 
 
 def _each_size(joint: int) -> list[tuple[int, int, int]]:
-    """For every size and sign: how often it is named, another is, and its interval holds."""
+    """For every size and sign: how often the gain is named, how often another one is, how often its interval holds."""
     panda = SaggingPanda(Effects(noise=QUIET))
     seeds = range(SIGNED_SEEDS)
     return [
@@ -88,7 +88,7 @@ def _each_size(joint: int) -> list[tuple[int, int, int]]:
 
 
 def _off(tally: Tally, pool: Executor, noise: float) -> None:
-    """One gain 5 % off, joint by joint."""
+    """A gain error of 5 %, joint by joint."""
     counts = [pool.submit(_one_off, joint, noise) for joint in range(chain().n)]
     named, wrongly, held = np.array([count.result() for count in counts]).T
     text = f"{named} of {SEEDS} named, {wrongly.sum()} others, {held} intervals"
@@ -105,7 +105,7 @@ def _off(tally: Tally, pool: Executor, noise: float) -> None:
 
 
 def _one_off(joint: int, noise: float) -> tuple[int, int, int]:
-    """How often it is named, another is, and its interval holds."""
+    """How often the gain is named, how often another one is, how often its interval holds."""
     panda = SaggingPanda(Effects(noise=noise))
     trials = [_named(panda, joint, OFF * (-1.0) ** seed, seed) for seed in range(SEEDS)]
     named, wrongly, held = np.sum(trials, axis=0).tolist()
@@ -113,7 +113,7 @@ def _one_off(joint: int, noise: float) -> tuple[int, int, int]:
 
 
 def _named(panda: SaggingPanda, joint: int, off: float, seed: int) -> tuple[int, int, int]:
-    """Whether a gain that is off is named, how many others are, and whether its interval holds."""
+    """Whether a wrong gain is named, how many others are, and whether its interval holds."""
     error = np.where(np.arange(chain().n) == joint, off, 0.0)
     gains = identify(*panda.pair(seed, error, with_phase=True), chain(), nominal_transmission(exact=False)).gains
     if gains is None:

@@ -1,8 +1,8 @@
 """`make paper`: the paper's tables on the paper's own setup, one minute instead of seventeen, and the harsh plant.
 
-Conventions (METHOD): noise is RMS2 per raw sample at 100 Hz; the bound is Cramer-Rao's for the difference of two
-runs of this trajectory, with the estimator's own nuisance columns; the excitation is designed by `design` within
-METHOD's limits for the A-optimal criterion.
+Conventions: noise is the paper's RMS2 per raw sample at 100 Hz; the bound is Cramer-Rao's for the difference of two
+runs of this trajectory, with the estimator's own nuisance columns; the excitation is designed for the A-optimal
+criterion within the limits of er50's joints 1 to 3.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ CENTER_OF_SEEDS = 0.90
 
 
 def main() -> int:
-    """Run everything; the exit status is 1 where a criterion is not met."""
+    """Run everything; the exit status is 1 if a criterion is not met."""
     tally, census, robot = Tally(), Census(), load_robot("er50")
     with workers() as pool:
         motion = paper_motion(robot, CRITERION)

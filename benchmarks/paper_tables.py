@@ -1,4 +1,4 @@
-"""The paper's Table 2 and Table 3 with our columns beside the paper's."""
+"""The paper's Table 2 and Table 3 with additional columns for this program."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def print_table_2(
 
     Args:
         trials: Seeds of one setup.
-        truth: In frame 3.
+        truth: The true payload in frame 3.
         covariance: Bound of theta.
-        criterion: "RMS" or "median" of the relative errors; what the last columns compare.
+        criterion: Compared quantity, printed below the table.
 
     Returns:
-        (10,) our RMS error over the bound, and (10,) our median error in per cent.
+        (10,) ratio of the RMS error to the bound, and (10,) median error in per cent.
     """
     errors = Errors.of(trials, truth)
     one = next(trial for trial in trials if not trial.refused)
@@ -50,7 +50,7 @@ def print_table_2(
 
 
 def print_table_3(trials: Sequence[Trial]) -> None:
-    """Table 3: residual beside noise per joint; ours are of the difference of two runs, and so sqrt(2) larger."""
+    """Table 3: residual and noise per joint; this program's, for the difference of two runs, are sqrt(2) larger."""
     done = [trial for trial in trials if not trial.refused]
     residual = np.sqrt(np.mean([trial.residual_nm**2 for trial in done], axis=0))
     noise = np.sqrt(np.mean([trial.noise_nm**2 for trial in done], axis=0))
@@ -65,7 +65,7 @@ def print_table_3(trials: Sequence[Trial]) -> None:
 
 
 def print_values(trials: Sequence[Trial], truth: InertialParameters, covariance: FloatArray) -> None:
-    """The ten values of a payload file: truth, errors, bound, coverage, how often determined."""
+    """The ten values of a payload file: truth, errors, bound, coverage, share of seeds in which they are determined."""
     errors = Errors.of(trials, truth)
     middle = np.median(np.abs(errors.value_errors), axis=0)
     rms = np.sqrt(np.mean(errors.value_errors**2, axis=0))

@@ -1,1 +1,1 @@
-"""Other programs on the same tasks, side by side; they run in an environment of their own."""
+"""Comparison with other programs on the same tasks; these run in a separate environment."""

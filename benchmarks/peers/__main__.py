@@ -1,6 +1,6 @@
-"""`make peers`: armload beside other programs on the same tasks, in one run.
+"""`make peers`: armload and other programs on the same tasks, in one run.
 
-CPU times are this machine's, now: compare within a run, not between runs.
+CPU times depend on the machine and its load: compare within a run, not between runs.
 """
 
 from benchmarks.peers import excitation_searches, generated_code, payload_fits

@@ -1,4 +1,4 @@
-"""A payload by armload. Arguments: loaded and unloaded CSV. Prints what the peers' programs print, as JSON."""
+"""A payload by armload. Arguments: loaded and unloaded CSV. Prints the same JSON as the peers' programs."""
 
 import json
 import sys

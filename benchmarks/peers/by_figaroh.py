@@ -1,8 +1,8 @@
-"""A payload by FIGAROH: the arm is identified loaded and unloaded, the payload is what the base parameters differ by.
+"""A payload by FIGAROH: the arm is identified loaded and unloaded, the payload is the difference of base parameters.
 
-Arguments: URDF, flange's frame, loaded and unloaded CSV, nominal gains. Prints JSON: mass, centre of
-mass in the flange's frame, inertia about it, all projected onto possible bodies, and the half width of the mass's 95 %
-interval from FIGAROH's deviations of the base parameters.
+Arguments: URDF, name of the flange frame, loaded and unloaded CSV, nominal gains. Prints JSON: mass, centre of mass in
+the flange frame, inertia about it, all projected onto possible bodies, and the half width of the mass's 95 % interval
+from FIGAROH's standard deviations of the base parameters.
 """
 
 import json
@@ -26,7 +26,7 @@ config = {"has_friction": True, "has_actuator_inertia": True, "has_joint_offset"
 
 
 def run(path):
-    """FIGAROH's regressor and the torque of one recording, ten times a second."""
+    """FIGAROH's regressor and the torque of one recording, every 50 ms."""
     lines = Path(path).read_text("utf-8").splitlines()
     rows = np.array([line.split(",") for line in lines if line.count(",") == 30], dtype=float)
     rows = rows[np.all(np.abs(rows) < 1e4, axis=1)]
@@ -41,7 +41,7 @@ def run(path):
 
 
 def weighted(base, tau):
-    """Base parameters with a weight for each joint, and their deviations."""
+    """Base parameters with a weight for each joint, and their standard deviations."""
     weight = np.ones(len(tau))
     for _ in range(3):
         found = np.linalg.lstsq(base * weight[:, None], tau * weight)[0]
