@@ -1,6 +1,6 @@
 """Coverage of a pair's intervals with all disturbances together, on an arm of seven joints simulated by Pinocchio only.
 
-    python -m benchmarks.pair_coverage
+Usage: python -m benchmarks.pair_coverage
 """
 
 from __future__ import annotations
