@@ -311,10 +311,28 @@ def armload():
 
     testing._get_command = functools.cache(testing._get_command)  # 10 ms, and always the same
 
-    def armload(*words):
-        return testing.CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
+    def armload(*words, columns=200):
+        return testing.CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": str(columns)})
 
     return armload
+
+
+@pytest.fixture(scope="session")
+def require_accepted():
+    """Fails where the command line does not take these words; nothing is run."""
+    import typer
+
+    from armload_controller.cli.main import app
+
+    program = typer.main.get_command(app)
+
+    def require_accepted(words):
+        command, words = program, list(words)
+        while hasattr(command, "commands"):
+            command = command.commands[words.pop(0)]
+        command.make_context("armload", words).close()
+
+    return require_accepted
 
 
 @pytest.fixture

@@ -7,9 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from armload_controller.cli.main import app
 from armload_controller.control_errors import ExportError
 from armload_controller.export.export_files import write_files
 from armload_controller.export.format_registry import ExportFormat
@@ -23,7 +21,7 @@ ONE = {"a.txt": "text\n"}
 
 
 @pytest.fixture
-def export(tmp_path, make_subject):
+def export(armload, tmp_path, make_subject):
     """Run the command on a payload file of the prbt; errors keep their type."""
 
     def export(*words, undetermined=(), robot="prbt"):
@@ -31,9 +29,7 @@ def export(tmp_path, make_subject):
         payload = make_subject("prbt").payload
         known = np.array([name not in undetermined for name in PARAMETER_NAMES])
         write_payload(path, replace(payload, determined=known))
-        return CliRunner().invoke(
-            app, ["export", str(path), "--robot", robot, *map(str, words)], env={"COLUMNS": "300"}
-        )
+        return armload("export", path, "--robot", robot, *words, columns=300)
 
     return export
 

@@ -7,12 +7,9 @@ import shlex
 import subprocess
 import sys
 
-import click
 import pytest
-import typer
 
 from armload_controller.cli.guide import guided_words
-from armload_controller.cli.main import app
 from tests.bounded import await_that
 
 SHIPPED = ("er50", "prbt")
@@ -39,14 +36,6 @@ def desk(tmp_path, monkeypatch):
     return tmp_path
 
 
-def require_accepted(words):
-    """The command has these options."""
-    command, words = typer.main.get_command(app), list(words)
-    while isinstance(command, click.Group):
-        command = command.commands[words.pop(0)]
-    command.make_context("armload", words).close()
-
-
 @pytest.mark.parametrize(
     ("answers", "command"),
     [
@@ -65,7 +54,7 @@ def require_accepted(words):
         (["4", "my.toml", ""], "commission my.toml --output runs/today"),
     ],
 )
-def test_answers_become_a_command(desk, answers, command):
+def test_answers_become_a_command(desk, answers, command, require_accepted):
     words, _ = answered(*answers)
     assert words == shlex.split(command)
     require_accepted(words)
