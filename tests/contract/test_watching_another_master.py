@@ -70,6 +70,7 @@ def calibration_file(robot, recorded):
     return path
 
 
+@pytest.mark.long
 def test_a_payload_is_mounted_and_dropped_and_the_watch_notices(robot, calibration_file, tmp_path):
     body = robot.simulation.mounted(robot.simulation.payload_name)
     changes = (PayloadChange(MOUNTED_S, body), PayloadChange(DROPPED_S, None))

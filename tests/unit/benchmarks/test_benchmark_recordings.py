@@ -74,6 +74,7 @@ def test_without_noise_a_recording_is_what_fake_servos_tell(setup):
     assert np.abs(made.position_rad - position[second]).max() < 1e-6
 
 
+@pytest.mark.long
 def test_a_seed_agrees_with_fake_servos_within_its_interval(setup):
     runs = []
     for load, seed in ((PAYLOAD, 21), (None, 22)):

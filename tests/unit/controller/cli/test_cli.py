@@ -122,6 +122,7 @@ def test_the_first_half_is_left_to_the_second(first_half):
     }
 
 
+@pytest.mark.long
 def test_the_second_half_takes_up_the_first_and_makes_a_stopped_run_again(commissioned, armload, short_robot, tmp_path):
     """What a stop leaves: the first half, a whole loaded recording and a partial one."""
     complete, _ = commissioned

@@ -123,6 +123,7 @@ def taken_over(pins):
     return {"set": pins | {f"{UNIT}.set-payload": 1}, "until": {f"{UNIT}.set-payload": 0}}
 
 
+@pytest.mark.long
 def test_in_a_thread_of_1_ms_its_torque_is_pythons(calibrated, halrun):
     """The payload's torque and its friction in the gears, which is nothing at rest."""
     bodies = calibrated.payload.model, OTHER
@@ -224,6 +225,7 @@ def test_the_torque_is_that_of_a_lag_ago(calibrated, halrun):
     assert max(results[-1]["found"].values()) <= 1e-4
 
 
+@pytest.mark.long
 def test_the_wiring_reaches_the_drives_before_the_fieldbus_writes(calibrated, installed, halrun):
     """LinuxCNC's own motion controller in front, a component with the pins of lcec behind."""
     file = (installed / "armload_er50.hal").read_text()

@@ -89,6 +89,7 @@ def test_a_cortex_m4_computes_it_in_its_own_unit(make_subject, tmp_path):
     assert symbols == {"cosf", "sinf", "floorf"}  # no __aeabi_dadd, which adds what is double
 
 
+@pytest.mark.long
 @pytest.mark.skipif(CPPCHECK is None, reason="no cppcheck on this machine")
 def test_of_misras_rules_only_advice_is_not_followed(calibrated, tmp_path):
     for name, text in export_c(calibrated, Precision.SINGLE).items():

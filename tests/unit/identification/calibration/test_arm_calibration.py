@@ -332,6 +332,7 @@ def test_a_run_with_another_payload_than_said_is_named(four, weighed, pinocchio_
     assert "not nothing" in reason
 
 
+@pytest.mark.long
 def test_a_payload_that_was_remounted_and_one_in_grams_are_told_from_others(
     runs, four, weighed, pinocchio_arm, other, nominal
 ):
@@ -348,6 +349,7 @@ def test_a_payload_that_was_remounted_and_one_in_grams_are_told_from_others(
     assert re.search(r"carries 2\.[45]\d* kg, not 2500 kg: mass_kg was entered in grams", reasons["other3.mcap"])
 
 
+@pytest.mark.long
 def test_a_payload_in_its_place_is_not_called_remounted(four, weighed, pinocchio_arm, nominal, monkeypatch):
     """Such a run is left out from 12 % of mass here, so that is taken for the same mass."""
     monkeypatch.setattr(run_contradictions, "_SAME_MASS", 0.2)

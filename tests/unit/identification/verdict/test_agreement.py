@@ -59,6 +59,7 @@ def outcomes(error, count=1500, tolerance=None):
     return [compare_known(*drawn(rng, error), tolerance or Tolerance()) for _ in range(count)]
 
 
+@pytest.mark.long
 def test_a_right_payload_differs_in_one_of_a_hundred_comparisons():
     differs = np.mean([result.differs for result in outcomes(np.zeros(4))])
     assert 0.002 <= differs <= 0.02
