@@ -1,1 +1,1 @@
-"""The arm itself from its runs: drive gains, body, friction."""
+"""Calibration of an arm from its runs: drive gains, body, friction."""

@@ -1,4 +1,4 @@
-"""What many runs say of one arm: gains, body, friction, how level it stands, and how well all of that is known."""
+"""Result of a calibration from many runs: gains, body, friction and tilt of an arm, with their covariance."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
 
 DETERMINED_WITHIN: Final = 0.05
-"""A gain is determined where the half width of its 95 % interval is at most this share of it."""
+"""A gain is determined if the half width of its 95 % interval is at most this share of it."""
 TURN_OVER: Final = 0.01
-"""The direction of motion of a body turns over within this share of a joint's greatest speed."""
+"""Speed that smooths the direction of motion, as a share of a joint's greatest speed."""
 COLD: Final = 0.2
-"""Standard deviation of friction on another day, as a share of it: what a cold gear has more than a warm one. The runs
-of a calibration, often of one hour, do not show it: they differ by 2 %."""
+"""Relative standard deviation of friction between days: a cold gear has more than a warm one. It is not visible in the
+runs of a calibration, often of one hour, which differ by 2 %."""
 _DIGITS: Final = 9
 _DAY: Final = 10
 """Characters of a date."""
@@ -38,18 +38,18 @@ _DAY: Final = 10
 
 @dataclass(frozen=True, eq=False)
 class CalibratedRun:
-    """How one run fits the others.
+    """Residual, friction and influence of one run.
 
     Attributes:
         name: File name.
-        mounting: What it carried; empty for nothing.
-        recorded: Day and time that the recording names; empty where it names none.
-        residual_rms_nm: (n,) RMS of effort minus prediction, axis torque by nominal gains.
-        off: RMS of that over all joints in terms of the noise of all runs: 1 is like the others.
-        friction_changes: (3, n) Coulomb N m, viscous N m s/rad and offset N m by which it differs.
-        influence: (n,) by how many standard deviations each gain moves when the run is left out.
-        rows: Rows used.
-        struck: Rows left out as blows to the arm.
+        mounting: Name of its payload; empty for an empty arm.
+        recorded: Day and time stated in the recording; empty if it states none.
+        residual_rms_nm: (n,) RMS of effort minus prediction, axis torque with nominal gains.
+        off: RMS over all joints of that, relative to the noise of all runs: 1 for a typical run.
+        friction_changes: (3, n) differences of Coulomb (N m), viscous (N m s/rad) and offset (N m) from all runs.
+        influence: (n,) change of each gain without this run, in standard deviations.
+        rows: Number of rows used.
+        struck: Number of rows excluded as blows to the arm.
     """
 
     name: str
@@ -65,11 +65,11 @@ class CalibratedRun:
 
 @dataclass(frozen=True, eq=False)
 class CalibratedPayload:
-    """The payload of one mounting, as it was found beside the arm.
+    """The payload of one mounting, as identified with the arm.
 
     Attributes:
         mounting: Its name.
-        weighed_kg: What a scale said; NaN where it was not weighed.
+        weighed_kg: Its weighed mass; NaN if it was not weighed.
         theta: (10,) parameters in the flange frame.
         deviation: (10,) their standard deviations.
     """
@@ -82,7 +82,7 @@ class CalibratedPayload:
 
 @dataclass(frozen=True, eq=False)
 class ArmCalibration:
-    """An arm of n joints as its runs show it.
+    """An arm of n joints as identified from its runs.
 
     The covariance is that of the logarithms of the gains (n), the base parameters of the links (b, in the order of
     `body.base`), rotors (n), load-dependent friction (n), Coulomb (n), viscous (n) and root friction (n), the delay
@@ -90,22 +90,21 @@ class ArmCalibration:
 
     Attributes:
         robot: Name of the robot.
-        effort: What the gains belong to.
-        gain_nm_a: (n,) axis torque per ampere of motor current; per N m of reported axis torque where the drives
-            report torque.
-        nominal: (n,) the gains that were assumed before; 1 where the drives report torque.
+        effort: Quantity to which the gains refer.
+        gain_nm_a: (n,) axis torque per ampere of motor current, or per N m of reported axis torque.
+        nominal: (n,) the gains assumed before; 1 if the drives report torque.
         body: Links, rotors, friction and delay.
-        tilt_rad: (2,) by how much gravity leans along `tilt_axes`.
+        tilt_rad: (2,) tilt of gravity along `tilt_axes`.
         covariance: (k, k) as above.
         drift: (3, n) standard deviation of a run's Coulomb, viscous and offset changes.
-        noise_nm: (n,) RMS residual, axis torque by nominal gains.
-        correlation_s: (n,) time for which that residual stays like itself: its integrated autocorrelation.
+        noise_nm: (n,) RMS residual, axis torque with nominal gains.
+        correlation_s: (n,) correlation time of that residual: its integrated autocorrelation.
         level_nm: (n,) RMS effort, for scale.
         payloads: One per mounting.
         runs: One per run that was used.
-        left_out: File name and reason of every run that was not.
-        warnings: What contradicts the rest, one sentence each.
-        kinematics_sha256: Of the chain.
+        left_out: File name and reason of every excluded run.
+        warnings: Contradictions and missing information, one sentence each.
+        kinematics_sha256: Hash of the chain, `kinematics_sha256`.
         provenance: What it was made from.
     """
 
@@ -144,22 +143,22 @@ class ArmCalibration:
 
     @property
     def determined(self) -> NDArray[np.bool_]:
-        """(n,) True where the runs determine the gain; elsewhere it is what was assumed, or hardly better."""
+        """(n,) True if the runs determine the gain; otherwise it is the assumed value, or hardly better."""
         return np.asarray(self.gain_half_width_95 <= DETERMINED_WITHIN * self.gain_nm_a)
 
     @property
     def scale_weighed(self) -> bool:
-        """Whether a weighed payload sets the scale of all gains; else the nominal gains' average does."""
+        """Whether a weighed payload determines the scale of all gains; otherwise the nominal gains' average does."""
         return any(np.isfinite(payload.weighed_kg) for payload in self.payloads)
 
     @property
     def days(self) -> tuple[str, ...]:
-        """Days of the runs that name theirs, as YYYY-MM-DD, the earliest first."""
+        """Days of the runs that state theirs, as YYYY-MM-DD, the earliest first."""
         return tuple(sorted({run.recorded[:_DAY] for run in self.runs if len(run.recorded) >= _DAY}))
 
     @property
     def origin(self) -> str:
-        """What it was made from, in a few words."""
+        """Number, days and scale of its runs, in a few words."""
         days = self.days
         when = "" if not days else f" of {days[0]}" if len(days) == 1 else f" from {days[0]} to {days[-1]}"
         count = len(self.runs)
@@ -181,7 +180,7 @@ class ArmCalibration:
         return self.covariance[at, at]
 
     def _place(self, name: str) -> slice:
-        """Where a part of the unknowns stands in the covariance."""
+        """Indices of a part of the unknowns in the covariance."""
         n, links = self.n, int(np.count_nonzero(self.body.base))
         sizes = {"gain": n, "links": links, "rotors": n, "load": n, "coulomb": n, "viscous": n, "root": n}
         start = 0
@@ -193,7 +192,7 @@ class ArmCalibration:
 
     @property
     def middle_speed_rad_s(self) -> FloatArray:
-        """(n,) half of each joint's greatest speed in the runs, at which its friction is stated."""
+        """(n,) half of each joint's greatest speed in the runs, at which its friction is reported."""
         return np.asarray(0.5 * self.body.reversal_speed_rad_s / TURN_OVER)
 
     @property
@@ -204,7 +203,7 @@ class ArmCalibration:
 
     @property
     def friction_deviation_nm(self) -> FloatArray:
-        """(n,) its standard deviations."""
+        """(n,) standard deviations of `friction_nm`."""
         speed, joints = self.middle_speed_rad_s, np.arange(self.n)
         rows = np.zeros((self.n, len(self.covariance)))
         for name, factor in (("coulomb", np.ones(self.n)), ("viscous", speed), ("root", np.sqrt(speed))):
@@ -212,7 +211,7 @@ class ArmCalibration:
         return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance, rows)))
 
     def friction_change_nm(self, run: CalibratedRun) -> FloatArray:
-        """(n,) by how much a run's friction at that speed differs from that of all runs.
+        """(n,) difference of a run's friction at the middle speed from that of all runs, N m.
 
         Args:
             run: One of `runs`.
@@ -221,22 +220,22 @@ class ArmCalibration:
 
     @property
     def usual_change_nm(self) -> FloatArray:
-        """(n,) standard deviation of that from run to run."""
+        """(n,) standard deviation of `friction_change_nm` between runs, N m."""
         return np.asarray(np.hypot(self.drift[0], self.drift[1] * self.middle_speed_rad_s))
 
     @property
     def friction_spread(self) -> FloatArray:
-        """(3, n) standard deviation of Coulomb, viscous and offset changes on any day: cold, or as between runs."""
+        """(3, n) standard deviation of Coulomb, viscous and offset changes on any day, cold arms included."""
         body = self.body
         steady = np.abs(body.coulomb_nm + body.root_nm * np.sqrt(self.middle_speed_rad_s))
         cold = COLD * np.stack([steady, np.abs(body.viscous_nm_s_rad), np.zeros(self.n)])
         return np.asarray(np.hypot(self.drift, cold))
 
     def transmission(self, nominal: Transmission) -> Transmission:
-        """The arm's transmission with these gains in place of the nominal ones.
+        """The arm's transmission with these gains instead of the nominal ones.
 
         Args:
-            nominal: As configured.
+            nominal: The configured transmission.
         """
         covariance = self.covariance[: self.n, : self.n]
         if self.effort is Effort.TORQUE:
@@ -250,21 +249,21 @@ class ArmCalibration:
         return replace(nominal, gain_nm_a=self.gain_nm_a, calibrated=self.determined, covariance=covariance)
 
     def commanded(self, coupling: FloatArray) -> FloatArray:
-        """What drives that believe in nominal gains are to be given for a joint torque: tau C diag(k0 / k) C^-1.
+        """Matrix from a joint torque to the one to command to drives with nominal gains: tau C diag(k0 / k) C^-1.
 
         Args:
             coupling: (n, n) C of the motors.
 
         Returns:
-            (n, n), to be multiplied by a torque from the left.
+            (n, n), to be multiplied from the left by a torque.
         """
         return np.asarray(coupling * (self.nominal / self.gain_nm_a) @ np.linalg.inv(coupling))
 
     def level(self, chain: Chain) -> Chain:
-        """The chain under gravity as it pulls on a base that is not level.
+        """The chain with the identified tilt of its base.
 
         Args:
-            chain: As configured.
+            chain: The configured arm.
         """
         size = float(np.sqrt(np.sum(chain.gravity_m_s2**2)))
         gravity = chain.gravity_m_s2 + size * self.tilt_rad @ tilt_axes(chain.gravity_m_s2)
@@ -274,7 +273,7 @@ class ArmCalibration:
         """The empty arm for an identification.
 
         Args:
-            chain: As configured.
+            chain: The configured arm.
         """
         level = self.level(chain)
         to_joint = np.linalg.inv(self.body.coupling)
@@ -289,7 +288,7 @@ class ArmCalibration:
         )
 
     def _body_fit(self) -> BodyFit:
-        """Body and how well it is known."""
+        """The body with its standard deviations."""
         links = int(np.count_nonzero(self.body.base))
         return BodyFit(
             model=self.body,
@@ -303,24 +302,24 @@ class ArmCalibration:
         )
 
     def _per_joint(self, values: FloatArray) -> FloatArray:
-        """(n, K, n) from (K, n): what each joint's friction does to itself alone."""
+        """(n, K, n) from (K, n): the torque of each joint's friction, which acts only on that joint."""
         return np.asarray(values[None] * np.eye(self.n)[:, None, :])
 
     def torque_doubts(
         self, chain: Chain, states: JointStates, interval_s: float, measured_nm: FloatArray
     ) -> FloatArray:
-        """Torque that is left of a run for one standard deviation of each independent error of the calibration.
+        """Error of a run's measured minus predicted torque, for each independent error of the calibration.
 
-        Gains and body err together: both were found from the same currents.
+        Errors of gains and body are correlated, as both were identified from the same currents.
 
         Args:
-            chain: The arm under gravity as it pulls.
-            states: (K, n) each: its motion.
+            chain: The arm with the tilt of its base.
+            states: (K, n) each: the run's motion.
             interval_s: Time between samples.
             measured_nm: (K, n) joint torque.
 
         Returns:
-            (k, K, n) in N m.
+            (k, K, n) in N m, for one standard deviation each.
         """
         body, (q, dq, ddq) = self.body, states
         base = self.body.base.ravel()
@@ -347,20 +346,20 @@ class ArmCalibration:
 
     @cached_property
     def _independent_errors(self) -> FloatArray:
-        """(k, p) one standard deviation of each independent error."""
+        """(k, p) change of the unknowns for one standard deviation of each independent error."""
         values, vectors = np.linalg.eigh(self.covariance)
         kept = values > 0.0
         return np.asarray((vectors[:, kept] * np.sqrt(values[kept])).T)
 
     def require_arm(self, chain: Chain, coupling: FloatArray) -> None:
-        """Refuse another arm.
+        """Raise unless the calibration belongs to an arm.
 
         Args:
-            chain: The arm that is to be identified with this calibration.
+            chain: The arm to be used with this calibration.
             coupling: (n, n) C of its motors.
 
         Raises:
-            ModelError: other kinematics, mounting or coupling.
+            ModelError: different kinematics, mounting or coupling.
         """
         if chain.n != self.n or kinematics_sha256(chain) != self.kinematics_sha256:
             raise ModelError(
@@ -375,7 +374,7 @@ class ArmCalibration:
 
 
 def kinematics_sha256(chain: Chain) -> str:
-    """Hash of an arm's kinematics and mounting, alike on every machine.
+    """Hash of an arm's kinematics and mounting, the same on every machine.
 
     Args:
         chain: The arm.

@@ -1,15 +1,15 @@
-"""Fit an arm to all its runs at once: Gauss and Newton on robustly weighted rows, run by run.
+"""Fit an arm to all its runs at once: Gauss-Newton on robustly weighted rows, run by run.
 
-Every run has a few unknowns of its own beside the shared ones, so that the normal equations are an arrow: the runs'
-own unknowns are eliminated run by run, fifty runs cost fifty times one, and what a run contributes to the rest stays
-at hand, which is what tells runs that contradict the others.
+Every run has a few unknowns of its own in addition to the shared ones, so that the normal equations have an arrow
+structure. The runs' own unknowns are eliminated run by run: the cost is linear in the number of runs, and each run's
+contribution remains available, which identifies runs that contradict the others.
 
-Rows weigh by the speed of the joint and by Huber's function; their variance is that of the residual times its
-integrated autocorrelation. Rows about a blow to the arm are left out on all joints. A run that is off as a whole weighs
-less, so that the others decide what is right.
+Rows are weighted by the speed of the joint and by Huber's function; their variance is that of the residual times its
+integrated autocorrelation. Rows close to a blow to the arm are excluded on all joints. A run that deviates as a whole
+has less weight, so that the others dominate.
 
-The covariance is a sandwich over blocks of 5 s, averaged with the model's own where blocks are few, times the square
-of 1.25: without it halves of the UR10e's data differ by an rms z of 1.24.
+The covariance is a sandwich over blocks of 5 s, averaged with the model's own covariance if there are few blocks, times
+the square of 1.25: without this factor, halves of the UR10e's data differ by an rms z of 1.24.
 """
 
 from __future__ import annotations
@@ -29,28 +29,28 @@ from armload_identification.estimation.empty_arm.blows import struck_samples
 from armload_identification.identification_errors import EstimationError
 
 HALVES: Final = 1.25
-"""Standard deviations are this many times what the blocks say."""
+"""Factor on the standard deviations from the blocks, from comparing halves of the UR10e's data."""
 _HUBER: Final = 2.0
 _BLOCK_S: Final = 5.0
 _ENOUGH_BLOCKS: Final = 30.0
 _LAGS: Final = 25
 _UNCORRELATED: Final = 0.05
 _OFF: Final = 3.0
-"""RMS residual of a run on any joint, in the noise of all runs, from which the run weighs less."""
+"""RMS residual of a run on any joint, relative to the noise of all runs, from which its weight is reduced."""
 MOVING: Final = 0.3
-"""Weight from which a row counts as one of a joint in motion, for the noise above all."""
+"""Weight from which a joint counts as moving in a row, mainly for the noise."""
 _OUTLYING: Final = 3.0
 _MAD: Final = 1.4826
 _STEPS: Final = 40
 _ROUGH: Final = 5
-"""Iterations in which friction's scale is adapted and no row is left out."""
+"""Iterations in which friction's scale is adapted and no row is excluded."""
 _WEIGHED: Final = 10
-"""Iterations after which noise, blows and runs that are off stay as they are: a row that comes and goes would keep the
-gains moving by 0.01 %."""
+"""Iterations after which noise, blows and weights of runs are fixed: a row that alternates between used and excluded
+would keep changing the gains by 0.01 %."""
 _SETTLED: Final = 0.05
-"""Standard deviations by which all unknowns together may still move."""
+"""Change of all unknowns together, in standard deviations, below which the fit has settled."""
 _SHORTEST: Final = 0.01
-"""|tau| has a corner, over which whole steps of what is hardly determined would go to and fro."""
+"""Shortest share of a step: full steps of poorly determined unknowns could oscillate across the kink of |tau|."""
 _LARGEST_STEP: Final = 0.3
 _ZERO: Final = 1e-12
 _ROUNDING: Final = 1e-13
@@ -58,18 +58,18 @@ _ROUNDING: Final = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class FittedRun:
-    """How one run fits.
+    """Residual, friction and influence of one run.
 
     Attributes:
-        name: Of the run.
-        mounting: What it carries; empty for nothing.
+        name: Name of the run.
+        mounting: Name of its payload; empty for an empty arm.
         changes: (3 n,) Coulomb, viscous and offset changes.
-        change_deviation: (3 n,) how much of each was to be expected.
-        residual_rms_nm: (n,) weighted RMS of effort minus prediction, axis torque by nominal gains.
-        off: RMS of that over all joints in terms of the noise of all runs: 1 is like the others.
-        struck: Rows left out as blows.
-        rows: Rows in all.
-        influence: (n,) by how much ln(gain) moves, in its standard deviations, when the run is left out.
+        change_deviation: (3 n,) their expected standard deviations.
+        residual_rms_nm: (n,) weighted RMS of effort minus prediction, axis torque with nominal gains.
+        off: RMS over all joints of that, relative to the noise of all runs: 1 for a typical run.
+        struck: Number of rows excluded as blows.
+        rows: Number of rows.
+        influence: (n,) change of ln(gain) without this run, in standard deviations.
     """
 
     name: str
@@ -90,13 +90,13 @@ class ArmFit:
     Attributes:
         unknowns: The layout of x.
         x: (p,) shared unknowns.
-        covariance: (p, p).
-        bread: (p, p) inverse information: the covariance if the rows were as independent as they are weighted.
+        covariance: (p, p) covariance of x.
+        bread: (p, p) inverse information: the covariance if the rows were as independent as their weights assume.
         noise_nm: (n,) standard deviation of a row.
         correlation: (n,) its integrated autocorrelation, in rows.
         level_nm: (n,) RMS effort.
-        blocks: Blocks that the covariance rests on.
-        steps: Iterations.
+        blocks: Number of blocks for the covariance.
+        steps: Number of iterations.
         runs: Every run.
     """
 
@@ -114,7 +114,7 @@ class ArmFit:
 
 @dataclass(eq=False)
 class _Run:
-    """A run's part of the normal equations, its own unknowns eliminated."""
+    """State of a run during the iteration."""
 
     rows: ArmRows
     mounting: str
@@ -126,7 +126,7 @@ class _Run:
 
 @dataclass(frozen=True, eq=False)
 class _Reduced:
-    """Information and gradient of the shared unknowns, and how the run's own follow them."""
+    """Information and gradient of the shared unknowns, and the dependence of the run's own unknowns on these."""
 
     information: FloatArray
     gradient: FloatArray
@@ -136,7 +136,7 @@ class _Reduced:
 
 @dataclass(frozen=True, eq=False)
 class _WeightedRows:
-    """(N, k) rows and (N,) residuals of an axis, weighted, and (k,) the unknowns that they are about."""
+    """(N, k) rows and (N,) residuals of an axis, weighted, and (k,) indices of their unknowns."""
 
     rows: FloatArray
     target: FloatArray
@@ -156,11 +156,11 @@ def fit_arm(
 
     Args:
         model: Predictions and derivatives.
-        runs: Rows, and what the run carries.
-        prior: What is known before.
+        runs: Rows and mounting of every run.
+        prior: Prior knowledge.
         peak_rad_s: (n,) greatest speeds.
-        progress: Takes the iterations done, and about how many there will be.
-        rough: Take what there is after the last iteration: what is left of the efforts is wanted, not the unknowns.
+        progress: Called with the number of iterations done, and an estimate of their total.
+        rough: Return the last iterate even if it has not settled; sufficient if only the residual is needed.
 
     Returns:
         The fit.
@@ -191,7 +191,7 @@ class _Fitter:
         self._drift = change_deviation(of, self._x, prior.level_nm, peak_rad_s)
 
     def fit(self, progress: Callable[[int, int], None] | None, *, rough: bool) -> ArmFit:
-        """Iterate until nothing moves any more."""
+        """Iterate until the unknowns settle."""
         of = self._model.unknowns
         for step in range(_STEPS):
             moved = self._step()
@@ -209,7 +209,7 @@ class _Fitter:
         )
 
     def _step(self) -> float:
-        """One step of all unknowns, shorter until it fits better; how far that was, in standard deviations."""
+        """One step of all unknowns, shortened until the fit improves; returns its size in standard deviations."""
         of = self._model.unknowns
         reduced = [self._reduced(run) for run in self._runs]
         information = self._prior.precision + np.sum([part.information for part in reduced], axis=0)
@@ -231,7 +231,7 @@ class _Fitter:
             share *= 0.5
 
     def _cost(self, weights: Sequence[FloatArray]) -> float:
-        """Weighted squares of the residuals and of what the prior did not expect."""
+        """Weighted squares of the residuals and of deviations from the prior."""
         left = sum(float(np.sum((run.residual * weight) ** 2)) for run, weight in zip(self._runs, weights, strict=True))
         own = sum(float(np.sum((run.changes / self._drift) ** 2)) for run in self._runs)
         return left + own + float(self._x @ self._prior.precision @ self._x - 2.0 * self._prior.target @ self._x)
@@ -244,7 +244,7 @@ class _Fitter:
         return np.asarray(np.where(run.struck[:, None], 0.0, weight))
 
     def _local(self, run: _Run) -> tuple[FloatArray, FloatArray, list[_WeightedRows]]:
-        """Information and gradient of shared and own unknowns, and the rows of every axis that they come from."""
+        """Information and gradient of shared and own unknowns, and the weighted rows of every axis."""
         of = self._model.unknowns
         size = of.size + PER_RUN * of.n
         information, gradient = np.zeros((size, size)), np.zeros(size)
@@ -263,12 +263,12 @@ class _Fitter:
         return information, gradient, weighted
 
     def _reduced(self, run: _Run) -> _Reduced:
-        """The run's own unknowns eliminated."""
+        """A run's normal equations with its own unknowns eliminated."""
         information, gradient, _ = self._local(run)
         return _eliminate(information, gradient, self._model.unknowns.size)
 
     def _weigh(self, *, rough: bool) -> None:
-        """Noise, its colour, blows, and runs that are off."""
+        """Update noise, its autocorrelation, blows, and the weights of runs."""
         of = self._model.unknowns
         weighted = [run.residual * run.rows.weight for run in self._runs]
         used = [~run.struck for run in self._runs]
@@ -291,7 +291,7 @@ class _Fitter:
             self._drift = change_deviation(of, self._x, self._prior.level_nm, self._peak)
 
     def _result(self, steps: int) -> ArmFit:
-        """Covariance and what each run contributes."""
+        """Covariance and contribution of each run."""
         of = self._model.unknowns
         parts, meat, blocks = [], self._prior.precision.copy(), 0
         for run in self._runs:
@@ -329,9 +329,9 @@ class _Fitter:
         )
 
     def _fitted(self, run: _Run, part: _Reduced, information: FloatArray, deviation: FloatArray) -> FittedRun:
-        """A run's fit, and what it means for the gains."""
+        """A run's residual, and its influence on the gains."""
         weighted = run.residual * run.rows.weight
-        # Without the run: one step from the solution of all, at which their gradients cancel.
+        # Without the run: one step from the solution of all runs, at which the gradients cancel.
         moved = np.abs(_solved(information - part.information, part.gradient)[self._model.unknowns.log_h])
         return FittedRun(
             name=run.rows.name,
@@ -347,7 +347,7 @@ class _Fitter:
 
 
 def _eliminate(information: FloatArray, gradient: FloatArray, shared: int) -> _Reduced:
-    """The arrow's head less what the run's own unknowns take up."""
+    """Schur complement: the shared unknowns with the run's own eliminated."""
     from scipy.linalg import cho_factor, cho_solve
 
     factor = cho_factor(information[shared:, shared:])
@@ -362,7 +362,7 @@ def _eliminate(information: FloatArray, gradient: FloatArray, shared: int) -> _R
 
 
 def _solved(information: FloatArray, right: FloatArray) -> FloatArray:
-    """Solution of the normal equations, at unit diagonal; what only the prior knows has room for rounding."""
+    """Solution of the normal equations, scaled to unit diagonal, with a small regularisation against rounding."""
     from scipy.linalg import cho_factor, cho_solve
 
     scale = 1.0 / np.sqrt(np.diag(information))
@@ -372,7 +372,7 @@ def _solved(information: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def _integrated(parts: Sequence[FloatArray], bound: float) -> float:
-    """Integrated autocorrelation, in rows, up to where it has died away."""
+    """Integrated autocorrelation, in rows, up to where it has decayed."""
     covariance = np.zeros(_LAGS)
     for part in parts:
         values = np.clip(part, -bound, bound)
@@ -387,5 +387,5 @@ def _integrated(parts: Sequence[FloatArray], bound: float) -> float:
 
 
 def _off(weighted: FloatArray, noise_nm: FloatArray, struck: NDArray[np.bool_]) -> FloatArray:
-    """(n,) RMS over the rows in terms of the noise."""
+    """(n,) RMS over the rows, relative to the noise."""
     return np.asarray(np.sqrt(np.mean((weighted[~struck] / noise_nm) ** 2, axis=0)))

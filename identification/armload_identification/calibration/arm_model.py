@@ -1,15 +1,15 @@
-"""The model that a calibration fits: axis torque by nominal gains as a function of everything unknown of an arm.
+"""The model of a calibration: axis torque with nominal gains as a function of all unknowns of an arm.
 
     y = h C^T [tau + mu s |tau| + Fc s + Fv dq + Fs s sqrt|dq| + (changes of the run)] + h I_r C^-1 ddq,
     tau = Y(q, dq, ddq) beta + Phi(q, dq, ddq) theta,      h = nominal gain / gain
 
-with s the direction of motion. Shared by all runs are log h, the links' base parameters beta, the rotors I_r, mu,
-friction, one delay of the torque and two angles by which the base is not level; shared by the runs of one mounting are
-the ten parameters theta. Every run has changes of its own: of Coulomb and viscous friction, which drift as an arm
-warms up, and an offset.
+with s the direction of motion. Common to all runs are log h, the links' base parameters beta, the rotors I_r, mu,
+friction, one delay of the torque and two tilt angles of the base; common to the runs of one mounting are the ten
+parameters theta. Every run has its own changes of Coulomb and viscous friction, which drift as an arm warms up, and of
+the offset.
 
-Load-dependent friction is taken as linear in |tau|. On the UR10e |tau|^1.5 leaves 18 % less of joint 2, but gains
-and payloads are no better with it.
+Load-dependent friction is linear in |tau|. On the UR10e |tau|^1.5 reduces the residual of joint 2 by 18 %, but does not
+improve gains and payloads.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ PER_RUN = 3
 
 @dataclass(frozen=True)
 class Unknowns:
-    """Where each shared unknown stands in the vector x of all of them.
+    """Layout of the vector x of all shared unknowns.
 
     Attributes:
-        n: Joints.
-        base: Base parameters of the links.
-        mountings: Names, one payload each.
+        n: Number of joints.
+        base: Number of base parameters of the links.
+        mountings: Names of the mountings, one payload each.
         log_h: (n) ln(nominal gain / gain).
         links: (base) base parameters.
         rotors: (n) kg m2.
@@ -69,7 +69,7 @@ class Unknowns:
 
     @property
     def arm(self) -> int:
-        """Length of the part that is the arm's; payloads stand behind."""
+        """Length of the arm's part, which the payloads follow."""
         return int(self.tilt.stop)
 
     @property
@@ -78,19 +78,19 @@ class Unknowns:
         return self.arm + PARAMETERS * len(self.mountings)
 
     def payload(self, mounting: str) -> slice:
-        """Ten parameters of a mounting."""
+        """Indices of the ten parameters of a mounting."""
         start = self.arm + PARAMETERS * self.mountings.index(mounting)
         return slice(start, start + PARAMETERS)
 
 
 @dataclass(frozen=True, eq=False)
 class RunDerivatives:
-    """What a run is predicted to take, and how it changes, for N rows.
+    """Predicted torque of a run and its derivatives, for N rows.
 
     Attributes:
-        predicted_nm: (N, n) axis torque by nominal gains.
+        predicted_nm: (N, n) axis torque with nominal gains.
         columns: Per axis (N, k) derivatives.
-        place: Per axis (k,) the unknowns they belong to; the run's own changes count on behind x.
+        place: Per axis (k,) indices of their unknowns; the run's own changes follow x.
     """
 
     predicted_nm: FloatArray
@@ -111,13 +111,13 @@ class ArmModel:
         self._joints = [np.flatnonzero(column) for column in coupling.T]
 
     def predict(self, rows: ArmRows, mounting: str, x: FloatArray, changes: FloatArray) -> FloatArray:
-        """Axis torque by nominal gains.
+        """Axis torque with nominal gains.
 
         Args:
             rows: The run.
-            mounting: What it carries; empty for nothing.
+            mounting: Name of its payload; empty for an empty arm.
             x: All shared unknowns.
-            changes: (3 n,) its own.
+            changes: (3 n,) the run's own changes of friction.
 
         Returns:
             (N, n) in N m.
@@ -132,7 +132,7 @@ class ArmModel:
         return self._axis_torque(rows, tau, x, changes)
 
     def differentiate(self, rows: ArmRows, mounting: str, x: FloatArray, changes: FloatArray) -> RunDerivatives:
-        """The same with derivatives; arguments as `predict`."""
+        """The prediction with its derivatives; arguments as in `predict`."""
         of, n = self.unknowns, rows.n
         delay, tilt = x[of.delay][0], x[of.tilt]
         links = _moved(rows.links, rows.links_rate, rows.links_tilt, delay, tilt)
@@ -190,7 +190,7 @@ class ArmModel:
         return RunDerivatives(predicted, tuple(columns), tuple(places))
 
     def _axis_torque(self, rows: ArmRows, tau: FloatArray, x: FloatArray, changes: FloatArray) -> FloatArray:
-        """(N, n) axis torque by nominal gains from that of links and payload."""
+        """(N, n) axis torque with nominal gains, from the joint torque of links and payload."""
         of = self.unknowns
         coulomb, viscous, offset = changes.reshape(PER_RUN, rows.n)
         friction = rows.direction * (x[of.coulomb] + coulomb + x[of.load] * np.abs(tau))
@@ -201,7 +201,7 @@ class ArmModel:
 
 
 def _moved(level: FloatArray, rate: FloatArray, tilted: FloatArray, delay: float, tilt: FloatArray) -> FloatArray:
-    """(N, n) torque, or its (N, n, k) columns, delayed and on a base that is not level."""
+    """(N, n) torque, or its (N, n, k) columns, with delay and tilt of the base."""
     moved = level + delay * rate
     moved += tilt[0] * tilted[0]
     moved += tilt[1] * tilted[1]

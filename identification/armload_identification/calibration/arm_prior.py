@@ -1,8 +1,8 @@
-"""What is known of an arm before its runs: wide for what the runs determine, narrow where physics or a scale says so.
+"""Prior of an arm: wide for what the runs determine, narrow where physics or a scale provides information.
 
-Nothing here is a number of one arm. A joint's friction drifts between runs by shares of its own friction: the changes
-that the UR10e's six joints showed over weeks are alike in these terms, 1.8 % of the friction at half the greatest speed
-in Coulomb friction, 5.5 % in viscous friction and 0.55 % in offset.
+No number is specific to one arm. A joint's friction drifts between runs by shares of itself: over weeks, the changes of
+the UR10e's six joints had similar shares of the friction at half the greatest speed, 1.8 % in Coulomb friction, 5.5 %
+in viscous friction and 0.55 % in offset.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from armload_identification.model.chain import Chain
 GAIN_DEVIATION: Final = 0.05
 """Relative standard deviation of a nominal gain."""
 TILT_DEVIATION_RAD: Final = float(np.radians(0.5))
-"""How level a base is: one standard deviation of either angle."""
+"""Standard deviation of each tilt angle of the base."""
 _DELAY_DEVIATION_S: Final = 0.02
 _LOAD: Final = 0.05
-"""Gears lose 0 to 15 % of what they carry: mean and standard deviation of mu."""
+"""Mean and standard deviation of mu: gears lose 0 to 15 % of their load."""
 _WIDE: Final = 10.0
-"""Standard deviation of any other parameter, in terms of what would explain a joint's whole torque by itself."""
+"""Standard deviation of other parameters, in multiples of the value that alone would explain a joint's torque."""
 _HAND_M: Final = 0.1
 _TOOL_M: Final = 0.5
-"""Size of an arm's last link, and of what hangs on its flange."""
+"""Size of an arm's last link, and of a payload."""
 _DRIFT: Final = np.array([0.018, 0.055, 0.0055])
 """Standard deviation of a run's Coulomb, viscous and offset changes, as shares of the joint's friction."""
 _LEAST_FRICTION: Final = 0.01
-"""Of the joint's torque; no joint has less."""
+"""Least friction, as a share of the joint's torque."""
 _ZERO: Final = 1e-9
 
 
@@ -46,7 +46,7 @@ class ArmPrior:
     Attributes:
         precision: (p, p) inverse covariance.
         target: (p,) precision times mean.
-        level_nm: (n,) RMS axis torque, the measure of a joint's size.
+        level_nm: (n,) RMS axis torque, as a scale.
     """
 
     precision: FloatArray
@@ -61,10 +61,10 @@ def arm_prior(
 
     Args:
         of: The layout of the unknowns.
-        runs: Their torques and motions set the scale.
+        runs: All runs, whose torques and motions set the scale.
         chain: The arm.
         base: (10 n,) True for the base parameters of the links.
-        known: What is known of the payloads, by mounting.
+        known: Priors of the payloads, by mounting.
     """
     level = np.maximum(np.sqrt(np.mean(np.vstack([run.effort_nm for run in runs]) ** 2, axis=0)), _ZERO)
     speed = np.maximum(_rms(runs, "velocity_rad_s"), _ZERO)
@@ -75,8 +75,8 @@ def arm_prior(
     mass = _WIDE * float(level.max()) / (gravity * reach)
     size = mass * np.array([1.0] + [reach] * 3 + [reach**2] * 6)
     deviation[of.links] = np.tile(size, of.n)[base]
-    # A rotor that turns with a link as one is known by its gear's friction alone, hardly: there a wide prior lets the
-    # link run away against it.
+    # A rotor that cannot be separated from a link is determined, poorly, only by the gear's friction: with a wide prior
+    # link and rotor would diverge in opposite directions.
     deviation[of.rotors] = level / np.maximum(_rms(runs, "axis_acceleration_rad_s2"), _ZERO)
     deviation[of.load] = _LOAD
     deviation[of.coulomb] = _WIDE * level
@@ -98,7 +98,7 @@ def arm_prior(
 
 
 def change_deviation(of: Unknowns, x: FloatArray, level_nm: FloatArray, peak_rad_s: FloatArray) -> FloatArray:
-    """How much a run's friction may differ from that of the others.
+    """Expected differences of a run's friction from that of all runs.
 
     Args:
         of: The layout.

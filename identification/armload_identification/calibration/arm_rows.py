@@ -1,9 +1,9 @@
-"""One run of an arm as equations: what its joints did, what its motors took, and the columns of the arm's unknowns.
+"""One run of an arm as equations: its motion, its motors' effort, and the columns of the arm's unknowns.
 
-Positions and efforts go through one zero-phase low-pass, so that what the model makes of the filtered motion can be
-compared with the filtered effort; the direction of motion, which is no smooth function, goes through it as well.
-Whole periods of a known excitation are averaged first. Filter, delay and rate hardly matter: on the UR10e cut-offs
-from 2.5 to 6 Hz and 10 or 20 rows per second move the gains by less than 0.1 %.
+Positions and efforts pass through the same zero-phase low-pass, so that the model's torque for the filtered motion is
+comparable with the filtered effort; the direction of motion, which is not smooth, is filtered as well. Whole periods of
+a known excitation are averaged first. Filter, delay and rate hardly matter: on the UR10e, cutoff frequencies from 2.5
+to 6 Hz and 10 or 20 rows per second change the gains by less than 0.1 %.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ CUTOFF_HZ: Final = 4.0
 _FINE_S: Final = 0.01
 _ROW_S: Final = 0.1
 _MOST_ROWS: Final = 1500
-"""Rows of one run; a longer one has them further apart."""
+"""Most rows of one run; in a longer one they are further apart."""
 _HOLE_S: Final = 0.1
 _EDGE_S: Final = 0.3
-"""At either end of a run the filter does not know what came before."""
+"""Time at both ends of a run that is excluded because of the filter's transient."""
 _TURN_OVER: Final = 0.01
-"""The direction of motion turns over within this share of a joint's greatest speed."""
+"""Speed that smooths the direction of motion, as a share of a joint's greatest speed."""
 _REVERSAL: Final = 0.10
-"""Share of a joint's greatest speed at which a row weighs 0.7: near a reversal friction is what no model says."""
+"""Share of a joint's greatest speed at which a row's weight is 0.7: near a reversal no friction model is accurate."""
 _STANDS_RAD_S: Final = 1e-3
 _DELAY_STEP_S: Final = 0.004
 _SHORTEST_S: Final = 3.0
@@ -46,18 +46,18 @@ _TILTED: Final = 0.9
 
 @dataclass(frozen=True, eq=False)
 class RunSignals:
-    """A run on an even time grid, low-passed, n joints.
+    """A run on an equidistant time grid, low-passed, n joints.
 
     Attributes:
-        name: What messages call the run.
+        name: Name of the run in messages.
         interval_s: Time between samples.
         position_rad: (K, n).
         velocity_rad_s: (K, n).
         acceleration_rad_s2: (K, n).
-        effort_nm: (K, n) axis torque that nominal gains make of the currents, C^T tau.
-        usable: (K,) False in holes and at the ends.
-        periodic: The last sample is followed by the first.
-        from_torque: The drives reported torque, not current.
+        effort_nm: (K, n) axis torque from the currents with nominal gains, C^T tau.
+        usable: (K,) False in gaps and at the ends.
+        periodic: Whether the last sample is followed by the first.
+        from_torque: Whether the drives reported torque instead of current.
     """
 
     name: str
@@ -76,13 +76,13 @@ class RunSignals:
         return np.asarray(np.abs(self.velocity_rad_s).max(axis=0))
 
     def turned(self, axis: int, coupling: FloatArray, *, position: bool, effort: bool) -> RunSignals:
-        """The same run of an arm one of whose axes counts the other way.
+        """The same run with one axis inverted.
 
         Args:
-            axis: Which.
+            axis: Index of the axis.
             coupling: (n, n) C of the motors.
-            position: Whether its position is turned.
-            effort: Whether its effort is.
+            position: Whether its position is inverted.
+            effort: Whether its effort is inverted.
         """
         turn = np.ones(len(coupling))
         turn[axis] = -1.0
@@ -96,7 +96,7 @@ class RunSignals:
         )
 
     def filtered(self, values: FloatArray) -> FloatArray:
-        """(K, m) through the same low-pass as the run's signals."""
+        """(K, m) values after the same low-pass as the run's signals."""
         return _filtered(values, self.interval_s, self.periodic)
 
 
@@ -105,14 +105,14 @@ class ArmRows:
     """N rows of a run of n joints with b base parameters.
 
     Attributes:
-        name: What messages call the run.
-        time_s: (N,) since the start.
+        name: Name of the run in messages.
+        time_s: (N,) time since the start.
         velocity_rad_s: (N, n).
         axis_acceleration_rad_s2: (N, n) C^-1 ddq.
-        axis_jerk_rad_s3: (N, n) minus its change with a delay of the torque.
-        direction: (N, n) of the motion, -1 to 1, low-passed.
+        axis_jerk_rad_s3: (N, n) its change per second of delay of the torque.
+        direction: (N, n) direction of motion, -1 to 1, low-passed.
         root: (N, n) direction times sqrt|dq|.
-        effort_nm: (N, n) axis torque by nominal gains.
+        effort_nm: (N, n) axis torque with nominal gains.
         weight: (N, n) 0 at a reversal, 1 far from it.
         links: (N, n, b) joint torque per base parameter of the links.
         links_rate: (N, n, b) its change per second of delay.
@@ -152,7 +152,7 @@ def run_signals(recording: Recording, transmission: Transmission) -> RunSignals:
         transmission: Nominal gains, and coupling.
 
     Returns:
-        The average period of a run with whole periods, else all of it.
+        The average period of a run with whole periods, else the entire run.
 
     Raises:
         RecordingError: too short, or without torque.
@@ -217,7 +217,7 @@ def _folded(recording: Recording, effort: FloatArray, name: str, from_torque: bo
 
 
 def _filtered(values: FloatArray, interval_s: float, periodic: bool) -> FloatArray:
-    """Zero-phase low-pass; a period is continued by itself on either side."""
+    """Zero-phase low-pass; a period is continued periodically at both ends."""
     if not periodic:
         return low_pass(values, interval_s, CUTOFF_HZ)
     length = len(values)
@@ -238,15 +238,15 @@ def arm_rows(
 
     Args:
         run: Its signals.
-        chain: The arm, as level as its configuration says.
+        chain: The arm as configured, without tilt.
         coupling: (n, n) C of its motors.
         base: (10 n,) True for the base parameters of the links.
         peak_rad_s: (n,) greatest speed of each joint over all runs.
-        loaded: Whether a payload's columns are needed.
-        spacing: Every how manieth row is kept.
+        loaded: Whether a payload's columns are required.
+        spacing: Keep every `spacing`-th row.
 
     Returns:
-        Rows 0.1 s apart, or further where the run is long.
+        Rows 0.1 s times `spacing` apart, or further in a long run.
     """
     moves = peak_rad_s > _STANDS_RAD_S
     scale = np.where(moves, peak_rad_s, 1.0)
@@ -286,7 +286,7 @@ def arm_rows(
 
 
 def tilt_axes(gravity_m_s2: FloatArray) -> FloatArray:
-    """Two directions across gravity, in which it leans when the base is not level.
+    """Two directions perpendicular to gravity, in which it tilts if the base is not level.
 
     Args:
         gravity_m_s2: (3,) gravity in the base frame.
@@ -303,7 +303,7 @@ def tilt_axes(gravity_m_s2: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=8)
 def sideways(chain: Chain) -> tuple[Chain, ...]:
-    """The arm under gravity that pulls to either side alone: what one rad of tilt adds.
+    """The arm with gravity along each tilt axis only: the effect of one rad of tilt.
 
     Args:
         chain: The arm.
@@ -315,7 +315,7 @@ def sideways(chain: Chain) -> tuple[Chain, ...]:
 
 
 def _states(run: RunSignals, kept: NDArray[np.intp], delay_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Position, velocity and acceleration that much earlier."""
+    """Position, velocity and acceleration `delay_s` earlier."""
     q, dq, ddq = (values[kept] for values in (run.position_rad, run.velocity_rad_s, run.acceleration_rad_s2))
     jerk = np.gradient(run.acceleration_rad_s2, run.interval_s, axis=0)[kept]
     half = 0.5 * delay_s**2
@@ -323,5 +323,5 @@ def _states(run: RunSignals, kept: NDArray[np.intp], delay_s: float) -> tuple[Fl
 
 
 def base_links(base: NDArray[np.bool_], n: int) -> NDArray[np.bool_]:
-    """(10 n,) of the links from (11 n,) of links and rotors."""
+    """(10 n,) flags of the links from (11 n,) of links and rotors."""
     return np.asarray(base[: PARAMETERS * n])

@@ -1,4 +1,4 @@
-"""Calibrate an arm from all its runs: read what is usable, fit, leave out what contradicts the rest, and say so."""
+"""Calibrate an arm from all its runs: use all valid runs, fit, exclude contradicting ones, and report them."""
 
 from __future__ import annotations
 
@@ -41,43 +41,43 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.sanity import check_run
 
 WEIGHED_WITHIN: Final = 1e-3
-"""Relative standard deviation of a weighed mass, and of a payload that is known whole."""
+"""Relative standard deviation of a weighed mass, and of a completely known payload."""
 _UNMOVED_RAD_S: Final = 1e-3
 _DISAGREES: Final = 4.0
-"""Standard deviations by which a weighed mass contradicts everything else."""
+"""Threshold in standard deviations of a weighed mass that contradicts all other data."""
 _SUSPECT: Final = 2.0
-"""Residual of a joint, in the noise of all runs, from which it is tried how well the others agree without the run."""
+"""Residual of a joint, relative to the noise of all runs, from which a fit without the run is tried."""
 _QUIETER: Final = 2.0
-"""A run that makes all runs of a joint this many times worse contradicts them, even where the fit has found a
+"""A run that increases a joint's noise in all runs by this factor contradicts them, even if the fit is a
 compromise."""
 _DOUBTFUL: Final = 0.12
-"""Share of a joint's torque on other motions from which its error is worth a warning."""
+"""Share of a joint's torque on other motions from which its error causes a warning."""
 _FAR: Final = 5.0
-"""Standard deviations of a change of friction that is worth a warning."""
+"""Change of friction, in standard deviations, that causes a warning."""
 _ROWS_PER_UNKNOWN: Final = 3
-"""Rows of joints in motion per unknown, below which a fit is good whatever the arm is."""
+"""Least number of rows of moving joints per unknown: with fewer, any arm would fit."""
 _TRIED_RUNS: Final = 4
 _TRIED_SPACING: Final = 3
 _LITTLE: Final = 0.025
-"""Geometric mean of the unexplained shares of the moving joints up to which an arm is mounted as entered. The UR10e has
-0.017 as it is, and 0.035 or more turned any other way."""
+"""Greatest geometric mean of the moving joints' residual shares of an arm that is mounted as configured. The UR10e has
+0.017 as mounted, and 0.035 or more with any other mounting."""
 _MUCH: Final = 0.2
-"""Unexplained share of one moving joint from which on some joint may count the other way: that leaves 0.28 or more."""
+"""Residual share of one moving joint from which a joint may be inverted, which causes 0.28 or more."""
 _WHOLE: Final = "position and effort"
 _TURNED: Final = {_WHOLE: (True, True), "position": (True, False), "effort": (False, True)}
 _BETTER: Final = 0.3
-"""By how much the logarithm of the joints' noise must be lower for another mounting to be believed."""
+"""Least reduction of the logarithm of the joints' noise for another mounting to be accepted."""
 
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
 class MountedRun:
-    """A run and what it carried.
+    """A run and its payload.
 
     Attributes:
         recording: The run.
-        mounting: Name of the payload as it was mounted; empty for nothing.
+        mounting: Name of the payload as mounted; empty for an empty arm.
     """
 
     recording: Recording
@@ -86,11 +86,11 @@ class MountedRun:
 
 @dataclass(frozen=True, eq=False)
 class WeighedPayload:
-    """What is known of a mounting beforehand.
+    """A payload with known mass.
 
     Attributes:
         mass_kg: From a scale.
-        whole: All ten parameters, in the flange frame; None where the mass alone is known.
+        whole: All ten parameters, in the flange frame; None if only the mass is known.
     """
 
     mass_kg: float
@@ -120,21 +120,22 @@ def calibrate_arm(
     """Calibrate an arm.
 
     Args:
-        runs: All of them, of any motions, days and payloads.
-        weighed: What is known of the payloads, by mounting.
+        runs: All runs, of any motions, days and payloads.
+        weighed: Known payloads by mounting.
         chain: The arm.
         transmission: Nominal gains, and coupling.
         robot: Its name.
-        armload_version: Of the program.
-        configuration_sha256: Of the robot's configuration.
+        armload_version: Version of the program.
+        configuration_sha256: Hash of the robot's configuration.
         left_out: File name and reason of recordings that could not be read.
-        progress: Takes how much is done, and of how much.
+        progress: Called with the steps done and their total.
 
     Returns:
-        The calibration; runs that are unusable or contradict the others are left out and named in it.
+        The calibration; runs that are unusable or contradict the others are excluded and named in it.
 
     Raises:
-        EstimationError: no usable run, an arm that is mounted otherwise than entered, or no agreement.
+        EstimationError: no usable run, too few rows, an arm that is mounted differently from its configuration, or no
+            convergence.
 
     References:
         Chen 2016, eqs. (1) to (3), with load-dependent friction, for all runs at once.
@@ -146,7 +147,7 @@ def calibrate_arm(
 
 
 class _Calibration:
-    """The runs, and which of them are still used."""
+    """The runs that are used, and the excluded ones."""
 
     def __init__(
         self,
@@ -165,7 +166,7 @@ class _Calibration:
         self._used: list[MountedRun] = []
         self._signals: list[RunSignals] = []
         names = _distinct([run.recording.source.path for run in runs])
-        # Copies: a run that is given twice is two runs.
+        # Copies, because the same run may be given twice.
         given = [replace(run) for run in runs]
         self._names = {id(run): name for run, name in zip(given, names, strict=True)}
         for run in given:
@@ -182,7 +183,7 @@ class _Calibration:
             self._advance()
 
     def result(self, robot: str, armload_version: str, configuration_sha256: str) -> ArmCalibration:
-        """Fit, until no run contradicts the others."""
+        """Fit until no run contradicts the others."""
         self._refuse_too_little()
         self._refuse_other_mounting()
         fit = self._fit()
@@ -205,7 +206,7 @@ class _Calibration:
         return {self._name(run): run.recording.source.sha256 for run in self._used}
 
     def _name(self, run: MountedRun) -> str:
-        """File name, with as many folders in front as tell it from those of the other runs."""
+        """File name, with enough folders to be unique."""
         return self._names[id(run)]
 
     def _advance(self, count: int = 1) -> None:
@@ -213,7 +214,7 @@ class _Calibration:
         self._progress(min(self._done, self._total), self._total)
 
     def _read(self, run: MountedRun) -> None:
-        """Take a run, or name why it cannot be taken."""
+        """Add a run, or record why it cannot be used."""
         name = self._name(run)
         try:
             check_joints(run.recording, self._chain.n)
@@ -225,7 +226,7 @@ class _Calibration:
         self._used.append(run)
 
     def _refuse_other_effort(self) -> None:
-        """Current and torque cannot be mixed: the rarer of the two is left out."""
+        """Exclude the rarer of current and torque, which cannot be mixed."""
         torque = [signals.from_torque for signals in self._signals]
         keep = 2 * sum(torque) > len(torque)
         for index in reversed(range(len(torque))):
@@ -261,7 +262,7 @@ class _Calibration:
         return fit_arm(ArmModel(of, self._transmission.coupling), rows, prior, self._peak, rough=rough)
 
     def _refuse_too_little(self) -> None:
-        """Raise where there are hardly more rows than unknowns: they would fit, whatever the arm was."""
+        """Raise if there are too few rows for the unknowns: any arm would fit them."""
         rows = sum(int(np.count_nonzero(rows.weight > MOVING)) for rows in self._rows)
         mountings = tuple({run.mounting for run in self._used if run.mounting})
         of = Unknowns(self._chain.n, int(np.count_nonzero(self._base)), mountings)
@@ -274,8 +275,8 @@ class _Calibration:
             )
 
     def _refuse_other_mounting(self) -> None:
-        """Raise where the runs say that the arm hangs otherwise than was entered."""
-        # Loaded runs first: the sign of their payload's weight is certain.
+        """Raise if the runs show another mounting or an inverted joint."""
+        # Loaded runs first: the sign of their payload's weight is known.
         order = sorted(range(len(self._used)), key=lambda index: not self._used[index].mounting)[:_TRIED_RUNS]
 
         def left(chain: Chain, turned: Callable[[RunSignals], RunSignals] = lambda run: run) -> FloatArray:
@@ -287,7 +288,7 @@ class _Calibration:
                 for index in order
             ]
             fit = self._fitted(rows, chain, rough=True)
-            # Nothing is explained of a joint that does not move, and nothing is said of how it counts.
+            # A joint at rest has no explained torque, and its sign does not matter.
             share = (fit.noise_nm / fit.level_nm)[self._peak > _UNMOVED_RAD_S]
             return np.asarray(np.log(np.maximum(share, 1e-9)))
 
@@ -316,12 +317,12 @@ class _Calibration:
     def _refuse_turned_joint(
         self, left: Callable[[Chain, Callable[[RunSignals], RunSignals]], FloatArray], entered: float, most: float
     ) -> None:
-        """Raise where less is left unexplained by an arm one of whose joints counts the other way.
+        """Raise if the residual is smaller with one joint inverted.
 
         Args:
-            left: Log shares that an arm leaves unexplained.
-            entered: Their mean for the arm as entered.
-            most: That of an arm that is believed rather.
+            left: Computes the logarithms of the joints' residual shares.
+            entered: Their mean for the arm as configured.
+            most: Greatest mean with which an inverted joint is accepted.
         """
         turned = {}
         for axis, (what, (position, effort)) in product(
@@ -352,7 +353,7 @@ class _Calibration:
         )
 
     def _leave_out(self, worst: int, fit: ArmFit) -> None:
-        """Leave a run out, and say what is wrong with it in the light of the others' fit."""
+        """Exclude a run, and explain its contradiction to the others' fit."""
         run, signals = self._used.pop(worst), self._signals.pop(worst)
         del self._rows[worst]
         arm = ArmKnowledge(fit, self._chain, self._transmission.coupling, self._base, self._peak)
@@ -361,7 +362,7 @@ class _Calibration:
         self._left_out.append((self._name(run), f"it contradicts the other runs: {reason}"))
 
     def _mass_warnings(self, fit: ArmFit) -> list[str]:
-        """Weighed masses that everything else contradicts."""
+        """Weighed masses that contradict all other data."""
         warnings = []
         for name, payload in self._weighed.items():
             if name not in fit.unknowns.mountings or payload.whole is not None:
@@ -383,7 +384,7 @@ class _Calibration:
         return warnings
 
     def _friction_warnings(self, fit: ArmFit) -> list[str]:
-        """Runs whose friction lies far from that of the others."""
+        """Runs whose friction differs greatly from that of the others."""
         warnings = []
         for run, used in zip(fit.runs, self._used, strict=True):
             far = np.abs(run.changes / run.change_deviation).reshape(PER_RUN, -1)[:2].max(axis=0)
@@ -396,7 +397,7 @@ class _Calibration:
         return warnings
 
     def _motion_warnings(self, found: ArmCalibration) -> list[str]:
-        """Joints whose torque on other motions is known poorly."""
+        """Joints whose torque on other motions is uncertain."""
         level = found.level(self._chain)
         share = np.max([doubtful_share(found, level, run) for run in self._signals], axis=0)
         doubtful = np.flatnonzero((share > _DOUBTFUL) & (self._peak > _UNMOVED_RAD_S))
@@ -409,7 +410,7 @@ class _Calibration:
         ]
 
     def _named(self, fit: ArmFit, warnings: list[str], robot: str, provenance: Provenance) -> ArmCalibration:
-        """The result by name."""
+        """The fit as `ArmCalibration`."""
         of, x, n = fit.unknowns, fit.x, self._chain.n
         links = np.zeros(PARAMETERS * n)
         links[self._base] = x[of.links]
@@ -429,7 +430,7 @@ class _Calibration:
         )
         effort = Effort.TORQUE if self._signals[0].from_torque else Effort.CURRENT
         nominal = np.ones(n) if effort is Effort.TORQUE else self._transmission.gain_nm_a
-        # The gain is the nominal one over h, so that its logarithm errs the other way.
+        # The gain is the nominal one divided by h, so that the sign of its logarithm's error is opposite.
         turn = np.ones(of.arm)
         turn[of.log_h] = -1.0
         deviation = np.sqrt(np.diag(fit.covariance))
@@ -477,7 +478,7 @@ class _Calibration:
         )
 
     def _undetermined(self, fit: ArmFit) -> list[str]:
-        """What no run says anything about."""
+        """Quantities that no run determines."""
         warnings = []
         still: NDArray[np.intp] = np.flatnonzero(self._peak <= _UNMOVED_RAD_S)
         if still.size:
@@ -492,7 +493,7 @@ class _Calibration:
 
 
 def _distinct(paths: Sequence[Path]) -> list[str]:
-    """Names of files with as many folders in front as tell them apart; what is given twice is numbered."""
+    """Names of files with enough folders to be unique; files given twice are numbered."""
     deepest = max((len(path.parts) for path in paths), default=1)
     for depth in range(1, deepest + 1):
         names = ["/".join(path.parts[-depth:]) for path in paths]

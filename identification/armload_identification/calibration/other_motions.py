@@ -1,8 +1,9 @@
-"""What a calibration is worth on motions that it was not made from.
+"""Uncertainty of a calibration on motions other than those of its runs.
 
-Base parameters that one motion hardly shows can be anything along it, and a fit leaves little all the same: on er50 the
-body from one run left half of joint 1's torque on another. The covariance knows that. It is asked on a motion of the
-same range and speed in which the joints go out of step: each run's joints are moved in time against each other.
+Base parameters that one motion hardly excites can have any value without increasing its residual: on er50 the body from
+one run left half of joint 1's torque unexplained in another. The covariance contains this. It is evaluated on motions
+of the same range and speed with other combinations of positions: each run with its joints shifted in time relative to
+each other.
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ _SAMPLES: Final = 300
 
 
 def doubtful_share(calibration: ArmCalibration, level: Chain, run: RunSignals) -> FloatArray:
-    """By how much the torque of another motion may be predicted wrongly.
+    """Relative uncertainty of the predicted torque on another motion.
 
     Args:
         calibration: The arm.
-        level: The arm under gravity as it pulls, `calibration.level`.
-        run: A run whose range and speeds the other motion has.
+        level: The arm with its tilt, `calibration.level`.
+        run: A run with the range and speeds of the other motion.
 
     Returns:
-        (n,) half width of the 95 % interval over the torque, RMS along the motion.
+        (n,) ratio of the half width of the 95 % interval to the torque, RMS along the motion.
     """
     length, n = run.position_rad.shape
     step = max(length // _SAMPLES, 1)

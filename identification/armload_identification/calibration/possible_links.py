@@ -1,19 +1,19 @@
-"""Links that can exist and move as the identified arm does.
+"""Physically possible links with the torque of the identified arm.
 
-Only base parameters beta are identified; they are sums over links, beta = K theta, and the links that add up to them
-are many. Of these the ones are taken that are nearest to rods from joint to joint, in the distance of Lee, Wensing and
-Park, which keeps every pseudo-inertia P_i positive definite:
+Only base parameters beta are identified; these are linear combinations of the links' parameters, beta = K theta, which
+many sets of links satisfy. Of these, the links nearest to rods from joint to joint are chosen, in the distance of Lee,
+Wensing and Park, which keeps every pseudo-inertia P_i positive definite:
 
     min_theta  w/2 (K theta - beta)' C^-1 (K theta - beta) + sum_i [tr(W_i^-1 P_i) - log det(W_i^-1 P_i)]
 
-with C the covariance of beta and W_i the rods' pseudo-inertia. w grows by stages, each solved by damped Newton steps,
-which stay possible by themselves, as the function is self-concordant. As soon as the rest of beta can be made up for
-within the possible, it is, and the links have the identified torque exactly. Identified parameters that no links have
-never get there; what is taken then counts the rods a tenth of the data: firmer, the links of the UR10e come nearer by
-one part in twenty and weigh hundreds of kilograms.
+with C the covariance of beta and W_i the rods' pseudo-inertia. w is increased in stages, each solved by damped Newton
+steps, which remain possible because the function is self-concordant. As soon as the rest of beta can be corrected
+without leaving the possible set, this is done, and the links have exactly the identified torque. Identified parameters
+that no possible links have never reach this point; the result is then that with w = 10: with a larger w, the links of
+the UR10e are closer to the data by one part in twenty, but weigh hundreds of kilograms.
 
-Why C: with torque at random states in its place the links of the UR10e weighed 4.5 t, as what its runs say little about
-was held as firmly as the rest.
+With a metric of torque at random states instead of C, the links of the UR10e weighed 4.5 t, because poorly determined
+parameters were held as firmly as the others.
 
 References:
     Lee, Wensing, Park, Geometric robot dynamic identification, IEEE Transactions on Robotics 36(2), 2020.
@@ -36,29 +36,29 @@ from armload_identification.model.regressor import PARAMETERS, body_regressor
 _STATES: Final = 200
 _SEED: Final = 20160606
 _INDEPENDENT: Final = 1e-9
-"""Singular values from this share of the greatest on belong to what is identifiable."""
+"""Share of the greatest singular value from which a direction is identifiable."""
 _FLAT: Final = 1e-9
-"""Least eigenvalue of a correlation matrix that is inverted."""
+"""Lower bound of the eigenvalues of a correlation matrix when it is inverted."""
 _THICKNESS_M: Final = 0.08
-"""Radius of gyration that a rod has in every direction beside its length."""
+"""Radius of gyration of a rod in every direction, in addition to its length."""
 _WEIGHTS: Final = 10.0 ** np.arange(-6, 11)
 _FIRM_ENOUGH: Final = 10.0
 _STEPS: Final = 100
 _SETTLED: Final = 1e-7
 _BASIS: Final = np.array([InertialParameters(row).pseudo_inertia for row in np.eye(PARAMETERS)])
-"""(10, 4, 4) what one unit of each parameter is in the pseudo-inertia."""
+"""(10, 4, 4) pseudo-inertia of one unit of each parameter."""
 
 
 @dataclass(frozen=True, eq=False)
 class PossibleLinks:
-    """Links of an arm of n joints, each of which can exist.
+    """Physically possible links of an arm of n joints.
 
     Attributes:
         links: (n, 10) theta of each link in its joint frame.
-        exact: Whether they have the identified torque; else no links that can exist have it.
-        off: RMS of the base parameters' differences from the identified ones in standard deviations; 0 where exact.
-        left_nm: (n,) RMS torque at random states, up to 1 rad/s and 1 rad/s2, by which the links differ from what was
-            identified; rounding where they are exact.
+        exact: Whether they have the identified torque; otherwise no possible links have it.
+        off: RMS difference of the base parameters from the identified ones in standard deviations; 0 if exact.
+        left_nm: (n,) RMS difference of the links' torque from the identified one at random states, up to 1 rad/s and
+            1 rad/s2; rounding errors if exact.
     """
 
     links: FloatArray
@@ -68,10 +68,10 @@ class PossibleLinks:
 
 
 def possible_links(chain: Chain, calibration: ArmCalibration) -> PossibleLinks:
-    """Links that can exist with the torque of an arm's identified base parameters, or as nearly so as any.
+    """Physically possible links with the torque of an arm's identified base parameters, or as close to it as possible.
 
     Args:
-        chain: The arm, standing as it was calibrated.
+        chain: The arm, mounted as it was calibrated.
         calibration: Its base parameters and their covariance.
     """
     n, base, identified = chain.n, calibration.body.base.ravel(), calibration.body.links.ravel()
@@ -109,7 +109,7 @@ def _whitening(covariance: FloatArray) -> FloatArray:
 
 
 def _nearest(theta: FloatArray, inverse_rods: FloatArray, square: FloatArray, linear: FloatArray) -> FloatArray:
-    """The minimum of the distance to the rods plus x' square x / 2 - linear' x, from where theta is possible."""
+    """The minimum of the distance to the rods plus x' square x / 2 - linear' x, starting at a possible theta."""
     n = len(theta)
     for _ in range(_STEPS):
         inverse = np.linalg.inv(_pseudo_inertia(theta))
@@ -128,7 +128,7 @@ def _nearest(theta: FloatArray, inverse_rods: FloatArray, square: FloatArray, li
 
 
 def _rods(chain: Chain, torque: FloatArray, identified: FloatArray) -> FloatArray:
-    """(n, 10) rods from each joint to the next, of one mass per length: that which comes nearest to the torque."""
+    """(n, 10) rods from each joint to the next, with the common mass per length that best fits the torque."""
     ends = np.vstack([chain.placement[1:, :3, 3], chain.flange[None, :3, 3]])
     rods = np.array([_rod(end) for end in ends])
     own = torque @ rods.ravel()
@@ -150,6 +150,6 @@ def _pseudo_inertia(links: FloatArray) -> FloatArray:
 
 
 def _margin(links: FloatArray, inverse_rods: FloatArray) -> float:
-    """Smallest eigenvalue of all pseudo-inertias in terms of the rods'."""
+    """Smallest eigenvalue of all pseudo-inertias relative to the rods'."""
     half = np.linalg.cholesky(inverse_rods)
     return float(np.linalg.eigvalsh(half.transpose(0, 2, 1) @ _pseudo_inertia(links) @ half).min())

@@ -1,8 +1,8 @@
-"""Why a run does not fit an arm that the other runs agree on: what was entered wrongly, and by how much.
+"""Explains why a run contradicts the arm identified from the other runs.
 
-A handful of mistakes explain most of such runs. Each is tried on the run alone, with the arm as the others have it:
-another payload, a motor that reports a multiple or the negative of its effort, two joints exchanged, a joint counted
-the other way, an arm mounted on a wall or a ceiling.
+A few mistakes explain most of these runs. Each is tried on the run, with the arm from the other runs: another payload,
+a motor that reports a multiple or the negative of its effort, two exchanged joints, an inverted joint, an arm mounted
+on a wall or a ceiling.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.regressor import PARAMETERS
 
 CONTRADICTS: Final = 4.0
-"""Residual of a joint, in the noise of all runs, from which a run contradicts the others."""
+"""Residual of a joint, relative to the noise of all runs, from which a run contradicts the others."""
 _EXPLAINED: Final = 0.4
-"""A mistake explains a run where it leaves at most this share of the residual."""
+"""A mistake explains a run if correcting it leaves at most this share of the residual."""
 _BETTER: Final = 0.7
-"""A mistake is believed rather than another payload where it leaves at most this share of what that leaves."""
+"""A mistake is preferred to another payload if its residual is at most this share of the payload's."""
 _STEPS: Final = 6
 _SAME_SCALE: Final = 0.03
 _AS_IT_IS: Final = 0.3
@@ -48,13 +48,13 @@ _ANY: Final = "payload"
 
 @dataclass(frozen=True, eq=False)
 class ArmKnowledge:
-    """The arm as the other runs have it, and what is needed to try a run on it.
+    """The arm from the other runs, with everything required to test a run on it.
 
     Attributes:
-        fit: Of the other runs.
-        chain: As configured.
-        coupling: (n, n) C.
-        base: (10 n,) base parameters of the links.
+        fit: Fit of the other runs.
+        chain: The configured arm.
+        coupling: (n, n) C of its motors.
+        base: (10 n,) True for base parameters of the links.
         peak_rad_s: (n,) greatest speeds.
     """
 
@@ -66,10 +66,10 @@ class ArmKnowledge:
 
 
 def directions(gravity_m_s2: FloatArray) -> dict[str, FloatArray]:
-    """The other ways to mount an arm, as gravity in its base frame.
+    """The other possible mountings of an arm, as gravity in its base frame.
 
     Args:
-        gravity_m_s2: (3,) as it was entered.
+        gravity_m_s2: (3,) as configured.
     """
     size = float(np.sqrt(np.sum(gravity_m_s2**2)))
     entered = gravity_m_s2 / size
@@ -83,12 +83,12 @@ def directions(gravity_m_s2: FloatArray) -> dict[str, FloatArray]:
 
 
 def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> str:
-    """What is wrong with a run.
+    """Explain what is wrong with a run.
 
     Args:
-        arm: As the other runs have it.
+        arm: The arm from the other runs.
         run: The run that contradicts them.
-        mounting: What it is said to carry; empty for nothing.
+        mounting: Stated name of its payload; empty for an empty arm.
         mass_kg: The stated mass; None if not stated.
 
     Returns:
@@ -99,8 +99,8 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
     off = said.off
     worst = int(np.argmax(off))
     start = f"joint {worst + 1} is off by {off[worst]:.0f} times the noise of the other runs"
-    # A run whose payload no other run carries fits with another payload, if that is what is wrong; and whatever else is
-    # tried on it fits with that payload too.
+    # If no other run carries this payload, it is fitted in every trial; another payload is therefore preferred unless a
+    # mistake explains much more.
     payload, *others = [(float(trial.off.max()), text) for trial, text in _mistakes(arm, run, mounting, mass_kg)]
     best, text = min(others, key=lambda pair: pair[0])
     if payload[0] < best / _BETTER:
@@ -112,7 +112,7 @@ def explain(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A run tried on an arm; the covariance is that of a payload that was fitted, empty where none was."""
+    """A run tested on an arm, with the covariance of a fitted payload, empty without one."""
 
     rows: ArmRows
     theta: FloatArray
@@ -124,9 +124,9 @@ class _Trial:
 def _trial(
     arm: ArmKnowledge, run: RunSignals, chain: Chain, mounting: str, *, free: bool = False, drift: float = 1.0
 ) -> _Trial:
-    """The run's own friction, and its payload where the others do not know it, fitted to the arm.
+    """Fit of a run's own friction, and of its payload if unknown, on the arm.
 
-    Its friction may differ by `drift` times what it usually does.
+    The expected change of friction is `drift` times the usual one.
     """
     fit = arm.fit
     known = mounting in fit.unknowns.mountings and not free
@@ -168,7 +168,7 @@ def _trial(
 
 
 def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
-    """The run with the payload that fits best but has the stated mass."""
+    """The run with the best-fitting payload, scaled to the stated mass."""
     trial = _trial(arm, run, arm.chain, "", free=True)
     theta = trial.theta * mass_kg / max(float(trial.theta[0]), _LIGHT_KG)
     torque = trial.rows.payload @ (theta - trial.theta) @ arm.coupling
@@ -177,12 +177,12 @@ def _as_said(arm: ArmKnowledge, run: RunSignals, mass_kg: float) -> _Trial:
 
 
 def _off(rows: ArmRows, predicted: FloatArray, noise_nm: FloatArray) -> FloatArray:
-    """(n,) weighted RMS of the residual in terms of the noise."""
+    """(n,) weighted RMS of the residual, relative to the noise."""
     return np.asarray(np.sqrt(np.mean(((rows.effort_nm - predicted) * rows.weight / noise_nm) ** 2, axis=0)))
 
 
 def _mistakes(arm: ArmKnowledge, run: RunSignals, mounting: str, mass_kg: float | None) -> Iterator[tuple[_Trial, str]]:
-    """Everything that may have been entered wrongly, and the run tried with it put right."""
+    """All possible mistakes, each with the run tested after its correction."""
     trial = _trial(arm, run, arm.chain, mounting, free=True)
     of = arm.fit.unknowns
     elsewhere = None
@@ -228,14 +228,14 @@ class _Carried:
     covariance: FloatArray
 
     def center_m(self) -> tuple[FloatArray, FloatArray]:
-        """(3,) centre of mass and (3, 3) covariance; of a mass that is not 0."""
+        """(3,) centre of mass and (3, 3) its covariance; the mass must not be 0."""
         center = self.theta[1:4] / self.theta[0]
         slope = np.column_stack([-center, np.eye(3)]) / self.theta[0]
         return center, slope @ self.covariance[:4, :4] @ slope.T
 
 
 def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhere: _Carried | None) -> str:
-    """What the run carries, beside what is said of it and what the other runs of its mounting carry."""
+    """The run's payload, compared with the stated one and with that of other runs of its mounting."""
     found_kg = float(found.theta[0])
     if mass_kg is not None and found_kg > _LIGHT_KG and abs(np.log(mass_kg / (_GRAMS * found_kg))) < _ROUGHLY:
         return f"it carries {found_kg:.3f} kg, not {mass_kg:g} kg: mass_kg was entered in grams"
@@ -259,9 +259,9 @@ def _payload_text(found: _Carried, mounting: str, mass_kg: float | None, elsewhe
 
 
 def _scaled(arm: ArmKnowledge, run: RunSignals, mounting: str) -> tuple[_Trial, str]:
-    """Axes that report a multiple of what they should."""
+    """Axes that report a multiple of their effort."""
     share = np.ones(arm.chain.n)
-    # Friction that may differ at will would take up part of a wrong scale.
+    # Freely varying friction would absorb part of a wrong scale.
     trial = _trial(arm, run, arm.chain, mounting, drift=_STIFF)
     for _ in range(_SCALINGS):
         square = trial.rows.weight**2

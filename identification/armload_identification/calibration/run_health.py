@@ -1,9 +1,8 @@
-"""What one run says of a calibrated arm's health: gains, friction and what stays unexplained, joint by joint.
+"""Health of a calibrated arm in one run: gains, friction and residual, joint by joint.
 
-The arm is the calibration's. Fitted to the run, by the calibration's own equations, are a change of every gain, three
-changes of friction per joint, and the payload's ten parameters where what the run carried is not known. Each has two
-standard deviations: of the run's own noise, and of the calibration's errors on the run's motion, which all runs of one
-motion share.
+With the calibrated arm and the calibration's equations, a change of every gain, three changes of friction per joint,
+and the payload's ten parameters if unknown are fitted to the run. Each has two standard deviations: from the run's own
+noise, and from the calibration's errors on the run's motion, which all runs with the same motion have in common.
 """
 
 from __future__ import annotations
@@ -32,16 +31,17 @@ from armload_identification.signals.joint_torque import Transmission
 from armload_identification.verdict.sanity import check_run
 
 _GAIN: Final = 0.10
-"""Standard deviation of a gain's change beforehand."""
+"""Prior standard deviation of a gain's change."""
+
 _LOOSE: Final = 10.0
-"""Friction may change by so many times what it usually does."""
+"""Prior standard deviation of a change of friction, in multiples of the usual one."""
 _STEPS: Final = 6
 _SETTLED: Final = 0.02
 _HUBER: Final = 2.0
 _OUTLYING: Final = 3.0
 _MAD: Final = 1.4826
 _LEAST_ROWS: Final = 20
-"""Rows in motion from which a joint counts as moved."""
+"""Least number of rows in motion of a moving joint."""
 _WINDOW_S: Final = 60.0
 _MOST_WINDOWS: Final = 30
 _LEAST_WINDOWS: Final = 3
@@ -56,8 +56,8 @@ class FrictionOverTime:
     """Friction along a long run, w windows.
 
     Attributes:
-        elapsed_s: (w,) middle of each window, since the run began.
-        friction_nm: (w, n) difference from the calibrated friction; NaN where a joint hardly moves.
+        elapsed_s: (w,) middle of each window, since the start of the run.
+        friction_nm: (w, n) difference from the calibrated friction; NaN if a joint hardly moves.
         noise_nm: (w, n) standard deviations.
     """
 
@@ -68,22 +68,22 @@ class FrictionOverTime:
 
 @dataclass(frozen=True, eq=False)
 class RunHealth:
-    """A run against a calibration, n joints; NaN for a joint that hardly moves.
+    """A run compared with a calibration, n joints; NaN for a joint that hardly moves.
 
     Attributes:
-        name: What reports call the run.
-        recorded: Date and time at which it began, ISO 8601; empty where the recording does not say.
-        length_s: How long it lasts.
-        carried: "nothing", a mounting of the calibration, or the mass that was found.
-        gain_change: (n,) relative, gain over calibrated gain less 1.
-        gain_noise: (n,) standard deviation by the run's noise.
-        gain_doubt: (n,) standard deviation by the calibration's errors.
+        name: Name of the run in reports.
+        recorded: Date and time of its start, ISO 8601; empty if the recording does not state it.
+        length_s: Its duration.
+        carried: "nothing", a mounting of the calibration, or the identified mass.
+        gain_change: (n,) ratio of gain to calibrated gain, minus 1.
+        gain_noise: (n,) its standard deviation due to the run's noise.
+        gain_doubt: (n,) its standard deviation due to the calibration's errors.
         friction_nm: (n,) difference of the friction at half the joint's greatest speed, without load.
-        friction_noise_nm: (n,) as above.
-        friction_doubt_nm: (n,) as above.
-        residual: (n,) what stays unexplained over what the calibration left.
+        friction_noise_nm: (n,) its standard deviation due to the run's noise.
+        friction_doubt_nm: (n,) its standard deviation due to the calibration's errors.
+        residual: (n,) ratio of the residual to the calibration's.
         residual_noise: (n,) standard deviation of its logarithm.
-        residual_doubt: (n,) what the calibration's errors leave on this motion, in terms of what it left.
+        residual_doubt: (n,) residual due to the calibration's errors on this motion, relative to the calibration's.
         course: Friction along a long run; None for a short one.
     """
 
@@ -113,20 +113,20 @@ def run_health(
     mounting: str | None = None,
     recorded: str = "",
 ) -> RunHealth:
-    """Hold a run against the arm's calibration.
+    """Compare a run with the arm's calibration.
 
     Args:
         recording: The run, of any motion.
         calibration: The arm.
-        chain: As configured.
-        transmission: As configured; the gains are the calibration's.
-        name: What reports call the run.
-        mounting: What it carried: "" for nothing, a mounting of the calibration; anything else is fitted.
-        recorded: When it began, ISO 8601; if not given, what the recording says.
+        chain: The configured arm.
+        transmission: The configured transmission; its gains are replaced by the calibration's.
+        name: Name of the run in reports.
+        mounting: "" for an empty arm, or a mounting of the calibration; for any other value the payload is fitted.
+        recorded: Date and time of its start, ISO 8601; from the recording if not given.
 
     Raises:
         ModelError: the calibration belongs to another arm.
-        RecordingError: a run that does not fit the arm, is too short or cannot be right.
+        RecordingError: a run that does not fit the arm, is too short or invalid.
         EstimationError: a run in which no joint moves.
     """
     calibration.require_arm(chain, transmission.coupling)
@@ -147,7 +147,7 @@ def run_health(
 
 
 class _RunFit:
-    """A run's own unknowns on the calibrated arm, by Gauss and Newton."""
+    """A run's own unknowns on the calibrated arm, by the Gauss-Newton method."""
 
     def __init__(self, signals: RunSignals, calibration: ArmCalibration, chain: Chain, mounting: str | None) -> None:
         body = calibration.body
@@ -184,7 +184,7 @@ class _RunFit:
         self._settle()
 
     def _settle(self) -> None:
-        """Fit, and measure what is left."""
+        """Fit, and compute the residual."""
         of, own = self._model.unknowns, np.zeros(self._place.size)
         begin = self.x.copy()
         self.weight = self.rows.weight * self._independent / self._noise
@@ -213,7 +213,7 @@ class _RunFit:
         self.mass_kg = float(self.x[of.arm]) if self._mounting else 0.0
 
     def _left(self) -> tuple[FloatArray, list[FloatArray]]:
-        """(N, n) residual, and per axis the (N, k) derivatives by the run's own unknowns."""
+        """(N, n) residual, and per axis its (N, k) columns for the run's own unknowns."""
         found = self._model.differentiate(self.rows, self._mounting, self.x, self.changes)
         where = np.full(self._model.unknowns.size + self.changes.size, -1)
         where[self._place] = np.arange(self._place.size)
@@ -226,7 +226,7 @@ class _RunFit:
         return self.rows.effort_nm - found.predicted_nm, columns
 
     def _spread(self, residual: FloatArray) -> FloatArray:
-        """(n,) RMS of the rows in motion, outliers clipped, as the calibration's noise is found."""
+        """(n,) RMS of the rows in motion with clipped outliers, computed as the calibration's noise."""
         found = self._noise.copy()
         for axis in np.flatnonzero(self.moved):
             fast = self.rows.weight[:, axis] > MOVING
@@ -236,7 +236,7 @@ class _RunFit:
         return found
 
     def health(self, name: str, recorded: str, calibration: ArmCalibration) -> RunHealth:
-        """What the fit says."""
+        """The fit as `RunHealth`."""
         n, split = calibration.n, self._place.size - self.changes.size
         friction = np.zeros((n, self._place.size))
         joints = np.arange(n)
@@ -274,10 +274,10 @@ class _RunFit:
         )
 
     def _doubts(self, calibration: ArmCalibration) -> tuple[FloatArray, FloatArray]:
-        """What one standard deviation of each independent error of the calibration does to the run.
+        """Effects on the run of one standard deviation of each independent error of the calibration.
 
         Returns:
-            The (p, k) changes of the run's own unknowns, and the (n,) RMS of what is left beside these.
+            The (p, k) changes of the run's own unknowns, and the (n,) RMS of the remaining residual.
         """
         kept = np.rint(self.rows.time_s / self._signals.interval_s).astype(np.intp)
         signals, coupling = self._signals, calibration.body.coupling
@@ -300,7 +300,7 @@ class _RunFit:
         return moved, left
 
     def _course(self, calibration: ArmCalibration) -> FrictionOverTime | None:
-        """Friction by windows of a long run, gains and payload as in all of it."""
+        """Friction by windows of a long run, with the gains and the payload of the entire run."""
         elapsed = self.rows.time_s
         length_s = float(elapsed[-1] - elapsed[0])
         count = min(int(length_s / _WINDOW_S), _MOST_WINDOWS)
@@ -330,7 +330,7 @@ class _RunFit:
 
 
 def _began(recording: Recording) -> str:
-    """Date and time at which a run began, as far as the recording says."""
+    """Date and time of a run's start, as far as the recording states it."""
     said = str(recording.source.run().get("created", ""))
     first_s = float(recording.time_s[0])
     if said or not _EPOCH_S[0] < first_s < _EPOCH_S[1]:

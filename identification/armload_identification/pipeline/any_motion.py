@@ -1,4 +1,4 @@
-"""A payload from one run of any motion, as a whole or window by window, on an arm that is calibrated."""
+"""A payload from one run of any motion on a calibrated arm, from the entire run or window by window."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ from armload_identification.verdict.sanity import check_run
 
 FLOOR_KG: Final = 0.010
 FLOOR_SHARE: Final = 0.001
-"""What no calibrated arm's mass is more certain than, one standard deviation: the servo gives way, encoders err."""
+"""Least standard deviation of a mass on a calibrated arm, absolute and relative: servo sag, encoder errors."""
 SHORTEST_WINDOW_S: Final = 2.0
 _LASTING: Final = 0.5
-"""Of what the model leaves of a joint beyond the calibration's noise, the part that may be a share of its torque
-throughout the run. On simulated arms with elastic joints and gears of two efficiencies 69 to 97 % of intervals hold
-without it, 96 % or more with it."""
+"""Part of a joint's residual in excess of the calibration's noise that may be proportional to its torque throughout the
+run. On simulated arms with elastic joints and gears of two efficiencies, 69 to 97 % of intervals hold without it, 96 %
+or more with it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """What an arm carried during a part of a run.
+    """Payload of an arm during a part of a run.
 
     Attributes:
-        start_s: Since the first movement.
-        end_s: Likewise.
-        found: The payload; None where the motion does not show it.
-        refusal: Why there is none; empty where there is one.
+        start_s: Start of the window since the first movement.
+        end_s: End of the window since the first movement.
+        found: The payload; None if the motion does not determine it.
+        refusal: Why there is no payload; empty if there is one.
     """
 
     start_s: float
@@ -61,14 +61,14 @@ def identify_alone(
 
     Args:
         loaded: A run of any motion.
-        chain: The arm, as level as its calibration says.
+        chain: The arm, with the tilt of its calibration.
         transmission: Calibrated gains, and coupling.
-        arm: The empty arm by its calibration.
-        prior: What is known of the payload beforehand.
+        arm: The calibrated empty arm.
+        prior: Prior knowledge of the payload.
 
     Raises:
-        RecordingError: a recording that cannot be right.
-        EstimationError: a motion that does not show what the payload weighs, saying which motion is missing.
+        RecordingError: an invalid recording.
+        EstimationError: a motion that does not determine the payload's mass, naming the missing motion.
     """
     check_run(loaded, transmission)
     seen = KnownArmSignal.of(motion_of(loaded, transmission), chain, arm)
@@ -82,20 +82,20 @@ def identify_windows(
     arm: KnownArm,
     every_s: float,
 ) -> tuple[Window, ...]:
-    """Identify what an arm carries in one window of a run after the other.
+    """Identify an arm's payload in successive windows of a run.
 
     Args:
         loaded: A run of any motion.
-        chain: The arm, as level as its calibration says.
+        chain: The arm, with the tilt of its calibration.
         transmission: Calibrated gains, and coupling.
-        arm: The empty arm by its calibration.
+        arm: The calibrated empty arm.
         every_s: Length of a window.
 
     Returns:
-        Whole windows from the first movement on; one with insufficient motion contains the reason.
+        Complete windows from the first movement on; one with insufficient motion contains the reason.
 
     Raises:
-        RecordingError: a recording that does not fit the arm, cannot be right, or is shorter than a window.
+        RecordingError: a recording that does not fit the arm, is invalid, or is shorter than a window.
     """
     check_joints(loaded, chain.n)
     if loaded.average is not None:
@@ -151,7 +151,7 @@ def _on_known_arm(
     changes = fit.theta[10 : 10 + 2 * chain.n].reshape(2, -1)
     own = ArmFriction.of(arm.fit.model, signal.states.velocity_rad_s, changes)
     said = friction_notes(standard_deviations(changes, friction_covariance(fit, chain.n), arm.drift[:2]))
-    # Gains and body err together: what is left of one run has the errors of both.
+    # Measured minus predicted torque has the correlated errors of gains and body.
     doubts = np.concatenate(
         [
             arm.doubts(signal.states, signal.interval_s, signal.loaded.torque_nm),
@@ -165,9 +165,9 @@ def _on_known_arm(
 
 
 def _model_doubts(signal: LoadSignal, fit: Estimate, arm: KnownArm) -> FloatArray:
-    """(n, K, n) torque of one standard deviation of what the model itself is off by on each joint.
+    """(n, K, n) torque of one standard deviation of the model's own error on each joint.
 
-    None of an average period: its rows did not go through a window, and have noise that the calibration's have not.
+    Empty for an average period: its rows were not averaged over a window, and have more noise than the calibration's.
     """
     if signal.periodic:
         return np.zeros((0, *signal.torque_nm.shape))

@@ -1,4 +1,4 @@
-"""The drift of an arm: gains, friction and what stays unexplained over its runs, what changed and since when."""
+"""The drift of an arm: gains, friction and residual over its runs, and their changes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armload_identification.verdict.control_limits import ControlChart, control_
 
 
 class Figure(StrEnum):
-    """What is watched of a joint."""
+    """Monitored quantity of a joint."""
 
     FRICTION = "friction"
     GAIN = "gain"
@@ -27,22 +27,22 @@ class Figure(StrEnum):
 
 USUAL_GAIN: Final = 0.005
 USUAL_RESIDUAL: Final = 0.2
-"""Expected standard deviations from run to run, of the gain and of the logarithm of the residual. Between the UR10e's
-runs of ten days, 0.1 to 0.4 % (joints 1 to 4) and 0.15 were found."""
+"""Expected standard deviations between runs, of the gain and of the logarithm of the residual. Between the UR10e's runs
+of ten days they were 0.1 to 0.4 % (joints 1 to 4) and 0.15."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that changed, or a run that is off by itself.
+    """A change, or a single outlying run.
 
     Attributes:
-        joint: From 0.
-        figure: What changed.
-        run: Number of the first run behind the change, from 0; of the run that is off by itself.
-        alone: The run is off by itself.
-        before: Value before it, 0 being the calibration's: N m, relative, or the logarithm of the residual.
-        after: Value behind it.
-        text: All of it in a sentence.
+        joint: Joint, from 0.
+        figure: The quantity.
+        run: Index, from 0, of the first run after the change, or of the outlying run.
+        alone: Whether it is a single outlying run.
+        before: Value before it, relative to the calibration: N m, relative, or the logarithm of the residual.
+        after: Value after it.
+        text: A sentence for the report.
     """
 
     joint: int
@@ -59,13 +59,13 @@ class ArmDrift:
     """An arm of n joints over its runs.
 
     Attributes:
-        runs: In the order of their time; as given where one does not say its time.
-        began: When each began; empty where one does not say it.
+        runs: In the order of time; in the given order if one does not state its time.
+        began: Start of each; empty if one does not state it.
         friction_nm: (n,) the calibrated friction at half the joint's greatest speed.
-        charts: By figure, one chart per joint. Friction is in N m, after an hour of work where the arm warms up; gains
-            are relative; of the residual it is the logarithm of its ratio to the calibration's.
-        warming: Friction against the time that the arm has been at work; None where the runs do not show it.
-        findings: What changed.
+        charts: By quantity, one chart per joint. Friction is in N m, after an hour of work if the arm warms up; gains
+            are relative; the residual is the logarithm of its ratio to the calibration's.
+        warming: Friction over time in operation; None if the runs do not show it.
+        findings: Changes and outlying runs.
     """
 
     runs: tuple[RunHealth, ...]
@@ -81,10 +81,10 @@ class ArmDrift:
         return any(found.figure is not Figure.FRICTION and not found.alone for found in self.findings)
 
     def when(self, run: int) -> str:
-        """Date and time of a run; its number and name where the runs say no time.
+        """Date and time of a run; its number and name if the runs do not state their times.
 
         Args:
-            run: From 0.
+            run: Index of the run, from 0.
         """
         if self.began:
             return f"{self.began[run]:%Y-%m-%d %H:%M}"
@@ -92,11 +92,11 @@ class ArmDrift:
 
 
 def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrift:
-    """Put the runs of an arm together.
+    """Combine the runs of an arm.
 
     Args:
-        calibration: The one that the runs were held against.
-        runs: One or more.
+        calibration: The calibration with which the runs were compared.
+        runs: One or more runs.
     """
     began = tuple(_moment(run.recorded) for run in runs)
     dated = tuple(moment for moment in began if moment is not None)
@@ -129,12 +129,12 @@ def arm_drift(calibration: ArmCalibration, runs: Sequence[RunHealth]) -> ArmDrif
 
 
 def _stacked(runs: Sequence[RunHealth], name: str) -> FloatArray:
-    """(r, n)."""
+    """(r, n) an attribute of all runs."""
     return np.stack([getattr(run, name) for run in runs])
 
 
 def _moment(text: str) -> datetime | None:
-    """Date and time of ISO 8601, in UTC where it names no zone; None where it is none."""
+    """Date and time from ISO 8601, in UTC without a time zone; None for any other text."""
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
@@ -143,7 +143,7 @@ def _moment(text: str) -> datetime | None:
 
 
 def _findings(drift: ArmDrift) -> list[Finding]:
-    """What changed, and the runs that are off by themselves, in their order."""
+    """Changes, then outlying runs, in their order."""
     found = []
     for figure, charts in drift.charts.items():
         for joint, chart in enumerate(charts):
@@ -164,7 +164,7 @@ def _findings(drift: ArmDrift) -> list[Finding]:
 
 
 def _said(drift: ArmDrift, figure: Figure, joint: int, change: float) -> str:
-    """By how much a figure is another one, in words that 'since' or 'than' goes on from."""
+    """A change in words, to be followed by 'since' or 'than'."""
     word = "higher" if change > 0.0 else "lower"
     if figure is Figure.FRICTION:
         share = abs(change) / max(float(drift.friction_nm[joint]), np.finfo(float).tiny)

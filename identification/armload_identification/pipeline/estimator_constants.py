@@ -1,4 +1,4 @@
-"""What the recursive estimator knows of a calibrated arm: its constants, for the kernel and for exported C."""
+"""Constants of the recursive estimator for a calibrated arm, for the kernel and for exported C."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ ROW_S: Final = 0.05
 
 
 class EstimatorConstants(NamedTuple):
-    """Constants of an arm of n joints, in the order in which the kernel takes them after the chain.
+    """Constants of an arm of n joints, in the order of the kernel's arguments after the chain.
 
     Attributes:
         links: (n, 10) in the turned joint frames.
         from_effort: (n, n) joint torque of one unit of effort of each drive, by rows.
         rotors: (n, n) the rotors' part of the mass matrix, kg m2.
-        parameter: (ESTIMATOR_PARAMETERS, n) friction, gate, noise of a row as if rows were independent, and
-            for how many rows it stays like itself; drift.
-        scale: (10,) standard deviations of the payload's parameters beforehand.
-        memory_s: Time after which what was seen counts 37 %.
-        delay_s: By how much torque is reported later than position.
+        parameter: (ESTIMATOR_PARAMETERS, n) friction, gate, noise of a row as if rows were independent, its
+            correlation in rows, and drift.
+        scale: (10,) prior standard deviations of the payload's parameters.
+        memory_s: Time after which the weight of data has decreased to 37 %.
+        delay_s: Delay of the reported torque relative to the position.
     """
 
     links: FloatArray
@@ -50,9 +50,9 @@ def estimator_constants(
 
     Args:
         calibration: The arm.
-        chain: As configured.
+        chain: The configured arm.
         transmission: Nominal gains, and coupling.
-        memory_s: Time after which what was seen counts 37 %.
+        memory_s: Time after which the weight of data has decreased to 37 %.
 
     Raises:
         ModelError: the calibration belongs to another arm.

@@ -1,4 +1,4 @@
-"""What an identification gives: a fit, its possible body, intervals and notes."""
+"""Result of an identification: a fit, its physically possible body, intervals and notes."""
 
 from __future__ import annotations
 
@@ -32,28 +32,27 @@ Fit = tuple[Estimate, FrictionDifference | None]
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """A payload identified from one or two recordings, and everything that a report shows of it.
+    """A payload identified from one or two recordings, with all data for a report.
 
     All parameters are in the chain's flange frame.
 
     Attributes:
-        plain: The weighted least squares estimate as it is, possible or not, with covariance of white
-            residuals, condition number, rank, singular values and weights.
-        physical: The physically possible estimate; this is what is reported and written.
-        friction: Friction that was fitted with it; None where the estimator has none.
-        gains: What the data say of nominal gains; None where gains were taken as they are.
-        uncertainty: Values, robust 95 % intervals and what is determined, about the physical estimate.
+        plain: The weighted least squares estimate, physically possible or not, with covariance for white residuals,
+            condition number, rank, singular values and weights.
+        physical: The physically possible estimate, which is reported and written.
+        friction: The friction fitted with it; None if the estimator fits none.
+        gains: The nominal gains as fitted; None if gains were not fitted.
+        uncertainty: Values, robust 95 % intervals and determined values, about the physical estimate.
         mass_center: Covariance of mass and centre of mass, for comparison with another identification.
-        signal: Measured torque difference over time, by the gains that were fitted where there are such, raw and
-            smoothed, with the motion it belongs to, the noise per joint, the smoothing loss and how the two runs were
-            laid over each other.
-        predicted_nm: (K, n) torque that the physical estimate predicts at the samples of `signal`, friction
-            that was fitted with it included.
+        signal: Measured torque difference over time, with fitted gains if there are any, raw and smoothed, with its
+            motion, noise per joint, smoothing loss and alignment of the two runs.
+        predicted_nm: (K, n) torque predicted by the physical estimate at the samples of `signal`, fitted friction
+            included.
         residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus prediction, comparable to
             `signal.noise_nm`.
-        arm_friction: Friction of the arm itself: of the unloaded run where there is one, else of the loaded one.
-        sources: Of the loaded and, where there is one, the unloaded recording.
-        notes: What the operator should know, one sentence each.
+        arm_friction: Friction of the arm itself: of the unloaded run if there is one, else of the loaded one.
+        sources: Sources of the loaded and, if there is one, the unloaded recording.
+        notes: Notes to the operator.
     """
 
     plain: Estimate
@@ -71,7 +70,7 @@ class Identification:
 
     @property
     def plain_parameters(self) -> InertialParameters:
-        """The plain estimate's ten parameters; no body need have them."""
+        """The plain estimate's ten parameters, which may be physically impossible."""
         return InertialParameters(self.plain.theta[:10])
 
     @property
@@ -96,23 +95,23 @@ def completed(
     fitted_gains: GainFit | None = None,
     prior: Prior | None = None,
 ) -> Identification:
-    """The possible body, intervals and notes of a fit.
+    """Complete a fit with its physically possible body, intervals and notes.
 
     Args:
-        signal: What was fitted.
+        signal: The fitted signal.
         regressor: (K, n, 10) of the payload.
         fit: The plain estimate.
-        friction: Friction that was fitted with it.
-        doubts_nm: (k, K, n) torque of one standard deviation of each systematic error but the gains'.
-        gains: Gains that err for themselves; None where there are none, or their errors are among the doubts.
-        runs: The loaded and, where there is one, the unloaded recording.
+        friction: The friction fitted with it.
+        doubts_nm: (k, K, n) torque of one standard deviation of each systematic error except the gains'.
+        gains: Gains with independent errors; None without any, or if their errors are in `doubts_nm`.
+        runs: The loaded and, if there is one, the unloaded recording.
         transmission: Gains and coupling.
         arm: The body fitted to the unloaded run, or None.
-        arm_friction: Of the arm itself.
-        struck: (K,) samples left out as blows.
-        arm_notes: What the runs say of the calibrated arm.
-        fitted_gains: Gains that were fitted with the payload, in place of their errors.
-        prior: What was known of the payload beforehand.
+        arm_friction: Friction of the arm itself.
+        struck: (K,) True for samples excluded as blows.
+        arm_notes: Notes about the calibrated arm.
+        fitted_gains: Gains that were fitted with the payload, which replace the errors of `gains`.
+        prior: Prior knowledge of the payload.
     """
     physical = make_physical(fit)
     taken_as_they_are = gains if fitted_gains is None else None
@@ -149,14 +148,14 @@ def completed(
 def without_blows(
     signal: LoadSignal, fit_to: Callable[[LoadSignal], Fit]
 ) -> tuple[LoadSignal, Estimate, FrictionDifference | None, NDArray[np.bool_]]:
-    """Fit, and fit again without the samples about blows to the arm where there are any.
+    """Fit, and fit again without the samples close to blows to the arm if there are any.
 
     Args:
-        signal: What is fitted.
-        fit_to: How.
+        signal: The signal to fit.
+        fit_to: Fits a signal.
 
     Returns:
-        The signal without these samples, the fit, its friction, and (K,) the samples left out.
+        The signal without these samples, the fit, its friction, and (K,) True for the excluded samples.
     """
     fit, friction = fit_to(signal)
     struck = _struck(signal, fit)
@@ -172,7 +171,7 @@ def _gain_doubts(gains: Transmission | None, signal: LoadSignal) -> FloatArray:
 
 
 def _struck(signal: LoadSignal, fit: Estimate) -> NDArray[np.bool_]:
-    """(K,) samples about a blow to the arm."""
+    """(K,) True for samples close to a blow to the arm."""
     weighted = fit.residual_nm * fit.sample_weight
     spread = deviation_by_median(weighted[signal.valid])
     size = np.divide(weighted, spread, out=np.zeros_like(weighted), where=spread > 0.0)
@@ -180,7 +179,7 @@ def _struck(signal: LoadSignal, fit: Estimate) -> NDArray[np.bool_]:
 
 
 def _on_blows(signal: LoadSignal, struck: NDArray[np.bool_]) -> list[str]:
-    """What was left out of the motion."""
+    """A note about the excluded part of the motion."""
     if not struck.any():
         return []
     when = ", ".join(f"{moment:.1f}" for moment in signal.time_s[struck & ~np.roll(struck, 1)])

@@ -1,4 +1,4 @@
-"""Ranges in which mass and centre of mass are known to lie: where they bind, and whether the data contradict them."""
+"""Known ranges of mass and centre of mass: which are active, and whether the data contradict them."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ _UNITS: Final = ("kg", "mm", "mm", "mm")
 _IN_UNIT: Final = (1.0, 1e3, 1e3, 1e3)
 _NORMAL_95: Final = 1.959964
 _BLIND_WIDTHS: Final = 10.0
-"""Standard deviation of what the data say nothing about, in widths of its range: within the range all is as likely."""
+"""Standard deviation of a quantity that the data do not determine, in widths of its range: nearly uniform there."""
 _REMEDY: Final = "Correct or omit the range, or check that the recordings are of this payload."
 
 
 def within_ranges(
     found: Identification, known: KnownPayload, identified: Callable[[Prior], Identification]
 ) -> Identification:
-    """An identification with the ranges that are known beforehand.
+    """An identification with known ranges.
 
     Args:
-        found: What was identified without them.
-        known: The ranges, and what else is known.
-        identified: Identifies with the equations of what is known.
+        found: The identification without them.
+        known: The ranges, and other prior knowledge.
+        identified: Identifies with a prior.
 
     Returns:
-        `found` where its intervals lie within the ranges; else what was identified with them, and a note for each
-        that binds.
+        `found` if its intervals lie within the ranges; otherwise the identification with them, and a note for each
+        active range.
 
     Raises:
         EstimationError: the data contradict a range, or several together.
@@ -76,17 +76,17 @@ def within_ranges(
 
 
 def _beyond(interval: FloatArray, limits: FloatArray) -> NDArray[np.bool_]:
-    """(4,) whether intervals reach beyond the limits."""
+    """(4,) True for intervals that extend beyond the limits."""
     return np.asarray((interval[:, 0] < limits[:, 0]) | (interval[:, 1] > limits[:, 1]))
 
 
 def _which(there: NDArray[np.bool_]) -> list[int]:
-    """Places of what is True."""
+    """Indices of the True elements."""
     return [int(place) for place in np.flatnonzero(there)]
 
 
 def _without_ranges(found: Identification, limits: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(4,) mass and centre of mass and (4, 4) their covariance, as wide as the 95 % intervals are."""
+    """(4,) mass and centre of mass and (4, 4) their covariance, scaled to the 95 % intervals."""
     mean = found.uncertainty.values[:4].copy()
     covariance = found.mass_center.measured + found.mass_center.from_gains
     deviation = found.uncertainty.half_width_95[:4] / _NORMAL_95
@@ -101,6 +101,6 @@ def _without_ranges(found: Identification, limits: FloatArray) -> tuple[FloatArr
 
 
 def _range(quantity: int, ends: FloatArray) -> str:
-    """'1 to 3 kg' for the row of a quantity."""
+    """'1 to 3 kg' for a quantity."""
     low, high = _IN_UNIT[quantity] * ends[quantity]
     return f"{low:.4g} to {high:.4g} {_UNITS[quantity]}"

@@ -1,9 +1,10 @@
-"""How well a motion will show what a payload weighs, before it is driven: what the calibrated arm promises.
+"""Expected uncertainty of a payload's mass from a planned motion of a calibrated arm.
 
     P = 2 C + S C_arm S^T + (10 g)^2 + (0.1 %)^2
 
-with C of the calibration's noise, of which rows within its correlation time count as one, S the sensitivity of the
-payload to gains and body: what `any_motion` finds from a recording, where the residual is the calibration's.
+with C from the calibration's noise, of which rows within its correlation time count as one, and S the sensitivity of
+the payload to gains and body: the covariance that `any_motion` computes from a recording if its residual equals the
+calibration's.
 """
 
 from __future__ import annotations
@@ -26,17 +27,17 @@ from armload_identification.pipeline.any_motion import FLOOR_KG, FLOOR_SHARE
 from armload_identification.pipeline.payload_estimator import COLOUR
 
 _ROW_S: Final = 0.05
-"""Time between the samples of a motion that are looked at."""
+"""Time between the evaluated samples of a motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class MassProspect:
-    """What a calibrated arm promises.
+    """Expected uncertainty on a calibrated arm.
 
     Attributes:
-        chain: The arm, as level as its calibration says.
-        arm: What is known of it.
-        payload: The payload that is expected.
+        chain: The arm, with the tilt of its calibration.
+        arm: Its calibration.
+        payload: The expected payload.
     """
 
     chain: Chain
@@ -48,10 +49,10 @@ class MassProspect:
 
         Args:
             path: One period.
-            periods: (p,) how many of them are driven.
+            periods: (p,) numbers of periods.
 
         Returns:
-            (p,).
+            (p,) in kg.
         """
         count = max(int(path.period_s / _ROW_S), 1)
         interval_s = path.period_s / count

@@ -1,7 +1,7 @@
-"""What a calibrated arm carries while it works: the recursive estimator, and its estimate with intervals.
+"""Payload of a calibrated arm while it works: the recursive estimator, and its estimate with intervals.
 
-`update` is one call of the kernel (`armload_core/source/payload_estimator.c`): it takes the drives' unfiltered
-feedback, on stamps as they come. `estimate` is not to be called in the loop, as it takes some milliseconds.
+`update` is one call of the kernel (`armload_core/source/payload_estimator.c`), with the drives' unfiltered feedback and
+its time stamps. `estimate` must not be called in the control loop, as it takes some milliseconds.
 """
 
 from __future__ import annotations
@@ -32,31 +32,31 @@ from armload_identification.pipeline.estimator_constants import ROW_S, estimator
 from armload_identification.signals.joint_torque import Transmission
 
 COLOUR: Final = 2.0
-"""By how much the variance of an estimate exceeds that of rows as independent as they are weighted: ARM.md, part B."""
+"""Ratio of an estimate's variance to that for rows as independent as their weights assume."""
 _EVERY: Final = 4
-"""Every how manieth remembered row the sensitivity to gains and body is computed from."""
+"""The sensitivity to gains and body is computed from every fourth stored row."""
 _WEIGHTLESS_KG: Final = 1e-3
-"""Below this there is no centre of mass."""
+"""Mass below which the centre of mass is undefined."""
 
 
 @dataclass(frozen=True, eq=False)
 class LivePayload:
-    """What an arm carries, as far as its motion has shown.
+    """Payload of an arm, as far as determined by its motion.
 
     Attributes:
-        time_s: Stamp of the last sample.
-        theta: (10,) parameters as estimated, possible or not.
+        time_s: Time stamp of the last sample.
+        theta: (10,) estimated parameters, physically possible or not.
         values: (4,) mass in kg and centre of mass in m, flange frame.
         half_width_95: (4,) half widths of their 95 % intervals.
-        determined: (4,) half widths of at most 20 % of the mass, and of 0.1 m.
-        moving_s: (n,) time for which each joint has moved fast enough to show its load.
+        determined: (4,) True for half widths of at most 20 % of the mass, or of 0.1 m.
+        moving_s: (n,) time during which each joint has moved fast enough to determine its load.
         friction: (3, n) changes of Coulomb friction, viscous friction and offset since the calibration.
-        changes: How many times the payload has changed.
-        changed_s: When, last; 0 without a change.
-        change_kg: By about how much, from the second before it was noticed.
-        contact: At rest something pushes harder than friction could hold.
-        refused: Samples left out: not finite, or not later than the last.
-        covariance: (10, 10) of theta by the rows alone.
+        changes: Number of changes of the payload.
+        changed_s: Time of the last change; 0 without a change.
+        change_kg: Approximate size of the last change, from the second before its detection.
+        contact: Whether, at rest, a torque exceeds what friction can hold.
+        refused: Number of samples ignored: not finite, or not later than the previous one.
+        covariance: (10, 10) of theta from the rows only, without the arm's errors.
     """
 
     time_s: float
@@ -79,13 +79,13 @@ class LivePayload:
         return float(self.values[0])
 
     def possible_body(self) -> InertialParameters | None:
-        """The possible body nearest to the estimate; not to be called in the loop, as it takes tens of milliseconds.
+        """The possible body nearest to the estimate; takes tens of milliseconds, so not for the control loop.
 
         Returns:
-            None where the arm may carry nothing.
+            The body; None if the arm may be empty.
 
         Raises:
-            EstimationError: none was found.
+            EstimationError: no possible body was found.
         """
         if not self.mass_kg > max(float(self.half_width_95[0]), _WEIGHTLESS_KG):
             return None
@@ -104,9 +104,9 @@ class PayloadEstimator:
 
     Args:
         calibration: The arm.
-        chain: As configured.
+        chain: The configured arm.
         transmission: Nominal gains, and coupling.
-        memory_s: Time after which what was seen counts 37 %.
+        memory_s: Time after which the weight of data has decreased to 37 %.
 
     Attributes:
         calibration: The arm.
@@ -141,7 +141,7 @@ class PayloadEstimator:
 
     @property
     def changes(self) -> int:
-        """How many times the payload has changed; takes a microsecond or two, unlike `estimate`."""
+        """Number of changes of the payload; takes a microsecond or two, unlike `estimate`."""
         return int(self._read()[-1][kernels.ESTIMATOR_CHANGES])
 
     def _read(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -155,7 +155,7 @@ class PayloadEstimator:
         """Payload and 95 % intervals: P = 2 C + S C_arm S^T + floor^2.
 
         Returns:
-            What the motion has shown since the payload changed last.
+            The payload as determined by the motion since its last change.
         """
         theta, covariance, friction, moving_s, status = self._read()
         mass = float(theta[0])
@@ -189,7 +189,7 @@ class PayloadEstimator:
         )
 
     def _shifts(self, theta: FloatArray) -> FloatArray:
-        """(k, 10) by how much theta moves with one standard deviation of each error of gains and body."""
+        """(k, 10) change of theta for one standard deviation of each error of gains and body."""
         n = self._chain.n
         memory = np.empty((kernels.REMEMBERED_ROWS, 1 + 4 * n))
         rows = memory[: self._kernel.rows_into(memory)][::-_EVERY][::-1]

@@ -1,4 +1,4 @@
-"""Identify a payload: from a loaded and an unloaded recording to parameters with honest intervals.
+"""Identify a payload: from a loaded and an unloaded recording to parameters with intervals.
 
 recordings -> torque difference -> weighted least squares -> intervals -> physically possible set
 """
@@ -39,7 +39,7 @@ from armload_identification.verdict.sanity import check_pair, check_signs, expla
 
 FLANGE: Final = "flange"
 _CONTRADICTS: Final = 2.0
-"""Half widths of the 95 % interval: by chance in one of 10,000."""
+"""Threshold in half widths of the 95 % interval, exceeded by chance in one of 10,000 cases."""
 
 
 def identify(
@@ -52,32 +52,33 @@ def identify(
     known: KnownPayload | None = None,
     arm: KnownArm | None = None,
 ) -> Identification:
-    """Identify the payload that one run carried and the other did not.
+    """Identify the payload of a loaded run, from the difference to an unloaded run or with a calibrated arm.
 
     Args:
         loaded: Run with the payload.
-        unloaded: Run of the same motion without it; None where the arm is known instead.
+        unloaded: Run of the same motion without it; None if `arm` is given instead.
         chain: The arm; the result is in its flange frame.
-        transmission: Gains and coupling; used where the recordings hold currents.
+        transmission: Gains and coupling; gains are used for currents, and for reported torque if calibrated.
         estimator: How the payload is fitted.
-        known: What is known of it beforehand.
-        arm: The empty arm by a calibration, whose gains `transmission` has and whose level `chain` has: in place of the
-            unloaded run, or beside it for what that run says of the arm less well.
+        known: Prior knowledge of the payload.
+        arm: The calibrated empty arm, with its gains in `transmission` and its tilt in `chain`: instead of the unloaded
+            run, or in addition to it, as it is more accurate than the arm from that run.
 
     Returns:
-        Estimate, physically possible estimate, intervals, and the series behind them.
+        Estimate, physically possible estimate, intervals, and the underlying signals.
 
     Raises:
-        RecordingError: recordings that do not fit the arm or each other, or cannot be right.
-        EstimationError: neither unloaded run nor a known arm, data that no payload explains, or that contradict what
-            is known.
+        ModelError: the number of gains differs from the number of joints.
+        RecordingError: recordings that do not fit the arm or each other, or are invalid.
+        EstimationError: neither an unloaded run nor a known arm, data that no payload explains, or that contradict the
+            prior knowledge.
 
     References:
-        Chen 2016, eqs. (8) to (12); the difference of runs in place of a body model, where there is an unloaded run.
+        Chen 2016, eqs. (8) to (12); with the difference of runs instead of a body model if there is an unloaded run.
     """
     if transmission.gain_nm_a.size != chain.n:
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
-    # Matrices of a few dozen columns: threads would wait for each other, on a busy machine for minutes.
+    # One thread: with matrices of a few dozen columns threads only wait for each other, for minutes on a busy machine.
     with threadpool_limits(1):
 
         def identified(prior: Prior | None) -> Identification:
@@ -91,7 +92,7 @@ def identify(
 
 
 def _require_symmetric(found: Identification) -> None:
-    """Refuse a symmetry about the flange axis that the data contradict."""
+    """Raise if the data contradict a symmetry about the flange axis."""
     center, half_width = found.uncertainty.values[1:3], found.uncertainty.half_width_95[1:3]
     if (np.abs(center) > _CONTRADICTS * half_width).any():
         raise EstimationError(
@@ -111,7 +112,7 @@ def _identified(
     prior: Prior | None,
     known_arm: KnownArm | None,
 ) -> Identification:
-    """What `identify` does with equations of what is known."""
+    """`identify` with a given prior."""
     runs = (loaded,) if unloaded is None else (loaded, unloaded)
     for run in runs:
         check_joints(run, chain.n)
@@ -142,8 +143,8 @@ def _identified(
         found = fit_payload(difference, regressor, chain, body, estimator, prior, arm)
         return found.estimate, found.friction
 
-    # Measured on the UR10e: with a calibrated arm this corrects the mass; with one pair's gains it corrects the mass
-    # too, but drives the two mountings' centres apart, from 1.8 to 2.2 mm. So it is done where gains are known well.
+    # Measured on the UR10e: with a calibrated arm, excluding blows corrects the mass; with one pair's gains it does so
+    # too, but increases the distance of the two mountings' centres from 1.8 to 2.2 mm. Hence only with known gains.
     if known_arm is None:
         nominal = None if gains is None or gains.calibrated.any() else gains
         found = fit_payload(signal, regressor, chain, body, estimator, prior, arm, nominal)
@@ -169,7 +170,7 @@ def _identified(
 
 
 def _friction_change(arm: KnownArm, chain: Chain, run: Motion) -> tuple[FloatArray, FloatArray]:
-    """By how much friction differs from that of the calibrated arm, as `friction_change`, by the unloaded run."""
+    """Difference of the unloaded run's friction from the calibrated arm's, as `friction_change`."""
     left = run.torque_nm - arm.fit.model.torque(chain, *run.states)
     return friction_change(arm, run.states.velocity_rad_s, left, run.valid, run.interval_s)
 
@@ -186,16 +187,16 @@ def payload_result(
     """The content of a payload file.
 
     Args:
-        result: What was identified.
+        result: The identification.
         armload_version: Version of the program.
         configuration_sha256: Hash of the robot's configuration.
-        calibration_sha256: File name and hash of the arm's calibration, where there is one.
-        frame: Name of the frame that the chain's flange is.
-        robot: Name of the arm, where it is known.
-        kinematics_sha256: Hash of its kinematics, where it is known.
+        calibration_sha256: File name and hash of the arm's calibration, if there is one.
+        frame: Name of the chain's flange frame.
+        robot: Name of the arm, if known.
+        kinematics_sha256: Hash of its kinematics, if known.
 
     Returns:
-        The content; what is not determined has no interval and no number but in the model.
+        The content; undetermined values have no interval, and no number except in the model.
     """
     known = result.uncertainty.determined
     return PayloadResult(

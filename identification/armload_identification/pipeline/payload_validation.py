@@ -1,4 +1,4 @@
-"""Validate a payload: identify it again from runs it was not identified from, and judge the difference."""
+"""Validate a payload: identify it again from other runs, and judge the difference."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Validation:
 
     Attributes:
         verdict: Right, wrong or cannot tell, and why.
-        measured: What the second pair says of the payload by itself.
-        predicted_nm: (K, n) torque that the payload in question predicts at the samples of `signal`, with the friction
-            that the second pair showed.
+        measured: The payload identified from only the second pair.
+        predicted_nm: (K, n) torque predicted with the payload in question at the samples of `signal`, with the friction
+            from the second pair.
         residual_rms_nm: (n,) RMS of the raw single-sample torque difference minus that prediction, comparable to
             `signal.noise_nm`.
         torque_in_band_nm: (n,) RMS of the smoothed torque difference: the motion's band.
-        left_in_band_nm: (n,) RMS of what the prediction leaves of it.
+        left_in_band_nm: (n,) RMS of the smoothed torque difference minus the prediction.
     """
 
     verdict: PayloadVerdict
@@ -68,23 +68,23 @@ def validate(
 ) -> Validation:
     """Judge a payload by a pair of runs that it was not identified from.
 
-    Nominal gains are fitted with a payload. The second pair is then identified with the gains that the first one found,
-    so that what they are still off changes both alike and the verdict is about the payload.
+    Nominal gains are fitted with a payload. The second pair is identified with the gains from the first one, so that
+    their remaining errors affect both in the same way and the verdict concerns the payload.
 
     Args:
         loaded: Run with the payload.
         unloaded: Run of the same motion without it.
         chain: The arm; the payload is in its flange frame.
         transmission: Gains and coupling.
-        payload: What is to be judged.
-        tolerance: By how much it may be off; 2 % of its mass and 10 mm if not given.
-        arm: The empty arm by a calibration, whose gains `transmission` has and whose level `chain` has.
+        payload: The payload to be judged.
+        tolerance: Tolerated error; 2 % of its mass and 10 mm if not given.
+        arm: The calibrated empty arm, with its gains in `transmission` and its tilt in `chain`.
 
     Returns:
-        The verdict, and the series behind it.
+        The verdict, and the underlying signals.
 
     Raises:
-        RecordingError: recordings that do not fit the arm or each other, or cannot be right.
+        RecordingError: recordings that do not fit the arm or each other, or are invalid.
         EstimationError: no payload explains the runs.
     """
     gains = transmission if arm is not None else gains_to_compare_by(payload.mass_center, transmission)
@@ -93,11 +93,11 @@ def validate(
 
 
 def gains_to_compare_by(judged: MassCenterCovariance | None, transmission: Transmission) -> Transmission:
-    """The gains with which a payload is identified again: those of the first time, unless they are known better.
+    """The gains for identifying a payload again: those of the first identification, unless calibrated ones are known.
 
     Args:
-        judged: Of the payload in question, where its file has it.
-        transmission: The arm's own.
+        judged: Covariance of the payload in question, if its file contains it.
+        transmission: The arm's transmission.
     """
     if judged is None or judged.gain_nm_a.shape != transmission.gain_nm_a.shape or transmission.calibrated.any():
         return transmission
@@ -111,10 +111,10 @@ def judge(measured: Identification, chain: Chain, judged: Known, tolerance: Tole
         measured: The identification.
         chain: The arm.
         judged: The payload in question.
-        tolerance: By how much it may be off.
+        tolerance: Tolerated error.
 
     Returns:
-        The verdict, and the series behind it.
+        The verdict, and the underlying signals.
     """
     signal = measured.signal
     again = Known(measured.parameters, measured.mass_center)

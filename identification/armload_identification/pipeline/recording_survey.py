@@ -1,4 +1,4 @@
-"""The contents of a recording from any source, and what is missing to identify a payload from it."""
+"""Summary of a recording from any source, and of what is missing to identify a payload from it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from armload_identification.signals.load_signal import load_signal
 from armload_identification.signals.repetition import repeated_after
 
 _HOLE: Final = 3.0
-"""Times the usual interval, between two rows."""
+"""Multiple of the median interval from which two rows have a gap between them."""
 _MOVES_RAD_S: Final = 0.01
 _MOVES_RAD: Final = 0.01
 _SLOWEST_HZ: Final = 20.0
@@ -29,16 +29,16 @@ class RecordingSurvey:
     Attributes:
         recording: The recording.
         duration_s: From its first to its last row.
-        rate_hz: Rows per second, by the median interval.
-        holes: How often rows are farther apart than three intervals.
-        longest_hole_s: The longest of these; 0 where there is none.
+        rate_hz: Rows per second, from the median interval.
+        holes: Number of gaps: rows further apart than three intervals.
+        longest_hole_s: The longest gap; 0 without any.
         position_rad: (n, 2) least and greatest position of each joint.
         speed_rad_s: (n,) greatest speed of each joint.
-        effort: (n, 2) least and greatest torque or current; None where there is neither.
-        moving_s: Begin and end of the motion since the first row; None where the arm stands still.
-        period_s: Period of the motion, by its excitation or because it repeats itself; None where it does not.
-        periods: Whole periods; 0 where there is no period.
-        missing: What is missing to identify a payload from it, a sentence each.
+        effort: (n, 2) least and greatest torque or current; None without either.
+        moving_s: Start and end of the motion since the first row; None if the arm does not move.
+        period_s: Period of the motion, from its excitation or its repetition; None if it is not periodic.
+        periods: Number of whole periods; 0 without a period.
+        missing: What is missing to identify a payload from it, one phrase each.
     """
 
     recording: Recording
@@ -56,14 +56,14 @@ class RecordingSurvey:
 
     @property
     def effort_kind(self) -> str | None:
-        """What the effort is: "joint torque", "motor current", or None."""
+        """Kind of the effort: "joint torque", "motor current", or None."""
         if self.effort is None:
             return None
         return "motor current" if self.recording.torque_nm is None else "joint torque"
 
 
 def survey(recording: Recording) -> RecordingSurvey:
-    """Look at a recording.
+    """Summarise a recording.
 
     Args:
         recording: The recording; it may lack torque and current.
@@ -73,7 +73,7 @@ def survey(recording: Recording) -> RecordingSurvey:
     interval_s = float(np.median(step_s))
     holes = step_s[step_s > _HOLE * interval_s]
     speed = np.abs(np.diff(position, axis=0)) / step_s[:, None]
-    # Over a tenth of a second, so that noise of the encoder is no motion.
+    # Over a tenth of a second, so that encoder noise does not count as motion.
     window = max(round(0.1 / interval_s), 1)
     slow = np.abs(position[window:] - position[:-window]).max(axis=1) / (window * interval_s)
     moving = np.flatnonzero(slow > _MOVES_RAD_S) if (np.ptp(position, axis=0) > _MOVES_RAD).any() else np.zeros(0, int)
@@ -102,7 +102,7 @@ def survey(recording: Recording) -> RecordingSurvey:
 
 
 def pair_problem(loaded: Recording, unloaded: Recording) -> str | None:
-    """Why two recordings are no pair of one motion; None where they are one.
+    """Why two recordings are not a pair of the same motion; None if they are.
 
     Args:
         loaded: Run with the payload.
@@ -129,7 +129,7 @@ def _period_of(recording: Recording, moving_s: tuple[float, float] | None) -> tu
 
 
 def _missing(recording: Recording, moves: bool, interval_s: float) -> tuple[str, ...]:
-    """What keeps a recording from being used."""
+    """Reasons why a recording cannot be used."""
     missing = []
     if recording.effort is None:
         missing.append("joint torque or motor current: record 6077 or 6078, or the effort of the joints")

@@ -1,9 +1,9 @@
-"""How friction falls while an arm warms up: with the logarithm of the time that it has been at work.
+"""Decrease of friction while an arm warms up, with the logarithm of its time in operation.
 
     F(t) = F_session + b ln(1 + t / 10 min)
 
-An arm that has rested for two hours begins anew. The times are those of the runs, and of the windows of long ones; an
-arm that was at work before its first run shows a flatter curve. b counts where it is beyond chance.
+After two hours of rest a new session starts. The times are those of the runs, and of the windows of long ones; an arm
+that was in operation before its first run has a flatter curve. b is used only if it is significant.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from armload_identification.calibration.run_health import RunHealth
 _SCALE_S: Final = 600.0
 _REST_S: Final = 7200.0
 WARM_S: Final = 3600.0
-"""Friction is stated for an arm that has been at work for so long."""
+"""Time in operation to which friction refers."""
 _LEAST_RANGE: Final = 0.5
-"""Of the logarithm: from the beginning to 6.5 minutes at least."""
+"""Least range of the logarithm: at least from the start to 6.5 minutes."""
 _BEYOND_CHANCE: Final = 4.0
 _LEAST_MORE: Final = 3
-"""Points beyond one per session and the slope."""
+"""Least number of points in excess of one per session plus one for the slope."""
 
 
 @dataclass(frozen=True, eq=False)
 class WarmUp:
-    """Friction against the time at work, n joints.
+    """Friction over time in operation, n joints.
 
     Attributes:
-        at_work_s: (p,) time at work of every point.
-        session: (p,) which stretch of work without a rest it belongs to.
-        friction_nm: (p, n) difference from the friction after an hour; NaN where a joint hardly moves.
-        slope_nm: (n,) b; 0 where it is not beyond chance.
-        slope_deviation_nm: (n,).
-        of_runs_nm: (r, n) what being cold adds to each run's friction.
+        at_work_s: (p,) time in operation of every point.
+        session: (p,) number of its session, which is operation without a long rest.
+        friction_nm: (p, n) difference from the friction after an hour; NaN if a joint hardly moves.
+        slope_nm: (n,) b; 0 if it is not significant.
+        slope_deviation_nm: (n,) standard deviation of b.
+        of_runs_nm: (r, n) increase of each run's friction because the arm is not warm.
     """
 
     at_work_s: FloatArray
@@ -51,10 +51,10 @@ class WarmUp:
     of_runs_nm: FloatArray
 
     def curve_nm(self, at_work_s: FloatArray) -> FloatArray:
-        """(t, n) friction over that after an hour.
+        """(t, n) friction minus that after an hour.
 
         Args:
-            at_work_s: (t,).
+            at_work_s: (t,) times in operation.
         """
         return (_log(at_work_s) - _log(WARM_S))[:, None] * self.slope_nm
 
@@ -63,11 +63,11 @@ def warm_up(runs: Sequence[RunHealth], began: Sequence[datetime]) -> WarmUp | No
     """The warming of an arm.
 
     Args:
-        runs: In the order of their time.
-        began: When each began; empty where one does not say it: then a run is a session.
+        runs: In the order of time.
+        began: Start of each; empty if unknown: then each run is a session.
 
     Returns:
-        The curve; None where no joint's friction depends on the time at work beyond chance.
+        The curve; None if no joint's friction depends significantly on the time in operation.
     """
     at_work, session, of_run, friction, noise = [], [], [], [], []
     starts, sessions = _sessions(runs, began)
@@ -109,7 +109,7 @@ def _log(at_work_s: FloatArray | float) -> FloatArray:
 
 
 def _sessions(runs: Sequence[RunHealth], began: Sequence[datetime]) -> tuple[list[float], list[int]]:
-    """Time at work when each run begins, and which session it belongs to."""
+    """Time in operation at the start of each run, and number of its session."""
     if not began:
         return [0.0] * len(runs), list(range(len(runs)))
     starts, sessions, first, before_s = [], [], began[0], -np.inf
@@ -126,7 +126,7 @@ def _sessions(runs: Sequence[RunHealth], began: Sequence[datetime]) -> tuple[lis
 def _slope(
     log_time: FloatArray, session: NDArray[np.intp], values: FloatArray, noise: FloatArray
 ) -> tuple[float, float]:
-    """Slope within sessions and its standard deviation, by the scatter about it where that is more than the noise."""
+    """Slope within sessions and its standard deviation, from the scatter about it, at least from the noise."""
     known = np.isfinite(values) & (noise > 0.0)
     x, y, weight = log_time[known], values[known], noise[known] ** -2.0
     which, place = np.unique(session[known], return_inverse=True)

@@ -1,7 +1,7 @@
-"""The shortest motion about a place that shows what a payload weighs: a wiggle of a few degrees, in every joint.
+"""The shortest motion about one configuration that determines a payload's mass: a few degrees in every joint.
 
-A joint's motion is a Fourier series whose amplitude reaches the nearest of its limits, so that what is looked for is
-its shape: many are drawn for each period, and the best is varied. The number of periods is the least that suffices.
+Each joint's motion is a Fourier series whose amplitude is set by the nearest limit, so that only its shape is searched:
+many shapes are drawn for each period, and the best one is varied. The number of periods is the least that suffices.
 """
 
 from __future__ import annotations
@@ -22,31 +22,31 @@ from armload_identification.pipeline.mass_prospect import MassProspect
 PERIODS_S: Final = (2.0, 3.0, 4.0, 6.0, 8.0)
 LONGEST_S: Final = 60.0
 _FASTEST_HZ: Final = 1.2
-"""Of the highest harmonic; what is faster is smoothed away with the noise."""
+"""Greatest frequency of the highest harmonic; faster motion is smoothed away with the noise."""
 _MOST_HARMONICS: Final = 6
 _JUDGED_S: Final = 10.0
-"""Shapes of one period are compared by what so long a motion shows."""
+"""Length of the motion by which shapes are compared."""
 _DRAWS: Final = 60
 _VARIATIONS: Final = 120
 _VARIED: Final = 0.4
 _ORDERS: Final = 4
 _INSIDE: Final = 0.98
 _SAMPLES: Final = 48
-"""Per harmonic."""
+"""Samples per harmonic."""
 _SMALLER: Final = 0.9
 _MOST_SHRINKING: Final = 25
 
 
 @dataclass(frozen=True, eq=False)
 class Wiggle:
-    """A motion that shows a mass.
+    """A motion that determines a mass.
 
     Attributes:
         trajectory: One period.
-        periods: How many.
-        half_width_kg: What the mass will be known to.
-        tried: Motions of this period that were looked at.
-        seed: What they were drawn from.
+        periods: Number of periods.
+        half_width_kg: Expected half width of the mass's 95 % interval.
+        tried: Number of evaluated motions with this period.
+        seed: Seed of the random shapes.
     """
 
     trajectory: FourierTrajectory
@@ -57,7 +57,7 @@ class Wiggle:
 
     @property
     def lasts_s(self) -> float:
-        """All periods, without ramps."""
+        """Duration of all periods, without ramps."""
         return self.periods * self.trajectory.period_s
 
 
@@ -72,20 +72,20 @@ def shortest_wiggle(
     objection: Callable[[FourierTrajectory], str | None],
     progress: Callable[[int, int], None],
 ) -> Wiggle:
-    """Find the shortest motion about a place.
+    """Find the shortest motion about one configuration.
 
     Args:
-        prospect: What motions show.
-        envelope: All limits; the ranges of the joints are those about the place.
-        at_rad: (n,) the place.
-        wanted_kg: Half width of the 95 % interval that the mass is to have.
-        step_s: A period is a multiple of it.
-        seed: Same seed, same motion.
-        objection: Says why a motion within the limits must not be driven all the same.
-        progress: Takes how many periods were looked at, and of how many.
+        prospect: Expected uncertainty of the mass for a motion.
+        envelope: All limits; the ranges of the joints are those about the configuration.
+        at_rad: (n,) the configuration.
+        wanted_kg: Required half width of the mass's 95 % interval.
+        step_s: The period is a multiple of this.
+        seed: Seed; the same seed gives the same motion.
+        objection: Returns why a motion within the limits must not be driven, or None.
+        progress: Called with the number of periods evaluated and their total.
 
     Raises:
-        ExcitationError: no motion within the limits, or none of at most a minute that shows so much.
+        ExcitationError: no motion within the limits, or none of at most a minute that determines the mass as required.
     """
     found: list[Wiggle] = []
     best_kg, refused = np.inf, ""
@@ -123,7 +123,7 @@ def shortest_wiggle(
 
 
 class _Shapes:
-    """Motions of one period about a place."""
+    """Motions of one period about one configuration."""
 
     def __init__(
         self,
@@ -150,7 +150,7 @@ class _Shapes:
         self.tried = 0
 
     def best(self) -> FourierTrajectory | None:
-        """The best shape found; None where none keeps all limits."""
+        """The best shape found; None if none respects all limits."""
         size = (self._at.size, 2 * self._harmonics)
         best, chosen, least = None, None, np.inf
         for number in range(_DRAWS + _VARIATIONS):
@@ -170,7 +170,7 @@ class _Shapes:
         return best if best is None or self._envelope.worst(best).max() <= 0.0 else self._shrunk(best)
 
     def _inside(self, drawn: FloatArray) -> FourierTrajectory | None:
-        """A shape as large as its limits allow."""
+        """A shape with the greatest amplitude within its limits."""
         one = self._trajectory(drawn)
         at = one.evaluate(self._times_s)
         states = np.stack([at.position_rad - self._at, at.velocity_rad_s, at.acceleration_rad_s2, at.jerk_rad_s3])
@@ -186,7 +186,7 @@ class _Shapes:
         return None
 
     def _shrunk(self, trajectory: FourierTrajectory) -> FourierTrajectory | None:
-        """The motion made smaller until every limit is kept between the samples too."""
+        """The motion with its amplitude reduced until every limit is respected, also between samples."""
         smaller = trajectory
         for _ in range(_MOST_SHRINKING):
             smaller = FourierTrajectory(
