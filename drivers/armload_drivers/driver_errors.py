@@ -1,20 +1,20 @@
-"""What can go wrong with the servos, split by who must act.
+"""Errors of the servos, divided by who must act.
 
 DriverError
- +-- ServoError            a node did not do what the standard says: names node, joint, step
- |    +-- ServoTimeout     ... within its time limit
- |    +-- ServoFault       ... and says so itself (statusword FAULT, EMCY)
- |    +-- SdoRefused       ... and answered an SDO with an abort code
- |    +-- WrongDevice      ... but is not the configured device, or contradicts its configuration
- |    +-- MissingSafety    ... because it has no way to a property that safety rests on
- |    +-- AxisMoves        ... and its axis moves without torque: no brake holds it
- +-- BusError              the bus itself: not there, off, queue full
+ +-- ServoError            a node violates the standard or its configuration: names node, joint, step
+ |    +-- ServoTimeout     ... exceeds a time limit
+ |    +-- ServoFault       ... reports a fault itself (statusword FAULT, EMCY)
+ |    +-- SdoRefused       ... answered an SDO with an abort code
+ |    +-- WrongDevice      ... is not the configured device, or contradicts its configuration
+ |    +-- MissingSafety    ... cannot provide a safety property
+ |    +-- AxisMoves        ... its axis moves without torque: no brake holds it
+ +-- BusError              the bus itself: missing, off, queue full
  |    +-- BusOverload      ... would carry more than its configured share
  +-- ForeignMaster         another master commands the same bus
  +-- DescriptionError      a device description (EDS, DCF) that cannot be used
- +-- StateError            our caller asked for something the present state does not allow
- +-- CommandError          ... or for a setpoint that no drive can be sent
- +-- StatuswordError       a statusword that matches no state; ServoError where the node is known
+ +-- StateError            the caller requested something that the present state does not allow
+ +-- CommandError          ... or a setpoint that cannot be sent to a drive
+ +-- StatuswordError       a statusword that matches no state; a ServoError once the node is known
  +-- TransitionError       a CiA 402 goal that is blocked or takes too long; likewise
  +-- SimulationError       the plant cannot be built or has diverged
 """
@@ -23,11 +23,11 @@ from __future__ import annotations
 
 
 class DriverError(Exception):
-    """Root of everything that `armload_drivers` raises."""
+    """Root of all errors that `armload_drivers` raises."""
 
 
 class StateError(DriverError):
-    """The caller asked for something the present state does not allow."""
+    """The caller requested something that the present state does not allow."""
 
 
 class CommandError(DriverError):
@@ -47,10 +47,10 @@ class StatuswordError(DriverError):
 
 
 class TransitionError(DriverError):
-    """A drive cannot reach the state that was asked for, or not in time.
+    """A drive cannot reach the requested state, or not in time.
 
     Attributes:
-        statusword: The last word received, None where there was none.
+        statusword: The last word received; None if there was none.
     """
 
     def __init__(self, what: str, statusword: int | None) -> None:
@@ -76,8 +76,8 @@ class DescriptionError(DriverError):
 
     Attributes:
         source: Name of the file.
-        section: Section of it; empty where the file as a whole is meant.
-        key: Key; empty where the section as a whole is meant.
+        section: Its section; empty if the error concerns the file itself.
+        key: Key; empty if the error concerns the section itself.
     """
 
     def __init__(self, source: str, section: str, key: str, what: str) -> None:
@@ -93,12 +93,12 @@ class SimulationError(DriverError):
 
 
 class ServoError(DriverError):
-    """A node did not do what CiA 301 or CiA 402 asks of it.
+    """A node violates CiA 301, CiA 402 or its configuration.
 
     Attributes:
         node_id: CANopen node id.
         joint: Name of the joint the node drives.
-        step: What was being done, in the operator's words.
+        step: The step in progress, as text for the operator.
     """
 
     def __init__(self, node_id: int, joint: str, step: str, what: str, remedy: str) -> None:
@@ -129,12 +129,12 @@ class SdoRefused(ServoError):
 
 
 class WrongDevice(ServoError):
-    """A node answers, but it is not the device the configuration names."""
+    """A node answers, but is not the configured device."""
 
 
 class MissingSafety(ServoError):
-    """A drive has no way to a property that safety rests on, and the configuration does not accept that."""
+    """A drive cannot provide a safety property, and the configuration does not accept that."""
 
 
 class AxisMoves(ServoError):
-    """An axis moves although its drive gives no torque any more: it has no brake, or its brake does not hold."""
+    """An axis moves although its drive produces no torque: it has no brake, or its brake does not hold."""

@@ -1,13 +1,11 @@
-"""The hardware abstraction: all joint servos of an arm as one cyclic thing.
+"""The hardware abstraction: all joint servos of an arm, exchanged cyclically as a unit.
 
-One `exchange` per cycle. The command given is latched by the drives at the next SYNC; the feedback
-returned was sampled at that same SYNC. Values are SI and belong to the JOINTS, coupling resolved, with
-one exception: `current_a` is the current of each MOTOR, because torque constants are the identification's
-business.
+One `exchange` per cycle. The drives latch the given command at the next SYNC; the returned feedback was sampled at that
+same SYNC. Values are in SI units and refer to the JOINTS, with coupling resolved, except `current_a`, which is the
+current of each MOTOR, because torque constants belong to the identification.
 
-The life of an arm: `connect` -> `enable` -> `exchange` ... -> `stop` -> `disable` -> `close`. `close` is allowed
-from every state and leaves the arm without torque, standing. While no drive is enabled, `standing_rad` says where the
-arm stands.
+Sequence: `connect` -> `enable` -> `exchange` ... -> `stop` -> `disable` -> `close`. `close` is allowed in every state
+and leaves the arm at standstill without torque. While no drive is enabled, `standing_rad` returns the arm's position.
 """
 
 from __future__ import annotations
@@ -28,7 +26,7 @@ class JointCommand:
     Attributes:
         position_rad: (n,) target positions.
         velocity_rad_s: (n,) their derivative, for drives that take a velocity offset (60B1).
-        torque_offset_nm: (n,) joint torque that the servo loop is to add (60B2).
+        torque_offset_nm: (n,) joint torque for the servo loops to add (60B2).
     """
 
     position_rad: FloatArray
@@ -38,7 +36,7 @@ class JointCommand:
 
 @dataclass(frozen=True, slots=True)
 class JointFeedback:
-    """What the arm answered in one cycle, for n joints.
+    """Feedback of one cycle, for n joints.
 
     A joint that is `missing` repeats its last values.
 
@@ -46,7 +44,7 @@ class JointFeedback:
         cycle: Number of the SYNC since `connect`.
         time_s: Time stamp of that SYNC on the servos' clock.
         position_rad: (n,) measured joint positions.
-        velocity_rad_s: (n,) measured joint velocities, or None where the drives do not send them.
+        velocity_rad_s: (n,) measured joint velocities, or None if the drives do not send them.
         current_a: (n,) measured MOTOR currents, or None on arms that send torque.
         torque_nm: (n,) measured JOINT torques, or None on arms that send current.
         statusword: (n,) CiA 402 statusword (6041).
@@ -72,7 +70,7 @@ class JointServos(Protocol):
     Attributes:
         n: Number of joints.
         cycle_s: Duration of one cycle.
-        simulated: True where every drive carries the simulation's identity (no real arm can move).
+        simulated: True if every drive has the simulation's identity (no real arm can move).
     """
 
     n: int
@@ -87,15 +85,15 @@ class JointServos(Protocol):
         """
 
     def standing_rad(self) -> FloatArray:
-        """(n,) where the joints stand, connected and not enabled.
+        """(n,) positions of the joints while connected and not enabled.
 
         Raises:
             StateError: not connected, or enabled.
-            DriverError: a drive does not say.
+            DriverError: a drive does not report its position.
         """
 
     def enable(self) -> JointFeedback:
-        """Bring every drive to OPERATION ENABLED, holding the position it has now.
+        """Bring every drive to OPERATION ENABLED, holding its present position.
 
         Returns:
             Feedback of the first enabled cycle.
@@ -115,7 +113,7 @@ class JointServos(Protocol):
         """Quick stop: decelerate every drive on its own ramp and hold, with torque on."""
 
     def disable(self) -> None:
-        """Engage brakes and remove torque, once the arm stands still."""
+        """Engage brakes and remove torque once the arm is at standstill."""
 
     def close(self) -> None:
-        """Leave the bus; stops and disables first where that is still to be done. Idempotent."""
+        """Leave the bus, after stopping and disabling if necessary. Idempotent."""

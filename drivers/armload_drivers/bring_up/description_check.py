@@ -1,7 +1,7 @@
-"""What a drive's description says against its configuration, before the drive is asked. Nothing is read from a bus.
+"""A drive's description compared with its configuration, before the drive is queried. Nothing is read from a bus.
 
-A description is the vendor's word, and not always true; bring-up reads back what it writes all the same. But who reads
-here that a drive maps no torque offset need not find out at the cell.
+A description is the vendor's claim and not always true, so bring-up still reads back everything it writes. But a
+missing torque offset, for example, is reported here before anyone goes to the cell.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from armload_drivers.cia402.process_data.process_image import drive_image
 
 
 def description_gaps(drive: DriveSettings) -> tuple[str, ...]:
-    """What the configured drive needs and its description does not offer, in words; nothing without a description."""
+    """What the configuration requires and the description lacks, as text; empty without a description."""
     described = drive.description
     if described is None:
         return ()
@@ -34,7 +34,7 @@ def description_gaps(drive: DriveSettings) -> tuple[str, ...]:
 
 
 def _unmappable(described: DeviceDescription, direction: PdoDirection, entry: Entry) -> str:
-    """Why a PDO could not carry an object; empty where it could."""
+    """Why a PDO cannot carry an object; empty if it can."""
     found = described.find(entry)
     if found is None:
         return f"{described.source} has no {entry}, which a PDO must carry"

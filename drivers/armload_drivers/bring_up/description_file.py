@@ -1,4 +1,4 @@
-"""A device description from its file; what is in it is read by `cia402.device_description`."""
+"""Reads the file of a device description; `cia402.device_description` parses it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ def read_description(path: Path) -> DeviceDescription:
     """Read an EDS or DCF file.
 
     Raises:
-        DescriptionError: it cannot be read, or is no description of a CiA 402 drive.
+        DescriptionError: the file cannot be read, or is not a description of a CiA 402 drive.
     """
     try:
         status = path.stat()
-        if not stat.S_ISREG(status.st_mode):  # opening a pipe waits for a writer, and a device may have no end
+        if not stat.S_ISREG(status.st_mode):  # opening a pipe waits for a writer, and a device may be endless
             raise DescriptionError(path.name, "", "", "not a regular file; give an EDS or DCF file")
         if status.st_size > LARGEST_BYTES:
             raise DescriptionError(

@@ -1,9 +1,9 @@
 """Booting, checking and configuring one drive by SDO, up to the point where it could be enabled.
 
-The order for a whole arm: `check_identity` of every node that is up already, so that a foreign arm is refused
-before anything is sent to it that changes something; NMT reset; `check_identity` again; `configure`. A node that does
-not answer yet may be reset all the same, for that is how drives boot, but not where only a simulation is allowed: then
-every node must identify itself first. Nothing here energises a drive. What a drive lacks is reported, not guessed.
+The order for an arm: `check_identity` of every node that is already up, so that another arm is refused before anything
+is sent that changes it; NMT reset; `check_identity` again; `configure`. A node that does not answer yet may still be
+reset, because that is how drives boot, unless only a simulation is allowed: then every node must identify itself first.
+Nothing here energises a drive. Missing objects are reported, not guessed.
 
 References:
     CiA 301, 7.5.2; CiA 402-2, 6 to 8.
@@ -39,18 +39,18 @@ HIGHEST_NODE_ID = 127
 
 @dataclass(frozen=True, slots=True)
 class DriveReport:
-    """What was found on one drive.
+    """Findings on one drive.
 
     Attributes:
         joint: Name of its joint.
         node_id: Node id.
-        name: Device name (1008); empty where not reported.
+        name: Device name (1008); empty if not reported.
         identity: 1018, as reported.
         supported_modes: 6502.
-        polarity: 607E; 0 where not reported.
-        missing: Objects that the drive does not have, or that cannot hold what they should, in words.
-        safety: What was found of every property that safety rests on; empty before it was looked at.
-        device_type: 1000; its upper half says more of the device than that it is a CiA 402 drive.
+        polarity: 607E; 0 if not reported.
+        missing: Objects that the drive lacks, or that do not hold the required value, as text.
+        safety: Findings on every safety property; empty before they were checked.
+        device_type: 1000; its upper half contains more than the mark of a CiA 402 drive.
     """
 
     joint: str
@@ -92,8 +92,8 @@ class DriveSetup(DriveDialogue):
         """Identify the node before anything is sent that changes it; only reads.
 
         Raises:
-            ServoTimeout: only a simulation is allowed here, and the node does not answer: it could be any device.
-            WrongDevice: it answers and is another device.
+            ServoTimeout: only a simulation is allowed, and the node does not answer: it could be any device.
+            WrongDevice: the node is another device.
             ServoError: an SDO failed.
         """
         simulation = is_simulation(self.settings.identity)
@@ -113,10 +113,10 @@ class DriveSetup(DriveDialogue):
             )
 
     def require_alive(self) -> None:
-        """The node was reset and sent no boot-up message: it must answer SDO.
+        """Require an SDO answer from a node that was reset and sent no boot-up message.
 
         Raises:
-            ServoTimeout: it does not.
+            ServoTimeout: the node does not answer.
         """
         self._sdo.step = "booting"
         if not self._sdo.answers(od.DEVICE_TYPE, self._timeouts.sdo_s):
@@ -129,13 +129,13 @@ class DriveSetup(DriveDialogue):
             )
 
     def check_identity(self) -> Identity:
-        """Device type and identity, against the configuration and, where it has none, the device description.
+        """Check device type and identity against the configuration or, if it states none, the device description.
 
         Returns:
             The reported identity (1018).
 
         Raises:
-            WrongDevice: it is no CiA 402 drive, or not the configured one.
+            WrongDevice: the node is not a CiA 402 drive, or not the configured one.
             ServoError: an SDO failed.
         """
         self._sdo.step = "identifying"
@@ -180,7 +180,7 @@ class DriveSetup(DriveDialogue):
     # Configuration -------------------------------------------------------------------------------------------
 
     def steps(self) -> tuple[tuple[str, Callable[[], None]], ...]:
-        """What `configure` does between identity and units of the arm, by name and in order."""
+        """The steps of `configure`, by name and in order."""
         return (
             ("modes", self._check_mode),
             ("scaling", self._read_scale),
@@ -190,35 +190,35 @@ class DriveSetup(DriveDialogue):
         )
 
     def configure(self) -> int:
-        """Check and write everything that needs this drive alone, in PRE-OPERATIONAL.
+        """Check and write everything that concerns only this drive, in PRE-OPERATIONAL.
 
         Returns:
-            Polarity (607E), 0 where the drive does not report it.
+            Polarity (607E); 0 if the drive does not report it.
 
         Raises:
             WrongDevice: a mode or scale contradicts the configuration.
             SdoRefused: a necessary object was refused.
-            ServoError: the drive does not keep what was written.
+            ServoError: the drive does not keep a written value.
         """
         for _, step in self.steps():
             step()
         return self._polarity
 
     def secure(self, units: ArmUnits) -> None:
-        """What safety rests on: it needs the units of the whole arm, because motors may be coupled.
+        """Provide the safety properties; requires the units of all drives, because motors may be coupled.
 
         Raises:
-            MissingSafety: the drive lacks some of it, and the configuration does not accept that.
+            MissingSafety: the drive lacks a property, and the configuration does not accept that.
             ServoError: the drive does not answer.
         """
         values = SafetyValues.of(self.settings, self._arm, units, self._master_node_id, self._rated_current_a)
         self._safety = secure(self._objects, values)
-        # Verified; the watch itself begins with the cycle.
+        # Only verified here; the watch itself starts with the cycle.
         self.watch_master(on=False)
         require_safety(self._objects, values, self._safety)
 
     def report(self) -> DriveReport:
-        """What was found."""
+        """The findings."""
         return DriveReport(
             joint=self.settings.joint,
             node_id=self.settings.node_id,
@@ -232,7 +232,7 @@ class DriveSetup(DriveDialogue):
         )
 
     def read_units(self) -> AxisUnits:
-        """The drive's scale, from the configuration and from what the drive reports. Only reads.
+        """The drive's scale, from the configuration and the drive. Only reads.
 
         Raises:
             WrongDevice: the two contradict each other.
@@ -242,7 +242,7 @@ class DriveSetup(DriveDialogue):
         return AxisUnits.of(self.settings, self._polarity)
 
     def _wrong(self, what: str, remedy: str) -> WrongDevice:
-        """Error about this drive at this step."""
+        """Error of this drive at the present step."""
         return WrongDevice(self.settings.node_id, self.settings.joint, self._sdo.step, what, remedy)
 
     def _read_name(self) -> str:
@@ -264,7 +264,7 @@ class DriveSetup(DriveDialogue):
         self._modes = modes or 0
 
     def _read_scale(self) -> None:
-        """Polarity, and the scale that the drive reports checked against the configuration."""
+        """Read polarity and scale, and check them against the configuration."""
         self._sdo.step = "reading the scaling"
         read, optional = self._objects.read, self._sdo.read_if_there
         self._polarity = read(od.POLARITY) or 0
@@ -294,7 +294,7 @@ class DriveSetup(DriveDialogue):
             switch_others_off(self._sdo, direction, used)
 
     def _require_mapped_objects(self) -> None:
-        """Requires that the drive has what its PDOs are to carry, in the size that the configuration expects."""
+        """Require the objects of the PDOs, with the size that the configuration expects."""
         self._sdo.step = "looking for the objects of its PDOs"
         for entry in [entry for layout in self._image.layouts for entry in layout.entries]:
             bits = self._sdo.bits_if_there(entry)
@@ -307,7 +307,7 @@ class DriveSetup(DriveDialogue):
                 raise self._wrong(f"{entry} has {bits} bits instead of {entry.type.bits}", remedy)
 
     def _instead_of(self, entry: Entry) -> str:
-        """What the configuration can do without an object."""
+        """How the configuration can avoid a missing object."""
         if entry.key == od.TORQUE_OFFSET.key:
             return "Set torque_offset = false; feed-forward is then refused on this drive"
         for other, name in ((od.TORQUE_ACTUAL, "torque"), (od.CURRENT_ACTUAL, "current")):
@@ -334,7 +334,7 @@ class DriveSetup(DriveDialogue):
 
 
 def master_node_id(arm: ArmSettings) -> int:
-    """Node id that the master's heartbeat carries: the highest that no drive has."""
+    """Node id of the master's heartbeat: the highest that no other node has."""
     return max(set(range(1, HIGHEST_NODE_ID + 1)) - {drive.node_id for drive in arm.drives} - arm.other_nodes)
 
 
@@ -359,11 +359,11 @@ def arm_with(arm: ArmSettings, setups: list[DriveSetup]) -> ArmSettings:
 
 
 def is_simulation(identity: Identity) -> bool:
-    """Whether an identity is that of a simulated drive."""
+    """Whether an identity is the simulation's."""
     known = SIMULATION_IDENTITY
     return identity.vendor_id == known.vendor_id and identity.product_code == known.product_code
 
 
 def _ratio(numerator: int | None, denominator: int | None) -> float | None:
-    """A ratio that a drive reports; None where it does not."""
+    """A ratio reported by a drive; None if it is incomplete or zero."""
     return numerator / denominator if numerator and denominator else None

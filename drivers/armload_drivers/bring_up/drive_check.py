@@ -1,9 +1,9 @@
-"""What bring-up would say of an arm's drives, and one fault reset: the two looks at drives that write to them.
+"""A trial bring-up of an arm's drives, and a fault reset: the two inspections of drives that write to them.
 
-`check` does everything of bring-up short of enabling, goes on after an error, and keeps the answer of every step. It
-resets nodes and writes their configuration, as bring-up does; so it reads all of them first, and writes to none while a
-drive of the arm carries torque, and never to a real drive that the configuration does not name by its identity. `reset`
-acts on one drive, under the same conditions and with consent. Nothing is energised.
+`check` performs bring-up short of enabling, continues after an error, and keeps the result of every step. It resets
+nodes and writes their configuration, as bring-up does; so it reads all of them first, writes to none while a drive of
+the arm carries torque, and never to a real drive whose identity the configuration does not state. `reset` acts on one
+drive, under the same conditions and with consent. Nothing is energised.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _AT_WORK = "Another master is active: stop it first"
 
 
 class Verdict(Enum):
-    """What a step of the check ended in."""
+    """Result of a step of the check."""
 
     OK = "ok"
     MISSING = "missing"
@@ -47,8 +47,8 @@ class Check:
         joint: Name of the joint.
         node_id: Node id.
         step: What was checked.
-        verdict: How it ended.
-        detail: What was found, or what is missing or wrong and what to do.
+        verdict: Its result.
+        detail: What was found, or what is missing or wrong and how to correct it.
     """
 
     joint: str
@@ -60,7 +60,7 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class DriveSafety:
-    """What safety rests on, as found on one drive.
+    """Safety properties of one drive.
 
     Attributes:
         joint: Name of the joint.
@@ -75,11 +75,11 @@ class DriveSafety:
 
 @dataclass(frozen=True, slots=True)
 class ArmCheck:
-    """What bring-up would say of an arm's drives.
+    """Result of a trial bring-up.
 
     Attributes:
         steps: Every step on every drive, joint by joint.
-        safety: What safety rests on, per drive that was looked at.
+        safety: Safety properties of each drive that was examined.
     """
 
     steps: tuple[Check, ...]
@@ -87,7 +87,7 @@ class ArmCheck:
 
 
 def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -> ArmCheck:
-    """Everything of bring-up short of enabling, every step of every drive.
+    """Perform bring-up short of enabling, every step of every drive.
 
     Raises:
         BusError: the bus failed.
@@ -127,7 +127,7 @@ def check(arm: ArmSettings, bus: can.BusABC, timeouts: Timeouts | None = None) -
 
 
 def _strangers(link: BusLink, arm: ArmSettings, limits: Timeouts) -> list[Check]:
-    """A row where a drive is on the bus that the configuration does not name. Only reads."""
+    """A row if the bus has a drive that the configuration does not name. Only reads."""
     try:
         require_no_strangers(link, arm, limits.scan_s)
     except WrongDevice as error:
@@ -142,7 +142,7 @@ def _by_joint(rows: list[Check], arm: ArmSettings) -> list[Check]:
 
 
 def _identify(setup: DriveSetup, rows: list[Check]) -> bool | None:
-    """Whether a drive is who it should be, so that it may be reset; None where it carries torque. Only reads."""
+    """Whether a drive has the right identity and may be reset; None if it carries torque. Only reads."""
     if not setup.is_up():
         rows.append(
             _row(setup, "answers", Verdict.WRONG, "no answer: is it supplied and connected, with this node id?")
@@ -166,14 +166,14 @@ def _identify(setup: DriveSetup, rows: list[Check]) -> bool | None:
 
 
 def _is_anonymous(setup: DriveSetup, found: Identity) -> bool:
-    """Whether a real drive answers to a configuration that accepts any identity."""
+    """Whether a real drive is checked against a configuration that states no identity."""
     settings = setup.settings
     described = settings.description is not None and settings.description.vendor_id is not None
     return settings.identity.vendor_id is None and not described and not is_simulation(found)
 
 
 def _name_it(found: Identity) -> str:
-    """What to do about an anonymous drive."""
+    """How to state the identity of an anonymous drive."""
     identity = ", ".join(
         f"{key} = 0x{value:08X}"
         for key, value in (("vendor_id", found.vendor_id), ("product_code", found.product_code))
@@ -186,7 +186,7 @@ def _name_it(found: Identity) -> str:
 
 
 def _check_alone(setup: DriveSetup, link: BusLink, limits: Timeouts, rows: list[Check]) -> bool:
-    """Everything that needs one drive alone, which has been identified; True where nothing is wrong."""
+    """All steps that concern only one drive, which has been identified; True if nothing is wrong."""
     sound = True
     _reset(setup, link, limits)
     for name, step in setup.steps():
@@ -201,7 +201,7 @@ def _check_alone(setup: DriveSetup, link: BusLink, limits: Timeouts, rows: list[
 
 
 def _reset(setup: DriveSetup, link: BusLink, limits: Timeouts) -> None:
-    """NMT reset of one node, until its boot-up message or time is over."""
+    """NMT reset of one node; waits for its boot-up message or the time limit."""
     booted: list[bytes] = []
     cob_id = od.HEARTBEAT_BASE + setup.settings.node_id
     link.subscribe(cob_id, lambda data: booted.append(bytes(data)))
@@ -222,20 +222,20 @@ def reset(
     consent: Callable[[str], bool],
     timeouts: Timeouts | None = None,
 ) -> State | None:
-    """Reset the fault of one drive, by a bounded number of rising edges. No other is written to, none is enabled.
+    """Reset the fault of one drive, by a bounded number of rising edges. No other is written to, and none is enabled.
 
     Args:
         arm: The arm.
         joint: Name of the joint.
         bus: An open bus.
-        consent: Asked before a drive that is not a simulation is written to, with what would be done.
+        consent: Asked before a real drive is written to, with a description of the action.
         timeouts: Limits of all waits.
 
     Returns:
-        The state that the drive is in then; None where consent was not given, and nothing was done.
+        The drive's state afterwards; None if consent was refused and nothing was done.
 
     Raises:
-        WrongDevice: it is not the configured drive, or a real one that the configuration does not name.
+        WrongDevice: it is not the configured drive, or a real one whose identity the configuration does not state.
         ServoError: the drive is not in FAULT, or stays there; or a drive of the arm carries torque.
         BusError: the bus failed.
     """

@@ -1,7 +1,7 @@
-"""Talking to one drive by SDO while no cycle runs, or after the drive has left it.
+"""SDO access to one drive while no cycle runs, or after the drive has left it.
 
-What is read here may be read at any time. What is written never energises: targets that hold, the master's heartbeat to
-be watched, a fault reset, torque taken away.
+Reads are allowed at any time. Writes never energise: they set targets that hold, the watch on the master's heartbeat, a
+fault reset, or remove torque.
 
 References:
     CiA 301, 7.2.4; CiA 402-2, 8.
@@ -24,7 +24,7 @@ from armload_drivers.driver_errors import SdoRefused, ServoError, ServoFault, St
 
 
 class DriveDialogue:
-    """SDO access to one drive, by what it is for.
+    """SDO access to one drive, by purpose.
 
     Args:
         drive: Its settings.
@@ -32,7 +32,7 @@ class DriveDialogue:
         image: Its PDOs.
         sdo: SDO access to it.
         timeouts: Limits of the waits.
-        master_node_id: Whose heartbeat it is to watch.
+        master_node_id: Node id whose heartbeat the drive watches.
 
     Attributes:
         settings: The drive's settings.
@@ -54,7 +54,7 @@ class DriveDialogue:
         self._master_node_id = master_node_id
 
     def is_up(self) -> bool:
-        """Whether the node answers at all; a short look."""
+        """Whether the node answers, within a short time."""
         self._sdo.step = "looking for the node"
         return self._sdo.answers(od.DEVICE_TYPE, self._timeouts.probe_s)
 
@@ -62,7 +62,7 @@ class DriveDialogue:
         """Power state, by SDO.
 
         Raises:
-            ServoError: it does not answer, or its statusword encodes no state.
+            ServoError: the drive does not answer, or its statusword encodes no state.
         """
         word = self._sdo.read(od.STATUSWORD)
         try:
@@ -71,12 +71,12 @@ class DriveDialogue:
             raise self._sdo.failure(str(error), "Does this drive follow CiA 402? See its manual") from error
 
     def read_values(self, entries: tuple[Entry, ...]) -> list[int | None]:
-        """Objects as the drive has them now; None for what it does not have."""
+        """Present values of objects; None for those that the drive does not have."""
         self._sdo.step = "reading actual values"
         return [self._sdo.read_if_there(entry) for entry in entries]
 
     def read_temperature_celsius(self) -> float | None:
-        """The temperature that the configuration names; None where it names none or the drive has none."""
+        """The configured temperature; None if none is configured or the drive does not have the object."""
         entry, configured = temperature_entry(self.settings), self.settings.temperature
         if entry is None or configured is None:
             return None
@@ -90,10 +90,10 @@ class DriveDialogue:
         return self._sdo.read(od.POSITION_ACTUAL)
 
     def read_fault(self) -> str:
-        """Why the drive is in FAULT, in words. Only reads.
+        """Why the drive is in FAULT, as text. Only reads.
 
         Raises:
-            ServoError: it is not in FAULT.
+            ServoError: the drive is not in FAULT.
         """
         self._sdo.step = "looking for the fault"
         state = self.read_state()
@@ -102,12 +102,12 @@ class DriveDialogue:
         return self._read_cause()
 
     def _read_cause(self) -> str:
-        """Why the drive is in FAULT, in words."""
+        """Why the drive is in FAULT, as text."""
         code = self._sdo.read_if_there(od.ERROR_CODE)
         return "603F does not give a cause" if code is None else describe(code)
 
     def require_no_fault(self) -> None:
-        """Refuse to go on with a drive in FAULT.
+        """Refuse to continue with a drive in FAULT.
 
         Raises:
             ServoFault: with the drive's error code.
@@ -123,11 +123,11 @@ class DriveDialogue:
             )
 
     def refusal(self, what: str, remedy: str) -> ServoError:
-        """Error about this drive at this step."""
+        """Error of this drive at the present step."""
         return self._sdo.failure(what, remedy)
 
     def hold_present_position(self) -> int:
-        """Write the fresh actual position to the target, and no torque offset; returns the position."""
+        """Write the present position to the target, and a torque offset of zero; returns the position in counts."""
         self._sdo.step = "presetting the target"
         counts = self._sdo.read(od.POSITION_ACTUAL)
         offset = self._image.offset
@@ -139,7 +139,7 @@ class DriveDialogue:
         return counts
 
     def watch_master(self, *, on: bool) -> None:
-        """Have the drive watch the master's heartbeat, or not."""
+        """Switch the drive's watch on the master's heartbeat on or off."""
         self._sdo.step = "configuring the heartbeat consumer"
         watch = master_watch(self._master_node_id, self._arm.heartbeat_s) if on else 0
         try:
@@ -152,11 +152,11 @@ class DriveDialogue:
         """Reset a fault by SDO, by a bounded number of rising edges; nothing is enabled.
 
         Returns:
-            The state that the drive is in then.
+            The drive's state afterwards.
 
         Raises:
-            ServoFault: it stays in FAULT: the cause is still there.
-            ServoError: it is not in FAULT, or an SDO failed.
+            ServoFault: the drive stays in FAULT: the cause persists.
+            ServoError: the drive is not in FAULT, or an SDO failed.
         """
         self._sdo.step = "resetting the fault"
         machine = MasterMachine()
@@ -174,10 +174,10 @@ class DriveDialogue:
         return self.read_state()
 
     def remove_torque(self) -> None:
-        """Take the torque of a drive that has left the cycle, by SDO.
+        """Remove the torque of a drive that has left the cycle, by SDO.
 
         Raises:
-            ServoError: it does not answer, or keeps its torque.
+            ServoError: the drive does not answer, or keeps its torque.
         """
         self._sdo.step = "removing torque by SDO"
         self._sdo.write(od.CONTROLWORD, 0)

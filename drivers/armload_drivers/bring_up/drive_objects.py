@@ -1,7 +1,7 @@
-"""Objects of one drive written and read back before it is enabled, and the cycle.
+"""Writing objects of one drive, reading them back, and setting the cycle, before the drive is enabled.
 
-What a drive lacks, or does not let be written, is collected. What safety rests on is in `cia402.drive_safety`, and is
-written by `drive_securing`.
+Objects that a drive lacks, or does not allow to be written, are collected. The safety properties are defined in
+`cia402.drive_safety` and written by `drive_securing`.
 
 References:
     CiA 301, 7.5.2; CiA 402-2, 10.
@@ -20,14 +20,14 @@ from armload_drivers.driver_errors import SdoRefused
 
 
 class DriveObjects:
-    """Reads and writes of one drive, and what it turned out to lack.
+    """Reads and writes of one drive, and the objects that it lacks.
 
     Args:
-        sdo: SDO access to it; its `step` names what is being done.
+        sdo: SDO access to it; its `step` names the step in progress.
 
     Attributes:
-        sdo: Likewise.
-        missing: Objects that the drive does not have, or that cannot hold what they should.
+        sdo: SDO access to it.
+        missing: Objects that the drive lacks, or that do not hold the required value.
     """
 
     def __init__(self, sdo: SdoChannel) -> None:
@@ -50,7 +50,7 @@ class DriveObjects:
         """Write an object and read it back; one that has the value already need not be writable.
 
         Returns:
-            Why it does not hold the value, in words; empty where it does.
+            Why it does not hold the value; empty if it does.
         """
         name = f"{entry.index:04X}" + (f":{entry.subindex}" if entry.subindex else "")
         refused: SdoRefused | None = None
@@ -74,13 +74,13 @@ class DriveObjects:
 
 
 def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
-    """The cycle, in the objects of CiA 301 and of CiA 402.
+    """Set the cycle, in the objects of CiA 301 and of CiA 402.
 
-    A drive that produces SYNC itself is configured not to. 1019 may change only while 1006 is 0.
+    A drive that produces SYNC is configured not to. 1019 may be changed only while 1006 is 0.
 
     Raises:
-        ServoError: the configuration asks for a SYNC counter and the drive has none, or the drive interpolates over
-            another time than the cycle.
+        ServoError: the configuration requires a SYNC counter and the drive has none, or the drive's interpolation time
+            differs from the cycle.
     """
     sdo = drive.sdo
     sdo.step = "setting the cycle"
@@ -100,7 +100,7 @@ def write_cycle(drive: DriveObjects, arm: ArmSettings) -> None:
 
 
 def _set_interpolation(drive: DriveObjects, cycle_s: float) -> None:
-    """60C2; a drive that has it must interpolate over the cycle."""
+    """Set 60C2; a drive that has it must interpolate over the cycle."""
     sdo = drive.sdo
     value, exponent = interpolation_time(cycle_s)
     for entry, wanted in ((od.INTERPOLATION_TIME, value), (od.INTERPOLATION_EXPONENT, exponent)):

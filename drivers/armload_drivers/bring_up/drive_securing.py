@@ -1,4 +1,4 @@
-"""What safety rests on, written to one drive and read back, by the table of `cia402.drive_safety`."""
+"""The safety properties of `cia402.drive_safety`, written to one drive and read back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from armload_drivers.driver_errors import MissingSafety
 
 
 def secure(drive: DriveObjects, values: SafetyValues) -> tuple[SafetyFinding, ...]:
-    """Give a drive every property by the first of its ways that is met. Nothing is refused here.
+    """Provide every property in the first possible way. Nothing is refused here.
 
     Raises:
         ServoError: the drive does not answer.
@@ -17,7 +17,7 @@ def secure(drive: DriveObjects, values: SafetyValues) -> tuple[SafetyFinding, ..
 
 
 def _secure_one(drive: DriveObjects, of: Safety, values: SafetyValues) -> SafetyFinding:
-    """One property."""
+    """Provide one property."""
     drive.sdo.step = f"making sure that the drive {of.value.title}"
     accepted = of.key in values.drive.accept_missing
     obstacles: list[tuple[str, str]] = []
@@ -30,7 +30,7 @@ def _secure_one(drive: DriveObjects, of: Safety, values: SafetyValues) -> Safety
 
 
 def _try(drive: DriveObjects, way: Way, of: Safety, values: SafetyValues) -> str:
-    """Why a way is not met; empty where it is."""
+    """Try one way; returns why it is not possible, empty if it is."""
     reason = way.condition(values.drive, values.rated_current_a)
     if reason:
         return reason
@@ -48,10 +48,10 @@ def _try(drive: DriveObjects, way: Way, of: Safety, values: SafetyValues) -> str
 
 
 def require_safety(drive: DriveObjects, values: SafetyValues, findings: tuple[SafetyFinding, ...]) -> None:
-    """Refuse a drive that lacks what safety rests on and was not accepted so.
+    """Refuse a drive that lacks a safety property, unless the configuration accepts this.
 
     Raises:
-        MissingSafety: naming every such property, what follows from it, what to do, and how it is accepted.
+        MissingSafety: naming every such property, its consequence, the remedy, and how to accept it.
     """
     refused = tuple(finding for finding in findings if finding.refused)
     if not refused:

@@ -1,4 +1,4 @@
-"""Inspection of drives without a cycle: which ones are present, and their status. Only reads, on a bus in use too."""
+"""Inspection of drives without a cycle: which are present, and their status. Only reads, also on a bus in use."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class FoundNode:
 
     Attributes:
         node_id: Node id.
-        device_type: 1000; None where the node refuses the request.
-        name: 1008; empty where not reported.
+        device_type: 1000; None if the node refuses the request.
+        name: 1008; empty if not reported.
         identity: 1018.
-        modes: Numbers of the modes of 6502.
-        missing: Names of the properties that safety rests on and that the drive has no object for.
+        modes: Numbers of the modes in 6502.
+        missing: Names of the safety properties for which the drive has no object.
     """
 
     node_id: int
@@ -57,13 +57,13 @@ class DriveStatus:
     Attributes:
         joint: Name of the joint.
         node_id: Node id.
-        state: Power state; None where the drive does not answer.
-        position_rad: Axis position; None where it or its scale is not reported.
-        effort: Motor current in A, or axis torque in N m, as `effort_unit` says; None where not reported.
+        state: Power state; None if the drive does not answer.
+        position_rad: Axis position; None if it or its scale is not reported.
+        effort: Motor current or axis torque in `effort_unit`; None if not reported.
         effort_unit: "A" or "N m".
-        error_code: 603F; None where not reported.
-        temperature_celsius: Of the vendor's object; None where not configured or not reported.
-        trouble: Why nothing is known, in words.
+        error_code: 603F; None if not reported.
+        temperature_celsius: Value of the vendor's object; None if not configured or not reported.
+        trouble: Why there is no status; empty if there is.
     """
 
     joint: str
@@ -84,8 +84,8 @@ class ArmStatus:
     Attributes:
         drives: One entry per joint.
         bus_load: Measured share of the bus, every frame at its worst-case length.
-        error_frames: Error frames seen meanwhile.
-        error_passive: The controller is error passive.
+        error_frames: Number of error frames during the measurement.
+        error_passive: Whether the controller is error passive.
     """
 
     drives: tuple[DriveStatus, ...]
@@ -98,7 +98,7 @@ def find_nodes(bus: can.BusABC, timeouts: Timeouts | None = None) -> list[FoundN
     """All nodes that answer on a bus. Only reads.
 
     Raises:
-        ServoError: a node stops answering meanwhile.
+        ServoError: a node stops answering.
         BusError: the bus failed.
     """
     limits = timeouts or Timeouts()
@@ -133,12 +133,12 @@ def _describe(sdo: SdoChannel, node_id: int, device_type: int | None) -> FoundNo
 
 
 def show(arm: ArmSettings, bus: can.BusABC, listen_s: float, timeouts: Timeouts | None = None) -> ArmStatus:
-    """Status of the drives of an arm. Only reads, so it may be used while another program moves the arm.
+    """Status of the drives of an arm. Only reads, so it can be used while another program moves the arm.
 
     Args:
         arm: The arm.
         bus: Where its drives are.
-        listen_s: The bus load is measured over this time.
+        listen_s: Time over which the bus load is measured.
         timeouts: Limits of all waits.
 
     Raises:

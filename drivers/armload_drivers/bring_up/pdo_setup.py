@@ -1,8 +1,8 @@
 """PDO parameters of a real drive: written in the prescribed order, read back and compared.
 
-Not every drive lets all of it be written. A mapping that is already as wanted is left alone; a COB-ID that cannot be
-written and is right is enough, and the mapping is then changed with its count at 0, as drives of the older standard
-want it. What is fixed otherwise is refused, with what is there and what is needed.
+Not every drive allows all of them to be written. A correct mapping is left alone. A correct COB-ID that cannot be
+written is sufficient; the mapping is then changed with its count at 0, as the older standard prescribes. Anything else
+that is fixed is refused, stating the present and the required values.
 
 References:
     CiA 301, 7.5.2.36 (order of writes when a mapping changes).
@@ -23,12 +23,12 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
     """Make one of a drive's PDOs carry what the layout says, synchronously.
 
     Args:
-        sdo: Access to the drive; its `step` names what is being done.
+        sdo: Access to the drive; its `step` names the step in progress.
         layout: The PDO.
 
     Raises:
-        SdoRefused: the drive does not take the mapping.
-        ServoError: its COB-ID or its mapping is fixed to another, or it accepts a value and reads back another.
+        SdoRefused: the drive refuses the mapping.
+        ServoError: its COB-ID or mapping is fixed to another value, or a value reads back differently.
     """
     direction, number = layout.direction, layout.number
     cob_id, count = direction.cob_id_entry(number), direction.count_entry(number)
@@ -67,7 +67,7 @@ def map_pdo(sdo: SdoChannel, layout: PdoLayout) -> None:
 
 
 def _write(sdo: SdoChannel, entry: Entry, value: int) -> bool:
-    """Write an object; False where it cannot be written at all."""
+    """Write an object; False if it is read-only."""
     try:
         sdo.write(entry, value)
     except SdoRefused as refusal:
@@ -78,7 +78,7 @@ def _write(sdo: SdoChannel, entry: Entry, value: int) -> bool:
 
 
 def _map(sdo: SdoChannel, entry: Entry, value: int, needed: int) -> bool:
-    """Write one entry of a mapping; False where it cannot be written at all."""
+    """Write one entry of a mapping; False if it is read-only."""
     try:
         return _write(sdo, entry, value)
     except SdoRefused as refusal:
@@ -92,13 +92,13 @@ def _map(sdo: SdoChannel, entry: Entry, value: int, needed: int) -> bool:
 
 
 def _mapped(sdo: SdoChannel, direction: PdoDirection, number: int) -> list[int]:
-    """What a PDO carries now, as mapping parameters."""
+    """The present mapping parameters of a PDO."""
     count = sdo.read(direction.count_entry(number))
     return [sdo.read(direction.map_entry(number, position)) for position in range(1, count + 1)]
 
 
 def _fixed(sdo: SdoChannel, layout: PdoLayout) -> ServoError:
-    """Error about a mapping that cannot be written."""
+    """Error for a mapping that cannot be written."""
     there = ", ".join(f"{word >> 16:04X}:{word >> 8 & 0xFF}" for word in _mapped(sdo, layout.direction, layout.number))
     needed = ", ".join(f"{entry.index:04X}:{entry.subindex}" for entry in layout.entries)
     return sdo.failure(
@@ -108,11 +108,11 @@ def _fixed(sdo: SdoChannel, layout: PdoLayout) -> ServoError:
 
 
 def switch_others_off(sdo: SdoChannel, direction: PdoDirection, used: int) -> None:
-    """Disable the PDOs of a direction behind the first `used`, where there are any: they would load the bus.
+    """Disable all PDOs of a direction after the first `used`: they would load the bus.
 
     Raises:
-        SdoRefused: the drive does not let them be disabled.
-        ServoError: it lets none of their parameters be written, and they would be sent.
+        SdoRefused: the drive refuses to disable one.
+        ServoError: the parameters of one are read-only, and it would be sent.
     """
     for number in range(used, _MOST_PDOS):
         entry = direction.cob_id_entry(number)

@@ -1,1 +1,1 @@
-"""One bus as the master uses it: sending and receiving, SYNC, SDO, and who is there."""
+"""The bus as used by the master: sending and receiving, SYNC, SDO, and the scan for nodes."""

@@ -1,10 +1,8 @@
-"""The master's end of the bus: one thread sends and receives, and errors of the bus have names.
+"""The master's access to the bus: one thread sends and receives, and bus errors have their own classes.
 
-There is no receive thread that could die unseen. Any wait pumps the bus meanwhile; frames
-go to the handlers subscribed by COB-ID. Exceptions of python-can are translated here and nowhere else.
-
-On SocketCAN the controller reports errors as error frames; python-can's own `state` never leaves ACTIVE
-there. Bus-off ends everything; error passive and warnings are recorded.
+There is no receive thread that could die unnoticed. Every wait pumps the bus; frames go to the handlers subscribed by
+COB-ID. Exceptions of python-can are translated only here. On SocketCAN the controller reports errors as error frames,
+while python-can's own `state` always remains ACTIVE. Bus-off is fatal; error passive and warnings are recorded.
 """
 
 from __future__ import annotations
@@ -22,11 +20,11 @@ from armload_drivers.cia402.object_dictionary import NMT_COB_ID, NmtCommand
 from armload_drivers.driver_errors import BusError
 
 Handler = Callable[[bytearray], None]
-"""Takes in the data of a frame."""
+"""Called with the data of a frame."""
 
 QUEUE_FULL_TRIES = 50
 QUEUE_FULL_WAIT_S = 1e-3
-"""A full transmit queue (ENOBUFS) is given this long to drain: 50 ms, some hundred frames."""
+"""Time for a full transmit queue (ENOBUFS) to drain: 50 ms, some hundred frames."""
 
 _BUS_OFF, _RESTARTED, _CONTROLLER = 0x40, 0x100, 0x04
 """Class bits of a SocketCAN error frame: CAN_ERR_BUSOFF, CAN_ERR_RESTARTED, CAN_ERR_CRTL."""
@@ -38,12 +36,12 @@ _FRAME_BITS = tuple(frame_bits(length) for length in range(9))
 
 @dataclass(frozen=True, slots=True)
 class BusErrors:
-    """What the interface complained of.
+    """Errors reported by the interface.
 
     Attributes:
-        error_frames: Error frames seen.
-        error_passive: The controller is error passive now.
-        queue_full: How often the transmit queue was full.
+        error_frames: Number of error frames.
+        error_passive: Whether the controller is error passive at present.
+        queue_full: Number of times that the transmit queue was full.
     """
 
     error_frames: int
@@ -55,16 +53,16 @@ class BusLink:
     """Sending and receiving on one bus.
 
     Args:
-        bus: An open bus of python-can. It stays the caller's to close.
+        bus: An open python-can bus. The caller closes it.
 
     Attributes:
-        error_frames: Error frames seen.
-        error_passive: The controller counts so many errors that it may not signal them any more.
-        queue_full: How often the transmit queue was full.
+        error_frames: Number of error frames.
+        error_passive: Whether the controller's error counters are so high that it may no longer signal errors.
+        queue_full: Number of times that the transmit queue was full.
         bits: Worst-case bits of all frames sent and received, for the measured load.
-        stamp_s: Time stamp of the frame that is being handled, on the interface's own clock.
-        from_outside: That frame came in over the bus, and was not sent by any program of this computer. Only
-            SocketCAN reports this; with other interfaces every frame counts as one from outside.
+        stamp_s: Time stamp of the frame being handled, on the interface's clock.
+        from_outside: Whether that frame was received from the bus and not sent by a program on this computer. Only
+            SocketCAN reports this; with other interfaces every frame counts as received.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -79,18 +77,18 @@ class BusLink:
         self._backlog: deque[can.Message] = deque()
 
     def subscribe(self, cob_id: int, handler: Handler) -> None:
-        """Have frames of a COB-ID handled."""
+        """Call a handler for frames of a COB-ID."""
         self._handlers[cob_id] = handler
 
     def unsubscribe(self, cob_id: int) -> None:
-        """Have them ignored again."""
+        """Ignore frames of a COB-ID again."""
         self._handlers.pop(cob_id, None)
 
     def send(self, message: can.Message) -> None:
         """Send a frame.
 
         Raises:
-            BusError: the bus does not take it.
+            BusError: the frame could not be sent.
         """
         self.bits += _FRAME_BITS[message.dlc]
         try:
@@ -99,7 +97,7 @@ class BusLink:
             self._send_again(message, error)
 
     def send_frame(self, cob_id: int, data: bytes) -> None:
-        """Send a frame that is not prepared. Raises as `send`."""
+        """Send a frame from COB-ID and data. Raises as `send`."""
         self.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
     def command(self, command: NmtCommand, node_id: int) -> None:
@@ -107,13 +105,13 @@ class BusLink:
         self.send_frame(NMT_COB_ID, bytes([command.value, node_id]))
 
     def pump(self, timeout_s: float) -> bool:
-        """Wait for one frame and have it handled.
+        """Wait for one frame and handle it.
 
         Args:
-            timeout_s: How long to wait; 0 takes what is there.
+            timeout_s: Longest wait; 0 only handles a frame already received.
 
         Returns:
-            Whether a frame came.
+            Whether a frame was received.
 
         Raises:
             BusError: the bus failed or is off.
@@ -135,12 +133,12 @@ class BusLink:
         return True
 
     def drain(self) -> None:
-        """Have everything handled that is there. Raises as `pump`."""
+        """Handle all frames already received. Raises as `pump`."""
         while self.pump(0.0):
             pass
 
     def pump_until(self, done: Callable[[], bool], timeout_s: float) -> bool:
-        """Handle frames until a condition holds or time is over.
+        """Handle frames until a condition holds or the time is over.
 
         Returns:
             Whether the condition holds.
@@ -151,24 +149,24 @@ class BusLink:
         deadline_s = time.monotonic() + timeout_s
         while not done():
             left_s = deadline_s - time.monotonic()
-            # Without a frame the wait has taken all the time that was left, on a simulated bus without really waiting.
+            # Without a frame, `pump` has used up the remaining time, on a simulated bus without really waiting.
             if left_s <= 0.0 or not self.pump(left_s):
                 return done()
         return True
 
     def pump_for(self, wait_s: float) -> None:
-        """Handle what comes within a time. Raises as `pump`."""
+        """Handle frames for some time. Raises as `pump`."""
         self.pump_until(lambda: False, wait_s)
 
     def _receive(self, timeout_s: float) -> can.Message | None:
-        """One frame, None after the timeout."""
+        """One frame; None after the timeout."""
         try:
             return self._bus.recv(timeout_s)
         except (can.CanError, OSError) as error:
             raise BusError(f"receiving failed: {error}. Is the interface up and its adapter connected?") from error
 
     def _error_frame(self, message: can.Message) -> None:
-        """Record what the controller reports; bus-off is final."""
+        """Record an error of the controller; bus-off raises."""
         self.error_frames += 1
         if message.arbitration_id & _BUS_OFF:
             raise BusError(
@@ -185,7 +183,7 @@ class BusLink:
                 self.error_passive = False
 
     def _send_again(self, message: can.Message, error: Exception) -> None:
-        """Wait for room in a full queue, taking in what comes meanwhile; any other error is final."""
+        """Repeat while the transmit queue is full, storing received frames; any other error raises."""
         self.queue_full += 1
         for _ in range(QUEUE_FULL_TRIES):
             code = getattr(error, "error_code", None) or getattr(error, "errno", None)

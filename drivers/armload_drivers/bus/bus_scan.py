@@ -1,4 +1,4 @@
-"""Who is on the bus: every node id is asked at once for its device type.
+"""Scan of the bus: all node ids are queried in parallel for their device type.
 
 References:
     CiA 301, 7.2.4 (SDO), 7.5.2.1 (device type).
@@ -20,15 +20,15 @@ _ANSWER = struct.Struct("<BHBI")
 
 
 def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, int | None]:
-    """Ask nodes for their device type.
+    """Query nodes for their device type.
 
     Args:
-        link: The bus; no SDO of these nodes may be under way.
-        node_ids: Whom to ask.
-        wait_s: How long to wait for answers, all together.
+        link: The bus; no SDO transfer with these nodes may be in progress.
+        node_ids: The nodes to query.
+        wait_s: Total time to wait for answers.
 
     Returns:
-        Device type (1000) of each node that answers; None where it answers with an abort.
+        Device type (1000) of each node that answers; None for an abort.
 
     Raises:
         BusError: the bus failed.
@@ -54,7 +54,7 @@ def scan(link: BusLink, node_ids: Iterable[int], wait_s: float) -> dict[int, int
 
 
 def require_no_strangers(link: BusLink, arm: ArmSettings, wait_s: float) -> None:
-    """Refuse a bus with a drive on it that the configuration does not know.
+    """Refuse a bus with a drive that the configuration does not name.
 
     Raises:
         WrongDevice: naming the node.

@@ -1,19 +1,18 @@
 """SYNC from the Linux kernel's CAN broadcast manager (BCM), with a dead man's switch in the kernel.
 
 Rules of this file:
-- The kernel sends SYNC; this process sees it come back on the bus, and takes phase and time from the stamps of
-  the frames it receives. BCM re-arms its timer with "now + interval": the period is longer than asked for by the
-  timer's latency, so cycles are counted by SYNC and never computed from a start time. And the interval asked for is
-  shortened by what was measured, so that SYNC keeps the configured rate on the average.
-- The kernel is set up to send `CREDIT` SYNCs and then to stop. Every cycle renews the credit without touching the
-  timer (SETTIMER without STARTTIMER). A cycle that hangs, a process that is stopped (SIGSTOP) or that dies
-  (kill -9: its socket closes) therefore ends SYNC within two periods, with no watchdog thread that could hang
-  together with what it watches.
-- Other SYNC producers are detected in three ways. One that came in over the bus cannot be ours: the kernel marks what
-  this computer sent. More of them than the kernel counts as sent are not all ours, whoever sent them. And where the
-  kernel does not report its count: BCM is never early, so many in too short a time are too many.
-- A caller that comes back late finds the credit spent: the timer is started anew, which sends one SYNC at once,
-  after the caller's RPDOs and a whole period after the SYNC before. Nothing is caught up.
+- The kernel sends SYNC; this process receives it back from the bus, and takes phase and time from the stamps of the
+  received frames. BCM re-arms its timer with "now + interval", so the period exceeds the requested one by the timer's
+  latency. Therefore cycles are counted by SYNC and never computed from a start time, and the requested interval is
+  shortened by the measured excess, so that SYNC keeps the configured rate on average.
+- The kernel is set up to send `CREDIT` SYNCs and then stop. Every cycle renews the credit without touching the timer
+  (SETTIMER without STARTTIMER). If the cycle hangs, or the process is stopped (SIGSTOP) or dies (kill -9 closes its
+  socket), SYNC ends within two periods, without a watchdog thread that could hang together with the cycle.
+- Other SYNC producers are detected in three ways. A SYNC received from the bus is not ours: the kernel marks frames
+  sent by this computer. If more SYNCs are received than the kernel reports as sent, another program sends some. If the
+  kernel does not report its count: BCM is never early, so too many SYNCs in a short time reveal another producer.
+- If the caller is late, the credit is used up: the timer is started anew, which sends one SYNC immediately, after the
+  caller's RPDOs and at least one period after the last SYNC. Missed SYNCs are not made up.
 
 References:
     Linux kernel, Documentation/networking/can.rst, "Broadcast Manager protocol sockets"; net/can/bcm.c,
@@ -38,7 +37,7 @@ from armload_drivers.cia402.object_dictionary import SYNC_DEFAULT_COB_ID
 from armload_drivers.driver_errors import BusError, ForeignMaster
 
 CREDIT = 2
-"""SYNCs that the kernel sends without hearing from the cycle."""
+"""Number of SYNCs that the kernel sends without renewal by the cycle."""
 
 _HEAD = struct.Struct("@III4lII0q")
 """struct bcm_msg_head: opcode, flags, count, ival1 and ival2 in seconds and microseconds, can_id, nframes."""
@@ -48,36 +47,36 @@ _TX_SETUP = 1
 _SETTIMER, _STARTTIMER = 0x0001, 0x0002
 
 _STEERING = 0.05
-"""Share of a period's error by which the next intervals asked for change."""
+"""Gain from a period's error to the change of the requested interval."""
 _SHORTEST_ASKED = 0.9
-"""Least interval asked for, in periods: far enough from what would look like another producer's SYNC."""
+"""Shortest requested interval, in periods: long enough not to look like another producer's SYNC."""
 _GRACE = 0.1
-"""Share of a period that a SYNC which may still come is waited for before a new rhythm is begun."""
+"""Additional wait, as a share of a period, for a pending SYNC before the timer is started anew."""
 _OVERDUE_PERIODS = 1.5
-"""A renewed credit that brings no SYNC within this many periods came too late for the timer."""
+"""If a renewed credit yields no SYNC within this many periods, it was renewed too late."""
 _RHYTHM = 32
 _SHORTEST_RHYTHM = 0.85
-"""So many SYNCs in less than this share of their time, by the kernel's own stamps, and another node sends SYNC as
-well: BCM is never early. When this process looked at them says nothing about that."""
+"""If `_RHYTHM` SYNCs take less than this share of their nominal time by the kernel's stamps, another node also sends
+SYNC: BCM is never early. The times at which this process reads them are irrelevant."""
 _COUNT_EVERY = 16
-"""Cycles between two looks at the kernel's count, or at the rhythm."""
+"""Cycles between two checks of the kernel's count, or of the rhythm."""
 _COUNTED = re.compile(r"tx_op: 080 .*# sent (\d+)")
-"""The kernel's account of a BCM task for SYNC, in /proc/net/can-bcm."""
+"""The kernel's report on a BCM task for SYNC, in /proc/net/can-bcm."""
 _OLDEST_PERIODS = CREDIT + 1
-"""A frame is not older than this when it is looked at: SYNC would have stopped. It bounds the error of a clock step."""
+"""Greatest age of a frame when it is read, since SYNC would have stopped; bounds the error of a clock step."""
 
 
 class SyncProducer(Protocol):
-    """What sends SYNC periodically, a limited number of times."""
+    """Sends SYNC periodically, a limited number of times."""
 
     def start(self, period_s: float, counter: int, credit: int) -> None:
-        """Send one SYNC now, then one per period, `credit` in all."""
+        """Send one SYNC now, then one per period, `credit` in total."""
 
     def renew(self, period_s: float, credit: int) -> None:
-        """Let so many more follow, the next when it is due already, from then on in this period."""
+        """Set the credit without restarting the timer; the new period applies after the next SYNC."""
 
     def count(self) -> int | None:
-        """How many have been sent since the first `start` after a `stop`; None where the count is not available."""
+        """Number of SYNCs sent since the first `start` after a `stop`; None if unknown."""
 
     def stop(self) -> None:
         """Send no more. Idempotent."""
@@ -96,10 +95,10 @@ class BroadcastManager:
         self._frames: list[bytes] = []
 
     def start(self, period_s: float, counter: int, credit: int) -> None:
-        """Send one SYNC now, then one per period, `credit` in all.
+        """Send one SYNC now, then one per period, `credit` in total.
 
         Raises:
-            BusError: the kernel does not do it.
+            BusError: the kernel refuses.
         """
         self._frames = [_FRAME.pack(SYNC_DEFAULT_COB_ID, len(data), data) for data in sync_data(counter)]
         if self._socket is None:
@@ -112,11 +111,11 @@ class BroadcastManager:
         self._setup(_SETTIMER | _STARTTIMER, period_s, credit)
 
     def renew(self, period_s: float, credit: int) -> None:
-        """Let so many more follow, the next when it is due already, from then on in this period. Raises as `start`."""
+        """Set the credit without restarting the timer; the period applies after the next SYNC. Raises as `start`."""
         self._setup(_SETTIMER, period_s, credit)
 
     def count(self) -> int | None:
-        """How many SYNCs the kernel has sent for this socket; None where it does not report it."""
+        """Number of SYNCs that the kernel has sent for this socket; None if it does not report it."""
         if self._socket is None:
             return None
         try:
@@ -127,13 +126,13 @@ class BroadcastManager:
         return None if counted is None else int(counted[1])
 
     def stop(self) -> None:
-        """Send no more: the kernel forgets the task with its socket."""
+        """Stop SYNC: the kernel removes the task with its socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
     def _setup(self, flags: int, period_s: float, credit: int) -> None:
-        """TX_SETUP with interval 1 only: after `credit` frames the timer is not armed again."""
+        """Send TX_SETUP with interval 1 only: after `credit` frames the timer is not re-armed."""
         seconds, microseconds = divmod(round(period_s * 1e6), 1_000_000)
         head = _HEAD.pack(_TX_SETUP, flags, credit, seconds, microseconds, 0, 0, SYNC_DEFAULT_COB_ID, len(self._frames))
         if self._socket is None:
@@ -144,7 +143,7 @@ class BroadcastManager:
             raise self._failed(error) from error
 
     def _failed(self, error: OSError) -> BusError:
-        """What is wrong, and what to do."""
+        """Error with its cause and remedy."""
         return BusError(
             f"the kernel does not send SYNC on {self._channel}: {error}. "
             "Is the interface up, and the module can-bcm loaded (modprobe can-bcm)?"
@@ -152,13 +151,13 @@ class BroadcastManager:
 
 
 class BcmSync:
-    """SYNC from the kernel, its credit renewed by the cycle.
+    """SYNC from the kernel, with a credit renewed by the cycle.
 
     Args:
         producer: Usually a `BroadcastManager`.
         feedback_share: Share of the cycle that feedback may take; the rest is left to the caller.
         clock: Monotonic clock; SYNCs are stamped on it.
-        stamp_clock: Clock of the frames' stamps. It may step; a stamp only gives the age of a frame.
+        stamp_clock: Clock of the frames' stamps. It may step: stamps are used only for the age of frames.
     """
 
     heard = True
@@ -191,7 +190,7 @@ class BcmSync:
         return self._clock()
 
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
-        """Listen for SYNC; the first `next` starts it."""
+        """Subscribe to SYNC; the first `next` starts it."""
         self._cycle_s = self._asked_s = cycle_s
         self._counter = counter
         self._credit_left = 0
@@ -205,8 +204,8 @@ class BcmSync:
         """Renew the kernel's credit and wait for the next SYNC.
 
         Raises:
-            BusError: SYNC does not leave, or the bus failed.
-            ForeignMaster: another node sends SYNC as well.
+            BusError: no SYNC is sent, or the bus failed.
+            ForeignMaster: another node also sends SYNC.
         """
         link.drain()
         self._on_sync = on_sync
@@ -218,7 +217,7 @@ class BcmSync:
         else:
             self._start(link)
         if not self._await(link):
-            # The credit ran out between the look at the bus and its renewal.
+            # The credit ran out between reading the bus and renewing it.
             self._start(link)
             if not self._await(link):
                 self._waiting = False
@@ -246,11 +245,11 @@ class BcmSync:
         link.unsubscribe(SYNC_DEFAULT_COB_ID)
 
     def _start(self, link: BusLink) -> None:
-        """Begin a new rhythm, a period after the last SYNC at the earliest, and only if none comes by itself."""
+        """Restart the timer, at the earliest one period after the last SYNC, and only if none arrives."""
         if self._last_s is not None:
             due_s = self._last_s + (1.0 + _GRACE) * self._cycle_s
             if link.pump_until(lambda: not self._waiting, due_s - self._clock()):
-                # The credit was renewed just after a SYNC had left: the kernel had one more than was thought.
+                # The credit had been renewed just after a SYNC was sent: the kernel had one more than assumed.
                 self._producer.renew(self._asked_s, CREDIT)
                 self._credit_left = CREDIT
                 return
@@ -259,15 +258,15 @@ class BcmSync:
         self._last_s = None
 
     def _await(self, link: BusLink) -> bool:
-        """Pump until SYNC is there, which ends the waiting."""
+        """Pump until SYNC is received."""
         return link.pump_until(lambda: not self._waiting, _OVERDUE_PERIODS * self._cycle_s)
 
     def _other_producer(self) -> str:
-        """How another SYNC producer was detected, in words; empty where there is none."""
+        """How another SYNC producer was detected, as text; empty if there is none."""
         if self._came_in:
             return "a SYNC was received from the bus"
         if self._cycles % _COUNT_EVERY == 0:
-            # What was heard is looked at first: the kernel may send one more meanwhile, and never one less.
+            # The received count is read first: the kernel's count can only grow in between.
             heard, sent = self._heard, self._producer.count()
             if sent is None:
                 return self._too_dense()
@@ -276,18 +275,18 @@ class BcmSync:
         return ""
 
     def _too_dense(self) -> str:
-        """Whether SYNC comes more often than the kernel lets it leave, in words."""
+        """Report SYNC that is more frequent than the kernel sends it; empty if not."""
         rhythm = self._rhythm
         if len(rhythm) == _RHYTHM and rhythm[-1] - rhythm[0] < _SHORTEST_RHYTHM * (_RHYTHM - 1) * self._cycle_s:
             return "SYNC is more frequent than this master sends it"
         return ""
 
     def _take_sync(self, link: BusLink) -> None:
-        """A SYNC: the one that is waited for, or one that no cycle used."""
+        """Process a SYNC: the awaited one, or one that no cycle used."""
         age_s = min(max(self._stamp_clock() - link.stamp_s, 0.0), _OLDEST_PERIODS * self._cycle_s)
         time_s = self._clock() - age_s
         if self._rhythm and link.stamp_s < self._rhythm[-1]:
-            # The clock of the stamps was set back.
+            # The stamps' clock was set back.
             self._rhythm.clear()
         if self._rhythm:
             self._steer(link.stamp_s - self._rhythm[-1])
@@ -302,7 +301,7 @@ class BcmSync:
             self._on_sync()
 
     def _steer(self, period_s: float) -> None:
-        """Ask for shorter intervals where the kernel's timer is late, and for longer ones where it is not any more."""
+        """Shorten the requested interval while the kernel's timer is late, and lengthen it again otherwise."""
         cycle_s = self._cycle_s
         if 0.5 * cycle_s < period_s < 1.5 * cycle_s:
             asked_s = self._asked_s - _STEERING * (period_s - cycle_s)

@@ -1,7 +1,7 @@
-"""Objects of one node read and written by SDO, with errors that name node, joint, step and object.
+"""Reading and writing objects of one node by SDO, with errors that name node, joint, step and object.
 
-The client is canopen's; it waits by pumping the bus instead of for a receive thread, so there is never more
-than one request to a node under way, and every wait has a limit.
+The client is canopen's, but waits by pumping the bus instead of using a receive thread. So there is never more than one
+request to a node in progress, and every wait has a limit.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from armload_drivers.cia402.object_dictionary import SDO_RX_BASE, SDO_TX_BASE, E
 from armload_drivers.driver_errors import SdoRefused, ServoError, ServoTimeout
 
 NO_SUBINDEX = 0x0609_0011
-"""Abort that means: the object ends before this sub-index."""
+"""Abort code for a missing sub-index."""
 
 _MISSING = frozenset({0x0602_0000, NO_SUBINDEX})
-"""Aborts that mean: this drive does not have the object (or the sub-index)."""
+"""Abort codes for a missing object or sub-index."""
 
 READ_ONLY = 0x0601_0002
-"""Abort that means: the object cannot be written."""
+"""Abort code for a read-only object."""
 
 POLL_S = 5e-3
-"""Between two reads of an object that is expected to reach a value."""
+"""Time between two reads of an object that is expected to reach a value."""
 
 _INITIATE = frozenset({1, 2})
-"""Client commands whose answer repeats index and sub-index: initiate download, initiate upload."""
+"""Client commands whose response repeats index and sub-index: initiate download, initiate upload."""
 
 
 class _NoAnswer(SdoCommunicationError):  # type: ignore[misc]
@@ -75,7 +75,7 @@ class _PumpedSdoClient(SdoClient):  # type: ignore[misc]
         return answer
 
     def read_response(self) -> bytes:
-        """Pump until an answer is there."""
+        """Pump until an answer is received."""
         if not self._link.pump_until(lambda: bool(self._answers), self.timeout_s):
             raise _NoAnswer(f"no answer within {self.timeout_s} s")
         answer = self._answers.popleft()
@@ -96,7 +96,7 @@ class SdoChannel:
         timeout_s: Limit of one request.
 
     Attributes:
-        step: What is being done, for errors; set by the user of the channel.
+        step: The step in progress, for errors; set by the user of the channel.
     """
 
     def __init__(self, node_id: int, joint: str, link: BusLink, timeout_s: float) -> None:
@@ -110,14 +110,14 @@ class SdoChannel:
 
         Raises:
             SdoRefused: the node answers with an abort code.
-            ServoTimeout: it does not answer.
-            ServoError: it answers something else.
+            ServoTimeout: the node does not answer.
+            ServoError: the answer is invalid.
         """
         data = self._transfer(entry, None)
         return int.from_bytes(data[: max(1, entry.type.bits // 8)], "little", signed=entry.type.code.islower())
 
     def read_if_there(self, entry: Entry) -> int | None:
-        """As `read`, but None where the node does not have the object."""
+        """As `read`, but None if the node does not have the object."""
         try:
             return self.read(entry)
         except SdoRefused as refusal:
@@ -126,7 +126,7 @@ class SdoChannel:
             raise
 
     def bits_if_there(self, entry: Entry) -> int | None:
-        """Size of an object as the node sends it; None where it does not have it. Raises as `read`."""
+        """Size of an object in bits as sent by the node; None if it does not have it. Raises as `read`."""
         try:
             return 8 * len(self._transfer(entry, None))
         except SdoRefused as refusal:
@@ -135,7 +135,7 @@ class SdoChannel:
             raise
 
     def has(self, entry: Entry) -> bool:
-        """Whether the node has an object, readable or not."""
+        """Whether the node has an object, even if it cannot be read."""
         try:
             self.read(entry)
         except SdoRefused as refusal:
@@ -143,7 +143,7 @@ class SdoChannel:
         return True
 
     def read_real_if_there(self, entry: Entry) -> float | None:
-        """Value of an integer or a floating-point object as a number; None where the node does not have it."""
+        """Value of an integer or floating-point object; None if the node does not have it."""
         if not entry.type.is_real:
             return self.read_if_there(entry)
         try:
@@ -158,11 +158,11 @@ class SdoChannel:
         return float(value)
 
     def read_text(self, entry: Entry) -> str:
-        """Value of a string object; bytes that are no text are replaced. Raises as `read`."""
+        """Value of a string object; invalid bytes are replaced. Raises as `read`."""
         return self._transfer(entry, None).decode("utf-8", errors="replace").rstrip("\0")
 
     def read_text_if_there(self, entry: Entry) -> str:
-        """As `read_text`, but empty where the node refuses the request."""
+        """As `read_text`, but empty if the node refuses the request."""
         try:
             return self.read_text(entry)
         except SdoRefused:
@@ -173,7 +173,7 @@ class SdoChannel:
         self._transfer(entry, struct.pack("<" + entry.type.code, value))
 
     def write_if_there(self, entry: Entry, value: int) -> bool:
-        """As `write`, but False where the node does not have the object or does not let it be written."""
+        """As `write`, but False if the node does not have the object or it is read-only."""
         try:
             self.write(entry, value)
         except SdoRefused as refusal:
@@ -183,7 +183,7 @@ class SdoChannel:
         return True
 
     def answers(self, entry: Entry, timeout_s: float) -> bool:
-        """Whether the node answers a read at all within a time of its own, be it with an abort code."""
+        """Whether the node answers a read within the given time, even with an abort code."""
         self._client.timeout_s = timeout_s
         try:
             self.read(entry)
@@ -196,7 +196,7 @@ class SdoChannel:
         return True
 
     def read_until(self, entry: Entry, value: int, timeout_s: float) -> int:
-        """Read until an object has a value or time is over, and return what it has then. Raises as `read`."""
+        """Read until an object has a value or the time is over; returns the last value. Raises as `read`."""
         found = self.read(entry)
         for _ in range(math.ceil(timeout_s / POLL_S)):
             if found == value:
@@ -206,11 +206,11 @@ class SdoChannel:
         return found
 
     def failure(self, what: str, remedy: str) -> ServoError:
-        """Error about this node at this step."""
+        """Error of this node at the present step."""
         return ServoError(self._node_id, self._joint, self.step, what, remedy)
 
     def _transfer(self, entry: Entry, data: bytes | None) -> bytes:
-        """Write `data`, or read where it is None."""
+        """Write `data`, or read if it is None."""
         verb = "reading" if data is None else "writing"
         try:
             if data is None:

@@ -1,13 +1,13 @@
-"""Where SYNC comes from.
+"""Sources of SYNC.
 
-A source decides when the next SYNC leaves, sends it or sees it sent, and reports its time. The cycle calls `next`
-once per cycle, after its RPDOs have left. There is no thread: while a source waits it pumps the bus. A caller
-that hangs, is stopped or dies ends SYNC, whatever the source.
+A source decides when the next SYNC is sent, sends it or observes it, and reports its time. The cycle calls `next` once
+per cycle, after sending its RPDOs. There is no thread: a waiting source pumps the bus. With every source, SYNC ends if
+the caller hangs, is stopped or dies.
 
-- `TimerSync` for any interface: SYNC leaves at absolute deadlines. A late caller skips whole periods, which
-  are counted; nothing is ever caught up with a burst.
+- `TimerSync` for any interface: SYNC is sent at absolute deadlines. A late caller skips complete periods, which are
+  counted; they are never made up by a burst.
 - `kernel_sync.BcmSync` for SocketCAN: the kernel sends SYNC.
-- `simulation.lockstep_sync.LockstepSync` for simulations: SYNC leaves at once, and virtual time passes for it.
+- `simulation.lockstep_sync.LockstepSync` for simulations: SYNC is sent immediately, and virtual time advances.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class SyncTick:
     """One SYNC.
 
     Attributes:
-        time_s: When it left, on the source's clock.
-        skipped: Periods that passed without SYNC, or with one that went unused, because the caller was late.
+        time_s: Time at which it was sent, on the source's clock.
+        skipped: Number of periods without SYNC, or with an unused one, because the caller was late.
     """
 
     time_s: float
@@ -44,13 +44,13 @@ class SyncSource(Protocol):
     """A source of SYNC.
 
     Attributes:
-        heard: Its own SYNCs come back on the bus; where they do not, any SYNC received is another node's.
+        heard: Whether its own SYNCs are received back; if not, any SYNC received is from another node.
     """
 
     heard: bool
 
     def now_s(self) -> float:
-        """Time on the clock that SYNCs are stamped with."""
+        """Time in s on the clock of the SYNC stamps."""
 
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
         """Start counting periods: the first SYNC is due one period from now.
@@ -62,32 +62,32 @@ class SyncSource(Protocol):
         """
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
-        """Let the next SYNC leave.
+        """Wait for, and if necessary send, the next SYNC.
 
         Args:
             link: The bus.
-            on_sync: Called when all frames of earlier SYNCs have been handled, and none of this one.
+            on_sync: Called after all frames of earlier SYNCs and before any frame of this one.
         """
 
     def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
-        """Pump the bus until the feedback of the last SYNC is complete, or until it may not be waited for any longer.
+        """Pump the bus until the feedback of the last SYNC is complete, or the time for it is over.
 
         Raises:
             BusError: the bus failed.
-            DriverError: where no node is left that could answer.
+            DriverError: no node is left that could answer.
         """
 
     def end(self, link: BusLink) -> None:
-        """No more SYNCs until the next `begin`. Idempotent."""
+        """Stop SYNC until the next `begin`. Idempotent."""
 
 
 def sync_data(counter: int) -> list[bytes]:
-    """Data of consecutive SYNCs, to be repeated: none without a counter, else 1 to its overflow value."""
+    """Data of consecutive SYNCs, repeated cyclically: empty without a counter, else 1 to its overflow value."""
     return [bytes([number]) for number in range(1, counter + 1)] or [b""]
 
 
 class SentSync:
-    """SYNC messages sent by this process, one after the other."""
+    """SYNC messages for sending by this process, in sequence."""
 
     def __init__(self, counter: int = 0) -> None:
         self._messages = [
@@ -97,7 +97,7 @@ class SentSync:
         self._next = 0
 
     def take(self) -> can.Message:
-        """The message whose turn it is."""
+        """The next message."""
         message = self._messages[self._next]
         self._next = (self._next + 1) % len(self._messages)
         return message
@@ -131,7 +131,7 @@ class TimerSync:
         self._messages = SentSync(counter)
 
     def next(self, link: BusLink, on_sync: Callable[[], None]) -> SyncTick:
-        """Pump the bus until the deadline and send SYNC; a deadline that has passed is skipped."""
+        """Pump the bus until the deadline and send SYNC; missed deadlines are skipped."""
         late_s = self._clock() - self._due_s
         skipped = 0 if late_s <= 0.0 else math.floor(late_s / self._cycle_s) + 1
         self._due_s += skipped * self._cycle_s
@@ -149,4 +149,4 @@ class TimerSync:
         link.pump_until(complete, self._feedback_share * self._cycle_s)
 
     def end(self, link: BusLink) -> None:
-        """Nothing is running."""
+        """Nothing to stop."""

@@ -1,1 +1,1 @@
-"""The CANopen master while it runs: bus, SYNC, cycle, the servos, taking torque away."""
+"""The CANopen master during cycles: the cycle, the servos, removal of torque."""

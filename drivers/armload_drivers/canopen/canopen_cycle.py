@@ -1,7 +1,7 @@
-"""The cycle of the CANopen master: setpoints out, heartbeat, SYNC, feedback in, and what is wrong with whom.
+"""The cycle of the CANopen master: setpoints out, heartbeat, SYNC, feedback in, and the errors of drives.
 
-Nothing here waits for anything but the next SYNC and its feedback, allocates a message, or talks SDO. Measured
-with six joints in lockstep: 60 us of the calling thread's time (`benchmarks/cycle.py`).
+It waits only for the next SYNC and its feedback, allocates no messages, and uses no SDO. Measured with six joints in
+lockstep: 60 us of the calling thread's time (`benchmarks/cycle.py`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from armload_drivers.driver_errors import ForeignMaster, ServoFault
 from armload_drivers.servos import JointFeedback
 
 LOAD_WINDOW_S = 1.0
-"""The bus load is measured over this time."""
+"""Time over which the bus load is measured."""
 
 
 _STALLED_CYCLES = 3
@@ -39,15 +39,15 @@ class CanopenCycle:
         arm: The arm.
         nodes: Its drives.
         link: The bus.
-        sync: Where SYNC comes from.
-        master_node_id: Who the heartbeat says that we are.
+        sync: Source of SYNC.
+        master_node_id: Node id of the master's heartbeat.
         units: Conversion of setpoints and feedback.
 
     Attributes:
         nodes: Its drives.
         units: Conversion of setpoints and feedback.
-        number: SYNCs so far.
-        foreign: What others send that only the master may send.
+        number: Number of SYNCs so far.
+        foreign: Detects frames from other nodes that only the master may send.
         bus_load: Measured share of the bus over the last second, every frame counted at its worst-case length.
     """
 
@@ -81,7 +81,7 @@ class CanopenCycle:
         self._offset_frames = [(node, node.offset_message) for node in nodes if node.offset_message is not None]
 
     def begin(self) -> None:
-        """Start the nodes and begin to count periods; what arrived before is over."""
+        """Start the nodes and the periods; frames received before are discarded."""
         self._link.drain()
         self._fade = None
         for node, axis in zip(self.nodes, self.units.axes, strict=True):
@@ -98,17 +98,17 @@ class CanopenCycle:
             self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
 
     def fade_offsets(self) -> None:
-        """From the next cycle on, take all torque offsets to zero, whatever the drives are doing. Idempotent."""
+        """From the next cycle on, fade all torque offsets to zero, in every drive state. Idempotent."""
         if self._fade is None:
             self._fade = OffsetFade([node.offset_permille for node in self.nodes], self._cycle_s)
 
     @property
     def _fading(self) -> bool:
-        """Whether torque offsets are on their way to zero."""
+        """Whether torque offsets are being faded to zero."""
         return self._fade is not None and not self._fade.done
 
     def count(self, limit_s: float) -> int:
-        """A limit in cycles."""
+        """A time limit in cycles."""
         return max(1, math.ceil(limit_s / self._cycle_s))
 
     def run(self) -> JointFeedback:
@@ -133,8 +133,8 @@ class CanopenCycle:
         sync.await_feedback(link, self._complete)
         away_s = sync.now_s() - self._looked_s
         if away_s > _STALLED_CYCLES * self._cycle_s:
-            # This process did not run, and perhaps no other on this computer did. What the drives sent meanwhile is
-            # read before they are checked, and silence during that time is not held against them.
+            # This process was not running, and perhaps no other on this computer was. Frames that the drives sent in
+            # this time are read before the drives are checked, and their silence during it is excused.
             link.drain()
             for node in nodes:
                 node.excuse_silence(away_s)
@@ -159,14 +159,15 @@ class CanopenCycle:
         )
 
     def run_checked(self, step: str, *, must_follow: bool) -> JointFeedback:
-        """One cycle; what is wrong with a drive is raised, and what is wrong with others is noted.
+        """One cycle with fault checks; the likely cause is raised, and other drives' problems are added as notes.
 
         Args:
-            step: What is being done, for the error.
-            must_follow: Every drive was enabled and must stay so.
+            step: The step in progress, for the error.
+            must_follow: Whether every drive was enabled and must stay so.
 
         Raises:
-            ServoError: about the drive that is the likely cause.
+            ServoError: of the drive that is the likely cause.
+            ForeignMaster: another node sends what only the master may send.
             BusError: the bus failed.
         """
         feedback = self.run()
@@ -176,7 +177,7 @@ class CanopenCycle:
             if (problem := node.problem(step, feedback.time_s, must_follow=must_follow)) is not None
         ]
         if problems:
-            # A fault is the cause; what other drives do at the same time is most often its consequence.
+            # A fault is the cause; simultaneous problems of other drives are usually its consequence.
             problems.sort(key=lambda problem: not isinstance(problem, ServoFault))
             for other in problems[1:]:
                 problems[0].add_note(f"At the same time: {other}")
@@ -189,10 +190,10 @@ class CanopenCycle:
         return feedback
 
     def run_until(self, done: Callable[[DriveNode], bool], step: str, limit_s: float) -> None:
-        """Run cycles until a condition holds of every drive that still answers, and no torque offset is fading.
+        """Run cycles until a condition holds for every drive that still answers, and no torque offset is fading.
 
         Raises:
-            ServoTimeout: a drive stopped answering, or the condition does not hold in time; about the first one.
+            ServoTimeout: a drive stopped answering, or the condition is not met in time; names the first such drive.
             BusError: the bus failed.
         """
         waiting: list[DriveNode] = []
@@ -210,7 +211,7 @@ class CanopenCycle:
             raise waiting[0].not_in_time(step, limit_s, self._sync.now_s())
 
     def ask(self, goal: State, step: str, of: Callable[[DriveNode], bool]) -> None:
-        """Request a state of those drives of which a condition holds and that are in no fault.
+        """Request a state from the drives that meet a condition and are not in a fault.
 
         Raises:
             ServoError: a drive's state does not allow it.
@@ -220,12 +221,12 @@ class CanopenCycle:
                 node.ask(goal, step)
 
     def _expect_feedback(self) -> None:
-        """Feedback that comes from now on belongs to this SYNC; what came before does not."""
+        """Feedback from now on belongs to this SYNC, earlier feedback does not."""
         for node in self.nodes:
             node.arrived = 0
 
     def _measure_load(self, now_s: float) -> None:
-        """Close a window of the measured load."""
+        """Complete one measurement of the bus load."""
         bits = self._link.bits - self._load_bits
         self._load_bits = self._link.bits
         if self._load_since_s:
@@ -233,5 +234,5 @@ class CanopenCycle:
         self._load_since_s = now_s
 
     def _complete(self) -> bool:
-        """Whether all feedback is there that can be waited for."""
+        """Whether the feedback of all drives that are not lost is complete."""
         return all([node.arrived >= node.expected or node.lost for node in self.nodes])  # noqa: C419 - faster than a generator

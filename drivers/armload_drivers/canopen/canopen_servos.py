@@ -1,15 +1,15 @@
 """`JointServos` over CANopen: the drives of an arm on any bus that python-can opens.
 
 Rules of this file:
-- The calling thread alone sends and receives. No thread, no callback from elsewhere, no SDO while drives move.
-- Every frame carries a target that was computed: until a drive is enabled its target is its fresh position.
-- The heartbeat is sent by the cycle. A caller that stops calling goes silent, and the drives stop the arm
-  (1016, 6007, and the time-out of the RPDO). So after `enable`, `exchange` must be called every cycle.
-- Nothing is enabled again by itself: not after a fault, a quick stop, a lost or rebooted drive.
-- An error in the cycle is raised, and nothing else is done: what stops the arm is the caller's decision.
-  `stop`, `disable` and `close` then do their work on every drive that still answers.
+- Only the calling thread sends and receives: no other thread, no callback from elsewhere, no SDO while drives move.
+- Every frame contains a valid target: until a drive is enabled, its target is its present position.
+- The heartbeat is sent by the cycle. If the caller stops calling, it ends, and the drives stop the arm (1016, 6007, and
+  the time-out of the RPDO). So after `enable`, `exchange` must be called every cycle.
+- Nothing is re-enabled automatically: not after a fault, a quick stop, a lost or rebooted drive.
+- An error in the cycle is only raised: the caller decides how the arm is stopped. `stop`, `disable` and `close` then
+  act on every drive that still answers.
 
-The bus stays the caller's: open it before, close it after `close`.
+The bus belongs to the caller: open it before, and close it after `close`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from armload_drivers.servos import JointCommand, JointFeedback
 
 
 class _Phase(Enum):
-    """Where in its life the arm is."""
+    """Phase of the sequence in `servos`."""
 
     NEW = auto()
     CONNECTED = auto()
@@ -50,7 +50,7 @@ class _Phase(Enum):
 
 
 _ENABLED = _Phase.ENABLED
-"""A name of its own, because Python 3.11 takes 0.3 us to find a member of an enumeration by its class."""
+"""Cached, because Python 3.11 takes 0.3 us to look up a member of an enumeration."""
 
 
 class CanopenServos:
@@ -59,14 +59,14 @@ class CanopenServos:
     Args:
         arm: The arm.
         bus: An open bus; nothing else may read from it.
-        sync: Where SYNC comes from.
+        sync: Source of SYNC.
         timeouts: Limits of all waits.
 
     Attributes:
         n: Number of joints.
         cycle_s: Duration of one cycle.
-        simulated: Every drive carries the simulation's identity; known after `connect`.
-        reports: What `connect` found, per joint.
+        simulated: Whether every drive has the simulation's identity; known after `connect`.
+        reports: Findings of `connect`, per joint.
     """
 
     def __init__(self, arm: ArmSettings, bus: can.BusABC, sync: SyncSource, timeouts: Timeouts | None = None) -> None:
@@ -100,11 +100,11 @@ class CanopenServos:
         """Boot, identify, configure and verify every drive; nothing is energised.
 
         Raises:
-            StateError: connected already, or closed.
-            BusOverload: the cycle does not fit the bus.
+            StateError: already connected, or closed.
+            BusOverload: the cycle exceeds the bus's capacity.
             WrongDevice: a node is not the configured drive.
-            ServoTimeout: a node that may only be a simulation does not answer; then no node has been reset.
-            ServoError: a node failed at a step that the error names.
+            ServoTimeout: only simulated drives are allowed, and a node does not answer; then no node has been reset.
+            ServoError: a node failed at the step that the error names.
             BusError: the bus failed.
         """
         self._require(_Phase.NEW)
@@ -127,7 +127,7 @@ class CanopenServos:
         self._phase = _Phase.CONNECTED
 
     def _reset_nodes(self) -> None:
-        """NMT reset of every node, until each has booted or answers."""
+        """NMT reset of every node; waits until each has booted or answers."""
         nodes = self._nodes
         for node in nodes:
             node.booted = False
@@ -137,10 +137,10 @@ class CanopenServos:
             if not node.booted:
                 setup.require_alive()
 
-    # Life ----------------------------------------------------------------------------------------------------
+    # Operation -----------------------------------------------------------------------------------------------
 
     def standing_rad(self) -> FloatArray:
-        """(n,) where the joints stand, by SDO.
+        """(n,) positions of the joints, by SDO.
 
         Raises:
             StateError: not connected, or enabled or stopped.
@@ -151,21 +151,21 @@ class CanopenServos:
         return self._cycle.units.joint_position_rad([setup.read_position() for setup in self._setups])
 
     def enable(self) -> JointFeedback:
-        """Bring every drive to OPERATION ENABLED, holding the position it has now.
+        """Bring every drive to OPERATION ENABLED, holding its present position.
 
         Returns:
             Feedback of the first enabled cycle.
 
         Raises:
             StateError: not connected, or still enabled or stopped.
-            ServoFault: a drive is in FAULT; `reset_faults` resets it where the cause is gone.
-            ServoTimeout: a drive did not get there in time.
+            ServoFault: a drive is in FAULT; `reset_faults` resets it once the cause is removed.
+            ServoTimeout: a drive did not reach the state in time.
             BusError: the bus failed.
         """
         self._require(_Phase.CONNECTED)
         step, cycle = "enabling", self._cycle
         self._begin_cycles()
-        # From here on drives may carry torque: whatever interrupts this, `close` must disable them.
+        # From here on drives may carry torque: after any interruption, `close` must disable them.
         self._phase = _Phase.STOPPED
         try:
             for _ in range(cycle.count(self._timeouts.enable_s)):
@@ -208,9 +208,9 @@ class CanopenServos:
     def stop(self) -> None:
         """Quick stop: decelerate every drive on its own ramp and hold, with torque on.
 
-        Torque offsets go to zero meanwhile, evenly and within `OFFSET_FADE_S`, also those of drives that slow down
-        by themselves already. Without effect where no drive is enabled. Drives that have been reported as lost are
-        not waited for.
+        Torque offsets are faded to zero linearly within `OFFSET_FADE_S`, including those of drives that are already
+        decelerating by themselves. Has no effect if no drive is enabled. Does not wait for drives that have been
+        reported as lost.
 
         Raises:
             StateError: not connected.
@@ -227,16 +227,16 @@ class CanopenServos:
         self._cycle.run_until(_stands_still, step, self._timeouts.stop_s)
 
     def disable(self) -> None:
-        """Engage brakes and remove torque, once the arm stands still.
+        """Engage brakes and remove torque once the arm is at standstill.
 
-        Axes without a brake keep their torque until all others are held by theirs. Then all are watched for
-        `HOLDING_WATCH_S`. A drive that has been reported as lost is asked by SDO. One that does not answer that
-        either is left to its own reaction (6007); the loss was reported to the caller.
+        Axes without a brake keep their torque until all others are held by their brakes. Then all are watched for
+        `HOLDING_WATCH_S`. A drive that has been reported as lost is disabled by SDO. If it does not answer that
+        either, it is left to its own reaction (6007); the loss was already reported to the caller.
 
         Raises:
             StateError: not connected.
             ServoTimeout: a drive did not come to rest, or keeps its torque.
-            AxisMoves: an axis moves without torque. Everything else has been done.
+            AxisMoves: an axis moves without torque; everything else has been done.
             BusError: the bus failed.
         """
         self._require_connected()
@@ -255,7 +255,7 @@ class CanopenServos:
 
         Raises:
             StateError: not connected, or still enabled or stopped.
-            ServoTimeout: a drive stays in FAULT; the cause is still there.
+            ServoTimeout: a drive stays in FAULT; the cause persists.
             BusError: the bus failed.
         """
         self._require(_Phase.CONNECTED)
@@ -272,10 +272,10 @@ class CanopenServos:
             self._end_cycles()
 
     def close(self) -> None:
-        """Leave the bus; stops and disables first where that is still to be done. Idempotent.
+        """Leave the bus, after stopping and disabling if necessary. Idempotent.
 
         Raises:
-            DriverError: a drive could not be confirmed to be without torque. Everything else has been done.
+            DriverError: a drive may still carry torque; everything else has been done.
         """
         if self._phase in {_Phase.NEW, _Phase.CLOSED}:
             self._phase = _Phase.CLOSED
@@ -306,25 +306,25 @@ class CanopenServos:
 
     @property
     def bus_errors(self) -> BusErrors:
-        """What the interface has complained of so far."""
+        """Errors that the interface has reported so far."""
         return BusErrors(self._link.error_frames, self._link.error_passive, self._link.queue_full)
 
     # Helpers -------------------------------------------------------------------------------------------------
 
     def _require(self, phase: _Phase) -> None:
-        """Requires the given phase."""
+        """Require the given phase."""
         if self._phase is not phase:
             raise StateError(f"the servos are {self._phase.name.lower()}, but must be {phase.name.lower()} for this")
 
     @property
     def _cycle(self) -> CanopenCycle:
-        """The cycle, which there is from `connect` on."""
+        """The cycle, which exists after `connect`."""
         if self._running is None:
             raise StateError("the servos are not connected: connect them first")
         return self._running
 
     def _require_connected(self) -> None:
-        """Requires a connection."""
+        """Require a connection."""
         if self._phase in {_Phase.NEW, _Phase.CLOSED}:
             raise StateError(f"the servos are {self._phase.name.lower()}: connect them first")
 
@@ -339,7 +339,7 @@ class CanopenServos:
         self._cycle.begin()
 
     def _end_cycles(self) -> None:
-        """No drive carries torque: end PDO communication, and stop the drives' watch on our heartbeat."""
+        """End PDO communication and the drives' watch on the heartbeat; no drive carries torque any more."""
         self._cycle.end()
         self._phase = _Phase.CONNECTED
         for node, setup in zip(self._nodes, self._setups, strict=True):
@@ -347,7 +347,7 @@ class CanopenServos:
                 setup.watch_master(on=False)
 
     def _back_out(self, error: DriverError) -> None:
-        """Enabling failed: what has got torque already is disabled again."""
+        """After a failed enabling, disable the drives that already have torque."""
         self._phase = _Phase.STOPPED
         try:
             self.disable()
@@ -355,7 +355,7 @@ class CanopenServos:
             error.add_note(f"Disabling also failed: {again}")
 
     def _silence(self) -> None:
-        """Last resort: end PDO communication, whereupon drives do what 6007 says."""
+        """Last resort: end PDO communication, so that the drives react according to 6007."""
         for node in self._nodes:
             try:
                 self._link.command(NmtCommand.STOP, node.settings.node_id)
@@ -364,6 +364,6 @@ class CanopenServos:
 
 
 def _stands_still(node: DriveNode) -> bool:
-    """Whether a drive has stopped, whichever state it stops in."""
+    """Whether a drive is at standstill, in any state."""
     moving = {State.OPERATION_ENABLED, State.FAULT_REACTION_ACTIVE}
     return node.state not in moving and node.still_for(STILL_CYCLES)

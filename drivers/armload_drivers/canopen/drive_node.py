@@ -1,4 +1,4 @@
-"""The master's record of one drive while cycles run: its frames, its state, and how it fares."""
+"""The master's record of one drive while cycles run: its frames, its state, and its problems."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from armload_drivers.cia402.state_machine import MasterMachine, State
 from armload_drivers.driver_errors import ServoError, ServoFault, ServoTimeout, StatuswordError, TransitionError
 
 STANDSTILL_RAD_S = 0.005
-"""An axis slower than this stands."""
+"""An axis slower than this is at standstill."""
 
 _ENABLE_INTERPOLATION = 0x0010
 _INTERPOLATION_ACTIVE = 0x1000
 _ENABLED = State.OPERATION_ENABLED
-"""A name of its own, because Python 3.11 takes 0.3 us to find a member of an enumeration by its class."""
+"""Cached, because Python 3.11 takes 0.3 us to look up a member of an enumeration."""
 _FAULTY = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
 _OPERATIONAL = NmtState.OPERATIONAL.value
 _IN_ORDER = (None, _OPERATIONAL)
@@ -35,27 +35,26 @@ class DriveNode:
         drive: Its settings.
         image: Its PDOs.
         link: The bus.
-        sync: Whose clock stamps heartbeats.
-        cycle_s: Cycle.
+        sync: Provides the clock for heartbeats.
+        cycle_s: Duration of a cycle.
         heartbeat_s: Heartbeat period.
-        max_missing_cycles: Feedback may be missing this many cycles in a row.
+        max_missing_cycles: Greatest number of consecutive cycles in which feedback may be missing.
 
     Attributes:
         settings: Its settings.
         machine: Its power state.
         message: The RPDO.
-        offset_message: The RPDO that carries the torque offset alone; None where `message` carries it, or none does.
+        offset_message: A second RPDO for the torque offset; None if `message` contains it, or there is no offset.
         target_counts: Target position of the next RPDO.
         offset_permille: Torque offset of the next RPDO.
         position_counts: Last actual position.
         effort: Last actual current or torque, in the units of its object.
-        arrived: How many of this SYNC's feedback frames are there.
-        expected: How many of them there are to be.
-        booted: Whether a boot-up message came.
-        boots: How many of them came.
+        arrived: Number of feedback frames received since this SYNC.
+        expected: Number of feedback frames per SYNC.
+        booted: Whether a boot-up message was received.
         lost: Whether it was reported to the caller as not answering.
-        heartbeat_limit_s: Its heartbeat may be away for so long.
-        wrong_frames: Feedback frames of the wrong length; they count as missing.
+        heartbeat_limit_s: Longest permitted time without a heartbeat.
+        wrong_frames: Number of feedback frames with a wrong length; they count as missing.
     """
 
     def __init__(
@@ -128,7 +127,7 @@ class DriveNode:
             self.wrong_frames += 1
 
     def _take_effort(self, data: bytearray) -> None:
-        """Keep the TPDO that carries the effort alone."""
+        """Keep the second TPDO, with the effort."""
         if len(data) == self._effort_length:
             self._effort_frame = bytes(data)
             self.arrived += 1
@@ -136,14 +135,14 @@ class DriveNode:
             self.wrong_frames += 1
 
     def _take_heartbeat(self, data: bytearray) -> None:
-        """Record the state that a heartbeat or a boot-up message carries."""
+        """Record the NMT state from a heartbeat or boot-up message."""
         if not data:
             return
         self._heard_s = self._sync.now_s()
         state = data[0] & 0x7F
         if state == NmtState.BOOT_UP.value:
             self.booted = True
-        # A heartbeat sent before the drive took the start command says nothing about what became of it.
+        # A heartbeat sent before the start command took effect does not show the resulting state.
         if self._nmt_state is not None:
             self._nmt_state = state
 
@@ -156,7 +155,7 @@ class DriveNode:
     # The cycle -----------------------------------------------------------------------------------------------
 
     def begin(self, counts_per_rad: float) -> None:
-        """Forget the past: cycles begin now.
+        """Reset everything for a new start of cycles.
 
         Args:
             counts_per_rad: Position units per radian of the axis.
@@ -171,7 +170,7 @@ class DriveNode:
         self._emergency = self._undefined = None
 
     def excuse_silence(self, away_s: float) -> None:
-        """Nothing was read for a while: the wait for the next heartbeat is that much longer."""
+        """Extend the wait for the next heartbeat by a time in which nothing was read."""
         self._heard_s += away_s
 
     def ask(self, goal: State, step: str) -> None:
@@ -198,12 +197,12 @@ class DriveNode:
         return self.message
 
     def prepare_offset(self, message: can.Message) -> can.Message:
-        """The RPDO of this cycle that carries the torque offset alone."""
+        """The second RPDO of this cycle, with the torque offset."""
         self._pack_offset(message.data, 0, self.offset_permille)
         return message
 
     def evaluate(self, now_s: float) -> None:
-        """Take over this cycle's feedback, or count it as missing."""
+        """Process this cycle's feedback, or count it as missing."""
         if self.arrived < self.expected:
             self._missing += 1
             return
@@ -238,24 +237,24 @@ class DriveNode:
 
     @property
     def faulty(self) -> bool:
-        """Whether the drive is in FAULT or on the way there."""
+        """Whether the drive is in FAULT or FAULT REACTION ACTIVE."""
         return self.machine.state in _FAULTY
 
     @property
     def follows(self) -> bool:
-        """Whether the drive is enabled and takes setpoints."""
+        """Whether the drive is enabled and follows setpoints."""
         active = not self._interpolates or bool(self.statusword & _INTERPOLATION_ACTIVE)
         return self.machine.state is _ENABLED and active
 
     # Problems ------------------------------------------------------------------------------------------------
 
     def problem(self, step: str, now_s: float, *, must_follow: bool) -> ServoError | None:
-        """What is wrong with this drive in this cycle, worst first; None where nothing is.
+        """The most serious problem of this drive in this cycle; None if there is none.
 
         Args:
-            step: What is being done, for the error.
+            step: The step in progress, for the error.
             now_s: Time of the SYNC.
-            must_follow: The drive was enabled and must stay so.
+            must_follow: Whether the drive was enabled and must stay so.
         """
         fault = self._fault(step)
         if fault is not None:
@@ -298,7 +297,7 @@ class DriveNode:
         return None
 
     def not_in_time(self, step: str, limit_s: float, now_s: float) -> ServoTimeout:
-        """Error about a state that was not reached."""
+        """Error for a state that was not reached."""
         goal = "the requested state" if self.machine.goal is None else self.machine.goal.title
         return self._timeout(
             step,
@@ -308,7 +307,7 @@ class DriveNode:
         )
 
     def gone(self, step: str) -> ServoTimeout:
-        """Error about a drive whose feedback has stopped; it is not waited for any more."""
+        """Error for a drive whose feedback has stopped; marks the drive as lost."""
         self.lost = True
         return self._timeout(
             step,
@@ -317,7 +316,7 @@ class DriveNode:
         )
 
     def _fault(self, step: str) -> ServoFault | None:
-        """Error about a fault that the drive itself reports."""
+        """Error for a fault that the drive itself reports."""
         if not self.faulty and self._emergency is None:
             return None
         cause = "no emergency message gave a cause" if self._emergency is None else self._emergency.text
@@ -330,11 +329,11 @@ class DriveNode:
         )
 
     def is_still(self, moved_counts: int) -> bool:
-        """Whether an axis that moved so far in a cycle stands."""
+        """Whether an axis that moved this far in a cycle is at standstill."""
         return abs(moved_counts) <= self._still_counts
 
     def still_for(self, cycles: int) -> bool:
-        """Whether the axis has stood for so many cycles."""
+        """Whether the axis has been at standstill for this many cycles."""
         return self._still_cycles >= cycles
 
     @property
@@ -344,15 +343,15 @@ class DriveNode:
 
     @property
     def _state_text(self) -> str:
-        """State and word for errors."""
+        """State and statusword, for errors."""
         if self.machine.state is None:
             return "an unknown state"
         return f"{self.machine.state.title} (statusword 0x{self.statusword:04X})"
 
     def _error(self, step: str, what: str, remedy: str) -> ServoError:
-        """Error about this drive."""
+        """Error of this drive."""
         return ServoError(self.settings.node_id, self.settings.joint, step, what, remedy)
 
     def _timeout(self, step: str, what: str, remedy: str) -> ServoTimeout:
-        """Error about something that did not come in time."""
+        """Timeout error of this drive."""
         return ServoTimeout(self.settings.node_id, self.settings.joint, step, what, remedy)

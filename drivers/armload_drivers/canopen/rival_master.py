@@ -1,8 +1,8 @@
 """Frames that only the master of an arm may send, sent by another node.
 
-A second master is the one fault that no drive notices: it obeys both. A node that commands the nodes (NMT), sends
-setpoints or SYNC, or uses the master's node id stops this master; a node that reads or writes objects is named in the
-next error, because a drive that behaves strangely was most often commanded to.
+A second master is a fault that no drive detects: it obeys both. A node that sends NMT commands, setpoints or SYNC, or
+uses the master's node id, stops this master; a node that reads or writes objects is named in the next error, because a
+drive that behaves strangely was usually commanded to.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ class ForeignTraffic:
     Args:
         nodes: The drives of the arm.
         link: The bus.
-        master_node_id: Node id that our heartbeat carries.
-        sync_is_ours: Our own SYNCs come back on the bus; then the source of SYNC watches for others.
+        master_node_id: Node id of this master's heartbeat.
+        sync_is_ours: Whether this master's own SYNCs are received back; then the SYNC source detects others.
 
     Attributes:
-        commands: What another node commanded, in words; empty where none did.
-        requests: Which other node uses SDO with a drive, in words; empty where none does.
+        commands: Command of another node, as text; empty if there was none.
+        requests: SDO request of another client to a drive, as text; empty if there was none.
     """
 
     def __init__(self, nodes: Sequence[DriveNode], link: BusLink, master_node_id: int, *, sync_is_ours: bool) -> None:
@@ -47,11 +47,11 @@ class ForeignTraffic:
             self._note_requests(link, node.settings.node_id)
 
     def forget(self) -> None:
-        """What was heard before the cycle began does not count any more."""
+        """Discard everything received before the cycle started."""
         self.commands = self.requests = ""
 
     def _accuse(self, link: BusLink, cob_id: int, what: str) -> None:
-        """Take a COB-ID as the mark of a second master."""
+        """Treat frames of a COB-ID as sent by a second master."""
 
         def take(_: bytearray) -> None:
             self.commands = f"another node {what} (COB-ID 0x{cob_id:03X}). {_REMEDY}"
@@ -59,7 +59,7 @@ class ForeignTraffic:
         link.subscribe(cob_id, take)
 
     def _note_requests(self, link: BusLink, node_id: int) -> None:
-        """Take SDO requests as the mark of another client."""
+        """Treat SDO requests as sent by another client."""
         joint = self._joints[node_id]
 
         def take(data: bytearray) -> None:
@@ -72,7 +72,7 @@ class ForeignTraffic:
         link.subscribe(od.SDO_RX_BASE + node_id, take)
 
     def _take_nmt(self, data: bytearray) -> None:
-        """An NMT command that is not ours."""
+        """Process an NMT command of another node."""
         if len(data) == 2 and (data[1] == 0 or data[1] in self._joints):
             to = "all nodes" if data[1] == 0 else f"{self._joints[data[1]]} (node {data[1]})"
             name = _NAMES.get(data[0], f"command {data[0]}")

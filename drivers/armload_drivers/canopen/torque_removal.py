@@ -1,8 +1,8 @@
-"""Taking the torque of all drives of an arm that stands, over CANopen.
+"""Removal of torque from all drives of an arm at standstill, over CANopen.
 
-The order: torque offsets to zero; standstill; drives whose axes have a brake; drives whose axes have none, once all
-others are held; a look at whether the arm stays where it is; drives that have left the cycle, by SDO, once they stand.
-A drive whose feedback says that it keeps its torque is asked by SDO as well: its feedback may have frozen.
+The order: fade torque offsets to zero; wait for standstill; drives whose axes have a brake; drives whose axes have
+none, once all others are held; check that the arm does not move; drives that have left the cycle, by SDO, once they
+stand. A drive whose feedback shows that it keeps its torque is also disabled by SDO: its feedback may be frozen.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from armload_drivers.cia402.timeouts import Timeouts
 from armload_drivers.driver_errors import AxisMoves, ServoTimeout
 
 STILL_CYCLES = 3
-"""An axis stands when it has stood for this many cycles."""
+"""Number of cycles without motion that count as standstill."""
 
 _WITHOUT_TORQUE = frozenset(
     {
@@ -35,7 +35,7 @@ _STEP = "removing torque"
 
 
 class TorqueRemoval:
-    """The way of one arm from torque to none.
+    """Removes the torque of one arm.
 
     Args:
         cycle: Its cycle, running.
@@ -58,10 +58,10 @@ class TorqueRemoval:
         self._link, self._timeouts = link, timeouts
 
     def run(self) -> AxisMoves | None:
-        """Take the torque; nothing is left to be done afterwards.
+        """Remove the torque completely.
 
         Returns:
-            What is to be raised about an axis that nothing holds.
+            The error to raise for an axis that moves without torque; None if all stand still.
 
         Raises:
             ServoTimeout: a drive did not come to rest, or keeps its torque.
@@ -85,20 +85,20 @@ class TorqueRemoval:
         return moving
 
     def _switch_off(self, nodes: list[DriveNode]) -> ServoTimeout | None:
-        """Take the torque of some drives.
+        """Remove the torque of some drives.
 
         Returns:
-            What is to be raised about a drive that says it keeps its torque, and by SDO that it does not.
+            The error to raise for a drive whose feedback reports torque but whose SDO answer does not; else None.
 
         Raises:
-            ServoTimeout: one keeps it, and does not answer by SDO.
-            ServoError: one keeps it by SDO too.
+            ServoTimeout: a drive keeps its torque, and does not answer by SDO.
+            ServoError: a drive keeps its torque, also according to SDO.
         """
         self._cycle.ask(State.SWITCH_ON_DISABLED, _STEP, lambda node: node in nodes and not node.lost)
         try:
             self._cycle.run_until(lambda node: node not in nodes or _is_off(node), _STEP, self._timeouts.disable_s)
         except ServoTimeout as error:
-            # A drive that ignores requests is good enough where it stands, as long as it carries no torque.
+            # A drive that ignores the request is acceptable as long as it carries no torque.
             keeping = [node for node in nodes if not (node.lost or node.state in _WITHOUT_TORQUE)]
             for node in keeping:
                 if not self._switch_off_by_sdo(node):
@@ -110,8 +110,8 @@ class TorqueRemoval:
         return None
 
     def _switch_off_by_sdo(self, node: DriveNode) -> bool:
-        """Take the torque of a drive out of the cycle; False where it does not answer."""
-        # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and obeys no late setpoint.
+        """Remove a drive's torque outside the cycle, by SDO; False if it does not answer."""
+        # A stopped node answers no SDO; in PRE-OPERATIONAL it does, and ignores late setpoints.
         self._link.command(NmtCommand.PRE_OPERATIONAL, node.settings.node_id)
         setup = self._setups[node]
         if not setup.is_up():
@@ -121,7 +121,7 @@ class TorqueRemoval:
         return True
 
     def _moving(self) -> AxisMoves | None:
-        """Watch where the axes go without torque."""
+        """Watch the axes without torque; the error for one that moves, or None."""
         begun = [node.position_counts for node in self._nodes]
         for _ in range(self._cycle.count(HOLDING_WATCH_S)):
             self._cycle.run()
@@ -132,10 +132,10 @@ class TorqueRemoval:
         return None
 
     def _await_rest(self, node: DriveNode, setup: DriveSetup) -> None:
-        """Wait until a drive that has left the cycle stands, by SDO.
+        """Wait until a drive that has left the cycle is at standstill, by SDO.
 
         Raises:
-            ServoTimeout: it goes on moving.
+            ServoTimeout: the axis keeps moving.
         """
         before, still = setup.read_position(), 0
         for _ in range(self._cycle.count(self._timeouts.stop_s)):
@@ -149,5 +149,5 @@ class TorqueRemoval:
 
 
 def _is_off(node: DriveNode) -> bool:
-    """Whether a drive carries no torque and has got where it was sent, or fails."""
+    """Whether a drive carries no torque and has reached the requested state, or is in a fault."""
     return node.state in _WITHOUT_TORQUE and (node.machine.reached or node.faulty)

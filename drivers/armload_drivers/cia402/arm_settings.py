@@ -1,8 +1,8 @@
-"""What the driver layer needs to know about an arm, as plain data.
+"""Settings of an arm for the driver layer, as plain data.
 
-Axis and joint: an AXIS is one motor seen through its gear (motor angle / gear ratio). On most arms it is
-the joint itself; where motors are coupled, q_joint = C q_axis and tau_joint = C^-T tau_axis. Drives know
-axes only; `JointServos` speaks joints.
+Axis and joint: an AXIS is one motor seen through its gear (motor angle / gear ratio). On most arms it is the joint
+itself; if motors are coupled, q_joint = C q_axis and tau_joint = C^-T tau_axis. Drives operate on axes; `JointServos`
+operates on joints.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class OperationMode(IntEnum):
 
 
 class EffortFeedback(Enum):
-    """How the drive reports the motor's effort, and the standard's object for it."""
+    """Kind of effort that the drive reports, and the standard's object for it."""
 
     CURRENT = 0x6078
     """Current actual value, per mille of rated current (6075)."""
@@ -39,7 +39,7 @@ class VendorEffort:
         index: Index of the object.
         subindex: Sub-index.
         type: Data type, 16 or 32 bits.
-        per_unit: Motor current in A, or axis torque in N m, that one unit of the object means.
+        per_unit: Motor current in A, or axis torque in N m, per unit of the object.
     """
 
     index: int
@@ -56,7 +56,7 @@ class TemperatureObject:
         index: Index of the object.
         subindex: Sub-index.
         type: Data type.
-        celsius_per_unit: Degrees that one unit of the object means.
+        celsius_per_unit: Degrees Celsius per unit of the object.
     """
 
     index: int
@@ -67,11 +67,11 @@ class TemperatureObject:
 
 @dataclass(frozen=True, slots=True)
 class VendorSetting:
-    """A vendor's object that gives the drive a property that safety rests on; see `drive_safety`.
+    """A vendor's object that provides a safety property of the drive; see `drive_safety`.
 
     Attributes:
         entry: The object.
-        value: What it must hold.
+        value: Its required value.
         meets: Name of the property.
     """
 
@@ -90,7 +90,7 @@ class Identity:
 
 
 SIMULATION_IDENTITY = Identity(vendor_id=0x4152_4D4C, product_code=0x5349_4D01)
-"""Identity of every simulated drive ("ARML", "SIM" 1). No vendor has it: whatever answers otherwise is real."""
+"""Identity of every simulated drive ("ARML", "SIM" 1). No vendor uses it: a device with another identity is real."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,28 +102,27 @@ class DriveSettings:
         node_id: CANopen node id, 1 to 127.
         mode: Streaming mode.
         feedback: Object that reports the effort.
-        counts_per_rad: Position units (607A, 6064) per radian of the AXIS; None takes what the drive reports.
-        rated_current_a: Motor current that 1000 per mille of 6078 means; None with torque feedback, or takes what
-            the drive reports.
-        rated_torque_nm: AXIS torque that 1000 per mille of 6071, 6072, 6077, 60B2 means; None takes what the drive
-            reports.
+        counts_per_rad: Position units (607A, 6064) per radian of the AXIS; None to read it from the drive.
+        rated_current_a: Motor current of 1000 per mille in 6078; None with torque feedback, or to read it from the
+            drive.
+        rated_torque_nm: AXIS torque of 1000 per mille in 6071, 6072, 6077, 60B2; None to read it from the drive.
         max_torque_permille: 6072.
         following_error_rad: 6065, on the axis.
-        position_min_rad: 607D:1, on the joint; the master widens it where motors are coupled.
-        position_max_rad: 607D:2.
-        has_brake: Torque may be removed without the axis falling.
-        identity: The identity required of 1018.
-        torque_offset: The drive takes a torque offset (60B2); two of eight products read do not.
-        gear_ratio: Motor turns per axis turn, for drives that know nothing of their gear.
-        vendor_effort: The vendor's object for the effort; the standard's where None.
-        accept_missing: Properties that safety rests on and that this drive may lack all the same, by name.
-        description: The vendor's device description, where there is one.
-        temperature: The vendor's object for a temperature, where one is shown.
-        torque_limit_in_drive: `max_torque_permille` is set in the drive by other means and cannot be read.
-        vendor_settings: Vendor's objects that give properties that safety rests on.
+        position_min_rad: 607D:1, on the joint; the master widens it if motors are coupled.
+        position_max_rad: 607D:2, likewise.
+        has_brake: Whether a brake holds the axis when torque is removed.
+        identity: Required content of 1018.
+        torque_offset: Whether the drive has a torque offset (60B2); two of eight products examined do not.
+        gear_ratio: Motor turns per axis turn, for drives that do not know their gear.
+        vendor_effort: The vendor's object for the effort; None for the standard's.
+        accept_missing: Names of the safety properties that this drive is permitted to lack.
+        description: The vendor's device description, if any.
+        temperature: The vendor's object for a temperature, if any.
+        torque_limit_in_drive: Whether `max_torque_permille` is set in the drive by other means and cannot be read.
+        vendor_settings: Vendor's objects that provide safety properties.
         torque_offset_bits: Size of 60B2, 16 or 32.
-        pdo_objects_max: So many objects fit one PDO, whatever their size.
-        rated_torque_unit_nm: What one unit of 6076 means, in N m.
+        pdo_objects_max: Greatest number of objects in one PDO, whatever their size.
+        rated_torque_unit_nm: Value of one unit of 6076, in N m.
     """
 
     joint: str
@@ -162,8 +161,8 @@ class ArmSettings:
         cycle_s: SYNC period.
         bitrate: Bits per second.
         heartbeat_s: Heartbeat period in both directions.
-        max_missing_cycles: Feedback of a joint may be missing this many cycles in a row.
-        max_bus_load: Worst-case share of the bus that a configuration may plan for.
+        max_missing_cycles: Greatest number of consecutive cycles in which a joint's feedback may be missing.
+        max_bus_load: Greatest permitted worst-case bus load, as a share.
         other_nodes: Node ids of CiA 402 drives on the bus that do not belong to the arm.
         sync_counter: Overflow value of the SYNC counter (1019), 2 to 240; 0 sends SYNC without one.
     """

@@ -1,8 +1,8 @@
-"""What holds an axis once its torque has gone: a brake, or nothing.
+"""Axes after their torque is removed: held by a brake, or not at all.
 
-Torque is removed at standstill, and from axes without a brake (`has_brake`, named in the configuration) last, when all
-others are held. What then moves is reported to the operator at once: no program can hold it any more, because
-nothing is enabled again by itself.
+Torque is removed at standstill, and from axes without a brake (`has_brake` in the configuration) last, when all others
+are held. An axis that then moves is reported to the operator immediately: the program can no longer hold it, because
+nothing is re-enabled automatically.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from armload_drivers.cia402.arm_settings import DriveSettings
 from armload_drivers.driver_errors import AxisMoves
 
 HOLDING_WATCH_S = 0.2
-"""After the torque has gone, the axes are watched for this long."""
+"""Time for which the axes are watched after their torque is removed."""
 HELD_RAD = 0.01
-"""An axis that moves further than this meanwhile is not held by anything."""
+"""An axis that moves further than this in that time is not held."""
 
 
 def axis_moves(drive: DriveSettings, moved_rad: float) -> AxisMoves:
-    """Error about an axis that nothing holds."""
+    """Error for an axis that is not held."""
     why = "its brake does not hold it" if drive.has_brake else "it has no brake (has_brake)"
     return AxisMoves(
         drive.node_id,

@@ -1,4 +1,4 @@
-"""Worst-case load of the bus by a configuration, before anything is sent.
+"""Worst-case bus load of a configuration, computed before anything is sent.
 
 A classical CAN frame with an 11-bit identifier and n data bytes has at most
 
@@ -22,20 +22,20 @@ from armload_drivers.driver_errors import BusOverload
 
 
 def frame_bits(data_bytes: int) -> int:
-    """Worst-case bits of one frame, stuffing and interframe space included."""
+    """Worst-case number of bits of one frame, including stuff bits and interframe space."""
     return 47 + 8 * data_bytes + (34 + 8 * data_bytes - 1) // 4
 
 
 @dataclass(frozen=True, slots=True)
 class BusLoad:
-    """What a configuration asks of the bus at worst.
+    """Worst-case bus load of a configuration.
 
     Attributes:
-        cycle_us: Time the frames of one cycle (SYNC and all PDOs) take.
+        cycle_us: Bus time of the frames of one cycle (SYNC and all PDOs).
         cycle_share: `cycle_us` as a share of the cycle.
-        heartbeat_share: Share that the heartbeats of master and drives take.
+        heartbeat_share: Share of the heartbeats of master and drives.
         limit: Share that the configuration allows.
-        highest_cycle_hz: The highest whole rate that stays within the limit; 0 where none does.
+        highest_cycle_hz: The highest whole rate within the limit; 0 if there is none.
     """
 
     cycle_us: float
@@ -77,7 +77,7 @@ def forecast(arm: ArmSettings) -> BusLoad:
 
 
 def require_room(arm: ArmSettings) -> BusLoad:
-    """Forecast, refused where the bus cannot carry it.
+    """The forecast, after checking that the bus can carry it.
 
     Raises:
         BusOverload: naming the load, the limit and the highest rate that fits.

@@ -1,10 +1,11 @@
-"""Device descriptions (EDS, DCF) read tolerantly: what can be understood is kept, the rest is reported.
+"""Tolerant parser of device descriptions (EDS, DCF): valid parts are kept, the rest is reported.
 
 Rules of this file:
-- Vendors' files are wrong in many ways: keys in another case, empty defaults, expressions with `$NODEID`, counts
-  that do not count, bytes that are no UTF-8. Each of these is a warning that names section and key.
-- A file that is no description of a CiA 402 drive at all is refused with a `DescriptionError`. Nothing else is
-  ever raised, whatever the bytes are.
+
+- Vendors' files contain many errors: keys in another case, empty defaults, expressions with `$NODEID`, wrong counts,
+  bytes that are not UTF-8. Each of these causes a warning that names section and key.
+- A file that does not describe a CiA 402 drive is refused with a `DescriptionError`. No other exception is raised for
+  any content.
 - Nothing is guessed: a value that cannot be read is None.
 
 References:
@@ -31,9 +32,9 @@ from armload_drivers.cia402.object_dictionary import (
 from armload_drivers.driver_errors import DescriptionError
 
 LARGEST_BYTES = 8_000_000
-"""The largest file read for this project has 0.15 MB; what is larger than this is something else."""
+"""The largest file examined for this project has 0.15 MB; a file larger than this is not a description."""
 MOST_WARNINGS = 200
-"""Further ones are only counted."""
+"""Further warnings are only counted."""
 UNTOLD = 0xFFFF_FFFF
 _LONGEST_QUOTE = 40
 
@@ -45,7 +46,8 @@ DATA_TYPES = {
     1: _T.U8, 2: _T.I8, 3: _T.I16, 4: _T.I32, 5: _T.U8, 6: _T.U16, 7: _T.U32, 8: _T.F32, 9: _T.STRING,
     0x11: _T.F64, 0x15: _T.I64, 0x1B: _T.U64,
 }  # fmt: skip
-"""Data types by code; a BOOLEAN is a byte for SDO. What is not here (domains, times, 24 bits) has no number to read."""
+"""Data types by code; a BOOLEAN is a byte in SDO. Types not listed (domains, times, 24 bits) are not read as
+numbers."""
 _ACCESS = {
     "ro": (Access.RO, Mappable.TPDO),
     "const": (Access.RO, Mappable.TPDO),
@@ -54,9 +56,9 @@ _ACCESS = {
     "rwr": (Access.RW, Mappable.TPDO),
     "rww": (Access.RW, Mappable.RPDO),
 }
-"""By AccessType: who may do what by SDO, and the direction of a PDO that may carry the object if any may."""
+"""By AccessType: SDO access, and the direction of PDOs that may carry the object if it is mappable."""
 _RECORDS = frozenset({8, 9})
-"""Object types ARRAY and RECORD: their values stand in the subs."""
+"""Object types ARRAY and RECORD, whose values are in the sub-indices."""
 _MOST_SUBS = 254
 
 
@@ -65,8 +67,8 @@ class DescribedValue:
     """A value that may depend on the node id.
 
     Attributes:
-        constant: The part that does not.
-        node_ids: How often the node id is added.
+        constant: The constant part.
+        node_ids: Factor of the node id.
     """
 
     constant: int
@@ -84,14 +86,14 @@ class DescribedObject:
     Attributes:
         index: Index.
         subindex: Sub-index.
-        name: As the vendor calls it.
-        type: Data type; None where it is none of those that hold a number or a text.
-        access: Who may do what by SDO.
-        mappable: The direction of a PDO that may carry it.
-        value: The value that it is set to (DCF) or has after a reset (EDS); None where the file gives none.
-        text: Likewise, of a string.
-        least: Least value that it takes; None where the file gives none.
-        greatest: Greatest value, likewise.
+        name: The vendor's name.
+        type: Data type; None if it is neither a number nor a text.
+        access: SDO access.
+        mappable: Direction of PDOs that may carry it.
+        value: Configured value (DCF) or value after a reset (EDS); None if the file gives none.
+        text: The same for a string.
+        least: Least permitted value; None if the file gives none.
+        greatest: Greatest permitted value; None if the file gives none.
     """
 
     index: int
@@ -114,18 +116,18 @@ class DescribedObject:
 
 @dataclass(frozen=True, slots=True)
 class DeviceDescription:
-    """What a description says about a drive.
+    """The content of a drive's description.
 
     Attributes:
         source: Name of the file.
         vendor_name: Vendor.
         product_name: Product.
-        vendor_id: As expected in 1018:1; None where the file gives none.
-        product_code: 1018:2, likewise.
-        revision: 1018:3, likewise.
-        node_id: Node id that a DCF is for.
+        vendor_id: Expected value of 1018:1; None if the file gives none.
+        product_code: Expected value of 1018:2, likewise.
+        revision: Expected value of 1018:3, likewise.
+        node_id: Node id of a DCF; None in an EDS.
         objects: Entries by key (index, sub-index).
-        warnings: What was odd, each with section and key.
+        warnings: Irregularities, each with section and key.
     """
 
     source: str
@@ -139,11 +141,11 @@ class DeviceDescription:
     warnings: tuple[str, ...] = field(repr=False)
 
     def find(self, entry: Entry) -> DescribedObject | None:
-        """The description of an object; None where the drive does not have it."""
+        """The description of an object; None if the drive does not have it."""
         return self.objects.get(entry.key)
 
     def value(self, entry: Entry, node_id: int) -> int | None:
-        """Value of an integer object on one node."""
+        """Value of an integer object on one node; None if unknown."""
         found = self.find(entry)
         return None if found is None or found.value is None else found.value.of(node_id)
 
@@ -156,7 +158,7 @@ def parse_description(data: bytes, source: str) -> DeviceDescription:
         source: Name of the file, for messages.
 
     Raises:
-        DescriptionError: they are no description of a CiA 402 drive.
+        DescriptionError: the file does not describe a CiA 402 drive.
     """
     if len(data) > LARGEST_BYTES:
         raise DescriptionError(source, "", "", f"larger than {LARGEST_BYTES} bytes; this is not an EDS or DCF file")
@@ -178,7 +180,7 @@ class _Reader:
         self._sections: dict[str, dict[str, str]] = {}
 
     def read(self, data: bytes) -> DeviceDescription:
-        """The whole of it."""
+        """Parse the file."""
         self._split(self._text(data))
         objects = self._objects()
         if not objects:
@@ -236,7 +238,7 @@ class _Reader:
             return data.decode("latin-1")
 
     def _split(self, text: str) -> None:
-        """Sections and keys, names in lower case."""
+        """Split into sections and keys, with names in lower case."""
         section: dict[str, str] | None = None
         title = ""
         for number, line in enumerate(text.splitlines(), start=1):
@@ -264,7 +266,7 @@ class _Reader:
     # Numbers -------------------------------------------------------------------------------------------------
 
     def _number(self, section: str, values: Mapping[str, str], key: str) -> DescribedValue | None:
-        """A number or an expression of numbers and `$NODEID`; None, with a warning, where it is neither."""
+        """A number, or an expression of numbers and `$NODEID`; None, with a warning, if it is neither."""
         text = values.get(key.lower(), "")
         if not text:
             return None
@@ -291,7 +293,7 @@ class _Reader:
         return None if number is None else number.constant
 
     def _identity(self, info: Mapping[str, str], key: str) -> int | None:
-        """A number of 1018; some vendors write 0 or all ones for what they leave open."""
+        """A number of 1018; some vendors write 0 or all ones for an unspecified value."""
         number = self._plain("DeviceInfo", info, key)
         if number is not None and not 0 <= number < 1 << 32:
             self._warn("DeviceInfo", key, f"{number} does not fit 32 bits")
@@ -332,7 +334,7 @@ class _Reader:
         return objects
 
     def _check_sub_number(self, title: str, values: Mapping[str, str], found: int) -> None:
-        """SubNumber against the subs that are there."""
+        """Check SubNumber against the existing sub-indices."""
         declared = self._plain(title, values, "SubNumber")
         if declared and declared != found and not values.get("compactsubobj"):
             self._warn(title, "SubNumber", f"declares {declared}, the file has {found}")
@@ -402,7 +404,7 @@ class _Reader:
         )
 
     def _check_lists(self) -> None:
-        """The lists of objects against the sections."""
+        """Check the lists of objects against the sections."""
         listed: set[str] = set()
         for title in _LISTS:
             values = self._sections.get(title)

@@ -1,8 +1,8 @@
-"""What safety rests on in a drive: properties, and the ways in which drives have them. One table, no bus.
+"""Safety properties of a drive, and the ways in which drives provide them. One table, no bus.
 
 Rules of this file:
-- The first way that is met gives the drive a property. A way is met if its condition holds and every object reads back
-  the required value; an object that cannot be written but already has the required value counts as set.
+- The first way that is met provides the property. A way is met if its condition holds and every object reads back the
+  required value; an object that cannot be written but already has the required value counts as set.
 - A drive without a way to a property is refused, unless its configuration accepts this by the property's name
   (`accept_missing`). A manufacturer's profile accepts nothing: that is the integrator's decision.
 - A manufacturer-specific object is given in the configuration (`vendor_settings`) with the property that it provides.
@@ -32,19 +32,19 @@ HEARTBEAT_TOLERANCE = 2.5
 QUICK_STOP_AND_STAY = 6
 """605A: slow down on the quick stop ramp and stay in QUICK STOP ACTIVE, with torque on."""
 QUICK_STOP_AND_LEAVE = 2
-"""605A: slow down on the quick stop ramp, then SWITCH ON DISABLED: the brake takes the axis."""
+"""605A: slow down on the quick stop ramp, then SWITCH ON DISABLED: the brake holds the axis."""
 SLOW_DOWN_FIRST = 1
-"""605B, 605C, 605D: slow down on the ramp before the torque goes, or before holding."""
+"""605B, 605C, 605D: slow down on the ramp before the torque is removed, or before holding."""
 FAULT_REACTION_RAMP = 2
 """605E: slow down on the quick stop ramp, then remove torque."""
 FAULT_REACTION_SLOW_DOWN = 1
 """605E: slow down on the slow down ramp, then remove torque."""
 ABORT_BY_QUICK_STOP = 3
-"""6007: a lost master is answered with a quick stop."""
+"""6007: quick stop after the loss of the master."""
 PRE_OPERATIONAL_ON_ERROR = 0
-"""1029: a lost master also ends PDO communication, so that late frames set nothing in motion."""
+"""1029: the loss of the master also ends PDO communication, so that late frames cannot cause motion."""
 FOLLOWING_ERROR_TIMEOUT_S = 0.02
-"""6066: a following error outside its window for so long is a fault."""
+"""6066: a following error outside its window for this time is a fault."""
 
 _RPDO_TIMER = PdoDirection.RECEIVE.timer_entry(0)
 
@@ -56,13 +56,13 @@ class SafetyValues:
     Attributes:
         drive: The drive.
         heartbeat_ms: 1017.
-        master_watch: 1016: node id of the master, and when its heartbeat is overdue.
+        master_watch: 1016: node id of the master, and time until its heartbeat is overdue.
         setpoint_timeout_ms: Event timer of the RPDO.
         sync_period_us: 1006.
         following_error_counts: 6065.
         position_min_counts: 607D:1.
         position_max_counts: 607D:2.
-        rated_current_a: 6075 as the drive reports it; None where it does not.
+        rated_current_a: 6075 as reported by the drive; None if not reported.
     """
 
     drive: DriveSettings
@@ -84,9 +84,9 @@ class SafetyValues:
         Args:
             drive: The drive, its scale complete.
             arm: The arm.
-            units: Of the whole arm, because motors may be coupled.
-            master_node_id: Whose heartbeat the drive is to watch.
-            rated_current_a: 6075 as the drive reports it.
+            units: Units of all drives, because motors may be coupled.
+            master_node_id: Node id whose heartbeat the drive watches.
+            rated_current_a: 6075 as reported by the drive.
         """
         axis = [other.node_id for other in arm.drives].index(drive.node_id)
         lower, upper = units.position_limits_counts(axis)
@@ -104,7 +104,7 @@ class SafetyValues:
 
 
 def master_watch(master_node_id: int, heartbeat_s: float) -> int:
-    """1016 that watches the master's heartbeat."""
+    """Value of 1016 for watching the master's heartbeat."""
     return master_node_id << 16 | milliseconds(HEARTBEAT_TOLERANCE * heartbeat_s)
 
 
@@ -114,8 +114,8 @@ class Setting:
 
     Attributes:
         entry: The object.
-        wanted: Its value.
-        optional: A drive without it still has the property.
+        wanted: Its required value.
+        optional: Whether a drive without it still has the property.
     """
 
     entry: Entry
@@ -129,11 +129,12 @@ def _holds(value: int) -> Callable[[SafetyValues], int]:
 
 
 Condition = Callable[[DriveSettings, float | None], str]
-"""Why a way is not available to a drive, from its configuration and the rated current (6075) in A that it reports."""
+"""Returns why a way is not available, from the configuration and the reported rated current (6075) in A; empty if it
+is."""
 
 
 def _always(drive: DriveSettings, rated_current_a: float | None) -> str:
-    """A condition that holds."""
+    """A condition that always holds."""
     return ""
 
 
@@ -142,12 +143,12 @@ class Way:
     """One way in which a drive can have a property.
 
     Attributes:
-        text: What gives the property.
+        text: What provides the property.
         verified: How that is verified.
-        settings: Objects that must hold their values.
+        settings: Objects with their required values.
         reads: Objects that the condition needs.
-        condition: Why the way is not available to a drive, in words; empty if it is.
-        by_vendor: The settings are the manufacturer's own, from the configuration.
+        condition: Returns why the way is not available to a drive; empty if it is.
+        by_vendor: Whether the settings are manufacturer-specific, from the configuration.
     """
 
     text: str
@@ -159,7 +160,7 @@ class Way:
 
 
 def _rated_current_known(drive: DriveSettings, rated_current_a: float | None) -> str:
-    """6073 is per mille of 6075, so 6075 must be known."""
+    """6075 must be known, because 6073 is in per mille of it."""
     configured = drive.rated_current_a
     if not rated_current_a:
         return "6075 reports no rated current"
@@ -169,29 +170,29 @@ def _rated_current_known(drive: DriveSettings, rated_current_a: float | None) ->
 
 
 def _torque_limit_set(drive: DriveSettings, rated_current_a: float | None) -> str:
-    """The configuration says so."""
+    """The configuration must state that the limit is set."""
     return "" if drive.torque_limit_in_drive else "torque_limit_in_drive is not set to true in the configuration"
 
 
 def _has_brake(drive: DriveSettings, rated_current_a: float | None) -> str:
-    """A brake holds the axis when the torque goes."""
+    """The axis must have a brake."""
     return "" if drive.has_brake else "the axis has no brake"
 
 
 def _vendor(what: str) -> Way:
-    """The manufacturer's own objects."""
+    """A way by manufacturer-specific objects."""
     return Way(f"the manufacturer's object for {what} (`vendor_settings`)", "reads back as configured", by_vendor=True)
 
 
 @dataclass(frozen=True, slots=True)
 class SafetyProperty:
-    """One property that safety rests on.
+    """One safety property.
 
     Attributes:
         title: What the drive does.
-        lost: What is lost without it.
+        lost: The consequence of its absence.
         remedy: What a person must do before the property may be accepted as missing.
-        ways: How drives have it, the first that is met counts.
+        ways: The ways to provide it; the first that is met counts.
     """
 
     title: str
@@ -206,7 +207,7 @@ _PRE_OPERATIONAL = _holds(PRE_OPERATIONAL_ON_ERROR)
 
 
 class Safety(Enum):
-    """The properties; their names in lower case are what `accept_missing` takes."""
+    """The properties; `accept_missing` uses their names in lower case."""
 
     TORQUE_LIMIT = SafetyProperty(
         "limits its torque",
@@ -390,7 +391,7 @@ SAFETY_KEYS = tuple(item.key for item in Safety)
 
 
 def property_of(index: int) -> Safety | None:
-    """The property that an object of the standard gives; None where it gives none."""
+    """The property that an object of the standard provides; None if it provides none."""
     for of in Safety:
         if any(setting.entry.index == index for way in of.value.ways for setting in way.settings):
             return of
@@ -399,13 +400,13 @@ def property_of(index: int) -> Safety | None:
 
 @dataclass(frozen=True, slots=True)
 class SafetyFinding:
-    """What was found of one property on one drive.
+    """Finding on one property of one drive.
 
     Attributes:
         of: The property.
-        way: The way that is met; None where none is.
-        accepted: The configuration accepts that it is missing.
-        obstacles: Why each way before that one is not met, as pairs of its text and the reason.
+        way: The way that is met; None if none is.
+        accepted: Whether the configuration accepts its absence.
+        obstacles: Text and reason for each earlier way that is not met.
     """
 
     of: Safety
@@ -420,7 +421,7 @@ class SafetyFinding:
 
     @property
     def found(self) -> str:
-        """What gives the property, or why nothing does, in words."""
+        """What provides the property, or why nothing does, as text."""
         if self.way is not None:
             return self.way.text
         return "; ".join(dict.fromkeys(reason for _, reason in self.obstacles))
@@ -436,12 +437,12 @@ def settings_of(way: Way, of: Safety, drive: DriveSettings) -> tuple[Setting, ..
 
 
 def has_a_way(of: Safety, drive: DriveSettings | None, is_there: Callable[[Entry], bool]) -> bool:
-    """Whether a drive can have a property, judged by which objects are there; nothing is read or written.
+    """Whether a drive can have a property, judged by its objects; nothing is read or written.
 
     Args:
         of: The property.
-        drive: Its configuration; None where it has none, and the objects of the standard alone count.
-        is_there: Whether the drive has an object.
+        drive: Its configuration; None if there is none, and only the objects of the standard count.
+        is_there: Returns whether the drive has an object.
     """
     for way in of.value.ways:
         if way.by_vendor:
@@ -457,6 +458,6 @@ def has_a_way(of: Safety, drive: DriveSettings | None, is_there: Callable[[Entry
 
 
 def acceptance(refused: tuple[Safety, ...], drive: DriveSettings) -> str:
-    """The line of the configuration that accepts what is missing, and what was accepted before."""
+    """The configuration line that accepts the missing properties together with those accepted before."""
     names = sorted(drive.accept_missing | {item.key for item in refused})
     return "accept_missing = [" + ", ".join(f'"{name}"' for name in names) + "]"

@@ -1,4 +1,4 @@
-"""Emergency messages and error codes (603F) in words.
+"""Emergency messages, and error codes (603F) as text.
 
 References:
     CiA 301, 7.2.7 (EMCY, error register 1001); CiA 402-2, table "error codes".
@@ -103,7 +103,7 @@ _CODES = {
 def describe(code: int) -> str:
     """Error code (603F, EMCY bytes 0 and 1) with its meaning.
 
-    Codes that the standard does not list take the meaning of their class; vendor codes stay numbers.
+    Codes that the standard does not list get the meaning of their class; vendor codes have none.
     """
     if code == 0:
         return "0x0000 no error"
@@ -121,9 +121,9 @@ class Emergency:
     """One emergency message.
 
     Attributes:
-        code: Error code, 0 where the error is gone.
-        register: Error register, None where the frame was too short to carry it.
-        manufacturer: The vendor's bytes, as many as came.
+        code: Error code; 0 if the error is no longer present.
+        register: Error register; None if the frame was too short.
+        manufacturer: The vendor's bytes that were received.
     """
 
     code: int
@@ -132,7 +132,7 @@ class Emergency:
 
     @property
     def text(self) -> str:
-        """Code, meaning, and the vendor's bytes where any of them is not zero."""
+        """Code, meaning, and the vendor's bytes if any of them is not zero."""
         words = describe(self.code)
         if any(self.manufacturer):
             words += f" (vendor bytes {self.manufacturer.hex(' ')})"
@@ -140,9 +140,9 @@ class Emergency:
 
 
 def parse(data: bytes) -> Emergency | None:
-    """Read an EMCY frame of any length; None where not even a code is in it.
+    """Parse an EMCY frame of any length; None if it does not contain a code.
 
-    Short frames are kept: some drives send them, and they matter most when something is wrong.
+    Short frames are accepted, because some drives send them.
     """
     if len(data) < 2:
         return None

@@ -1,4 +1,4 @@
-"""Object dictionary entries that this driver and its simulated drives use, as data.
+"""Object dictionary entries used by this driver and its simulated drives, as data.
 
 Each block cites its standard. Names are those of CiA 301 (communication) and CiA 402-2 (drives).
 """
@@ -40,7 +40,7 @@ class DataType(Enum):
 
 
 class Access(Enum):
-    """Who may do what by SDO."""
+    """SDO access."""
 
     RO = "ro"
     RW = "rw"
@@ -48,7 +48,7 @@ class Access(Enum):
 
 
 class Mappable(Enum):
-    """Whether a PDO may carry the entry, and in which direction."""
+    """Direction of PDOs that may carry the entry, if any."""
 
     NO = "no"
     RPDO = "rpdo"
@@ -63,7 +63,7 @@ class Entry:
     Attributes:
         index: 0x1000 to 0xFFFF.
         subindex: 0 to 254.
-        name: As the standard spells it.
+        name: The standard's name.
         type: Data type.
         access: SDO access.
         mappable: Direction of the PDO that may carry it.
@@ -84,7 +84,7 @@ class Entry:
 
     @property
     def mapping(self) -> int:
-        """The entry as a mapping parameter (1600, 1A00) names it."""
+        """The entry's value in a mapping parameter (1600, 1A00)."""
         return self.index << 16 | self.subindex << 8 | self.type.bits
 
     def __str__(self) -> str:
@@ -152,7 +152,7 @@ FEED = Entry(0x6092, 1, "feed constant, feed", _T.U32, _A.RO)
 FEED_SHAFT_REVOLUTIONS = Entry(0x6092, 2, "feed constant, shaft revolutions", _T.U32, _A.RO)
 TORQUE_OFFSET = Entry(0x60B2, 0, "torque offset", _T.I16, _A.RW, _M.RPDO)
 TORQUE_OFFSET_32 = Entry(0x60B2, 0, "torque offset", _T.I32, _A.RW, _M.RPDO)
-"""As some manufacturers have it."""
+"""The variant of some manufacturers."""
 INTERPOLATION_SETPOINT = Entry(0x60C1, 1, "interpolation data record, 1st set-point", _T.I32, _A.RW, _M.RPDO)
 INTERPOLATION_TIME = Entry(0x60C2, 1, "interpolation time period value", _T.U8)
 INTERPOLATION_EXPONENT = Entry(0x60C2, 2, "interpolation time index", _T.I8)
@@ -163,9 +163,9 @@ DEVICE_TYPE_SERVO = 0x0002_0192
 
 
 def is_drive(device_type: int) -> bool:
-    """Whether 1000 is that of a CiA 402 drive: its low 16 bits decide, the rest says which kind of drive.
+    """Whether 1000 is that of a CiA 402 drive: its low 16 bits decide; the rest states the kind of drive.
 
-    Some manufacturers fill the upper half as they like (0xFFFF0192), some leave it out (0x00000192).
+    Some manufacturers fill the upper half arbitrarily (0xFFFF0192), some leave it zero (0x00000192).
     """
     return device_type & 0xFFFF == DEVICE_TYPE_SERVO & 0xFFFF
 
@@ -181,11 +181,11 @@ _OTHER_PROFILES = {
     418: "batteries",
     419: "battery chargers",
 }
-"""What else arms have on their buses (CiA 301, 7.5.2.1)."""
+"""Other devices on the buses of arms (CiA 301, 7.5.2.1)."""
 
 
 def no_drive(device_type: int) -> str:
-    """What is wrong with a 1000 for which `is_drive` is False, in words."""
+    """Explanation of a 1000 for which `is_drive` is False."""
     profile = device_type & 0xFFFF
     known = f", {_OTHER_PROFILES[profile]}" if profile in _OTHER_PROFILES else ""
     return (
@@ -201,7 +201,7 @@ PDO_NO_RTR = 0x4000_0000
 PDO_SYNCHRONOUS = 1
 """Transmission type: with every SYNC."""
 PDO_EVENT_DRIVEN = 254
-"""Transmission types from here on are event-driven."""
+"""Transmission types from this one on are event-driven."""
 PDO_MAX_ENTRIES = 8
 PDO_COUNT = 4
 """PDOs with pre-defined COB-IDs, in each direction."""
@@ -209,7 +209,7 @@ PDO_COUNT = 4
 POLARITY_POSITION = 0x80
 """Bit 7 of 607E: positions change sign between the objects and the motor."""
 POLARITY_TORQUE = 0x20
-"""Bit 5 of 607E, where a vendor has it: torques and currents change sign."""
+"""Bit 5 of 607E, with vendors that use it: torques and currents change sign."""
 
 NMT_COB_ID = 0x000
 SYNC_DEFAULT_COB_ID = 0x080
@@ -227,12 +227,12 @@ class PdoDirection(Enum):
     TRANSMIT = (0x1800, 0x1A00, 0x180)
 
     def carries(self, mappable: Mappable) -> bool:
-        """Whether a PDO of this direction may carry what is mappable so."""
+        """Whether a PDO of this direction may carry an entry with this mappability."""
         own = Mappable.RPDO if self is PdoDirection.RECEIVE else Mappable.TPDO
         return mappable in {own, Mappable.BOTH}
 
     def cob_id_entry(self, number: int) -> Entry:
-        """COB-ID of PDO `number`, counted from 0."""
+        """COB-ID of PDO `number`, numbered from 0."""
         return Entry(self.value[0] + number, 1, "COB-ID of the PDO", _T.U32)
 
     def type_entry(self, number: int) -> Entry:
@@ -248,7 +248,7 @@ class PdoDirection(Enum):
         return Entry(self.value[1] + number, 0, "number of mapped objects", _T.U8)
 
     def map_entry(self, number: int, position: int) -> Entry:
-        """Mapped object at `position`, counted from 1."""
+        """Mapped object at `position`, numbered from 1."""
         return Entry(self.value[1] + number, position, f"mapped object {position}", _T.U32)
 
     def default_cob_id(self, number: int, node_id: int) -> int:

@@ -1,4 +1,4 @@
-"""What safety rests on as a page: `python -m armload_drivers.cia402.page_of_drive_safety > drivers/SAFETY.md`."""
+"""The safety properties as a page: `python -m armload_drivers.cia402.page_of_drive_safety > drivers/SAFETY.md`."""
 
 from __future__ import annotations
 

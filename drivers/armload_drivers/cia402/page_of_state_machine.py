@@ -9,7 +9,7 @@ from armload_drivers.cia402.state_machine import FAULT_RESET_BIT, POWERED, TRANS
 
 
 def mermaid() -> str:
-    """The diagram: every state with its statusword, every transition with its number and what triggers it."""
+    """The diagram: every state with its statusword, every transition with its number and trigger."""
     lines = ["stateDiagram-v2", "    classDef powered stroke-width:4px"]
     for state in State:
         lines.append(f"    {state.name} : {state.title}<br/>6041 & 0x{state.mask:02X} = 0x{state.bits:02X}")
@@ -22,7 +22,7 @@ def mermaid() -> str:
 
 def _label(transition: Transition) -> str:
     """Number and trigger of a transition."""
-    # One word of the standard's table, and one member here: "switch on" where it leads up, "disable operation" down.
+    # The same word in the standard's table, and one member here: "switch on" upwards, "disable operation" downwards.
     down = transition.source is State.OPERATION_ENABLED
     names = ["DISABLE_OPERATION" if down and c is Command.SWITCH_ON else c.name for c in transition.commands]
     trigger = " or ".join(name.lower().replace("_", " ") for name in names)

@@ -1,15 +1,14 @@
 """The power state machine of CiA 402, without input or output.
 
 Rules of this file:
-- Every state, command and transition of the standard stands here, once; both sides run on the same tables.
-- Nothing here knows a bus, a thread or a clock. Time is the argument `now_s`; any monotonic clock will do.
-- A statusword that matches no state is an error that carries the word, never the previous state.
-- Nothing is brought back by itself: a drive that leaves the state it had reached stays where it went until
-  the next request.
-- Three transitions are never taken on the way to somewhere else. Leaving QUICK STOP ACTIVE for OPERATION
-  ENABLED (16) and the fault reset (15) would set an arm in motion that had stopped for a reason; they happen
-  on `request_resume` and `request_fault_reset` only. Torque off in motion (9) drops an arm; operation is left
-  through "disable operation" (5), where the drive closes its brake first.
+- Every state, command and transition of the standard is defined here once; both sides use the same tables.
+- No bus, thread or clock is used. Time is the argument `now_s`, from any monotonic clock.
+- A statusword that matches no state is an error with that word; it never counts as the previous state.
+- Nothing is restored automatically: a drive that leaves its reached state stays where it is until the next request.
+- Some transitions are never part of a route. QUICK STOP ACTIVE to OPERATION ENABLED (16) and the fault reset (15) would
+  move an arm that had stopped for a reason; they are made only by `request_resume` and `request_fault_reset`. Removing
+  torque in motion (8, 9) drops an arm; operation is left through "disable operation" (5), in which the drive engages
+  its brake first.
 
 Theory of operation: the master feeds every statusword to `receive`, sets a goal with `request`, and sends
 what `controlword` returns in each cycle. The drive feeds every controlword to `DriveMachine.receive`, reports
@@ -53,8 +52,7 @@ class State(Enum):
         self.bits = bits
         self.title = self.name.replace("_", " ")
 
-    # By identity, as states are compared; the enumeration's own is written in Python, and the cycle looks states up
-    # a hundred times.
+    # Hash by identity: the enumeration's own hash is written in Python, and each cycle looks states up a hundred times.
     __hash__ = object.__hash__
 
 
@@ -65,7 +63,7 @@ POWERED = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAU
 class Command(Enum):
     """Commands of the controlword: (mask, value).
 
-    SWITCH_ON and DISABLE_OPERATION are one word, and one member, as in the standard's table.
+    SWITCH_ON and DISABLE_OPERATION are the same word, and therefore one member, as in the standard's table.
     """
 
     SHUTDOWN = (0x87, 0x06)
@@ -82,19 +80,19 @@ class Command(Enum):
 
 
 FAULT_RESET_BIT = 0x80
-"""Acts on its rising edge only."""
+"""Acts only on its rising edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """One arrow of the automaton.
+    """One transition of the state machine.
 
     Attributes:
         number: The standard's number.
-        source: State it leaves.
-        target: State it leads to.
-        commands: Commands that trigger it; empty where the drive itself or a fault reset does.
-        by_name: Never part of a route; see the rules of this file.
+        source: State before it.
+        target: State after it.
+        commands: Commands that trigger it; empty if the drive itself or a fault reset does.
+        by_name: Whether it is never part of a route; see the rules of this file.
     """
 
     number: int
@@ -121,7 +119,7 @@ TRANSITIONS = (
     Transition(15, State.FAULT, State.SWITCH_ON_DISABLED, by_name=True),
     Transition(16, State.QUICK_STOP_ACTIVE, State.OPERATION_ENABLED, (Command.ENABLE_OPERATION,), by_name=True),
 )
-"""Transitions 0 (power-on) and 13 (from every state to FAULT REACTION ACTIVE) are the drive's own."""
+"""Transitions 0 (power-on) and 13 (from every state to FAULT REACTION ACTIVE) are made by the drive and not listed."""
 
 
 def decode(statusword: int) -> State:
@@ -131,7 +129,7 @@ def decode(statusword: int) -> State:
         statusword: Object 6041, 0 to 0xFFFF.
 
     Raises:
-        StatuswordError: no state matches; 53,248 of the 65,536 words are like that.
+        StatuswordError: no state matches, as for 53,248 of the 65,536 words.
     """
     for state in State:
         if statusword & state.mask == state.bits:
@@ -140,10 +138,10 @@ def decode(statusword: int) -> State:
 
 
 def _first_steps(goal: State) -> dict[State, Transition]:
-    """Of every state with a route to `goal`, the first transition of the shortest one.
+    """For every state with a route to `goal`, the first transition of the shortest route.
 
-    QUICK STOP ACTIVE is reached from OPERATION ENABLED alone: a drive is never enabled in order to stop it. And no
-    route leads from there to OPERATION ENABLED, not even through SWITCH ON DISABLED.
+    QUICK STOP ACTIVE is reached only from OPERATION ENABLED: a drive is never enabled in order to stop it. And no route
+    leads from there to OPERATION ENABLED, not even through SWITCH ON DISABLED.
     """
     if goal is State.QUICK_STOP_ACTIVE:
         return {step.source: step for step in TRANSITIONS if step.target is goal}
@@ -163,9 +161,9 @@ def _first_steps(goal: State) -> dict[State, Transition]:
 
 
 ROUTES = MappingProxyType({goal: MappingProxyType(_first_steps(goal)) for goal in State})
-"""ROUTES[goal][state]: the transition to take next; without an entry, only a request by name leads on."""
+"""ROUTES[goal][state]: the next transition; without an entry, a request by name is required."""
 
-# What keeps a drive in a state while nothing else is wanted of it.
+# The controlword that keeps a drive in a state.
 _STAY: dict[State, int] = {
     State.NOT_READY_TO_SWITCH_ON: 0x00,
     State.SWITCH_ON_DISABLED: 0x00,
@@ -180,11 +178,11 @@ _STAY: dict[State, int] = {
 
 @dataclass(frozen=True, slots=True)
 class ResetPolicy:
-    """How often and how long a fault reset is tried.
+    """Number and duration of the attempts at a fault reset.
 
     Attributes:
-        edges: Rising edges of bit 7 at most.
-        hold_s: Bit 7 stays high, and low in between, at least this long, and at least one cycle.
+        edges: Greatest number of rising edges of bit 7.
+        hold_s: Least time for which bit 7 stays high, and low in between; at least one cycle.
     """
 
     edges: int = 3
@@ -195,10 +193,9 @@ class MasterMachine:
     """The master's view of one drive.
 
     Attributes:
-        state: Last state reported by the drive, None before the first statusword.
+        state: Last state reported by the drive; None before the first statusword.
         statusword: The word that reported it.
-        goal: State that is being brought about or was reached; None before the first request, and after the
-            drive has left that state by itself.
+        goal: The requested state; None before the first request, and after the drive has left that state by itself.
         since_s: When the present state was first reported.
     """
 
@@ -215,11 +212,11 @@ class MasterMachine:
 
     @property
     def reached(self) -> bool:
-        """Whether the drive is in the state that was asked for."""
+        """Whether the drive is in the requested state."""
         return self.goal is not None and self.state is self.goal
 
     def receive(self, statusword: int, now_s: float) -> State:
-        """Take in a statusword.
+        """Process a statusword.
 
         Args:
             statusword: Object 6041.
@@ -229,7 +226,7 @@ class MasterMachine:
             The state it encodes.
 
         Raises:
-            StatuswordError: it encodes none; the machine is left as it was.
+            StatuswordError: it encodes none; the machine is unchanged.
         """
         state = decode(statusword)
         if state is not self.state:
@@ -242,19 +239,19 @@ class MasterMachine:
         return state
 
     def _forget_named_requests(self) -> None:
-        """A request by name is over: reached, or replaced."""
+        """End a request by name, because it was fulfilled or replaced."""
         self._resuming = False
         self._edges_left = 0
         self._bit_high = False
 
     def request(self, goal: State) -> None:
-        """Ask for a state, to be reached over the standard's shortest safe route.
+        """Request a state, to be reached by the standard's shortest safe route.
 
         Args:
             goal: The state. The caller limits the wait.
 
         Raises:
-            TransitionError: from the present state the goal needs a request by name; nothing is changed.
+            TransitionError: from the present state the goal requires a request by name; nothing is changed.
         """
         blocked = {State.FAULT: "a fault reset", State.FAULT_REACTION_ACTIVE: "a fault reset"}
         if goal is State.OPERATION_ENABLED:
@@ -265,7 +262,7 @@ class MasterMachine:
         self._forget_named_requests()
 
     def request_resume(self) -> None:
-        """Ask for transition 16, QUICK STOP ACTIVE to OPERATION ENABLED.
+        """Request transition 16, QUICK STOP ACTIVE to OPERATION ENABLED.
 
         Raises:
             TransitionError: the drive is not in QUICK STOP ACTIVE.
@@ -277,7 +274,7 @@ class MasterMachine:
         self._resuming = True
 
     def request_fault_reset(self) -> None:
-        """Ask for transition 15, FAULT to SWITCH ON DISABLED, by a bounded number of rising edges of bit 7.
+        """Request transition 15, FAULT to SWITCH ON DISABLED, by a bounded number of rising edges of bit 7.
 
         Raises:
             TransitionError: the drive is not in FAULT.
@@ -336,16 +333,16 @@ class DriveMachine:
 
     @property
     def status_bits(self) -> int:
-        """Bits of the statusword that encode the state; bit 5 (quick stop, low active) is high where free."""
+        """Bits of the statusword that encode the state; bit 5 (quick stop, active low) is high where it is free."""
         free = 0x20 if self.state is State.SWITCH_ON_DISABLED else 0x00
         return self.state.bits | free
 
     def initialised(self) -> None:
-        """Self-test done: transition 1."""
+        """The self-test is complete: transition 1."""
         self._own(1)
 
     def receive(self, controlword: int) -> tuple[int, ...]:
-        """Take in a controlword.
+        """Process a controlword.
 
         Args:
             controlword: Object 6040.
@@ -376,20 +373,20 @@ class DriveMachine:
         return tuple(made)
 
     def fault(self) -> None:
-        """Something failed: transition 13, from every state but the two of a fault itself."""
+        """A fault occurred: transition 13, from every state except the two fault states."""
         if self.state not in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
             self.state = State.FAULT_REACTION_ACTIVE
 
     def fault_reaction_done(self) -> None:
-        """The fault reaction is over: transition 14."""
+        """The fault reaction is complete: transition 14."""
         self._own(14)
 
     def quick_stop_done(self) -> None:
-        """The quick stop is over and 605A says to switch off: transition 12."""
+        """The quick stop is complete, and 605A requires switching off: transition 12."""
         self._own(12)
 
     def _own(self, number: int) -> None:
-        """Make one of the drive's own transitions, if the state allows it."""
+        """Make one of the drive's own transitions if the state allows it."""
         for transition in TRANSITIONS:
             if transition.number == number and transition.source is self.state:
                 self.state = transition.target

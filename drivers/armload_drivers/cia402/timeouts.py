@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Timeouts:
-    """Limits of all waits. Errors name the wait that ran out.
+    """Limits of all waits. Errors name the wait that timed out.
 
     Attributes:
-        probe_s: First look at a node, before it is reset, by one SDO.
-        scan_s: For answers of nodes that are not configured, all asked at once.
-        boot_s: From the NMT reset of a node to its boot-up message; after that it is asked by SDO.
+        probe_s: First query of a node by one SDO, before it is reset.
+        scan_s: For answers of nodes that are not configured, all queried at once.
+        boot_s: From the NMT reset of a node to its boot-up message; after that it is queried by SDO.
         sdo_s: One SDO request to its answer.
         mode_s: From writing 6060 to 6061 reporting the same.
         enable_s: From the first cycle to OPERATION ENABLED of every drive, brakes included; time of the SYNC.

@@ -1,1 +1,1 @@
-"""An arm that another master drives, from what is heard on its bus; nothing in here can send."""
+"""An arm under another master, from the frames received on its bus; nothing in here can send."""

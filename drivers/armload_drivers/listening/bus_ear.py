@@ -1,4 +1,4 @@
-"""Listening to a bus: frames are only received. What is given is asked for nothing but `recv`."""
+"""Listening to a bus: frames are only received. The given bus is used only through `recv`."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from armload_drivers.driver_errors import BusError
 from armload_drivers.listening.overheard_arm import OverheardArm, OverheardCycle
 
 LOOK_S: Final = 0.1
-"""A quiet bus is waited on for so long at a time."""
+"""Timeout of one `recv` on a silent bus."""
 PATIENCE_S: Final = 5.0
-"""Without a whole cycle for so long, from the beginning, something is wrong."""
+"""Time without any complete cycle after the start that counts as an error."""
 
 
 class FrameSource(Protocol):
@@ -30,20 +30,19 @@ def overheard(
     patience_s: float = PATIENCE_S,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[OverheardCycle | None]:
-    """The cycles of another master, as long as they are asked for.
+    """The cycles of another master, without end.
 
     Args:
-        bus: Where it is heard.
+        bus: The bus to receive from.
         arm: The arm.
-        patience_s: How long the first whole cycle may take.
-        clock: Monotonic time, for that.
+        patience_s: Longest time until the first complete cycle.
+        clock: Monotonic time in s.
 
     Yields:
-        Cycles, their time counted from the first frame; None where nothing came for `LOOK_S`, or as long without a
-        whole cycle.
+        Cycles, with times measured from the first frame; None after `LOOK_S` without a complete cycle.
 
     Raises:
-        BusError: the bus failed, or there is no whole cycle at first; says what is missing.
+        BusError: the bus failed, or there was no complete cycle at first; states what is missing.
     """
     begun_s: float | None = None
     looked_s = started_s = clock()
@@ -68,7 +67,7 @@ def overheard(
 
 
 def _received(bus: FrameSource) -> can.Message | None:
-    """One frame, None after a while without."""
+    """One frame; None after a timeout."""
     try:
         return bus.recv(LOOK_S)
     except (can.CanError, OSError) as error:
@@ -76,7 +75,7 @@ def _received(bus: FrameSource) -> can.Message | None:
 
 
 def _what_is_missing(arm: OverheardArm, patience_s: float, *, frames: bool) -> str:
-    """Why there is no cycle, and what to look at."""
+    """Why there is no cycle, and what to check."""
     begin = f"no cycle of the arm was received within {patience_s:g} s: "
     if not frames:
         return begin + "the bus is silent. Is its master running, and are interface, channel and bit rate right?"

@@ -2,9 +2,9 @@
 
 Rules of this file:
 - A cycle begins with SYNC: its commands are the last setpoints before that SYNC, its feedback is what the drives send
-  after it. It is complete with the last drive's answer; the next SYNC ends one that is not.
-- Nothing can be asked of the drives, so scale and mapping are the configuration's. Polarity (607E) is taken to be 0.
-- A drive's values count from its first answer on. Before every drive has answered once there are no cycles.
+  after it. It is complete with the last drive's feedback; the next SYNC ends an incomplete one.
+- The drives cannot be queried, so scale and mapping are those of the configuration. Polarity (607E) is assumed to be 0.
+- There are no cycles until every drive has sent feedback once.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ class OverheardCycle:
     """One cycle of another master.
 
     Attributes:
-        feedback: What the drives answered; a joint that is `missing` repeats its last values.
-        command: What the master had sent before; None while not every drive has been sent a setpoint. Its velocity is
-            not known and 0.
-        enabled: All drives are in OPERATION ENABLED: only then the motors carry what the joints carry.
+        feedback: Feedback of the drives; a joint that is `missing` repeats its last values.
+        command: The setpoints before it; None until every drive has been sent one. Its velocity is unknown and set
+            to 0.
+        enabled: Whether all drives are in OPERATION ENABLED: only then do the motors carry the joints' load.
     """
 
     feedback: JointFeedback
@@ -41,15 +41,15 @@ class OverheardCycle:
 
 
 class OverheardArm:
-    """Puts an arm's frames together.
+    """Assembles an arm's cycles from frames.
 
     Args:
         arm: The arm; every drive with its scale.
 
     Attributes:
-        joints: Names.
-        syncs: SYNCs heard.
-        early_frames: Feedback frames that came before any SYNC.
+        joints: Names of the joints.
+        syncs: Number of SYNCs received.
+        early_frames: Number of feedback frames before the first SYNC.
 
     Raises:
         CommandError: a drive's scale is not configured, or the drives report different kinds of effort.
@@ -67,24 +67,24 @@ class OverheardArm:
 
     @property
     def feedback_frames(self) -> tuple[int, ...]:
-        """Feedback frames of every drive, as the configuration maps them."""
+        """Number of feedback frames of every drive with the configured length."""
         return tuple(drive.frames for drive in self._drives)
 
     @property
     def wrong_length(self) -> tuple[int, ...]:
-        """Feedback frames of every drive that are not as the configuration maps them; they count for nothing."""
+        """Number of feedback frames of every drive with another length; these are ignored."""
         return tuple(drive.wrong_length for drive in self._drives)
 
     def take(self, cob_id: int, data: bytes, time_s: float) -> OverheardCycle | None:
-        """Take one frame.
+        """Process one frame.
 
         Args:
             cob_id: CAN identifier.
             data: Its bytes.
-            time_s: When it came.
+            time_s: Its time.
 
         Returns:
-            The cycle that it completes or ends; None where it does neither.
+            The cycle that it completes or ends; None if it does neither.
         """
         if cob_id == od.SYNC_DEFAULT_COB_ID:
             ended = self._cycle()
@@ -101,7 +101,7 @@ class OverheardArm:
         return self._cycle() if all(drive.complete for drive in self._drives) else None
 
     def _commanded(self) -> JointCommand | None:
-        """What has been sent to the drives so far."""
+        """The last setpoints sent to the drives."""
         targets = [drive.target for drive in self._drives if drive.target is not None]
         if len(targets) < len(self._drives):
             return None
@@ -133,16 +133,16 @@ class OverheardArm:
 
 
 class _HeardDrive:
-    """What was heard of one drive last.
+    """The last values of one drive.
 
     Args:
         drive: Its settings.
 
     Attributes:
         cob_ids: COB-IDs of its PDOs.
-        answered: Those of its feedback that have come since SYNC.
-        frames: Feedback frames so far.
-        wrong_length: Those of another length than configured.
+        answered: COB-IDs of its feedback received since SYNC.
+        frames: Number of feedback frames so far.
+        wrong_length: Number of feedback frames with another length than configured.
         target: Setpoint in counts; None before the first.
         offset: Torque offset in per mille.
     """
@@ -161,16 +161,16 @@ class _HeardDrive:
 
     @property
     def complete(self) -> bool:
-        """All of its feedback has come since SYNC."""
+        """Whether all of its feedback has been received since SYNC."""
         return self.answered == self._awaited
 
     @property
     def known(self) -> bool:
-        """All of its feedback has come at least once."""
+        """Whether all of its feedback has been received at least once."""
         return self._ever == self._awaited
 
     def take(self, cob_id: int, data: bytes) -> bool:
-        """Take one of its frames; whether it is feedback that counts."""
+        """Process one of its frames; returns whether it is valid feedback."""
         length, unpack = self._layouts[cob_id]
         feedback = cob_id in self._awaited
         if len(data) != length:

@@ -1,13 +1,13 @@
 """`JointServos` without a bus: the simulated arm is commanded directly, in virtual time.
 
-What is kept of the real thing: the life of an arm, the timing (a command is latched at the SYNC whose
-feedback is returned, and reached one cycle later), the drives' units (every number passes through counts and
-per mille), statuswords, following errors, and failures that a test or a demonstration scripts. What is not
-modelled: boot, SDO, NMT, heartbeat, bus load. A cycle takes no longer than it takes to compute.
+Modelled: the sequence of states, the timing (a command is latched at the SYNC whose feedback is returned, and reached
+one cycle later), the drives' units (every number passes through counts and per mille), statuswords, following errors,
+and scripted failures. Not modelled: boot, SDO, NMT, heartbeat, bus load. A cycle takes only its computing time.
 
 Rules:
-- Nothing moves or costs time but by a call: `enable`, `exchange`, `stop` and `disable` let SYNCs pass.
-- A drive in FAULT has no torque and its brake engaged; the others hold. Nothing resets it.
+
+- Time passes only in calls: `enable`, `exchange`, `stop` and `disable` let SYNCs pass.
+- A drive in FAULT has no torque and its brake engaged; the others hold. The fault cannot be reset.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from armload_drivers.servos import JointCommand, JointFeedback
 from armload_drivers.simulation.mujoco_plant import ArmPlant, PlantSample
 
 QUICK_STOP_S = 0.2
-"""Time in which a drive's own quick stop ramp brings its setpoint to rest."""
+"""Duration of a drive's quick stop ramp."""
 STANDSTILL_RAD_S = 1e-3
-"""Every axis slower than this: the arm stands."""
+"""The arm is at standstill if every axis is slower than this."""
 STANDSTILL_TIMEOUT_S = 2.0
 
 _VOLTAGE_AND_REMOTE = 0x0210
@@ -41,7 +41,7 @@ _VOLTAGE_AND_REMOTE = 0x0210
 
 
 class FailureKind(Enum):
-    """What a script can make a drive do wrong."""
+    """Kind of a scripted failure."""
 
     FAULT = auto()
     """The drive goes to FAULT and stays there."""
@@ -51,13 +51,13 @@ class FailureKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ScriptedFailure:
-    """One failure that is going to happen.
+    """One scripted failure.
 
     Attributes:
-        kind: What fails.
+        kind: Its kind.
         joint: Index of the joint whose drive fails.
         cycle: Number of the SYNC since `connect` at which it begins.
-        cycles: For how many cycles feedback is missing; a fault lasts.
+        cycles: Number of cycles without feedback; a fault is permanent.
     """
 
     kind: FailureKind
@@ -67,7 +67,7 @@ class ScriptedFailure:
 
 
 class _Life(Enum):
-    """Where the whole arm is between `connect` and `close`."""
+    """Phase of the arm between `connect` and `close`."""
 
     CLOSED = auto()
     CONNECTED = auto()
@@ -85,15 +85,15 @@ class FakeServos:
     """
 
     def __init__(self, arm: ArmSettings, plant: ArmPlant, failures: Sequence[ScriptedFailure] = ()) -> None:
-        """Put drives on a simulated arm.
+        """Create the drives of a simulated arm.
 
         Args:
             arm: Scaling and limits of the drives.
-            plant: The arm; its owner is now this object.
-            failures: What goes wrong, and when.
+            plant: The arm; owned by this object from now on.
+            failures: Scripted failures.
 
         Raises:
-            SimulationError: The settings and the plant do not describe the same number of joints.
+            SimulationError: Settings and plant have different numbers of joints.
         """
         if len(arm.drives) != plant.n:
             raise SimulationError(f"{len(arm.drives)} drives are configured for a plant of {plant.n} joints")
@@ -114,10 +114,10 @@ class FakeServos:
         self._last = self._reported(plant.sample(arm.cycle_s))
 
     def connect(self) -> None:
-        """Take up the drives; nothing is energised.
+        """Connect; nothing is energised.
 
         Raises:
-            StateError: Connected already.
+            StateError: Already connected.
         """
         if self._life is not _Life.CLOSED:
             raise StateError("the servos are already connected; close them first")
@@ -127,7 +127,7 @@ class FakeServos:
         self._life = _Life.CONNECTED
 
     def standing_rad(self) -> FloatArray:
-        """(n,) where the joints stand.
+        """(n,) positions of the joints.
 
         Raises:
             StateError: Not connected, or enabled.
@@ -138,13 +138,13 @@ class FakeServos:
         return self._units.joint_position_rad(raw.position_counts)
 
     def enable(self) -> JointFeedback:
-        """Power every axis where it stands.
+        """Enable every axis at its present position.
 
         Returns:
             Feedback of the first enabled cycle.
 
         Raises:
-            StateError: Not connected, or enabled already.
+            StateError: Not connected, or already enabled.
             ServoFault: A drive is in FAULT.
         """
         if self._life is not _Life.CONNECTED:
@@ -159,10 +159,10 @@ class FakeServos:
         return self._sync("enabling")
 
     def exchange(self, command: JointCommand) -> JointFeedback:
-        """Let one SYNC pass that latches a command.
+        """Let one SYNC pass, which latches a command.
 
         Args:
-            command: Setpoints of this cycle; the velocity is not used, as by drives without 60B1.
+            command: Setpoints of this cycle; the velocity is not used, as with drives without 60B1.
 
         Returns:
             Feedback sampled at that SYNC.
@@ -170,8 +170,8 @@ class FakeServos:
         Raises:
             StateError: Not enabled, or stopped.
             CommandError: A setpoint is not finite or does not fit its object; nothing has moved.
-            ServoFault: A drive is in FAULT or went there in this cycle.
-            ServoTimeout: Feedback of a joint was missing in more cycles in a row than the settings allow.
+            ServoFault: A drive is in FAULT.
+            ServoTimeout: A joint's feedback was missing in more consecutive cycles than the settings allow.
         """
         if self._life is not _Life.ENABLED:
             raise StateError("the servos must be enabled before setpoints are exchanged")
@@ -185,7 +185,7 @@ class FakeServos:
     def stop(self) -> None:
         """Quick stop: bring every setpoint to rest within `QUICK_STOP_S`, wait for standstill and hold.
 
-        Torque offsets go to zero meanwhile, evenly and within `OFFSET_FADE_S`.
+        Torque offsets are faded to zero linearly within `OFFSET_FADE_S`.
 
         Raises:
             StateError: Not connected.
@@ -205,9 +205,9 @@ class FakeServos:
         self._wait_for_standstill("quick stop", QUICK_STOP_S)
 
     def disable(self) -> None:
-        """Engage brakes and remove torque, once the arm stands still.
+        """Engage brakes and remove torque once the arm is at standstill.
 
-        Axes without a brake keep their torque until the others have lost theirs. Then all are watched for
+        Axes without a brake keep their torque until it is removed from the others. Then all are watched for
         `HOLDING_WATCH_S`.
 
         Raises:
@@ -225,10 +225,10 @@ class FakeServos:
         self._require_rest()
 
     def close(self) -> None:
-        """Stop and disable where that is still to be done, and let go of the drives. Idempotent.
+        """Stop and disable if necessary, and disconnect. Idempotent.
 
         Raises:
-            ServoTimeout: The arm does not come to rest; torque is off all the same.
+            ServoTimeout: The arm does not come to rest; its torque is removed anyway.
             AxisMoves: An axis moves without torque.
         """
         if self._life is _Life.CLOSED:
@@ -250,7 +250,7 @@ class FakeServos:
         self._life = _Life.CONNECTED
 
     def _require_rest(self) -> None:
-        """Watch where the axes go without torque."""
+        """Check that the axes do not move without torque."""
         begun_rad = self._plant.sample(self.cycle_s).axis_position_rad
         for _ in range(math.ceil(HOLDING_WATCH_S / self.cycle_s)):
             sample = self._pass_sync()
@@ -260,18 +260,18 @@ class FakeServos:
             raise axis_moves(self._drive(axis), float(moved_rad[axis]))
 
     def _add_torque(self, permille: list[int]) -> None:
-        """Put torque offsets (n,) in force."""
+        """Apply torque offsets (n,)."""
         self._offset_permille = permille
         for axis, units in enumerate(self._units.axes):
             self._plant.set_torque_offset(axis, permille[axis] * units.torque_nm_per_permille)
 
     def _fade_offsets(self) -> None:
-        """From the next SYNC on, take torque offsets to zero. Idempotent."""
+        """Fade torque offsets to zero from the next SYNC on. Idempotent."""
         if self._fade is None:
             self._fade = OffsetFade(self._offset_permille, self.cycle_s)
 
     def _wait_for_standstill(self, step: str, least_s: float) -> None:
-        """Let SYNCs pass until nothing moves and no torque offset is left, for `least_s` at least."""
+        """Let SYNCs pass until nothing moves and no torque offset is left, but at least for `least_s`."""
         first = self._cycle
         while True:
             sample = self._pass_sync()
@@ -328,7 +328,7 @@ class FakeServos:
         )
 
     def _pass_sync(self) -> PlantSample:
-        """Advance the arm by a cycle and let faults happen."""
+        """Advance the arm by a cycle, with its faults."""
         self._cycle += 1
         self._plant.advance(self._begin_s + self._cycle * self.cycle_s)
         sample = self._plant.sample(self.cycle_s)
@@ -343,7 +343,7 @@ class FakeServos:
         return sample
 
     def _fails(self, kind: FailureKind, axis: int) -> bool:
-        """Whether the script says so for the present cycle."""
+        """Whether a failure is scripted for the present cycle."""
         return any(
             failure.kind is kind
             and failure.joint == axis
@@ -356,7 +356,7 @@ class FakeServos:
         return np.array([self._fails(FailureKind.MISSING_FEEDBACK, axis) for axis in range(self.n)])
 
     def _raise_fault(self, step: str) -> None:
-        """Report the first drive in FAULT."""
+        """Raise for the first drive in FAULT."""
         for axis, state in enumerate(self._states):
             if state is State.FAULT:
                 drive = self._drive(axis)

@@ -1,15 +1,16 @@
-"""A CAN bus inside one process that delivers without a thread: sending a frame lets every endpoint act on it.
+"""A CAN bus inside one process that delivers without threads: sending a frame makes every endpoint act on it.
 
 Rules of this file:
-- All endpoints of a wire hear all frames of the others, in one order, the order of sending.
-- `send` returns when every listener has acted on the frame, and on whatever was sent because of it. So the sender
-  a SYNC finds the answers in its queue, and the same frames give the same answers in every run.
-- An endpoint without a listener keeps its frames for `recv`. While it waits no other endpoint acts, so nothing can
-  arrive: a wait is over at once, as if its time had passed, and a time-out costs no time.
-- An exception of a listener, or a signal in the middle of it, reaches the sender; the frames not yet delivered are
-  delivered by the next `send`.
 
-What is not modelled: bit rate, arbitration, errors, time stamps (they are 0).
+- All endpoints of a wire receive all frames of the others, in the order of sending.
+- `send` returns when every listener has acted on the frame, and on all frames sent in response. So the sender of a SYNC
+  finds the answers in its queue, and the same frames give the same answers in every run.
+- An endpoint without a listener stores its frames for `recv`. While it waits no other endpoint acts, so nothing can
+  arrive: a wait ends immediately, as if its time had passed.
+- An exception of a listener, or a signal during it, reaches the sender; the frames not yet delivered are delivered by
+  the next `send`.
+
+Not modelled: bit rate, arbitration, errors, time stamps (they are 0).
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ Listener = Callable[[can.Message], None]
 
 
 class LockstepWire:
-    """What the endpoints are connected to."""
+    """The wire that connects endpoints."""
 
     def __init__(self) -> None:
         self._endpoints: tuple[LockstepBus, ...] = ()
         self._under_way: deque[tuple[LockstepBus, can.Message]] = deque()
         self._delivering = False
-        # Another thread may send as well; its frames wait until every endpoint has acted on those before them.
+        # Frames sent by another thread wait until every endpoint has acted on earlier ones.
         self._lock = threading.RLock()
 
     def join(self, endpoint: LockstepBus) -> None:
@@ -47,7 +48,7 @@ class LockstepWire:
             self._endpoints = tuple(other for other in self._endpoints if other is not endpoint)
 
     def carry(self, sender: LockstepBus, message: can.Message) -> None:
-        """Deliver a frame to all but its sender, and then what they send."""
+        """Deliver a frame to all endpoints except its sender, and then the frames that they send."""
         with self._lock:
             if self._delivering:
                 self._under_way.append((sender, _copy(message)))
@@ -69,7 +70,7 @@ class LockstepWire:
                 self._delivering = False
 
     def _deliver_rest(self) -> None:
-        """Deliver what listeners have sent; also what is left over where one of them raised."""
+        """Deliver the frames that listeners have sent, including those left over after an exception."""
         while self._under_way:
             sender, frame = self._under_way.popleft()
             for endpoint in self._endpoints:
@@ -85,12 +86,12 @@ class LockstepBus(can.BusABC):
     """One endpoint of a wire.
 
     Args:
-        wire: What it is connected to.
+        wire: The wire to connect to.
 
     Attributes:
-        wire: What it is connected to.
-        listener: Acts on frames as they are sent.
-        received: Frames kept for `recv` where there is no listener.
+        wire: The wire.
+        listener: Called with frames as they are sent.
+        received: Frames stored for `recv` if there is no listener.
     """
 
     def __init__(self, wire: LockstepWire) -> None:
@@ -102,7 +103,7 @@ class LockstepBus(can.BusABC):
         wire.join(self)
 
     def listen(self, listener: Listener | None) -> None:
-        """Have frames acted on as they are sent; None keeps them for `recv`."""
+        """Set the listener for frames as they are sent; None stores them for `recv`."""
         self.listener = listener
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
@@ -116,7 +117,7 @@ class LockstepBus(can.BusABC):
         self.wire.carry(self, msg)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame; None where there is none, however long the wait would be.
+        """The next frame; None if there is none, whatever the timeout.
 
         Raises:
             CanOperationError: the endpoint is closed.
@@ -137,7 +138,7 @@ class LockstepBus(can.BusABC):
 
 
 def _copy(message: can.Message) -> can.Message:
-    """A frame of its own: senders change and reuse theirs."""
+    """A copy of a frame, because senders reuse theirs."""
     return can.Message(
         arbitration_id=message.arbitration_id,
         is_extended_id=message.is_extended_id,

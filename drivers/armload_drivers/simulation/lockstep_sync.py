@@ -1,4 +1,4 @@
-"""SYNC in virtual time: as fast as master and simulated drives can compute, on a bus of this process."""
+"""SYNC in virtual time: as fast as master and simulated drives can compute, on a bus inside this process."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from armload_drivers.simulation.virtual_clock import VirtualClock
 
 
 class LockstepSync:
-    """SYNC leaves at once, and time is advanced by one period for it.
+    """Sends SYNC immediately, after advancing time by one period.
 
-    The drives have acted when SYNC has been sent (`lockstep_bus`): what is not there by then is missing.
+    When SYNC has been sent, the drives have already acted (`lockstep_bus`): feedback not received by then is missing.
 
     Args:
-        clock: The clock that the simulated drives have as well.
+        clock: The clock, shared with the simulated drives.
     """
 
     heard = False
@@ -30,7 +30,7 @@ class LockstepSync:
         return self._clock()
 
     def begin(self, link: BusLink, cycle_s: float, counter: int) -> None:
-        """Take over the period."""
+        """Set the period."""
         self._cycle_s = cycle_s
         self._messages = SentSync(counter)
 
@@ -43,14 +43,14 @@ class LockstepSync:
         return SyncTick(self._clock(), 0)
 
     def await_feedback(self, link: BusLink, complete: Callable[[], bool]) -> None:
-        """Take in what the drives have sent.
+        """Process the frames of the drives.
 
         Raises:
-            SimulationError: they do not act any more.
+            SimulationError: the drives are no longer active.
         """
         link.drain()
         if not complete():
             self._clock.require_follower()
 
     def end(self, link: BusLink) -> None:
-        """Nothing is running."""
+        """Nothing to stop."""

@@ -1,13 +1,12 @@
 """The simulated arm's mechanics as a MuJoCo model, built from a `PlantSpec`.
 
 One body per joint, the payload as a body welded to the flange. The rotors turn with the axes, q_axis =
-C^-1 q_joint, so their inertia in joint coordinates is C^-T J C^-1: a fixed tendon per axis whose
-coefficients are a row of C^-1 and whose armature is J gives exactly that.
+C^-1 q_joint, so their inertia in joint coordinates is C^-T J C^-1, which is exactly that of a fixed tendon per axis
+with a row of C^-1 as coefficients and J as armature.
 
-An elastic joint is two hinges on one axis in one body: the first is the motor's side, the second the
-deflection of the gear. The deflection's damping is time step times stiffness, with which MuJoCo's
-semi-implicit step becomes the implicit one: stable however light the link, and lightly damped (damping
-ratio pi f h: 4 % at 12 Hz, 8 % at 25 Hz).
+An elastic joint consists of two hinges on one axis in one body: the first is the motor side, the second the deflection
+of the gear. The deflection's damping is time step times stiffness, which makes MuJoCo's semi-implicit step implicit:
+stable for arbitrarily light links, and lightly damped (damping ratio pi f h: 4 % at 12 Hz, 8 % at 25 Hz).
 """
 
 from __future__ import annotations
@@ -30,16 +29,16 @@ TIME_STEP_S = 0.001
 """Period of the servo loops and step of the integration."""
 
 ELASTIC_HZ_ARM = 12.0
-"""Natural frequency of an elastic joint 1, 2 or 3. ROBOTS.md, `harsh`."""
+"""Natural frequency of the elastic joints 1 to 3."""
 ELASTIC_HZ_WRIST = 25.0
-"""Natural frequency of an elastic joint from the fourth on."""
+"""Natural frequency of the elastic joints from the fourth on."""
 WRIST = 3
 """Index of the first wrist joint."""
 OUTPUT_STAGE = 0.01
-"""Share of the rotor's inertia at an elastic gear's output: no link is massless to its spring."""
+"""Share of the rotor's inertia at an elastic gear's output, so that no spring acts on a massless link."""
 
 SMALLEST_INERTIA_KG_M2 = 1e-12
-"""What a point mass gets, because MuJoCo refuses zero."""
+"""Inertia of a point mass, because MuJoCo refuses zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,15 +61,15 @@ class PlantModel:
 
 
 SLOW_CLOCK_S = 2e-6
-"""A clock that takes longer to read than this is kept from MuJoCo."""
+"""MuJoCo's clock is replaced if reading it takes longer than this."""
 
 
 @cache
 def load_mujoco() -> Any:
-    """MuJoCo, which reads the clock some thirty times a step: only where that is cheap.
+    """MuJoCo, with its clock replaced if reading the clock is slow: it does so some thirty times a step.
 
-    On a user-mode kernel a read takes 15 us and a step 470 us, 6.6 us with a callback in place of the clock; where
-    the clock costs no system call, the callback costs more than it saves.
+    On a user-mode kernel a read takes 15 us and a step 470 us, but only 6.6 us with a callback in place of the clock.
+    If the clock needs no system call, the callback costs more than it saves.
 
     Returns:
         The module.
@@ -88,7 +87,7 @@ def load_mujoco() -> Any:
 
 
 def _clock_read_s() -> float:
-    """What it takes to read this machine's clock, the best of some tries."""
+    """Time to read this machine's clock, the shortest of some attempts."""
     tries = [time.monotonic_ns() for _ in range(20)]
     return min(after - before for before, after in pairwise(tries)) * 1e-9
 
@@ -100,10 +99,10 @@ def build_model(spec: PlantSpec) -> PlantModel:
         spec: The arm.
 
     Returns:
-        The model, standing still at `spec.start_position_rad`; elastic joints carry their load already.
+        The model, at rest at `spec.start_position_rad`; elastic joints are already deflected by their load.
 
     Raises:
-        SimulationError: MuJoCo is missing, or no such arm can exist; names joint, value and remedy.
+        SimulationError: MuJoCo is missing, or such an arm is impossible; names joint, value and remedy.
     """
     _check(spec)
     mujoco = load_mujoco()
@@ -135,10 +134,10 @@ def build_model(spec: PlantSpec) -> PlantModel:
 
 
 def _elastic_stiffness(links: FloatArray, rotors: FloatArray) -> FloatArray:
-    """Springs (n,) that give the prescribed frequencies against a locked motor, in N m/rad.
+    """Stiffnesses (n,) that give the prescribed frequencies with a locked motor, in N m/rad.
 
-    At the wrist a link lighter than the reflected rotor (a bare flange has next to no inertia) says nothing
-    about a gear that is made to carry a payload; the rotor's inertia is the measure there.
+    At the wrist a link may be lighter than the reflected rotor (a bare flange has almost no inertia), which is not
+    representative of a gear made to carry a payload; the rotor's inertia is used there instead.
     """
     wrist = np.arange(len(links)) >= WRIST
     angular = 2.0 * math.pi * np.where(wrist, ELASTIC_HZ_WRIST, ELASTIC_HZ_ARM)
@@ -146,9 +145,9 @@ def _elastic_stiffness(links: FloatArray, rotors: FloatArray) -> FloatArray:
 
 
 def _nominal_inertia(mujoco: Any, model: Any) -> FloatArray:
-    """Joint-space inertia (n, n), rotors included: the mean over all poses in right angles.
+    """Joint-space inertia (n, n), including rotors: the mean over all poses at right angles.
 
-    One pose does not do: an arm standing upright has a tenth of a stretched arm's inertia about joint 1.
+    One pose is not sufficient: an upright arm has a tenth of a stretched arm's inertia about joint 1.
     """
     data = mujoco.MjData(model)
     inertia = np.zeros((model.nv, model.nv))
@@ -163,7 +162,7 @@ def _nominal_inertia(mujoco: Any, model: Any) -> FloatArray:
 
 
 def _compile(mujoco: Any, spec: PlantSpec, to_axis: FloatArray, stiffness: FloatArray | None) -> Any:
-    """MuJoCo's model of the arm; stiff joints where `stiffness` is None."""
+    """MuJoCo's model of the arm, with stiff joints if `stiffness` is None."""
     description = mujoco.MjSpec()
     description.compiler.degree = False
     description.compiler.boundinertia = SMALLEST_INERTIA_KG_M2
@@ -176,7 +175,7 @@ def _compile(mujoco: Any, spec: PlantSpec, to_axis: FloatArray, stiffness: Float
         _fill(body, joint.link)
         hinge = body.add_joint(name=f"motor {i}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=joint.axis)
         hinge.damping[0] = joint.viscous_nm_s_rad * spec.friction_scale
-        # Any value above zero reserves the friction constraint; the servo step sets the real one.
+        # Any value above zero enables the friction constraint; the servo step sets the actual value.
         hinge.frictionloss = 1.0
         # Stiff enough that a loaded joint at rest creeps by less than 1e-7 rad/s.
         hinge.solref_friction = [2.0 * TIME_STEP_S, 1.0]
@@ -201,16 +200,16 @@ def _compile(mujoco: Any, spec: PlantSpec, to_axis: FloatArray, stiffness: Float
 
 
 def _set_options(mujoco: Any, option: Any, spec: PlantSpec) -> None:
-    """Integration and what of MuJoCo is not needed."""
+    """Set the integration, and disable unused features."""
     flags = mujoco.mjtDisableBit
     option.timestep = TIME_STEP_S
     option.gravity = spec.gravity_m_s2
     option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    # MuJoCo measures progress by the mean inertia; a wrist's is thousands of times smaller. Costs nothing.
+    # MuJoCo relates progress to the mean inertia; that of a wrist is thousands of times smaller. Costs nothing.
     option.tolerance = 1e-12
-    # A diverged arm must be seen, not quietly put back to its start.
+    # A diverged arm must be detected, not silently reset to its start.
     option.disableflags = int(
         flags.mjDSBL_AUTORESET
         | flags.mjDSBL_CONTACT
@@ -222,7 +221,7 @@ def _set_options(mujoco: Any, option: Any, spec: PlantSpec) -> None:
 
 
 def _place(mujoco: Any, body: Any, pose: FloatArray) -> None:
-    """Put a body at a (4, 4) pose in its parent."""
+    """Place a body at a (4, 4) pose in its parent."""
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(pose[:3, :3]).ravel())
     body.pos = pose[:3, 3]
@@ -239,7 +238,7 @@ def _fill(body: Any, content: RigidBody) -> None:
 
 
 def _check(spec: PlantSpec) -> None:
-    """Refuse an arm that cannot exist."""
+    """Refuse an impossible arm."""
     n = len(spec.joints)
     if n == 0:
         raise SimulationError("the arm has no joints")
@@ -269,7 +268,7 @@ def _check(spec: PlantSpec) -> None:
 
 
 def _check_changes(changes: tuple[PayloadChange, ...]) -> None:
-    """Refuse changes of the payload that are out of order, and bodies that cannot exist."""
+    """Refuse changes of the payload that are out of order, and impossible bodies."""
     before_s = 0.0
     for change in changes:
         if not before_s < change.time_s < math.inf:
@@ -282,7 +281,7 @@ def _check_changes(changes: tuple[PayloadChange, ...]) -> None:
 
 
 def _check_joint(joint: PlantJoint) -> None:
-    """Refuse a joint that cannot exist."""
+    """Refuse an impossible joint."""
     _check_array(f"{joint.name}: axis", joint.axis, (3,))
     if abs(float(np.linalg.norm(joint.axis)) - 1.0) > 1e-6:
         raise SimulationError(f"{joint.name}: axis has length {np.linalg.norm(joint.axis):.6g}; it must be 1")
@@ -307,7 +306,7 @@ def _check_joint(joint: PlantJoint) -> None:
 
 
 def _check_body(name: str, body: RigidBody) -> None:
-    """Refuse a body that no distribution of mass can have."""
+    """Refuse a body that no mass distribution can have."""
     _check_array(f"{name}: center_of_mass_m", body.center_of_mass_m, (3,))
     _check_array(f"{name}: inertia_kg_m2", body.inertia_kg_m2, (3, 3))
     if not 0.0 < body.mass_kg < math.inf:
@@ -325,7 +324,7 @@ def _check_body(name: str, body: RigidBody) -> None:
 
 
 def _check_pose(name: str, pose: FloatArray) -> None:
-    """Refuse what is no rigid displacement."""
+    """Refuse a matrix that is not a rigid displacement."""
     _check_array(name, pose, (4, 4))
     rotation = pose[:3, :3]
     rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) and np.linalg.det(rotation) > 0.0
@@ -334,7 +333,7 @@ def _check_pose(name: str, pose: FloatArray) -> None:
 
 
 def _check_array(name: str, value: FloatArray, shape: tuple[int, ...]) -> None:
-    """Refuse a wrong shape and numbers that are none."""
+    """Refuse a wrong shape, and numbers that are not finite."""
     if value.shape != shape:
         raise SimulationError(f"{name} has shape {value.shape}; it must be {shape}")
     if not np.all(np.isfinite(value)):

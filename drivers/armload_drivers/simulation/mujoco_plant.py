@@ -1,13 +1,13 @@
-"""The simulated arm: MuJoCo's mechanics under six servo loops, advanced by an argument called time.
+"""The simulated arm: MuJoCo's mechanics with one servo loop per axis, advanced to times given as arguments.
 
-It has no clock, bus or thread. Its owner advances it, gives the setpoints that a drive would have latched,
-and takes samples as a drive would at SYNC. A sample is in SI units and not yet quantised:
-counts and per mille are the drives' business.
+It has no clock, bus or thread. Its owner advances it, sets the setpoints that a drive would have latched, and takes
+samples as a drive would at SYNC. A sample is in SI units and not quantised; the drives convert it to counts and per
+mille.
 
-The timing of a drive: a target latched at SYNC k is reached by linear interpolation at SYNC k + 1, which
-is the one cycle of delay that a bus costs. A torque offset is in force from the next step on.
+The timing is that of a drive: a target latched at SYNC k is reached by linear interpolation at SYNC k + 1, one cycle of
+delay. A torque offset acts from the next step on.
 
-Two arms of one specification that are given the same calls are equal to the last bit.
+Two arms with the same specification and the same calls are bit-identical.
 """
 
 from __future__ import annotations
@@ -26,31 +26,30 @@ from armload_drivers.simulation.mujoco_model import TIME_STEP_S, PlantModel, bui
 from armload_drivers.simulation.plant_spec import PlantSpec, PlantVariant, RigidBody
 
 NOISE_CYCLE_S = 0.01
-"""Cycle that the noise of a specification belongs to: white noise grows with the square root of the rate."""
+"""Cycle to which the noise of a specification refers: white noise grows with the square root of the rate."""
 
 BRAKE_FACTOR = 2.0
-"""Torque of a brake in terms of the drive's greatest torque."""
+"""Ratio of a brake's torque to the drive's greatest torque."""
 
 STEP_TOLERANCE = 1e-6
-"""Share of a step by which a time may lie before a step and still mean it."""
+"""Share of a step by which a time may precede a step and still count as that step."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlantSample:
-    """What the drives measure at one instant, and the truth beside it; after the time, the rows of a measurement.
+    """Measurements of the drives at one instant, and true values; the fields after the time are a measurement's rows.
 
     Attributes:
         time_s: The plant's time.
-        axis_position_rad: (n,) encoders, on the motors' side of elastic gears.
-        axis_velocity_rad_s: (n,) their velocity.
+        axis_position_rad: (n,) encoder positions, on the motor side of elastic gears.
+        axis_velocity_rad_s: (n,) their velocities.
         axis_demand_rad: (n,) setpoints of the position loops at this instant.
-        axis_torque_nm: (n,) torque as the drives' current sensors report it: what the drive believes it gives,
-            plus noise. Ripple and gain error are in the motor; what the servo does about them shows.
-        joint_position_rad: (n,) truth, on the links' side of elastic gears.
-        joint_velocity_rad_s: (n,) truth.
-        joint_torque_nm: (n,) truth: the motors' torque at the joints, ripple and gain error included.
-        link_torque_nm: (n,) truth: the torque that moves and carries links and payload, without rotors
-            and friction.
+        axis_torque_nm: (n,) torque reported by the drives' current sensors: the nominal torque plus noise. Ripple and
+            gain error arise in the motor; only the servo's reaction to them is visible.
+        joint_position_rad: (n,) true positions, on the link side of elastic gears.
+        joint_velocity_rad_s: (n,) true velocities.
+        joint_torque_nm: (n,) true torque of the motors at the joints, including ripple and gain error.
+        link_torque_nm: (n,) true torque that moves and carries links and payload, without rotors and friction.
     """
 
     time_s: float
@@ -65,20 +64,20 @@ class PlantSample:
 
 
 class ArmPlant:
-    """A simulated arm with its servo loops, powered off at first.
+    """A simulated arm with its servo loops, initially powered off.
 
     Attributes:
         n: Number of joints and axes.
     """
 
     def __init__(self, spec: PlantSpec) -> None:
-        """Build the arm, standing still at its start position.
+        """Build the arm, at rest at its start position.
 
         Args:
             spec: The arm.
 
         Raises:
-            SimulationError: MuJoCo is missing, or no such arm can exist.
+            SimulationError: MuJoCo is missing, or such an arm is impossible.
         """
         built = build_model(spec)
         self.n = len(spec.joints)
@@ -90,7 +89,7 @@ class ArmPlant:
         self._state = np.zeros((kernels.SERVO_STATES, self.n))
         self._parameter = _parameters(spec, built.axis_inertia_kg_m2)
         self._take(built)
-        # Compiled beforehand: an arm on a wall clock cannot wait for it.
+        # Compiled in advance: an arm in real time cannot wait for it.
         self._changes = deque(
             (round(change.time_s / TIME_STEP_S), build_model(replace(spec, payload=change.payload)))
             for change in spec.changes
@@ -100,10 +99,10 @@ class ArmPlant:
             self.set_powered(axis, False)
 
     def _take(self, built: PlantModel) -> None:
-        """Be this arm from now on."""
+        """Use this model from now on."""
         self._mujoco, self._model, self._data = built.mujoco, built.model, built.data
         self._hinges = built.hinges_per_joint
-        # Views into MuJoCo's memory, which stays where it is
+        # Views into MuJoCo's memory, which does not move
         self._position = self._data.qpos
         self._velocity = self._data.qvel
         self._link_torque = np.zeros(self._model.nv)
@@ -126,10 +125,10 @@ class ArmPlant:
         return self._step * TIME_STEP_S
 
     def advance(self, time_s: float) -> None:
-        """Let time pass, in whole steps; a time that has passed already changes nothing.
+        """Advance the arm in complete steps; has no effect for a time in the past.
 
         Args:
-            time_s: Time to stop at.
+            time_s: Time to advance to.
 
         Raises:
             SimulationError: The simulation has diverged.
@@ -144,7 +143,7 @@ class ArmPlant:
         self._run(steps)
 
     def _run(self, steps: int) -> None:
-        """Go on to a step."""
+        """Advance to a step."""
         step_once, rne, model, data = self._mujoco.mj_step, self._mujoco.mj_rne, self._model, self._data
         close_loops = self._servos.step
         while self._step < steps:
@@ -155,18 +154,18 @@ class ArmPlant:
             self._step += 1
 
     def mount(self, payload: RigidBody | None) -> None:
-        """Have another body at the flange from the next step on, or none; takes some milliseconds.
+        """Replace the body at the flange from the next step on; takes some milliseconds.
 
         Args:
-            payload: The body in the flange frame; None is the empty flange.
+            payload: The body in the flange frame; None for the empty flange.
 
         Raises:
-            SimulationError: no such body can exist.
+            SimulationError: the body is physically impossible.
         """
         self._carry_on_with(build_model(replace(self._spec, payload=payload)))
 
     def _carry_on_with(self, built: PlantModel) -> None:
-        """Be another arm in the motion that this one is in."""
+        """Continue with another model, in the same state of motion."""
         before, data = self._data, built.data
         for name in ("qpos", "qvel", "qfrc_applied"):
             getattr(data, name)[:] = getattr(before, name)
@@ -177,7 +176,7 @@ class ArmPlant:
         built.mujoco.mj_rne(built.model, data, 1, self._link_torque)
 
     def set_target(self, axis: int, position_rad: float, over_s: float) -> None:
-        """Move an axis's setpoint linearly from where it is now, then hold it.
+        """Move an axis's setpoint linearly from its present value, then hold it.
 
         Args:
             axis: Index of the axis.
@@ -192,7 +191,7 @@ class ArmPlant:
         self._ramp(axis, position_rad, over_s)
 
     def slow_down(self, axis: int, over_s: float) -> None:
-        """Bring an axis's setpoint from its present speed to a stop at an even deceleration: quick stop.
+        """Bring an axis's setpoint from its present speed to a stop at constant deceleration: quick stop.
 
         Args:
             axis: Index of the axis.
@@ -201,14 +200,14 @@ class ArmPlant:
         begin, finish, first, steps, slowing = self._state[: kernels.SERVO_RAMP_SLOWING + 1, axis]
         elapsed = self._step - first
         speed = 0.0
-        # A ramp that ends at this very instant is still in motion: targets arrive at SYNC.
+        # A ramp that ends at this very instant still counts as motion: targets arrive at SYNC.
         if steps > 0.0 and elapsed < steps + 0.5:
             left = 1.0 - elapsed / steps
             speed = (finish - begin) / (steps * TIME_STEP_S) * (2.0 * left if slowing else 1.0)
         self._ramp(axis, self._servos.setpoint(axis, self._step) + 0.5 * speed * over_s, over_s, slowing=True)
 
     def set_torque_offset(self, axis: int, torque_nm: float) -> None:
-        """Have a torque added inside an axis's servo loop (60B2), from the next step on.
+        """Add a torque inside an axis's servo loop (60B2), from the next step on.
 
         Args:
             axis: Index of the axis.
@@ -224,13 +223,13 @@ class ArmPlant:
     def set_powered(self, axis: int, on: bool) -> None:
         """Switch an axis's servo loop and torque on or off.
 
-        Off, the motor gives no torque and the brake, where there is one, is engaged. On, the setpoint is the
-        present position, and the brake is released with the integrator at the torque that holds links and
-        payload, as drives do that load the motor before they release the brake.
+        If off, the motor produces no torque and the brake, if any, is engaged. If on, the setpoint is the present
+        position, and the brake is released with the integrator at the torque that holds links and payload, as with
+        drives that preload the motor before releasing the brake.
 
         Args:
             axis: Index of the axis.
-            on: Whether it gets power.
+            on: Whether the axis is powered.
         """
         state = self._state
         self._ramp(axis, self.hold_position(axis), 0.0)
@@ -242,7 +241,7 @@ class ArmPlant:
             state[kernels.SERVO_TORQUE, axis] = state[kernels.SERVO_TRUE_TORQUE, axis] = 0.0
 
     def hold_position(self, axis: int) -> float:
-        """Where an axis is, for initialising targets.
+        """Present position of an axis, for initialising targets.
 
         Args:
             axis: Index of the axis.
@@ -253,13 +252,13 @@ class ArmPlant:
         return float(self._to_axis[axis] @ self._position[:: self._hinges])
 
     def sample(self, cycle_s: float) -> PlantSample:
-        """Measure, as the drives do at SYNC; every call draws noise anew.
+        """Measure, as the drives do at SYNC; every call draws new noise.
 
         Args:
             cycle_s: Period of the samples; sets the noise, sigma = noise at 100 Hz * sqrt(0.01 s / cycle_s).
 
         Returns:
-            Measurements and truth, as copies.
+            Measurements and true values, as copies.
         """
         if self._first_sampled is None:
             self._first_sampled = self._step
@@ -270,11 +269,11 @@ class ArmPlant:
         return PlantSample(self.time_s, *rows)
 
     def _ramp(self, axis: int, position_rad: float, over_s: float, *, slowing: bool = False) -> None:
-        """Let an axis's setpoint go from where it is to a position."""
+        """Start a ramp of an axis's setpoint to a position."""
         self._servos.ramp(axis, self._step, position_rad, over_s / TIME_STEP_S, slowing)
 
     def _raise_diverged(self) -> None:
-        """Name the joint that ran away."""
+        """Raise the error that names the diverged joint."""
         speed = self._velocity[:: self._hinges]
         worst = int(np.argmax(np.where(np.isfinite(speed), np.abs(speed), np.inf)))
         raise SimulationError(

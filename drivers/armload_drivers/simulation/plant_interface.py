@@ -1,6 +1,7 @@
-"""What simulated drives move: the interface of a plant, and an ideal one.
+"""The interface of the plant behind simulated drives, and an ideal plant.
 
-`plant.ArmPlant` is the arm with mechanics. `IdealPlant` has none and needs no simulator: for tests of the bus.
+`mujoco_plant.ArmPlant` is the arm with mechanics. `IdealPlant` has none and needs no simulator; it is for tests of the
+bus.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from armload_core.arrays import FloatArray
 
 
 class AxisSample(Protocol):
-    """What drives measure at one instant."""
+    """Measurements of drives at one instant."""
 
     @property
     def axis_position_rad(self) -> FloatArray:
@@ -34,28 +35,28 @@ class AxisSample(Protocol):
 
 
 class Plant(Protocol):
-    """Axes under servo loops, advanced by an argument called time. `plant.ArmPlant` has the full account."""
+    """Axes with servo loops, advanced to times given as arguments. See `mujoco_plant.ArmPlant` for details."""
 
     def advance(self, time_s: float) -> None:
-        """Let time pass up to `time_s`."""
+        """Advance to `time_s`."""
 
     def set_target(self, axis: int, position_rad: float, over_s: float) -> None:
         """Move the setpoint linearly to a position within `over_s`, then hold it."""
 
     def slow_down(self, axis: int, over_s: float) -> None:
-        """Bring the setpoint to a stop evenly within `over_s`."""
+        """Bring the setpoint to a stop at constant deceleration within `over_s`."""
 
     def set_torque_offset(self, axis: int, torque_nm: float) -> None:
         """Add a torque inside the servo loop."""
 
     def set_powered(self, axis: int, on: bool) -> None:
-        """Servo loop and torque on or off."""
+        """Switch servo loop and torque on or off."""
 
     def hold_position(self, axis: int) -> float:
         """Present position of an axis."""
 
     def sample(self, cycle_s: float) -> AxisSample:
-        """What the drives measure now."""
+        """Present measurements of the drives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,18 +70,18 @@ class IdealSample:
 
 
 class IdealPlant:
-    """Axes that are exactly where their setpoints are, and carry a constant torque while powered.
+    """Axes that follow their setpoints exactly, and carry a constant torque while powered.
 
     Args:
-        position_rad: (n,) where the axes are at first.
+        position_rad: (n,) initial positions.
         torque_nm: (n,) torque of the powered axes; the torque offset is added to it.
 
     Attributes:
         n: Number of axes.
         time_s: Time that it has been advanced to.
         powered: Per axis, whether torque is on.
-        torque_offset_nm: (n,) offsets in force.
-        lag_rad: (n,) how far encoders stay behind setpoints; zero, for following errors to be injected.
+        torque_offset_nm: (n,) present offsets.
+        lag_rad: (n,) distance of encoders behind setpoints; initially zero, to inject following errors.
     """
 
     def __init__(self, position_rad: FloatArray, torque_nm: FloatArray | None = None) -> None:
@@ -96,23 +97,23 @@ class IdealPlant:
         self.lag_rad = np.zeros_like(self._start)
 
     def advance(self, time_s: float) -> None:
-        """Let time pass; a time that has passed already changes nothing."""
+        """Advance; has no effect for a time in the past."""
         self.time_s = max(self.time_s, time_s)
 
     def _share(self) -> FloatArray:
-        """(n,) share of each ramp that is over."""
+        """(n,) completed share of each ramp."""
         elapsed = self.time_s - self._begin_s
         share = np.divide(elapsed, self._over_s, out=np.ones_like(elapsed), where=self._over_s > 0.0)
         return np.asarray(share.clip(0.0, 1.0))
 
     @property
     def position_rad(self) -> FloatArray:
-        """(n,) where the axes are."""
+        """(n,) positions of the axes."""
         return self._start + self._share() * (self._finish - self._start)
 
     @property
     def velocity_rad_s(self) -> FloatArray:
-        """(n,) how fast they move."""
+        """(n,) velocities of the axes."""
         moving = (self._share() < 1.0) | (self.time_s == self._begin_s + self._over_s)
         travel = np.where(moving, self._finish - self._start, 0.0)
         return np.divide(travel, self._over_s, out=np.zeros_like(travel), where=self._over_s > 0.0)
@@ -123,12 +124,12 @@ class IdealPlant:
             self._ramp(axis, position_rad, over_s)
 
     def slow_down(self, axis: int, over_s: float) -> None:
-        """Stop within `over_s`, over the distance that an even deceleration needs."""
+        """Stop within `over_s`, over the distance of a constant deceleration."""
         travel = 0.5 * over_s * self.velocity_rad_s[axis]
         self._ramp(axis, self.hold_position(axis) + travel, over_s)
 
     def _ramp(self, axis: int, position_rad: float, over_s: float) -> None:
-        """Start a ramp from where the axis is."""
+        """Start a ramp from the present position."""
         self._start[axis] = self.hold_position(axis)
         self._finish[axis] = position_rad
         self._begin_s[axis] = self.time_s
@@ -139,7 +140,7 @@ class IdealPlant:
         self.torque_offset_nm[axis] = torque_nm
 
     def set_powered(self, axis: int, on: bool) -> None:
-        """Torque on or off; either way the axis stays where it is."""
+        """Switch torque on or off; the axis keeps its position."""
         self._ramp(axis, self.hold_position(axis), 0.0)
         self.powered[axis] = on
 
@@ -150,7 +151,7 @@ class IdealPlant:
         return float(self._start[axis] + share * (self._finish[axis] - self._start[axis]))
 
     def sample(self, cycle_s: float) -> IdealSample:
-        """What the drives measure now; without noise, so `cycle_s` does not matter."""
+        """Present measurements of the drives; without noise, so `cycle_s` has no effect."""
         position = self.position_rad
         torque = np.where(self.powered, self._torque_nm + self.torque_offset_nm, 0.0)
         return IdealSample(position - self.lag_rad, self.velocity_rad_s, position, torque)

@@ -1,8 +1,7 @@
-"""What a simulated arm is made of, as plain data; `plant` builds the simulation from it.
+"""The specification of a simulated arm, as plain data; `mujoco_plant` builds the simulation from it.
 
-AXIS and joint are distinguished: an axis is one motor seen through its gear. Links, friction and
-position belong to joints; rotor, ripple, torque limit and noise belong to axes. Where motors are not
-coupled the two are the same.
+AXIS and joint are distinguished: an axis is one motor seen through its gear. Links, friction and position belong to
+joints; rotor, ripple, torque limit and noise belong to axes. If motors are not coupled, the two are the same.
 """
 
 from __future__ import annotations
@@ -14,17 +13,17 @@ from armload_core.arrays import FloatArray
 
 
 class PlantVariant(Enum):
-    """Which transmission the simulated arm has."""
+    """Transmission of the simulated arm."""
 
     NORMATIVE = "normative"
-    """Stiff gears, friction mu |tau_link| that depends on the load."""
+    """Stiff gears, load-dependent friction mu |tau_link|."""
     HARSH = "harsh"
     """Elastic joints and gear efficiencies in place of mu; for reports only."""
 
 
 @dataclass(frozen=True, slots=True)
 class RigidBody:
-    """Inertial properties of one rigid body in the frame it is given in.
+    """Inertial properties of one rigid body in a given frame.
 
     Attributes:
         mass_kg: Mass.
@@ -40,11 +39,11 @@ class RigidBody:
 
 @dataclass(frozen=True, slots=True)
 class PayloadChange:
-    """What hangs on the flange from some time on, whether the arm moves or not.
+    """A change of payload at some time, whether the arm moves or not.
 
     Attributes:
-        time_s: Time since the drives were first sampled, which is since the first SYNC; above 0.
-        payload: Body at the flange, in the FLANGE frame; None is the empty flange.
+        time_s: Time since the drives were first sampled, that is, since the first SYNC; above 0.
+        payload: Body at the flange, in the FLANGE frame; None for the empty flange.
     """
 
     time_s: float
@@ -58,20 +57,20 @@ class PlantJoint:
     Attributes:
         name: Name of the joint.
         placement: (4, 4) pose of the joint's frame at position zero in the previous joint's frame.
-        axis: (3,) axis of rotation in the joint's frame, of length one.
+        axis: (3,) unit vector of the axis of rotation in the joint's frame.
         link: The link, in the moving joint frame; without rotor and payload.
         coulomb_nm: Coulomb friction.
         viscous_nm_s_rad: Viscous friction.
-        stribeck_nm: What static friction exceeds Coulomb friction by.
+        stribeck_nm: Excess of static over Coulomb friction.
         stribeck_velocity_rad_s: Speed v_s in stribeck * exp(-(dq / v_s)^2).
-        load_friction: mu, friction per unit of the links' and payload's torque.
-        rotor_inertia_kg_m2: Rotor's inertia REFLECTED to the axis: gear ratio squared times the rotor's own.
+        load_friction: mu, friction per torque of links and payload.
+        rotor_inertia_kg_m2: Rotor inertia REFLECTED to the axis: gear ratio squared times the rotor's own.
         gear_ratio: Motor turns per axis turn.
         torque_ripple_nm: Amplitude of the torque ripple at the axis.
-        ripple_per_motor_turn: Ripple periods in one motor turn.
+        ripple_per_motor_turn: Ripple periods per motor turn.
         torque_noise_nm: Standard deviation of one raw torque sample at 100 Hz, at the axis.
         max_torque_nm: Greatest torque of the drive, at the axis.
-        has_brake: A brake holds the axis while its drive is off.
+        has_brake: Whether a brake holds the axis while its drive is off.
     """
 
     name: str
@@ -94,24 +93,24 @@ class PlantJoint:
 
 @dataclass(frozen=True, slots=True)
 class PlantSpec:
-    """A whole simulated arm with what hangs on its flange.
+    """A simulated arm with its payload.
 
     Attributes:
         joints: n joints from the base to the flange.
         flange: (4, 4) pose of the flange in the last joint's frame.
-        gravity_m_s2: (3,) acceleration of gravity in the base frame, (0, 0, -9.81) for an upright arm.
+        gravity_m_s2: (3,) gravitational acceleration in the base frame, (0, 0, -9.81) for an upright arm.
         coupling: (n, n) C with q_joint = C q_axis and tau_joint = C^-T tau_axis.
         start_position_rad: (n,) joint positions at time zero; the arm stands still.
         seed: Seed of the measurement noise.
-        payload: Body at the flange, in the FLANGE frame; None is the empty flange.
-        changes: What is mounted and taken off later, in the order of time.
+        payload: Body at the flange, in the FLANGE frame; None for the empty flange.
+        changes: Payloads mounted and removed later, in order of time.
         variant: Transmission; `PlantVariant`.
-        rated_payload: Body in the flange frame that elastic joints have their natural frequency with, whatever
-            is mounted; None is the empty flange.
+        rated_payload: Body in the flange frame for which the elastic joints' natural frequencies are defined, whatever
+            is mounted; None for the empty flange.
         friction_scale: Factor on Coulomb, Stribeck, viscous and load-dependent friction.
-        torque_gain_error: (n,) e per axis; the motor gives (1 + e) times the torque the drive believes in and
-            reports. None is zero.
-        torque_gain_drift_per_s: (n,) growth of e per second; None is zero.
+        torque_gain_error: (n,) e per axis; the motor produces (1 + e) times the drive's nominal, reported torque. None
+            for zero.
+        torque_gain_drift_per_s: (n,) growth of e per second; None for zero.
     """
 
     joints: tuple[PlantJoint, ...]

@@ -6,19 +6,19 @@ The cascade of one axis, at 1 kHz:
     tau    = K_v (dq_ref - dq) + integral + torque offset          K_v = 2 pi 40 Hz * inertia
     integral' = K_v / T_i (dq_ref - dq)                            T_i = 20 ms
 
-limited to the drive's greatest torque; the integral stands still while the limit is reached and would be
-exceeded further. There is no velocity feed-forward: the arm follows with a lag of 1 / K_p. The motor gives
-(1 + e) times what the drive believes, and its ripple on top.
+limited to the drive's greatest torque; the integral is held while the torque is at the limit and would exceed it
+further. There is no velocity feed-forward: the arm follows with a lag of 1 / K_p. The motor produces (1 + e) times the
+drive's nominal torque, plus ripple.
 
 Friction of one joint opposes the motion with
 
     scale (coulomb + stribeck exp(-(dq / v_s)^2) + mu |tau_link|)
 
-and MuJoCo holds the joint at rest while that suffices; viscous friction is the model's damping. With gear
-efficiencies in place of mu the loss is |tau_link| (1 / 0.85 - 1) where the motor drives the load and
-|tau_link| (1 - 0.75) where the load drives the motor.
+and MuJoCo holds the joint at rest while that suffices; viscous friction is the model's damping. With gear efficiencies
+in place of mu, the loss is |tau_link| (1 / 0.85 - 1) if the motor drives the load and |tau_link| (1 - 0.75) if the load
+drives the motor.
 
-One step of them is `armload_core.kernels.ServoLoops`, where the rows of its arrays are named too.
+`armload_core.kernels.ServoLoops` implements one step, and names the rows of its arrays.
 """
 
 POSITION_GAIN_1_S = 25.0
@@ -27,4 +27,4 @@ INTEGRAL_TIME_S = 0.020
 EFFICIENCY_FORWARD = 0.85
 EFFICIENCY_BACKWARD = 0.75
 GREATEST_SPEED_RAD_S = 100.0
-"""No joint of an arm turns as fast; a simulation in which one does has diverged."""
+"""A simulation in which a joint turns faster has diverged."""

@@ -1,4 +1,4 @@
-"""Time of a simulation whose master and drives run in lockstep instead of on the wall clock."""
+"""Time of a simulation in which master and drives run in lockstep instead of real time."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from armload_drivers.driver_errors import SimulationError
 class VirtualClock:
     """A clock that stands still until it is advanced.
 
-    `LockstepSync` advances it by one cycle before every SYNC. Every reader at a SYNC gets the same time
-    in every run, which makes a simulation repeatable. Time is kept in whole nanoseconds, so that a million
-    cycles of 4 ms are 4000 s exactly.
+    `LockstepSync` advances it by one cycle before every SYNC. At a given SYNC every reader gets the same time in every
+    run, which makes simulations repeatable. Time is kept in integer nanoseconds, so a million cycles of 4 ms are
+    exactly 4000 s.
     """
 
     def __init__(self) -> None:
@@ -24,26 +24,26 @@ class VirtualClock:
         return self._time_ns / 1e9
 
     def advance(self, step_s: float) -> None:
-        """Let time pass.
+        """Advance the time.
 
         Args:
-            step_s: How much; rounded to a nanosecond.
+            step_s: Step; rounded to a nanosecond.
         """
         self._time_ns += round(step_s * 1e9)
 
     def follow(self, end: Callable[[], str]) -> None:
-        """Live by this clock from now on.
+        """Register the follower of this clock.
 
         Args:
-            end: Says why the follower does not live any more, in words; empty while it does.
+            end: Returns why the follower is no longer active; empty while it is.
         """
         self._end = end
 
     def require_follower(self) -> None:
-        """Refuse to let time pass without a follower.
+        """Refuse to continue without an active follower.
 
         Raises:
-            SimulationError: the follower does not live any more.
+            SimulationError: the follower is no longer active.
         """
         why = self._end()
         if why:
@@ -51,5 +51,5 @@ class VirtualClock:
 
 
 def _no_follower() -> str:
-    """The follower of a clock that has none."""
+    """Reason for a clock without a follower."""
     return "none are running"

@@ -4,10 +4,10 @@
     counts per axis turn = 6092 feed per shaft turn                             (6092 in use)
     axis rated torque    = 6076 motor rated torque x gear ratio
 
-The gear ratio is 6091. Many drives leave it at 1 : 1 and know nothing of the gear behind their motor; then the
-joint's own gear ratio may be meant. Where the configuration gives a scale, either reading of the drive may agree
-with it; where it gives none and the two readings differ, nothing is guessed. A feed of 1 per turn is the value
-after a reset of drives that do not use 6092, and no position unit.
+The gear ratio is 6091. Many drives leave it at 1 : 1 and do not account for the gear behind their motor; then the
+joint's gear ratio may apply. If the configuration gives a scale, it must agree with one of the two interpretations; if
+it gives none and the two differ, nothing is guessed. A feed of 1 per turn is the reset value of drives that do not use
+6092, and not a position unit.
 
 References:
     CiA 402-2, 7 (factor group).
@@ -22,14 +22,14 @@ from armload_drivers.cia402.arm_settings import DriveSettings, EffortFeedback
 from armload_drivers.driver_errors import CommandError
 
 SCALE_TOLERANCE = 1e-3
-"""Relative difference of a position scale that passes as rounding."""
+"""Relative difference of a position scale that is attributed to rounding."""
 RATING_TOLERANCE = 1e-2
-"""Relative difference of a rated current or torque that passes as rounding."""
+"""Relative difference of a rated current or torque that is attributed to rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReportedScale:
-    """What a drive reports; None where it does not.
+    """The scale that a drive reports; None for values not reported.
 
     Attributes:
         increments_per_motor_turn: 608F.
@@ -51,10 +51,10 @@ def resolve(drive: DriveSettings, reported: ReportedScale) -> DriveSettings:
 
     Args:
         drive: The configured drive.
-        reported: What it reports.
+        reported: The scale that it reports.
 
     Raises:
-        CommandError: the two contradict each other, or neither knows a scale; says which, and what to do.
+        CommandError: the two contradict each other, or neither gives a scale; names the scale and the remedy.
     """
     gears = _gears(drive, reported)
     feed = reported.feed_per_shaft_turn
@@ -87,19 +87,19 @@ def resolve(drive: DriveSettings, reported: ReportedScale) -> DriveSettings:
 
 
 def _gears(drive: DriveSettings, reported: ReportedScale) -> list[float]:
-    """Gear ratios that the drive's motor-side figures may need to be multiplied by."""
+    """Candidate gear ratios for converting the drive's motor-side values to the axis."""
     if reported.gear_ratio is not None and reported.gear_ratio != 1.0:
         return [reported.gear_ratio]
     return [1.0] if drive.gear_ratio in {None, 1.0} else [1.0, float(drive.gear_ratio or 1.0)]
 
 
 def _products(value: float | None, gears: list[float]) -> list[float]:
-    """A figure seen through each gear; empty where the drive reports none."""
+    """A value multiplied by each gear ratio; empty if the drive reports none."""
     return [] if not value else [value * gear for gear in gears]
 
 
 def _agree(what: str, key: str, reported: list[float], configured: float | None, tolerance: float) -> float:
-    """The configured value where the drive's agrees, or the drive's where none is configured."""
+    """The configured value if it agrees with the drive's, or the drive's if none is configured."""
     shown = " or ".join(f"{value:.6g}" for value in reported)
     if configured is not None:
         if reported and not any(math.isclose(value, configured, rel_tol=tolerance) for value in reported):

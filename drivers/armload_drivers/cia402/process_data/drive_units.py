@@ -1,12 +1,11 @@
-"""Counts and per mille of the drives to and from SI, for one arm. Only this file converts.
+"""Conversion of the drives' counts and per mille to and from SI units, for one arm. Only this file converts.
 
     q_joint = C q_axis                    position_counts = sign_position counts_per_rad q_axis
     tau_joint = C^-T tau_axis             per mille = sign_torque 1000 tau_axis / rated_torque
     tau_axis = C^T tau_joint              i_motor = sign_torque rated_current per mille / 1000
 
-A vendor's object for the effort has a scale of its own in place of the rated one.
-
-An AXIS is one motor seen through its gear. The signs are the polarity (607E) that the drive reports.
+A vendor's object for the effort has its own scale in place of the rated one. An AXIS is one motor seen through its
+gear. The signs are those of the polarity (607E) that the drive reports.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ _PERMILLE_LIMIT = DataType.I16.bounds[1]
 
 
 def interpolation_time(cycle_s: float) -> tuple[int, int]:
-    """Cycle time as 60C2 has it: value (1 to 255) and power of ten, in seconds.
+    """Cycle time in the form of 60C2: value (1 to 255) and power of ten, in seconds.
 
     Raises:
         CommandError: no such pair equals the cycle time.
@@ -45,17 +44,17 @@ def interpolation_time(cycle_s: float) -> tuple[int, int]:
 
 
 def microseconds(time_s: float) -> int:
-    """Seconds as 1006 has them."""
+    """Seconds in microseconds, as in 1006."""
     return round(time_s * 1e6)
 
 
 def milliseconds(time_s: float) -> int:
-    """Seconds as 1016, 1017 and event timers have them; at least 1, since 0 switches them off."""
+    """Seconds in milliseconds, as in 1016, 1017 and event timers; at least 1, since 0 switches them off."""
     return max(1, round(time_s * 1e3))
 
 
 def saturate(value: float, kind: DataType) -> int:
-    """Nearest integer that an object can hold, which is how a drive reports what is out of range."""
+    """Nearest integer that an object can hold, as drives report values out of range."""
     lower, upper = kind.bounds
     nearest = round(value)
     if lower <= nearest <= upper:
@@ -69,12 +68,11 @@ class AxisUnits:
 
     Attributes:
         counts_per_rad: Position units per radian of the axis, with the sign of 607E bit 7.
-        torque_nm_per_permille: Axis torque that one per mille means, with the sign of 607E bit 5.
-        effort_per_unit: What one unit of the effort that the drive reports means: motor current in A, or axis
-            torque in N m, likewise.
-        effort_units_per_nm: Units of the effort that one N m at the axis makes; a drive knows one ratio between
-            torque and current, and 1000 per mille of the one and of the other are the same state. NaN where
-            only a vendor's object has a scale.
+        torque_nm_per_permille: Axis torque per per mille, with the sign of 607E bit 5.
+        effort_per_unit: Motor current in A, or axis torque in N m, per unit of the reported effort, with the same
+            sign.
+        effort_units_per_nm: Units of the effort per N m at the axis. A drive uses one ratio between torque and
+            current, so 1000 per mille of both are the same state. NaN if only a vendor's object has a scale.
     """
 
     counts_per_rad: float
@@ -121,15 +119,15 @@ class RawAxes:
 
 
 class ArmUnits:
-    """Conversion of whole cycles, coupling and signs resolved.
+    """Conversion of a cycle's values, including coupling and signs.
 
     Args:
         arm: The arm.
-        polarity: 607E of every drive; zeros where None.
+        polarity: 607E of every drive; zeros if None.
 
     Attributes:
         axes: Units per axis.
-        feedback: What all drives send.
+        feedback: Kind of effort that all drives send.
 
     Raises:
         CommandError: some drives send current and others torque.
@@ -169,11 +167,11 @@ class ArmUnits:
             command: Joint setpoints.
 
         Returns:
-            Target positions and torque offsets, rounded to the nearest.
+            Target positions and torque offsets, rounded to the nearest integers.
 
         Raises:
-            CommandError: a value is not finite, does not fit its object, or asks a torque offset of a drive
-                that has none.
+            CommandError: a value is not finite or does not fit its object, or a drive without a torque offset would
+                get one.
         """
         counts = self._raw("target position", command.position_rad, self._counts_from_joint, _COUNTS_LIMIT)
         permille = self._raw("torque offset", command.torque_offset_nm, self._permille_from_joint, _PERMILLE_LIMIT)
@@ -186,7 +184,7 @@ class ArmUnits:
         return RawAxes(counts.astype(np.int64).tolist(), permille.astype(np.int64).tolist())
 
     def measured(self, axis_position_rad: FloatArray, axis_torque_nm: FloatArray) -> RawAxes:
-        """What drives report, quantised, and saturated as drives do it.
+        """Values as drives report them: quantised and saturated.
 
         Args:
             axis_position_rad: (n,) axis positions.
@@ -199,11 +197,11 @@ class ArmUnits:
     def _raw(self, what: str, values: FloatArray, axis_from_joint: FloatArray, limit: int) -> FloatArray:
         """Values (n,) of all joints in the axes' units, rounded.
 
-        Refuses too few or too many of them, what is no number, and what the drives' objects cannot hold.
+        Refuses a wrong number of values, values that are not finite, and values that the drives' objects cannot hold.
         """
         if values.shape != self._torque.shape:
             raise CommandError(f"{what}s of shape {values.shape} for {len(self._joints)} joints")
-        joint = int(np.abs(values).argmax())  # NaN is the greatest to argmax
+        joint = int(np.abs(values).argmax())  # argmax returns a NaN, if any
         if not abs(values.item(joint)) < math.inf:
             raise CommandError(
                 f"{self._joints[joint]}: {what} {values[joint]} is not a finite number; nothing was sent"
@@ -218,19 +216,19 @@ class ArmUnits:
         return raw
 
     def joint_position_rad(self, counts: Sequence[int]) -> FloatArray:
-        """(n,) joint positions of the drives' 6064."""
+        """(n,) joint positions from the drives' 6064."""
         return np.asarray(self._joint_from_counts.dot(np.array(counts, dtype=np.float64)))
 
     def joint_torque_nm(self, effort: Sequence[int]) -> FloatArray:
-        """(n,) joint torques of what the drives report."""
+        """(n,) joint torques from the reported effort."""
         return np.asarray(self._joint_from_effort.dot(np.array(effort, dtype=np.float64)))
 
     def joint_offset_nm(self, permille: Sequence[int]) -> FloatArray:
-        """(n,) joint torques of torque offsets (60B2)."""
+        """(n,) joint torques from torque offsets (60B2)."""
         return np.asarray(self._joint_from_permille.dot(np.array(permille, dtype=np.float64)))
 
     def motor_current_a(self, effort: Sequence[int]) -> FloatArray:
-        """(n,) motor currents of what the drives report."""
+        """(n,) motor currents from the reported effort."""
         return self._motor_from_effort * np.array(effort, dtype=np.float64)
 
     def position_limits_counts(self, axis: int) -> tuple[int, int]:

@@ -1,8 +1,8 @@
-"""Torque offsets (60B2) on their way to zero. Pure.
+"""Fading of torque offsets (60B2) to zero.
 
-A drive keeps the last offset it was given. Taken away at once it would be a step of torque, and the arm would jerk;
-left alone it would stay until the torque goes. So every stop takes the offsets of all drives to zero together, in
-even steps of one cycle, while the drives slow down on their own ramps.
+A drive keeps its last offset. Removing it at once would be a step in torque, and the arm would jerk; otherwise it would
+remain until the torque is removed. So every stop fades the offsets of all drives to zero together, in equal steps per
+cycle, while the drives decelerate on their own ramps.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ import math
 from collections.abc import Sequence
 
 OFFSET_FADE_S = 0.15
-"""Torque offsets go to zero within this time."""
+"""Time in which torque offsets fade to zero."""
 
 
 class OffsetFade:
     """Offsets of all drives, cycle by cycle.
 
     Args:
-        permille: (n,) offsets to begin with, in the drives' units.
+        permille: (n,) initial offsets, in the drives' units.
         cycle_s: Duration of a cycle.
 
     Attributes:
@@ -35,6 +35,6 @@ class OffsetFade:
         return self._left == 0
 
     def next(self) -> list[int]:
-        """(n,) offsets of the next cycle; zeros from the end on."""
+        """(n,) offsets of the next cycle; zeros after the end."""
         self._left = max(0, self._left - 1)
         return [round(first * self._left / max(1, self._cycles)) for first in self._first]

@@ -5,8 +5,9 @@ Every drive has one RPDO and one TPDO, both synchronous:
     RPDO1  6040 controlword (2), 607A target position or 60C1:1 set-point (4), 60B2 torque offset (2)
     TPDO1  6041 statusword (2), 6064 position actual (4), 6078 current or 6077 torque actual (2)
 
-Drives without 60B2 get an RPDO of six bytes. Where 60B2 or a vendor's object for the effort has 32 bits, a frame cannot
-hold it beside the other two: it travels on its own, in RPDO2 or TPDO2. So it does where a PDO takes two objects.
+Drives without 60B2 get an RPDO of six bytes. If 60B2 or a vendor's object for the effort has 32 bits, it does not fit
+into the frame with the other two and is sent separately, in RPDO2 or TPDO2; likewise if a PDO can hold only two
+objects.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ MAX_PDO_BITS = 64
 
 @dataclass(frozen=True, slots=True)
 class PdoLayout:
-    """One PDO as it is mapped.
+    """One PDO with its mapping.
 
     Attributes:
         direction: As seen from the drive.
-        number: Which PDO of that direction, counted from 0.
+        number: Number of the PDO in that direction, from 0.
         cob_id: CAN identifier.
         entries: Mapped objects in order.
     """
@@ -55,8 +56,8 @@ class DriveImage:
     Attributes:
         rpdo: Setpoints.
         tpdo: Feedback.
-        effort: Feedback of the effort, where `tpdo` has no room for it.
-        offset: Torque offset, where `rpdo` has no room for it.
+        effort: Feedback of the effort, if it does not fit into `tpdo`.
+        offset: Torque offset, if it does not fit into `rpdo`.
     """
 
     rpdo: PdoLayout
@@ -66,7 +67,7 @@ class DriveImage:
 
     @property
     def layouts(self) -> tuple[PdoLayout, ...]:
-        """All of them."""
+        """All PDOs."""
         each = (self.rpdo, self.offset, self.tpdo, self.effort)
         return tuple(layout for layout in each if layout is not None)
 
@@ -79,7 +80,7 @@ def target_entry(mode: OperationMode) -> Entry:
 
 
 def offset_entry(drive: DriveSettings) -> Entry:
-    """Object that takes the torque offset."""
+    """Object for the torque offset."""
     return od.TORQUE_OFFSET if drive.torque_offset_bits == od.TORQUE_OFFSET.type.bits else od.TORQUE_OFFSET_32
 
 
@@ -92,7 +93,7 @@ def effort_entry(drive: DriveSettings) -> Entry:
 
 
 def temperature_entry(drive: DriveSettings) -> Entry | None:
-    """Object that reports a temperature, where the configuration names one; no PDO carries it."""
+    """Configured object for a temperature, if any; it is not mapped to a PDO."""
     configured = drive.temperature
     if configured is None:
         return None
@@ -119,7 +120,7 @@ def drive_image(drive: DriveSettings) -> DriveImage:
 def _split(
     direction: PdoDirection, drive: DriveSettings, always: list[Entry], last: Entry | None
 ) -> tuple[PdoLayout, PdoLayout | None]:
-    """One PDO, and another for the last entry where there is no room for it."""
+    """One PDO, and another for the last entry if it does not fit."""
     node_id = drive.node_id
     if last is None:
         return _layout(direction, 0, node_id, always), None

@@ -1,13 +1,15 @@
-"""A simulated drive that serves the objects of a manufacturer's description, exactly those and as described.
+"""A simulated drive with exactly the objects of a manufacturer's description.
 
 Rules of this file:
-- Which objects there are, their types, who may write them, their limits and what a PDO may carry is what the
-  description says; what it does not have is not there for SDO and PDO.
-- Values are those of the description, but for what no description can know: what is measured, and the scale of the
-  arm's motors and gears, which were set when the drive was commissioned.
-- Where an object is absent the drive does what the standard says of a drive without it, and nothing where the standard
-  says nothing: a drive without 6007 does not react to a lost master, one without 6065 follows however far it lags.
-- What the description leaves open of its identity is that of a simulation.
+
+- The description determines which objects exist, their types, access, limits and PDO mappability; other objects are not
+  accessible by SDO or PDO.
+- Values are those of the description, except those that no description can contain: measured values, and the scale of
+  the arm's motors and gears, which was set when the drive was commissioned.
+- If an object is absent, the drive behaves as the standard specifies for a drive without it, or does nothing if the
+  standard specifies nothing: a drive without 6007 does not react to a lost master, one without 6065 has no following
+  error limit.
+- The parts of the identity that the description leaves open are those of a simulation.
 
 References:
     CiA 306-1; CiA 301, 7.5; CiA 402-2, 8.
@@ -47,14 +49,14 @@ _OWN = frozenset(
         od.QUICK_STOP_DECELERATION,
     )
 )
-"""Objects whose values are the simulation's: what is measured, and what is in units of the arm."""
+"""Objects whose values come from the simulation: measured values, and values in the arm's units."""
 
 _WITHOUT = {
     od.ABORT_CONNECTION_OPTION: 0,
     od.FOLLOWING_ERROR_WINDOW: 0xFFFF_FFFF,
     od.FOLLOWING_ERROR_TIMEOUT_MS: 0,
 }
-"""What a drive does that lacks an object: no reaction to a lost master, no watch over the following error."""
+"""Values for a drive without these objects: no reaction to a lost master, no monitoring of the following error."""
 
 _NAMELESS_CURRENT_MA = 1000
 """6075 of a motor whose rated current is not given."""
@@ -64,12 +66,12 @@ _MOST_PDOS = 512
 
 
 def pdo_count(described: DeviceDescription, direction: PdoDirection) -> int:
-    """How many PDOs of a direction a description has, counted up to the first that is missing."""
+    """Number of PDOs of a direction in a description, up to the first that is missing."""
     return next(n for n in range(_MOST_PDOS + 1) if direction.cob_id_entry(n).key not in described.objects)
 
 
 def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int) -> None:
-    """Make a drive's dictionary that of a description.
+    """Change a drive's dictionary to that of a description.
 
     Args:
         dictionary: The objects of a simulated drive without its PDO parameters, freshly reset; changed in place.
@@ -77,7 +79,7 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
         node_id: Node id of the drive.
 
     Raises:
-        DescriptionError: an object of the standard is no integer as it should be, or has too few bits.
+        DescriptionError: an object of the standard is not an integer as required, or has too few bits.
     """
     known = dictionary.entries
     for key, found in described.objects.items():
@@ -106,7 +108,7 @@ def describe(dictionary: Dictionary, described: DeviceDescription, node_id: int)
 
 
 def _require_number(described: DeviceDescription, found: DescribedObject, known: Entry | None) -> None:
-    """Refuse an object of the standard that is no integer as it should be, or cannot hold what a drive measures."""
+    """Refuse an object of the standard that is not an integer as required, or cannot hold a drive's measured values."""
     is_parameter = found.index in _PDO_PARAMETERS
     if not is_parameter and (known is None or known.type is DataType.STRING or known.type.is_real):
         return
@@ -118,13 +120,13 @@ def _require_number(described: DeviceDescription, found: DescribedObject, known:
 
 
 def _entry(found: DescribedObject) -> Entry:
-    """An entry; what has no number is served as bytes."""
+    """An entry; values that are not numbers are handled as bytes."""
     kind = DataType.STRING if found.type is None else found.type
     return Entry(found.index, found.subindex, found.name, kind, found.access, found.mappable)
 
 
 def _take_value(dictionary: Dictionary, key: int, found: DescribedObject, node_id: int, *, own: bool) -> None:
-    """First value of an object."""
+    """Set the initial value of an object."""
     if found.type is None or found.type is DataType.STRING:
         dictionary.texts[key] = found.text.encode() or dictionary.texts.get(key, b"")
         return
@@ -139,7 +141,7 @@ def _take_value(dictionary: Dictionary, key: int, found: DescribedObject, node_i
 
 
 def _take_identity(dictionary: Dictionary, described: DeviceDescription) -> None:
-    """1018, where the objects give none and the file's head does."""
+    """Set 1018 from the file's header if the objects do not give it."""
     for entry, number in (
         (od.VENDOR_ID, described.vendor_id),
         (od.PRODUCT_CODE, described.product_code),
@@ -151,7 +153,7 @@ def _take_identity(dictionary: Dictionary, described: DeviceDescription) -> None
 
 
 def _limits(found: DescribedObject, node_id: int) -> Collection[int] | None:
-    """Values that an integer takes; None where the description sets no limit."""
+    """Permitted values of an integer; None if the description sets no limit."""
     if found.bits is None or found.type is None or (found.least is None and found.greatest is None):
         return None
     least, greatest = found.type.bounds

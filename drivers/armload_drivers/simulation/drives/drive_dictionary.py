@@ -1,4 +1,4 @@
-"""The objects of a simulated drive, with the values they have after a reset."""
+"""The objects of a simulated drive, with their values after a reset."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ FOLLOWING_ERROR_TIMEOUT_MS = 20
 
 
 CELSIUS = 40.0
-"""Temperature of every simulated drive, reported where its configuration names an object for it."""
+"""Temperature of every simulated drive, reported if its configuration names an object for it."""
 
 SILENCE = 0
-"""What `DriveTraits.on_request` returns for a request that gets no answer."""
+"""Returned by `DriveTraits.on_request` for a request to be ignored."""
 
 
 @dataclass(frozen=True, slots=True)
 class DriveTraits:
-    """In what a simulated drive differs from the configured one; for tests of what a master makes of it.
+    """Deviations of a simulated drive from the configured one, to test a master's reaction.
 
     Attributes:
-        identity: What 1018 reports.
-        device_type: What 1000 reports.
+        identity: Value of 1018.
+        device_type: Value of 1000.
         polarity: 607E after a reset.
-        modes: Modes that 6502 offers; the configured one where None.
+        modes: Modes in 6502; None for the configured one.
         absent: Indices of objects that the drive lacks.
         forgets: Indices of objects that confirm every write and keep their value.
-        description: The manufacturer's description that it serves exactly; identity, device type and modes are then
-            those of the description where it gives them.
-        boot_message: Sends a boot-up message after a reset.
-        takes_mode: Follows 6060; otherwise 6061 stays 0.
-        stuck_in: Power state that no controlword gets it out of.
-        on_request: Called with every SDO request: None has it answered, `SILENCE` ignored, and any other number is
-            the abort code that it is refused with.
+        description: The manufacturer's description that it implements exactly; identity, device type and modes are then
+            those of the description, if given there.
+        boot_message: Whether it sends a boot-up message after a reset.
+        takes_mode: Whether it follows 6060; otherwise 6061 stays 0.
+        stuck_in: Power state that no controlword makes it leave.
+        on_request: Called with every SDO request: None lets it be answered, `SILENCE` ignores it, and any other number
+            is the abort code with which it is refused.
     """
 
     identity: Identity = SIMULATION_IDENTITY
@@ -68,15 +68,15 @@ def _count(index: int, highest: int) -> tuple[Entry, int]:
 
 
 def build_dictionary(settings: DriveSettings, traits: DriveTraits, cycle_s: float) -> Dictionary:
-    """Objects of one drive without its PDO parameters, freshly reset, those it will lack still included.
+    """Objects of one drive after a reset, without its PDO parameters, and still including absent ones.
 
-    Positions are in units of the configured scale. The drive describes itself as a motor whose encoder
-    sits on the axis: 608F gives the counts of an axis turn, 6091 a gear of 1, 6076 the axis's rated torque.
-    Max torque (6072) is kept but not enforced; the plant has the limits of its motors.
+    Positions are in units of the configured scale. The drive describes itself as a motor with its encoder on the axis:
+    608F gives the counts per axis turn, 6091 a gear of 1, 6076 the axis's rated torque. Max torque (6072) is stored but
+    not enforced; the plant has the limits of its motors.
 
     Args:
         settings: The configured drive.
-        traits: In what it differs.
+        traits: Its deviations.
         cycle_s: Interpolation period until 60C2 or 1006 is written.
     """
     units = AxisUnits.of(settings, traits.polarity)

@@ -123,7 +123,7 @@ PDOMapping={int(entry.mappable is not Mappable.NO)}{limits}"""
 
 
 def _access(entry: Entry) -> str:
-    """AccessType; where a PDO may carry what SDO may write, in its direction."""
+    """AccessType; for objects that are writable by SDO and mappable, with the direction."""
     if entry.access is Access.RW and entry.mappable is Mappable.RPDO:
         return "rww"
     return "rwr" if entry.access is Access.RW and entry.mappable is Mappable.TPDO else entry.access.value

@@ -1,7 +1,7 @@
-"""PDOs of a simulated drive: communication and mapping parameters, and what they make of a frame.
+"""PDOs of a simulated drive: communication and mapping parameters, packing and unpacking of frames.
 
-A PDO may be mapped anew while its COB-ID has bit 31 set, as CiA 301 prescribes: disable, set the count to 0,
-write the entries, set the count, set the type, enable. Every write that this order forbids is refused.
+A PDO may be remapped while its COB-ID has bit 31 set, as CiA 301 prescribes: disable, set the count to 0, write the
+entries, set the count, set the type, enable. Every write that violates this order is refused.
 
 References:
     CiA 301, 7.5.2.35 to 7.5.2.38 (1400, 1600, 1800, 1A00).
@@ -20,26 +20,26 @@ _MAX_BITS = 64
 
 
 class Pdo:
-    """One PDO of a drive, kept in step with its parameters.
+    """One PDO of a drive, kept consistent with its parameters.
 
     Args:
         direction: As seen from the drive.
-        number: Counted from 0.
+        number: Number of the PDO, from 0.
         node_id: Node id of the drive.
         dictionary: Its objects; the PDO's parameters are added.
-        mapped: What it carries at first; without it the PDO is disabled at first. A complete dictionary says it all
-            itself: which parameters there are, who may write them, and what is mapped.
+        mapped: Initial mapping; if empty, the PDO is initially disabled. A complete dictionary takes precedence: it
+            defines which parameters exist, their access, and the mapping.
 
     Attributes:
-        cob_id: Identifier in use, None while disabled.
+        cob_id: Identifier in use; None while disabled.
         type: Transmission type.
         synchronous: Whether SYNC latches or sends it.
-        timer_s: Event timer, 0 where there is none.
+        timer_s: Event timer; 0 if there is none.
         pending: Data of a received frame that waits for SYNC.
-        deadline_s: Receive: when the next frame is overdue, None where none is expected. Transmit: when the event
-            timer sends.
-        syncs: SYNCs since the last transmission.
-        last_event: Transmit, event-driven: what was sent last of the objects that trigger.
+        deadline_s: Receive: when the next frame is overdue; None if none is expected. Transmit: when the event timer
+            sends.
+        syncs: Number of SYNCs since the last transmission.
+        last_event: Transmit, event-driven: last sent value of the triggering objects.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Pdo:
         self.refresh()
 
     def refresh(self) -> None:
-        """Take over the parameters and forget what was under way."""
+        """Apply the parameters and discard pending frames and timers."""
         values = self._dictionary.values
         word = values[self._cob_entry.key]
         self.cob_id = None if word & od.PDO_DISABLED else word & 0x7FF
@@ -109,7 +109,7 @@ class Pdo:
         return self._struct.pack(*[values[key] for key in self._keys])
 
     def _mapped_entries(self) -> list[Entry]:
-        """Entries that the mapping names; none, and no PDO, where a description maps what it does not have."""
+        """Mapped entries; empty, with the PDO disabled, if a description maps objects that it does not have."""
         values, known = self._dictionary.values, self._dictionary.entries
         words = [
             values.get(self._direction.map_entry(self._number, position).key, 0)
@@ -129,14 +129,14 @@ class Pdo:
             raise SdoAbort(Abort.VALUE_RANGE)
 
     def _check_disabled(self) -> None:
-        """Mapping changes only while the PDO is disabled, or with its count at 0 where it cannot be."""
+        """The mapping may change only while the PDO is disabled, if it can be."""
         if self._dictionary.entries[self._cob_entry.key].access is od.Access.RO:
             return
         if not self._dictionary.values[self._cob_entry.key] & od.PDO_DISABLED:
             raise SdoAbort(Abort.UNSUPPORTED_ACCESS)
 
     def _check_entry(self, word: int) -> None:
-        """Requires that a mapped object exists, with this size, and is mappable in this direction."""
+        """Require that a mapped object exists with this size, and is mappable in this direction."""
         self._check_disabled()
         if self._dictionary.values[self._count_entry.key]:
             raise SdoAbort(Abort.UNSUPPORTED_ACCESS)
@@ -149,7 +149,7 @@ class Pdo:
             raise SdoAbort(Abort.NOT_MAPPABLE)
 
     def _check_count(self, count: int) -> None:
-        """Requires that all counted entries are present and fit one frame."""
+        """Require that all counted entries are present and fit into one frame."""
         self._check_disabled()
         if count > od.PDO_MAX_ENTRIES:
             raise SdoAbort(Abort.VALUE_TOO_HIGH)

@@ -1,10 +1,9 @@
 """The simulated drives of an arm on a CAN bus: one bus object, one clock.
 
-On a wall clock a thread receives, lets the drives act, and sends. It also wakes up by itself, and the plant moves on
-without SYNC, as an arm does; what SYNC makes the drives do happens when the frame came, not when the thread got round
-to it. With a `VirtualClock` there is no thread: the drives act while a frame is being sent to them, on a
-`LockstepBus`. Time is read at SYNC only: the sender of SYNC owns the time, and the same commands give the same arm to
-the last bit.
+On a wall clock a thread receives, lets the drives act, and sends. It also wakes up by itself, and the plant continues
+without SYNC, as an arm does; actions at SYNC take effect at the frame's time stamp, not when the thread processes it.
+With a `VirtualClock` there is no thread: the drives act while a frame is being sent to them, on a `LockstepBus`. Time
+is read only at SYNC: the sender of SYNC controls time, and the same commands give bit-identical results.
 
 Faults are injected by `fail`, `drop_feedback`, `switch_off` and `switch_on`, from any thread; they take effect before
 the next frame.
@@ -34,17 +33,17 @@ from armload_drivers.simulation.plant_interface import Plant
 from armload_drivers.simulation.virtual_clock import VirtualClock
 
 WAKE_S = 0.002
-"""On a wall clock the plant is advanced at least this often."""
+"""On a wall clock the plant is advanced at least at this interval."""
 
 LONGEST_GAP_S = 0.05
-"""On a wall clock, time that passed between two looks at the bus counts for the drives' timers up to this much: a
-simulator that its computer did not let run must not take that for a silent master. The plant gets all of it."""
+"""On a wall clock, the greatest time between two reads of the bus that counts for the drives' timers: a simulator that
+was not scheduled must not mistake that for a silent master. The plant is advanced by the full time."""
 
 OLDEST_S = 0.2
-"""A SYNC whose stamp is older is of an interface whose clock is not this computer's."""
+"""If the stamp of a SYNC is older, the interface's clock is not this computer's."""
 
 MOST_FRAMES = 256
-"""Frames taken in at once before timers get their turn."""
+"""Greatest number of frames processed at once before the timers."""
 
 _NMT_COMMANDS = {command.value: command for command in NmtCommand}
 
@@ -53,15 +52,15 @@ class SimulatedDrives:
     """All drives of one arm.
 
     Args:
-        arm: The arm; the simulated drives are what it says, with the simulation's identity.
-        plant: What they move. It belongs to the drives from `start` to `stop`.
-        bus: Where they answer; a `LockstepBus` with a virtual clock. It is the caller's to open and to close, and
-            nothing else may read from it.
+        arm: The arm; the simulated drives correspond to it, with the simulation's identity.
+        plant: The plant that they drive. It belongs to the drives from `start` to `stop`.
+        bus: Their bus; a `LockstepBus` with a virtual clock. The caller opens and closes it, and nothing else may read
+            from it.
         clock: Wall clock, or the virtual clock that lockstep SYNC advances.
-        traits: Per node id, in what a drive differs.
+        traits: Deviations of drives, by node id.
 
     Attributes:
-        frames_lost: Frames that the bus did not take.
+        frames_lost: Number of frames that could not be sent.
     """
 
     def __init__(
@@ -103,7 +102,7 @@ class SimulatedDrives:
         """Switch the drives on.
 
         Raises:
-            StateError: they are on already.
+            StateError: they are already on.
         """
         if self._started:
             raise StateError("the simulated drives are already running")
@@ -125,11 +124,11 @@ class SimulatedDrives:
 
     @property
     def running(self) -> bool:
-        """Whether the drives act; `stop` raises what ended them early."""
+        """Whether the drives are active; `stop` raises the error that ended them early."""
         return self._started and self._failure is None and (self._thread is None or self._thread.is_alive())
 
     def _why_ended(self) -> str:
-        """Why the drives do not act any more; empty while they do."""
+        """Why the drives are no longer active; empty while they are."""
         if self.running:
             return ""
         return "they have been stopped" if self._failure is None else f"they ended early: {self._failure!r}"
@@ -138,7 +137,7 @@ class SimulatedDrives:
         """Switch the drives off. Idempotent.
 
         Raises:
-            SimulationError: they had ended before, because of this error.
+            SimulationError: they had ended early, because of the error that is its cause.
         """
         if not self._started:
             return
@@ -154,10 +153,10 @@ class SimulatedDrives:
         self.raise_failure()
 
     def raise_failure(self) -> None:
-        """Raise what ended the drives early, once; for owners that only wait.
+        """Raise the error that ended the drives early, once; for owners that only wait.
 
         Raises:
-            SimulationError: because of this error.
+            SimulationError: they have ended early.
         """
         failure, self._failure = self._failure, None
         if isinstance(failure, DriverError):
@@ -181,22 +180,22 @@ class SimulatedDrives:
         """Let a drive detect a fault.
 
         Args:
-            node_id: Which drive.
+            node_id: Node id of the drive.
             code: Error code (603F).
-            persistent: Whether the cause outlives a fault reset.
+            persistent: Whether the cause persists after a fault reset.
         """
         self._calls.put(lambda: self._drives[node_id].fail(code, self._now_s, persistent=persistent))
 
     def drop_feedback(self, node_id: int, cycles: int) -> None:
-        """Lose a drive's TPDOs of the next SYNCs."""
+        """Drop a drive's TPDOs for a number of SYNCs."""
         self._calls.put(lambda: setattr(self._drives[node_id], "dropped_feedback", cycles))
 
     def switch_off(self, node_id: int) -> None:
-        """Take a drive's supply away."""
+        """Switch off a drive's supply."""
         self._calls.put(self._drives[node_id].switch_off)
 
     def switch_on(self, node_id: int) -> None:
-        """Give it back: the drive boots."""
+        """Switch on a drive's supply: the drive boots."""
         self._calls.put(lambda: self._drives[node_id].switch_on(self._now_s))
 
     def _switch_all_on(self) -> None:
@@ -234,7 +233,7 @@ class SimulatedDrives:
             self._failure = error
 
     def _receive_backlog(self) -> None:
-        """Take in what is waiting before any timer looks for it; the number is bounded, in case of a flood."""
+        """Process waiting frames before the timers; the number is bounded in case of a flood."""
         for _ in range(MOST_FRAMES):
             message = self._bus.recv(0.0)
             if message is None:
@@ -242,18 +241,18 @@ class SimulatedDrives:
             self._receive(message)
 
     def _look_at_clock(self) -> None:
-        """Take over the wall clock."""
+        """Update the time from the wall clock."""
         wall_s = self._clock()
         self._now_s += min(wall_s - self._wall_s, LONGEST_GAP_S)
         self._wall_s = wall_s
 
     def _carry_out_calls(self) -> None:
-        """Run what other threads asked for; only this thread takes from the queue."""
+        """Run calls from other threads; only this thread reads the queue."""
         while not self._calls.empty():
             self._calls.get_nowait()()
 
     def _receive(self, message: can.Message) -> None:
-        """Hand a frame to those whom it concerns."""
+        """Pass a frame to the drives concerned."""
         if message.is_error_frame or message.is_remote_frame or message.is_extended_id:
             return
         cob_id, data = message.arbitration_id, message.data
@@ -280,8 +279,8 @@ class SimulatedDrives:
         """One SYNC: measure, latch, answer.
 
         Args:
-            length: Bytes of the SYNC; a drive with 1019 set wants the counter, one without wants none.
-            stamp_s: When it came, on the interface's clock.
+            length: Number of data bytes; a drive with 1019 set expects the counter, others expect none.
+            stamp_s: Its time on the interface's clock.
         """
         time_s = self._clock()
         if self._virtual is not None:
@@ -306,7 +305,7 @@ class SimulatedDrives:
             self._tick()
 
     def _tick(self) -> None:
-        """Let timers act."""
+        """Process the drives' timers."""
         for drive in self._drives.values():
             drive.tick(self._now_s)
 
@@ -320,11 +319,11 @@ class SimulatedDrives:
                 drive.command(command, self._now_s)
 
     def _invalidate_routes(self) -> None:
-        """COB-IDs may have changed."""
+        """Rebuild the routes before the next frame: COB-IDs may have changed."""
         self._routes_valid = False
 
     def _build_routes(self) -> None:
-        """Which RPDO of which drive listens to which COB-ID."""
+        """Map every COB-ID to the RPDOs that receive it."""
         self._setpoint_routes = {}
         for drive in self._drives.values():
             for pdo in drive.rpdos:
@@ -333,7 +332,7 @@ class SimulatedDrives:
         self._routes_valid = True
 
     def _send(self, cob_id: int, data: bytes) -> None:
-        """Send a frame; one that the bus does not take is lost, as on a real drive."""
+        """Send a frame; if that fails, the frame is lost, as on a real drive."""
         message = self._messages.get(cob_id)
         if message is None:
             message = self._messages[cob_id] = can.Message(arbitration_id=cob_id, is_extended_id=False)

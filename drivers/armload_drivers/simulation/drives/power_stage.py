@@ -1,15 +1,14 @@
 """The power side of one simulated drive: state machine, setpoints, ramps, following error, faults.
 
 Rules of this file:
-- Losing the master ends in what 6007 says. A quick stop begun that way does not end by itself when frames come
-  back: the controlword must first withdraw "enable operation".
-- A drive that loses its torque engages its brake; the plant does that.
+- The reaction to the loss of the master is that of 6007. A quick stop caused by it does not end by itself when frames
+  return: the controlword must first withdraw "enable operation".
+- A drive without torque engages its brake; the plant does that.
 - Time comes from `advance`, which the drive calls before anything else.
-- Setpoints are interpolated over the period that SYNC has, as drives do that lock onto it: one that is a little longer
-  than 60C2 says would else end every cycle in a stop, and torque is measured just then.
+- Setpoints are interpolated over the actual SYNC period, as in drives that lock onto it. With a period slightly longer
+  than 60C2, the axis would otherwise stop at the end of every cycle, just when torque is measured.
 
-What is simplified: halt (bit 8) is not there, 605D is kept without effect, and max torque (6072) is kept but not
-enforced.
+Simplifications: halt (bit 8) is not implemented, 605D has no effect, and max torque (6072) is not enforced.
 
 References:
     CiA 402-2, 8 (device control), 10.4 (quick stop), 11 (interpolated position mode), 14 (cyclic
@@ -39,29 +38,29 @@ _WINDOW_OFF = 0xFFFF_FFFF
 _SHORTEST_STOP_S = 1e-3
 _STAYS_IN_QUICK_STOP = frozenset({5, 6, 7, 8})
 _SLOW_DOWN_OPTIONS = {5: od.DISABLE_OPTION, 8: od.SHUTDOWN_OPTION}
-"""Option code that says how a drive leaves operation, by the number of the transition."""
+"""Option code for leaving operation, by the number of the transition."""
 _IP, _CSP = int(OperationMode.INTERPOLATED_POSITION), int(OperationMode.CYCLIC_SYNCHRONOUS_POSITION)
 
 _LOCK_RANGE, _LOCK_GAIN = 0.5, 0.1
-"""SYNC periods that differ from 60C2 by less than this share are followed, by this share of their difference each."""
+"""SYNC periods within this share of 60C2 are followed, by this share of the difference per cycle."""
 
 _ENABLED = State.OPERATION_ENABLED
 _I16, _I32 = DataType.I16, DataType.I32
-"""Names of their own, because Python 3.11 takes 0.3 us to find a member of an enumeration by its class."""
+"""Cached, because Python 3.11 takes 0.3 us to look up a member of an enumeration."""
 
 Report = Callable[[int], None]
-"""Reports an error code; 0 where none is left."""
+"""Reports an error code; 0 if there is no error any more."""
 
 
 class PowerStage:
-    """What moves one axis.
+    """The power stage of one axis.
 
     Args:
         settings: The configured drive.
-        traits: In what the drive differs.
+        traits: Deviations of the drive.
         axis: Its axis in the plant.
-        plant: What it moves; the axis is without torque at first.
-        dictionary: The drive's objects; those of CiA 402 are kept up to date here.
+        plant: The plant; the axis is initially without torque.
+        dictionary: The drive's objects; those of CiA 402 are updated here.
         report: Called with the code of an error.
 
     Attributes:
@@ -105,7 +104,7 @@ class PowerStage:
             raise SdoAbort(Abort.DEVICE_STATE)
 
     def _take_settings(self) -> None:
-        """Take over objects that the cycle needs in another form."""
+        """Convert objects that the cycle needs in another form."""
         values = self._values
         self._units = AxisUnits.of(self._settings, values[od.POLARITY.key])
         self._configured_period_s = values[od.INTERPOLATION_TIME.key] * 10.0 ** values[od.INTERPOLATION_EXPONENT.key]
@@ -114,13 +113,13 @@ class PowerStage:
             values[od.MODE_DISPLAY.key] = values[od.MODE.key]
 
     def advance(self, now_s: float) -> None:
-        """Let time pass: a ramp may end."""
+        """Advance the time: a ramp may end."""
         self._now_s = now_s
         if self._ramp_end_s is not None and now_s >= self._ramp_end_s:
             self._finish_ramp()
 
     def lock_onto_sync(self, time_s: float) -> None:
-        """Follow the period of SYNC, which came at a time."""
+        """Adapt to the period of SYNC, given the time of the last one."""
         before_s, self._sync_s = self._sync_s, time_s
         if before_s is not None:
             late_s = time_s - before_s - self._configured_period_s
@@ -128,7 +127,7 @@ class PowerStage:
                 self._period_s += _LOCK_GAIN * (self._configured_period_s + late_s - self._period_s)
 
     def measure_at_rest(self) -> None:
-        """Store the position between SYNCs, for SDO; without drawing noise."""
+        """Store the position between SYNCs, for SDO; without noise."""
         position = self._plant.hold_position(self._axis)
         self._values[od.POSITION_ACTUAL.key] = saturate(position * self._units.counts_per_rad, _I32)
 
@@ -190,7 +189,7 @@ class PowerStage:
                 self._begin_stop(self._values[option.key])
 
     def _follow(self, word: int) -> None:
-        """Hand setpoints to the plant."""
+        """Pass setpoints to the plant."""
         values = self._values
         mode = values[od.MODE_DISPLAY.key]
         if mode == _CSP:
@@ -205,14 +204,14 @@ class PowerStage:
         self._plant.set_target(self._axis, limited / self._units.counts_per_rad, self._period_s)
 
     def _add_torque(self) -> None:
-        """Hand the torque offset to the plant: the torque loop takes it on every ramp as well."""
+        """Pass the torque offset to the plant; it also acts during ramps."""
         offset = self._values[od.TORQUE_OFFSET.key]
         if offset != self._offset_permille:
             self._offset_permille = offset
             self._plant.set_torque_offset(self._axis, offset * self._units.torque_nm_per_permille)
 
     def supervise_lag(self) -> None:
-        """Fault where the following error stays outside 6065 for 6066."""
+        """Fault if the following error stays outside 6065 for the time in 6066."""
         window = self._values[od.FOLLOWING_ERROR_WINDOW.key]
         if (
             self.machine.state is not _ENABLED
@@ -238,7 +237,7 @@ class PowerStage:
         self._ramp_end_s = self._now_s + over_s
 
     def _finish_ramp(self) -> None:
-        """The axis stands: what a quick stop or a fault reaction ends in."""
+        """End a quick stop or fault reaction at standstill."""
         self._ramp_end_s = None
         if self.machine.state is State.FAULT_REACTION_ACTIVE:
             self.machine.fault_reaction_done()
@@ -253,7 +252,7 @@ class PowerStage:
             self.remove_torque()
 
     def remove_torque(self) -> None:
-        """Torque off; nothing of the old motion remains."""
+        """Remove torque and reset all motion state."""
         self._ramp_end_s = None
         self._lag_since_s = None
         self._limited = False
@@ -279,11 +278,11 @@ class PowerStage:
         return word
 
     def fail(self, code: int, *, persistent: bool = False) -> None:
-        """Detect a fault: report it, react as 605E says, then FAULT.
+        """Detect a fault: report it, react according to 605E, then enter FAULT.
 
         Args:
             code: Error code.
-            persistent: The cause stays, and with it FAULT, whatever the master resets.
+            persistent: Whether the cause persists, so that a fault reset has no effect.
         """
         if self.machine.state in {State.FAULT, State.FAULT_REACTION_ACTIVE}:
             return
@@ -297,13 +296,13 @@ class PowerStage:
             self._finish_ramp()
 
     def lose_master(self, code: int) -> bool:
-        """React as 6007 says.
+        """React to the loss of the master according to 6007.
 
         Args:
-            code: Error code of the loss; a fault carries it.
+            code: Error code of the loss, used if the reaction is a fault.
 
         Returns:
-            Whether the reaction is a fault, which has been reported then.
+            Whether the reaction is a fault, which has then been reported.
         """
         if self.machine.state is not _ENABLED:
             return False

@@ -1,7 +1,7 @@
-"""An object dictionary and the SDO server in front of it, without a bus.
+"""An object dictionary and its SDO server, without a bus.
 
-Expedited and segmented transfers in both directions. Block transfers are refused with the abort code that
-the standard has for it; a client then falls back.
+Expedited and segmented transfers in both directions. Block transfers are refused with the standard's abort code;
+clients then fall back to segmented ones.
 
 References:
     CiA 301, 7.2.4 (SDO protocol), table 22 (abort codes).
@@ -43,7 +43,7 @@ class Abort(IntEnum):
 
 
 class SdoAbort(Exception):
-    """A transfer is refused; never leaves the drive but as an abort frame.
+    """A transfer is refused; leaves the drive only as an abort frame.
 
     Attributes:
         code: The reason.
@@ -62,12 +62,11 @@ class Dictionary:
         entries: Entries by key.
         values: Integer values by key; the device reads and writes these directly.
         texts: Values of strings by key.
-        allowed: Values that a write may have, by key; all that the type holds where there is none.
+        allowed: Permitted values by key; without an entry, all values of the type.
         vetoes: Called with the new value before a write by SDO; raises `SdoAbort` to refuse it.
         reactions: Called after a write by SDO.
         forgets: Indices of objects that confirm every write and keep their value.
-        complete: All entries are there: one that is added from now on is not found by SDO, and the device keeps its
-            value.
+        complete: Whether all entries exist: one added later is not accessible by SDO, but the device stores its value.
     """
 
     entries: dict[int, Entry] = field(default_factory=dict)
@@ -80,7 +79,7 @@ class Dictionary:
     complete: bool = False
 
     def add(self, entry: Entry, value: int | str) -> None:
-        """Add an entry with its first value; one that a complete dictionary has keeps its own."""
+        """Add an entry with its initial value; an existing value in a complete dictionary is kept."""
         if self.complete:
             if isinstance(value, int):
                 self.values.setdefault(entry.key, value)
@@ -92,12 +91,12 @@ class Dictionary:
             self.values[entry.key] = value
 
     def remove(self, indices: Iterable[int]) -> None:
-        """Take whole objects out, so that SDO does not find them; the device keeps its values."""
+        """Remove objects from SDO access; the device keeps their values."""
         gone = set(indices)
         self.entries = {key: entry for key, entry in self.entries.items() if entry.index not in gone}
 
     def _find(self, index: int, subindex: int) -> Entry:
-        """Entry, or the abort that says what is missing."""
+        """An entry; raises the abort for a missing object or sub-index."""
         entry = self.entries.get(index << 8 | subindex)
         if entry is None:
             known = any(key >> 8 == index for key in self.entries)
@@ -105,7 +104,7 @@ class Dictionary:
         return entry
 
     def upload(self, index: int, subindex: int) -> bytes:
-        """Bytes of an object, as SDO transports them."""
+        """Bytes of an object for SDO."""
         entry = self._find(index, subindex)
         if entry.access is Access.WO:
             raise SdoAbort(Abort.WRITE_ONLY)
@@ -114,11 +113,11 @@ class Dictionary:
         value = self.values[entry.key]
         if entry.type.is_real:
             return struct.pack("<" + entry.type.code, value)
-        # Of what does not fit the low bytes are sent: a description may give an object a type that is too small.
+        # Too large a value is truncated to its low bytes: a description may give an object too small a type.
         return (value & (1 << entry.type.bits) - 1).to_bytes(entry.type.bits // 8, "little")
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object from the bytes that SDO transported."""
+        """Write an object from the bytes of an SDO transfer."""
         entry = self._find(index, subindex)
         if entry.access is Access.RO:
             raise SdoAbort(Abort.READ_ONLY)
@@ -144,7 +143,7 @@ class SdoServer:
     """Answers one client.
 
     Args:
-        dictionary: What it serves.
+        dictionary: The objects.
     """
 
     def __init__(self, dictionary: Dictionary) -> None:
@@ -156,7 +155,7 @@ class SdoServer:
         self._incoming: bytearray | None = None
 
     def receive(self, request: bytes) -> bytes | None:
-        """Take in a request and return the answer of eight bytes; None where there is none."""
+        """Process a request and return the answer of eight bytes; None if there is none."""
         if len(request) != 8:
             return self._abort(Abort.UNKNOWN_COMMAND)
         command = request[0]
@@ -178,12 +177,12 @@ class SdoServer:
             return self._abort(refusal.code)
 
     def _abort(self, code: Abort) -> bytes:
-        """Abort frame for the transfer under way."""
+        """Abort frame for the present transfer."""
         self._outgoing, self._incoming = None, None
         return _ABORT.pack(0x80, self._index, self._subindex, code)
 
     def _initiate_upload(self, _: int, request: bytes) -> bytes:
-        """Answer a read: at once where it fits, else announce the size."""
+        """Answer a read: with the data if they fit into the frame, else with their size."""
         _, self._index, self._subindex = _INITIATE.unpack_from(request)
         data = self._dictionary.upload(self._index, self._subindex)
         if 0 < len(data) <= 4:
@@ -203,7 +202,7 @@ class SdoServer:
         return bytes([head]) + data.ljust(_SEGMENT, b"\0")
 
     def _initiate_download(self, command: int, request: bytes) -> bytes:
-        """Take a write: at once where it is expedited, else wait for segments."""
+        """Process a write: immediately if it is expedited, else after its segments."""
         _, self._index, self._subindex = _INITIATE.unpack_from(request)
         if command & _EXPEDITED:
             size = 4 - (command >> 2 & 3) if command & _SIZED else self._expected_size()
@@ -213,7 +212,7 @@ class SdoServer:
         return _INITIATE.pack(0x60, self._index, self._subindex).ljust(8, b"\0")
 
     def _expected_size(self) -> int:
-        """Bytes of the object, for clients that do not announce how many they send."""
+        """Size of the object in bytes, for clients that do not state how many they send."""
         entry = self._dictionary.entries.get(self._index << 8 | self._subindex)
         return 4 if entry is None else entry.type.bits // 8
 
@@ -229,7 +228,7 @@ class SdoServer:
         return bytes([0x20 | self._toggle_bit()]).ljust(8, b"\0")
 
     def _check_toggle(self, command: int) -> None:
-        """The toggle bit alternates, beginning with 0."""
+        """Check that the toggle bit alternates, starting with 0."""
         if bool(command & _TOGGLE) != bool(self._toggle):
             raise SdoAbort(Abort.TOGGLE)
 

@@ -1,13 +1,12 @@
-"""One simulated CiA 402 drive: what a slave does with frames, SYNC and time. No bus, no thread, no clock.
+"""One simulated CiA 402 drive: a slave's reaction to frames, SYNC and time. No bus, no thread, no clock.
 
 Rules of this file:
-- Whatever a frame or the passing of time causes is decided here and in `simulated_power`; `simulated_drives` only
-  carries frames.
-- At SYNC the drive first stores the actual values, then latches the RPDO that came before, obeys it, and sends
-  its TPDOs, so that the statusword already answers the controlword that this SYNC latched.
-- A lost master (1016), an overdue RPDO (1400:5) and leaving OPERATIONAL with torque on end in what 6007 says.
+- The effects of frames and of time are decided here and in `power_stage`; `drives_on_bus` only transports frames.
+- At SYNC the drive first stores the actual values, then latches the last RPDO, obeys it, and sends its TPDOs, so that
+  the statusword already reflects the controlword latched by this SYNC.
+- The reaction to a lost master (1016), an overdue RPDO (1400:5) and leaving OPERATIONAL with torque on is that of 6007.
 
-What is simplified: an NMT reset of communication resets the whole node.
+Simplification: an NMT reset of communication resets the entire node.
 
 References:
     CiA 301, 7.2 (services), 7.3 (NMT).
@@ -39,10 +38,10 @@ RPDO_OVERDUE = 0x8250
 _COMMUNICATION_ERROR, _PROFILE_ERROR = 0x11, 0x21
 """Error register (1001): generic, and communication or device profile."""
 _REMOTE = 0x0200
-"""Bit 9 of the statusword: PDOs are obeyed."""
+"""Bit 9 of the statusword: PDOs are processed."""
 
 _OPERATIONAL = NmtState.OPERATIONAL
-"""A name of its own, because Python 3.11 takes 0.3 us to find a member of an enumeration by its class."""
+"""Cached, because Python 3.11 takes 0.3 us to look up a member of an enumeration."""
 
 Send = Callable[[int, bytes], None]
 """Sends a frame: COB-ID and data."""
@@ -54,18 +53,18 @@ class SimulatedDrive:
     Args:
         settings: The configured drive.
         axis: Its axis in the plant.
-        plant: What it moves.
+        plant: The plant that it drives.
         cycle_s: Configured cycle.
-        traits: In what it differs from the configured drive.
+        traits: Deviations from the configured drive.
         send: Sends a frame.
         rerouted: Called when COB-IDs of RPDOs may have changed.
 
     Attributes:
         node_id: Node id.
         state: NMT state; None while it has no supply.
-        power: What moves its axis.
+        power: Its power stage.
         rpdos: Receive PDOs.
-        dropped_feedback: TPDOs of so many SYNCs to come are not sent; a fault to be injected.
+        dropped_feedback: Number of next SYNCs after which TPDOs are not sent; an injected fault.
     """
 
     def __init__(
@@ -89,7 +88,7 @@ class SimulatedDrive:
         self._initialise()
 
     def _initialise(self) -> None:
-        """Everything as after power-on."""
+        """Set everything to the state after power-on."""
         node_id = self.node_id
         self.dictionary = dictionary = build_dictionary(self._settings, self._traits, self._cycle_s)
         described = self._traits.description
@@ -138,7 +137,7 @@ class SimulatedDrive:
         return refresh
 
     def _list_enabled(self) -> None:
-        """Which PDOs are in use."""
+        """Update the lists of PDOs in use."""
         self._enabled_rpdos, self._enabled_tpdos = (
             tuple(pdo for pdo in pdos if pdo.cob_id is not None) for pdos in (self.rpdos, self.tpdos)
         )
@@ -151,12 +150,12 @@ class SimulatedDrive:
         self._boot()
 
     def switch_off(self) -> None:
-        """Supply off: nothing answers any more, the brake falls in."""
+        """Supply off: the drive no longer answers, and its brake engages."""
         self.power.remove_torque()
         self.state = None
 
     def _boot(self) -> None:
-        """Reset and announce; then PRE-OPERATIONAL by itself."""
+        """Reset, send the boot-up message, and enter PRE-OPERATIONAL."""
         self.power.remove_torque()
         now_s = self._now_s
         self._initialise()
@@ -191,18 +190,18 @@ class SimulatedDrive:
             self._report_state()
 
     def fail(self, code: int, now_s: float, *, persistent: bool = False) -> None:
-        """Detect a fault; see `PowerStage.fail`. Without effect while there is no supply."""
+        """Detect a fault; see `PowerStage.fail`. Has no effect without supply."""
         self._pass_time(now_s)
         if self.state is not None:
             self.power.fail(code, persistent=persistent)
 
     def _pass_time(self, now_s: float) -> None:
-        """Every entry from outside begins here."""
+        """Advance the time; every call from outside begins with this."""
         self._now_s = now_s
         self.power.advance(now_s)
 
     def _report_state(self) -> None:
-        """Bring the statusword up to date."""
+        """Update the statusword."""
         remote = _REMOTE if self.state is _OPERATIONAL else 0
         self._reported = self.power.machine.state
         self._values[od.STATUSWORD.key] = self.power.statusword | remote
@@ -210,7 +209,7 @@ class SimulatedDrive:
     # Frames --------------------------------------------------------------------------------------------------
 
     def request(self, data: bytes | bytearray, now_s: float) -> None:
-        """Serve an SDO request."""
+        """Process an SDO request."""
         self._pass_time(now_s)
         if self.state in {NmtState.PRE_OPERATIONAL, _OPERATIONAL}:
             self.power.measure_at_rest()
@@ -220,7 +219,7 @@ class SimulatedDrive:
                 self._send(od.SDO_TX_BASE + self.node_id, answer)
 
     def _serve(self, request: bytes) -> bytes | None:
-        """Answer of the SDO server, or what the traits say instead."""
+        """Answer of the SDO server, or the one that the traits define."""
         decide = self._traits.on_request
         verdict = None if decide is None else decide(request)
         if verdict is None:
@@ -228,7 +227,7 @@ class SimulatedDrive:
         return None if verdict == SILENCE else struct.pack("<B3sI", 0x80, request[1:4], verdict)
 
     def setpoints(self, pdo: Pdo, data: bytes | bytearray, now_s: float) -> None:
-        """Take in an RPDO; SYNC latches it, or it acts at once where it is event-driven."""
+        """Process an RPDO; SYNC latches it, or it acts immediately if it is event-driven."""
         self._pass_time(now_s)
         if self.state is not _OPERATIONAL:
             return
@@ -244,7 +243,7 @@ class SimulatedDrive:
             self._obey_and_report()
 
     def heard(self, node_id: int, now_s: float) -> None:
-        """Take in another node's heartbeat."""
+        """Process another node's heartbeat."""
         watched = self._values[od.HEARTBEAT_CONSUMER.key]
         if watched >> 16 & 0x7F == node_id and watched & 0xFFFF:
             self._master_overdue_s = now_s + (watched & 0xFFFF) * 1e-3
@@ -252,11 +251,11 @@ class SimulatedDrive:
     # The cycle -----------------------------------------------------------------------------------------------
 
     def sync(self, now_s: float, length: int = 0) -> None:
-        """Latch, obey and answer. `power.measure` comes first.
+        """Latch, obey and answer; call `power.measure` first.
 
         Args:
             now_s: Time.
-            length: Bytes of the SYNC; one that does not fit 1019 is reported and not obeyed.
+            length: Number of data bytes of the SYNC; one that contradicts 1019 is reported and ignored.
         """
         self._pass_time(now_s)
         if self.state is not _OPERATIONAL:
@@ -282,7 +281,7 @@ class SimulatedDrive:
                     self._transmit(pdo)
 
     def tick(self, now_s: float) -> None:
-        """Let the drive's own timers act."""
+        """Process the drive's own timers."""
         self._pass_time(now_s)
         if self.state is None:
             return
@@ -308,7 +307,7 @@ class SimulatedDrive:
             self._send(pdo.cob_id, pdo.pack())
 
     def _send_events(self) -> None:
-        """Send event-driven TPDOs: on a new statusword, and when their timer is over."""
+        """Send event-driven TPDOs: on a new statusword, and when their timer expires."""
         for pdo in self._enabled_tpdos:
             if pdo.synchronous or self.state is not _OPERATIONAL:
                 continue
@@ -320,7 +319,7 @@ class SimulatedDrive:
                 self._transmit(pdo)
 
     def _obey_and_report(self) -> None:
-        """Obey a controlword that came without SYNC."""
+        """Obey a controlword received without SYNC."""
         self.power.obey()
         self._report_state()
         self._send_events()
@@ -328,7 +327,7 @@ class SimulatedDrive:
     # Errors --------------------------------------------------------------------------------------------------
 
     def _report_fault(self, code: int) -> None:
-        """The power stage has a fault, or none any more (0)."""
+        """Announce a fault of the power stage, or that there is none any more (0)."""
         if code:
             self._announce(code, _PROFILE_ERROR)
         else:
@@ -337,7 +336,7 @@ class SimulatedDrive:
             self._send(od.EMERGENCY_BASE + self.node_id, emergency.pack(0, 0))
 
     def _announce(self, code: int, register: int) -> None:
-        """Send an emergency message and keep its code."""
+        """Send an emergency message and store its code."""
         values = self._values
         values[od.ERROR_CODE.key] = code
         values[od.ERROR_REGISTER.key] = register
@@ -350,12 +349,12 @@ class SimulatedDrive:
             self._send(od.EMERGENCY_BASE + self.node_id, emergency.pack(code, register))
 
     def _lose_connection(self, code: int) -> None:
-        """The master is not heard any more: send an emergency message and react as 6007 says."""
+        """React to the loss of the master: send an emergency message and follow 6007."""
         if not self.power.lose_master(code):
             self._announce(code, _COMMUNICATION_ERROR)
 
     def _lose_master(self) -> None:
-        """The heartbeat being watched is overdue: 6007, then 1029."""
+        """React to the overdue heartbeat of the master: 6007, then 1029."""
         self._lose_connection(HEARTBEAT_LOST)
         behaviour = self._values[od.COMMUNICATION_ERROR_BEHAVIOUR.key]
         if behaviour == 0 and self.state is _OPERATIONAL:
@@ -369,5 +368,5 @@ class SimulatedDrive:
         self._heartbeat_due_s = self._now_s + period_ms * 1e-3 if period_ms else None
 
     def _restart_consumer(self) -> None:
-        """1016 was written: watching begins with the next heartbeat."""
+        """1016 was written: monitoring starts with the next heartbeat."""
         self._master_overdue_s = None
