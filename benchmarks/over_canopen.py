@@ -17,16 +17,17 @@ from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.joint_torque import Transmission
 
 
-def commissioned(pool: Executor, robot_name: str, transmission: Transmission) -> Identification:
+def commissioned(pool: Executor, robot_name: str, transmission: Transmission, seed: int) -> Identification:
     """Both halves of a commissioning over CANopen, each in its own process, and the identification from them.
 
     Args:
         pool: Processes.
         robot_name: Name of a shipped robot.
         transmission: Gains for the identification.
+        seed: Decides the noise; 0 is that of the shipped simulation.
     """
     with tempfile.TemporaryDirectory() as directory:
-        halves = [pool.submit(_record, robot_name, load, directory) for load in Load]
+        halves = [pool.submit(_record, robot_name, load, directory, seed) for load in Load]
         for half in halves:
             half.result()
         robot = load_robot(robot_name)
@@ -34,11 +35,14 @@ def commissioned(pool: Executor, robot_name: str, transmission: Transmission) ->
         return identify(runs.loaded, runs.unloaded, robot.chain, transmission)
 
 
-def _record(robot_name: str, load: Load, directory: str) -> None:
+def _record(robot_name: str, load: Load, directory: str, seed: int) -> None:
     """One half; the validation run, which is not needed here, is a single period."""
     robot = load_robot(robot_name)
     short = Excitation(robot.excitations["validation"].trajectory, 1)
-    robot = replace(robot, excitations=robot.excitations | {"validation": short})
+    tables = robot.source.tables
+    noisy = robot.source.simulation.model_copy(update={"seed": robot.source.simulation.seed + len(Load) * seed})
+    source = replace(robot.source, tables=tables.model_copy(update={"simulation": noisy}))
+    robot = replace(robot, excitations=robot.excitations | {"validation": short}, source=source)
     # Both halves run in parallel, each in its own process with its own virtual bus.
     record_half(robot, load, lambda which: simulated_arm(robot, which), Path(directory), no_operator(), "benchmark")
 
