@@ -162,8 +162,6 @@ def test_a_terminal_that_accepts_nothing_does_not_halt_what_reports_its_progress
 
 NOTED = """
 import sys
-import termios
-import threading
 from armload_controller.cli import main
 from armload_controller.control_errors import MotionError
 from armload_drivers.driver_errors import BusError
