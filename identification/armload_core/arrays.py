@@ -1,4 +1,4 @@
-"""The array type of the whole program."""
+"""The array type used throughout the program."""
 
 from __future__ import annotations
 

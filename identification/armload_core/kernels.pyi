@@ -1,8 +1,9 @@
 """Types of the compiled kernels.
 
-Functions that end in `_into` take C-contiguous arrays of float64 (links and indices: int64) and fill the one they are
-given. States q, dq, ddq are (N, n) in rad, rad/s, rad/s2; n is 1 to MOST_JOINTS; `packed` is `Chain.packed`. They let
-other threads run, and raise TypeError for another type of array and ValueError for another shape.
+Functions that end in `_into` take C-contiguous arrays of float64 (links and indices: int64) and write their result to
+the array `out` or as named. States q, dq, ddq are (N, n) in rad, rad/s, rad/s2; n is 1 to MOST_JOINTS; `packed` is
+`Chain.packed`. They release the interpreter's lock, and raise TypeError for an array of another type and ValueError for
+one of another shape.
 """
 
 import numpy as np
@@ -11,13 +12,13 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 
 MOST_JOINTS: int
-"""Joints of the longest chain that the kernels take."""
+"""Greatest number of joints of a chain."""
 MOST_JOINTS_OF_A_MESSAGE: int
-"""Numbers in an array of a recorded message that the kernels take."""
+"""Greatest number of joints in a recorded message."""
 BODY_PARAMETERS: int
-"""Inertial parameters of a body."""
+"""Number of inertial parameters of a body."""
 BOX_NUMBERS: int
-"""A box in numbers: its axes as the columns of a rotation, by rows, 9; centre 3; half of its edges 3."""
+"""Numbers of a box: rotation with the box's axes as columns, stored row by row (9), centre (3), half edges (3)."""
 
 def regressor_into(
     joints: int, packed: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray, /
@@ -28,7 +29,7 @@ def body_regressor_into(packed: FloatArray, q: FloatArray, dq: FloatArray, ddq: 
     """Regressors of all links side by side, into zeroed out (N, n, 10 n)."""
 
 def payload_torque_into(model: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray, /) -> None:
-    """Torque in N m of a payload into out (N, n); `model` is `packed` with the payload's ten parameters behind."""
+    """Torque in N m of a payload into out (N, n); `model` is `packed` followed by the payload's ten parameters."""
 
 def arm_torque_into(
     packed: FloatArray, links: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray, /
@@ -45,7 +46,7 @@ def arm_torque_slope_into(
     slope: FloatArray,
     /,
 ) -> None:
-    """Derivative of the torques' sum, weighted by (N, n), by q, dq and ddq into zeroed slope (3, N, n)."""
+    """Derivative of the sum of weight (N, n) times torque by q, dq and ddq, into zeroed slope (3, N, n)."""
 
 def information_into(
     packed: FloatArray, weight: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray, /
@@ -81,15 +82,15 @@ def clearances_into(
 
     Args:
         packed: The arm.
-        links: (S,) what each sphere is fixed in: 0 the base, i the link that turns with joint i.
-        spheres: (S, 4) centre in that link's turned frame, and radius.
-        planes: (., 4) unit normal that points to where the arm may be, and distance from the origin along it.
-        on_plane: (., 2) sphere and plane.
-        boxes: (., BOX_NUMBERS).
-        on_box: (., 2) sphere and box.
-        pairs: (., 2) spheres.
+        links: (S,) link to which each sphere is fixed: 0 the base, i the link that moves with joint i.
+        spheres: (S, 4) centre in that link's turned frame and radius, in m.
+        planes: (., 4) unit normal towards the free side, and distance of the plane from the origin along it in m.
+        on_plane: (., 2) indices of sphere and plane.
+        boxes: (., BOX_NUMBERS) boxes, in m.
+        on_box: (., 2) indices of sphere and box.
+        pairs: (., 2) indices of two spheres.
         q: (N, n) configurations in rad.
-        out: (N, K), K as many as on_plane, on_box and pairs have rows.
+        out: (N, K), K the total number of rows of on_plane, on_box and pairs.
     """
 
 def clearance_slope_into(
@@ -114,35 +115,37 @@ def sine_cosine_into(angle: FloatArray, sine: FloatArray, cosine: FloatArray, /)
 def joint_rows_into(
     records: bytes, at: int, channels: bytes, arrays: int, joints: int, table: FloatArray, /
 ) -> tuple[int, int, int]:
-    """Rows of numbers from the messages of an own recording, until something follows that is left to the caller.
+    """Rows of numbers from the messages of a recording, up to the first record that is left to the caller.
 
-    That is a channel, a message that is not exactly what the recorder writes, one that is not whole, or a full table.
-    Records of other kinds and channels are passed over.
+    That is a channel, a truncated message, or one that is not exactly as the recorder writes it. The scan also stops
+    when the table is full. Records of other kinds and channels are skipped.
 
     Args:
-        records: MCAP records, one behind the other.
-        at: Where in them to begin.
+        records: Consecutive MCAP records.
+        at: Offset at which to begin.
         channels: Numbers of the topic's channels, two bytes each, low byte first.
-        arrays: Which arrays a row holds behind the position: 1 velocity_rad_s, 2 current_a, 4 torque_nm.
-        joints: Numbers in an array.
-        table: (N, 2 + joints (1 + arrays)) rows to fill: time_s, phase_s (NaN for null), position_rad, the arrays.
+        arrays: Sum of the arrays that a row holds after the position: 1 velocity_rad_s, 2 current_a, 4 torque_nm.
+        joints: Length of each array.
+        table: (N, 2 + joints (1 + number of arrays)) rows to fill: time_s, phase_s (NaN for null), position_rad,
+            arrays.
 
     Returns:
-        Rows filled, messages passed over because their feedback is missing, and where the next record begins.
+        Number of rows filled, number of messages skipped because their feedback is missing, and the offset of the next
+        record.
     """
 
 def variants() -> list[str]:
-    """Names of the instruction sets that the kernels are there for and this processor has; the first one is in use."""
+    """Instruction sets that have kernels and that this processor supports; the first is the default."""
 
 def use_variant(name: str, /) -> None:
-    """Choose kernels by instruction set, for the whole process: for tests and benchmarks."""
+    """Select the kernels' instruction set for the process, in tests and benchmarks."""
 
 class PayloadTorque:
-    """Torque of a payload for one state after the other, without any allocation.
+    """Torque of a payload, state by state, without allocation.
 
     Args:
-        model: (25 + 21 n,) `Chain.packed` with the payload's ten parameters behind; copied.
-        torque: (n,) the array that every call fills and returns.
+        model: (25 + 21 n,) `Chain.packed` followed by the payload's ten parameters; copied.
+        torque: (n,) array that every call fills and returns, in N m.
     """
 
     def __init__(self, model: FloatArray, torque: FloatArray, /) -> None: ...
@@ -152,37 +155,37 @@ class PayloadTorque:
         """Joint torques for one state.
 
         Args:
-            position_rad: (n,) joint positions; arrays of float64 are the fast way, anything else is converted.
+            position_rad: (n,) joint positions; arrays of float64 are fastest, anything else is converted.
             velocity_rad_s: (n,) joint velocities.
             acceleration_rad_s2: (n,) joint accelerations.
 
         Returns:
-            (n,) torques; the array is this object's own and changes with the next call.
+            (n,) torques; the array belongs to this object and changes with the next call.
 
         Raises:
-            ValueError: a state that is not of n joints.
+            ValueError: a state does not have n joints.
         """
 
     def change_parameters(self, theta: FloatArray, calls: int, /) -> None:
-        """Go to other parameters over a number of calls, with rest at both ends; from any thread.
+        """Blend to other parameters over a number of calls, with zero slope at both ends; from any thread.
 
         Args:
-            theta: (10,) parameters.
-            calls: At least 1; the last of them has the new parameters.
+            theta: (10,) new parameters.
+            calls: Number of calls, at least 1; the last one uses the new parameters.
         """
 
 class PayloadEstimator:
-    """What a calibrated arm carries, sample by sample, without any allocation.
+    """Recursive estimate of a calibrated arm's payload, sample by sample, without allocation.
 
     Args:
-        packed: (15 + 21 n,) `Chain.packed`; this and the rest are copied.
-        links: (n, 10) the arm's links in the turned joint frames.
+        packed: (15 + 21 n,) `Chain.packed`; this and the other arrays are copied.
+        links: (n, 10) parameters of the arm's links in the turned joint frames.
         from_effort: (n, n) joint torque is effort @ from_effort.
-        rotors: (n, n) joint torque per joint acceleration of the rotors.
+        rotors: (n, n) rotor inertia: joint torque per joint acceleration, in kg m2.
         parameter: (ESTIMATOR_PARAMETERS, n) friction, speeds, noise and drift.
-        scale: (10,) standard deviation of a payload's parameters beforehand.
-        memory_s: Time after which what was seen counts 37 %.
-        delay_s: By how much later than positions the drives report efforts.
+        scale: (10,) prior standard deviations of the payload's parameters.
+        memory_s: Time constant of the exponential forgetting.
+        delay_s: Delay of the reported efforts relative to the positions.
     """
 
     def __init__(
@@ -198,19 +201,19 @@ class PayloadEstimator:
         /,
     ) -> None: ...
     def update(self, time_s: float, position_rad: FloatArray, effort: FloatArray, /) -> None:
-        """Take a sample; one that is not finite, or not later than the last, is counted and left out.
+        """Process a sample; one that is not finite, or not later than the last, is rejected and counted.
 
         Args:
-            time_s: Its stamp, of any clock.
+            time_s: Time stamp, of any clock.
             position_rad: (n,) joint positions.
             effort: (n,) motor currents in A or joint torques in N m, as the drives report them.
 
         Raises:
-            ValueError: arrays that are not float64 of n numbers.
+            ValueError: an array is not n numbers of float64.
         """
 
     def update_all(self, time_s: FloatArray, position_rad: FloatArray, effort: FloatArray, /) -> None:
-        """Take N samples, (N,) and (N, n) each."""
+        """Process N samples: (N,) times, (N, n) positions and efforts."""
 
     def read_into(
         self,
@@ -221,36 +224,36 @@ class PayloadEstimator:
         status: FloatArray,
         /,
     ) -> None:
-        """The estimate.
+        """Write the estimate to the arrays.
 
         Args:
             theta: (10,) parameters of the payload.
-            covariance: (10, 10) of them, for a misfit of 1 and an arm that is known exactly.
+            covariance: (10, 10) their covariance for an exactly known arm.
             friction: (3, n) changes of Coulomb friction, viscous friction and offset.
-            moving_s: (n,) time for which each joint moved fast enough, within the memory.
-            status: (ESTIMATOR_STATUS,) what the estimator says of itself.
+            moving_s: (n,) time within the memory in which each joint moved fast enough.
+            status: (ESTIMATOR_STATUS,) the estimator's status.
         """
 
     def rows_into(self, rows: FloatArray, /) -> int:
-        """The rows of the last 20 s, since the payload changed last; how many there are.
+        """Write the rows of the last 20 s, or since the last change of payload, and return their number.
 
         Args:
-            rows: (REMEMBERED_ROWS, 1 + 4 n) time, q, dq, ddq, joint torque; the oldest first.
+            rows: (REMEMBERED_ROWS, 1 + 4 n) time, q, dq, ddq, joint torque; oldest first.
         """
 
 class ServoLoops:
-    """The servo loops of a simulated arm, over arrays that they share with it.
+    """The servo loops of a simulated arm, on arrays shared with the simulation.
 
     Args:
         parameter: (SERVO_PARAMETERS, n) constants.
-        state: (SERVO_STATES, n) setpoints and integrators; changed.
+        state: (SERVO_STATES, n) setpoints and integrators; modified.
         to_axis: (n, n) C^-1, from joint to axis.
-        position: (hinges n,) MuJoCo's qpos in rad; the first hinge of a joint is the motor's side.
+        position: (hinges n,) MuJoCo's qpos in rad; the first hinge of a joint is the motor side.
         velocity: (hinges n,) MuJoCo's qvel in rad/s.
         link_torque: (hinges n,) torque of links and payload, in N m.
-        applied: (hinges n,) MuJoCo's qfrc_applied in N m; changed.
-        friction: (hinges n,) MuJoCo's dof_frictionloss in N m; changed.
-        greatest_speed_rad_s: A joint that is faster shows that the simulation has diverged.
+        applied: (hinges n,) MuJoCo's qfrc_applied in N m; modified.
+        friction: (hinges n,) MuJoCo's dof_frictionloss in N m; modified.
+        greatest_speed_rad_s: Above this joint speed the simulation counts as diverged.
     """
 
     def __init__(
@@ -267,39 +270,39 @@ class ServoLoops:
         /,
     ) -> None: ...
     def step(self, number: float, /) -> bool:
-        """Close all loops once; False where the simulation has diverged.
+        """Compute one step of all loops; False if the simulation has diverged.
 
         Args:
             number: Number of this step.
         """
 
     def setpoint(self, axis: int, number: float, /) -> float:
-        """Setpoint of one axis in rad: interpolation between two setpoints, held afterwards.
+        """Setpoint of one axis in rad: a ramp between two setpoints, held afterwards.
 
-        Linear, or with a speed that falls evenly from 2 (to - from) / duration to zero.
+        The ramp is linear, or its speed falls linearly from 2 (to - from) / duration to zero.
 
         Args:
             axis: Index of the axis.
-            number: Number of the step asked for.
+            number: Number of the step.
         """
 
     def ramp(self, axis: int, number: float, position: float, steps: float, slowing: bool, /) -> None:
-        """Let the setpoint of one axis go from where it is to a position, then hold it.
+        """Ramp the setpoint of one axis from its present value to a position, then hold it.
 
         Args:
             axis: Index of the axis.
-            number: Number of the step at which it begins.
-            position: Where it goes, in rad.
-            steps: Steps that it takes; 0 for at once.
-            slowing: With a speed that falls evenly to zero, instead of linearly.
+            number: Number of the step at which the ramp begins.
+            position: Final setpoint, in rad.
+            steps: Duration in steps; 0 for a step change.
+            slowing: Whether the speed falls linearly to zero instead of being constant.
         """
 
     def measure(self, number: float, out: FloatArray, /) -> None:
-        """What all axes and joints do at a step.
+        """Measurements of all axes and joints at a step.
 
         Args:
             number: Number of the step, for the setpoints.
-            out: (SERVO_MEASUREMENTS, n) filled, in rad, rad/s and N m.
+            out: (SERVO_MEASUREMENTS, n) array to fill, in rad, rad/s and N m.
         """
 
 # Rows of `parameter`, constant.
@@ -319,7 +322,7 @@ SERVO_LOSS_BACKWARD: int
 SERVO_BRAKE: int
 SERVO_PARAMETERS: int
 
-# Rows of `state`. Those down to BRAKED are set from outside, the others by the step.
+# Rows of `state`. Those up to BRAKED are inputs, the others are set by the step.
 SERVO_RAMP_FROM: int
 SERVO_RAMP_TO: int
 SERVO_RAMP_BEGIN: int  # step number
@@ -329,16 +332,16 @@ SERVO_OFFSET: int
 SERVO_POWERED: int  # 0 or 1
 SERVO_BRAKED: int  # 0 or 1
 SERVO_INTEGRAL: int
-SERVO_TORQUE: int  # of the axis, as the drive believes
-SERVO_TRUE_TORQUE: int  # of the axis
+SERVO_TORQUE: int  # of the axis, nominal: the drive's own value
+SERVO_TRUE_TORQUE: int  # of the axis, with gain error and ripple
 SERVO_STATES: int
 
-# Rows of a measurement: what a drive can know of its axis, then the truth about the joint.
+# Rows of a measurement: what the drive of an axis measures, then the true values of the joint.
 SERVO_AXIS_POSITION: int
 SERVO_AXIS_VELOCITY: int
 SERVO_AXIS_DEMAND: int
-SERVO_AXIS_TORQUE: int  # as the drive believes, without noise
-SERVO_JOINT_POSITION: int  # on the links' side of an elastic gear
+SERVO_AXIS_TORQUE: int  # nominal, without noise
+SERVO_JOINT_POSITION: int  # on the link side of an elastic gear
 SERVO_JOINT_VELOCITY: int
 SERVO_JOINT_TORQUE: int  # of the motors
 SERVO_LINK_TORQUE: int
@@ -349,10 +352,10 @@ ESTIMATOR_COULOMB: int
 ESTIMATOR_VISCOUS: int
 ESTIMATOR_ROOT: int
 ESTIMATOR_LOAD: int
-ESTIMATOR_REVERSAL: int  # speed about which the direction turns over
-ESTIMATOR_GATE: int  # speed at which a row weighs 0.7
-ESTIMATOR_NOISE: int  # of a row, as if rows were independent
-ESTIMATOR_COLOUR: int  # for how many rows noise stays like itself
+ESTIMATOR_REVERSAL: int  # speed in rad/s below which the friction direction is smoothed
+ESTIMATOR_GATE: int  # speed in rad/s at which a row has weight 0.7
+ESTIMATOR_NOISE: int  # of a row in N m, times sqrt(COLOUR): correlated rows are then counted as independent
+ESTIMATOR_COLOUR: int  # correlation length of the noise in rows
 ESTIMATOR_COULOMB_SPREAD: int
 ESTIMATOR_VISCOUS_SPREAD: int
 ESTIMATOR_OFFSET_SPREAD: int
@@ -362,12 +365,12 @@ ESTIMATOR_PARAMETERS: int
 ESTIMATOR_TIME: int
 ESTIMATOR_ROWS: int
 ESTIMATOR_REFUSED: int
-ESTIMATOR_MISFIT: int  # variance of the innovations in terms of what was expected, 1 or more
+ESTIMATOR_MISFIT: int  # variance of the innovations over the expected one, at least 1; the largest of all joints
 ESTIMATOR_CHANGE_TEST: int
 ESTIMATOR_CHANGES: int
-ESTIMATOR_CHANGED: int  # when
-ESTIMATOR_CHANGE_MASS: int  # by about how much, from the last second
-ESTIMATOR_CONTACT_RATIO: int  # torque at rest over what friction can hold
+ESTIMATOR_CHANGED: int  # time of the last change
+ESTIMATOR_CHANGE_MASS: int  # its approximate change of mass in kg, from the last second
+ESTIMATOR_CONTACT_RATIO: int  # unexplained torque at rest over the friction torque
 ESTIMATOR_CONTACT: int  # 0 or 1
 ESTIMATOR_STATUS: int
 REMEMBERED_ROWS: int

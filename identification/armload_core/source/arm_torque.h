@@ -1,4 +1,4 @@
-/* Torque of the whole arm and its derivative along a motion. Included after `frames.h`.
+/* Torque of the complete arm and its derivative along a motion. Included after `frames.h`.
 
    One pass outwards through the frames, one inwards through the joints:
 
@@ -38,7 +38,7 @@ ENTRY void arm_torque(const double *packed, int n, const double *links, ptrdiff_
     }
 }
 
-/* The next samples, from *t on, that have any weight; fewer than LANES at the end, none at its end. */
+/* The next LANES samples from *t on with a nonzero weight; the last group may hold fewer, or none. */
 INLINE group weighted_group(ptrdiff_t *t, ptrdiff_t samples, int n, const double *weight)
 {
     group g = {.used = 0};
@@ -56,8 +56,8 @@ INLINE group weighted_group(ptrdiff_t *t, ptrdiff_t samples, int n, const double
     return g;
 }
 
-/* The torque is affine in ddq and quadratic in dq, so that differences with a step of one are exact there; in q the
-   central difference errs by about 1e-10. */
+/* The torque is affine in ddq and quadratic in dq, so that central differences with a step of one are exact; in q their
+   error is about 1e-10. */
 ENTRY void arm_torque_slope(const double *packed, int n, const double *links, const double *weight, ptrdiff_t samples,
                             const double *q, const double *dq, const double *ddq, double *slope)
 {

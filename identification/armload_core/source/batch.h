@@ -8,8 +8,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* What the spheres around an arm must not touch. A clearance is the distance of a sphere from a half-space, a box or
-   another sphere, in this order. Links are 0 (the base) or the number of the joint they turn with. */
+/* Collision geometry: spheres around the links, and the half-spaces and boxes to keep clear of. A clearance is the
+   distance of a sphere from a half-space, a box or another sphere, in this order. Link 0 is the base; link i moves with
+   joint i. */
 typedef struct {
     ptrdiff_t spheres;
     const int64_t *link;  /* (spheres) */
@@ -53,16 +54,16 @@ typedef struct {
     void (*information_slope)(const double *packed, int n, const double *weight, const double *gain, ptrdiff_t samples,
                               const double *q, const double *dq, const double *ddq, double *slope);
 
-    /* All clearances into out (samples, K). Returns -1 where there is no memory for the spheres' centres, else 0. */
+    /* All clearances into out (samples, K). Returns 0, or -1 if memory for the spheres' centres cannot be allocated. */
     int (*clearances)(const double *packed, int n, const obstacles *around, ptrdiff_t samples, const double *q,
                       double *out);
 
-    /* Derivative of the sum of weight (samples, K) times clearance by q into zeroed slope (samples, n). Returns as
-       above. */
+    /* Derivative of the sum of weight (samples, K) times clearance by q into zeroed slope (samples, n). Returns like
+       `clearances`. */
     int (*clearance_slope)(const double *packed, int n, const obstacles *around, const double *weight,
                            ptrdiff_t samples, const double *q, double *slope);
 
-    /* Torque of a payload for one state; `model` is `packed` with the payload's ten parameters behind. */
+    /* Torque of a payload for one state; `model` is `packed` followed by the payload's ten parameters. */
     void (*payload_torque)(const double *model, int n, const double *q, const double *dq, const double *ddq,
                            double *torque);
 
@@ -75,7 +76,7 @@ extern const batch_kernels batch_baseline;
 extern const batch_kernels batch_avx2;
 #endif
 
-/* The variants that this processor can run, the fastest first, ended by NULL. */
+/* The variants that this processor can run, fastest first, terminated by NULL. */
 const batch_kernels *const *batch_variants(void);
 
 #endif

@@ -1,11 +1,11 @@
-/* Which kernels this processor can run. */
+/* Selection of the kernels that this processor can run. */
 
 #include "batch.h"
 
 #if defined(__x86_64__)
 #include <cpuid.h>
 
-/* Asked of the processor itself: __builtin_cpu_supports says no to everything where zig is the compiler. */
+/* Uses CPUID directly: compiled with zig, __builtin_cpu_supports always returns 0. */
 static int has_avx2_and_fma(void)
 {
     const unsigned fma = 1u << 12, saved_by_the_system = 1u << 27, avx2 = 1u << 5, vector_registers = 6u;

@@ -1,6 +1,6 @@
 /* The regressor of one body: ten columns per joint. Included after `frames.h`.
 
-   Every row is the joint's motion at the body, contracted with the body's momentum balance in body coordinates:
+   Each row is the inner product of the joint's motion at the body and the body's momentum balance, in body coordinates:
 
        f = m a + A s,  A = [dw]x + [w]x [w]x                force from mass and first moment s
        n = s x a + I dw + w x (I w)                         moment about the body's origin
@@ -8,8 +8,8 @@
 
    Chen 2016, eqs. (4), (5). */
 
-/* Body fixed to joint `joints`, its frame in the turned joint frame at `placement` (rotation by rows); `position` may
-   be NULL for a body whose origin is the joint's. */
+/* Body fixed to joint `joints`. `placement` (rotation, row by row) and `position` place its frame in the turned joint
+   frame; `position` is NULL if the two origins coincide. */
 INLINE void body_columns(const frame *frames, int joints, const double *placement, const double *position,
                          lanes (*rows)[BODY_PARAMETERS])
 {

@@ -1,8 +1,8 @@
-"""Compile the kernels: a hatchling hook, and a program for checks with other flags.
+"""Compile the kernels: a hatchling build hook, and a program for checks with other compiler flags.
 
-The extension uses the limited API, so that one file serves every CPython from 3.11 on. It is put beside its Python
-files, for the editable installation as for the wheel. The compiler is `CC`, `cc`, `gcc` or `clang`, whichever comes
-first, or else PyPI's `ziglang` if it is installed.
+The extension uses the limited API, so that one file works with every CPython from 3.11 on. It is placed in the package
+directory, in an editable installation as in the wheel. The compiler is the first found of `CC`, `cc`, `gcc`, `clang`
+and PyPI's `ziglang`.
 
     python identification/armload_core/source/build_extension.py FOLDER [FLAG ...]
 """
@@ -24,16 +24,16 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 SOURCE = Path(__file__).resolve().parent
 EXTENSION = "kernels.abi3.so"
 INCLUDE = Path(sysconfig.get_path("include"))
-# samples side by side need -O3, fused multiply-add needs its own flag in ISO C; nothing here changes IEEE arithmetic
+# -O3 for vectorisation; ISO C needs -ffp-contract=fast for fused multiply-add; no flag relaxes IEEE arithmetic further
 FLAGS = ("-std=c99", "-O3", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=fast", "-fno-math-errno")
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion")
 
 
 class CustomBuildHook(BuildHookInterface[Any]):
-    """Compiles for hatchling, and marks the wheel as one for this platform and any CPython from 3.11 on."""
+    """Compiles the extension and tags the wheel for this platform and CPython 3.11 or later."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Compile before the files are gathered."""
+        """Compile before hatchling collects the files."""
         package = SOURCE.parent
         compile_extension(package)
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
@@ -43,15 +43,15 @@ class CustomBuildHook(BuildHookInterface[Any]):
 
 
 def compile_extension(folder: Path, flags: tuple[str, ...] = (), include: Path = INCLUDE) -> None:
-    """Compile into a folder; a process that has the old file loaded keeps it.
+    """Compile into a folder; a process that has loaded the old file keeps using it.
 
     Args:
-        folder: Where the extension goes.
-        flags: More flags for the compiler.
-        include: Where Python's headers are.
+        folder: Destination of the extension.
+        flags: Additional compiler flags.
+        include: Folder of Python's headers.
 
     Raises:
-        SystemExit: no compiler, no Python.h, or the compiler has failed.
+        SystemExit: no compiler, no Python.h, or the compiler fails.
     """
     if not (include / "Python.h").is_file():
         raise SystemExit(
@@ -73,7 +73,7 @@ def compiler() -> list[str]:
     """The command of a C compiler.
 
     Raises:
-        SystemExit: there is none.
+        SystemExit: no compiler is found.
     """
     if os.environ.get("CC"):
         return shlex.split(os.environ["CC"])
@@ -81,7 +81,7 @@ def compiler() -> list[str]:
         if shutil.which(name):
             return [name]
     if importlib.util.find_spec("ziglang"):
-        # without a target zig compiles for the processor at hand
+        # by default zig compiles for the present processor
         return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
     raise SystemExit(
         "armload's kernels are written in C, but no C compiler was found. Install one (Debian, Ubuntu: apt install "

@@ -1,7 +1,8 @@
-"""Build what is published: the source distribution, and one wheel for each platform from that distribution.
+"""Build the published distributions: the source distribution and, from it, one wheel per platform.
 
-The kernels are compiled by PyPI's `ziglang` against the glibc of manylinux2014, so that the wheels run on every Linux
-that PyPI serves, whatever this machine is, and auditwheel confirms it from the symbols. Needs `wheels.lock` installed.
+The kernels are compiled with PyPI's `ziglang` against the glibc of manylinux2014, so that the wheels run on every
+manylinux2014 system, independently of the build machine; auditwheel verifies this from the symbols. Requires the
+packages of `wheels.lock`.
 
     python identification/armload_core/source/build_wheels.py FOLDER
 """
@@ -21,14 +22,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 PROCESSORS = ("x86_64", "aarch64")
 GLIBC = (2, 17)
-"""The oldest that numpy's own wheels, and zig for aarch64, support: manylinux2014."""
+"""manylinux2014: the oldest glibc that numpy's wheels, and zig for aarch64, support."""
 
 
 def main(folder: Path) -> None:
-    """Put the source distribution and the wheels into a folder; other distributions of armload there are removed.
+    """Write the source distribution and the wheels to a folder, after removing other distributions of armload there.
 
     Raises:
-        SystemExit: something was not built, or a wheel needs more than its platform has.
+        SystemExit: a build fails, or a wheel requires more than its platform provides.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for old in (*folder.glob("armload-*.whl"), *folder.glob("armload-*.tar.gz")):
@@ -36,7 +37,7 @@ def main(folder: Path) -> None:
     _run("-m", "build", "--sdist", "--no-isolation", "--outdir", str(folder), str(ROOT))
     (sources,) = folder.glob("armload-*.tar.gz")
     with tempfile.TemporaryDirectory() as scratch:
-        # the extension is compiled into the source tree: never into the checkout, whose own one is in use
+        # the extension is compiled into the source tree, so not in the checkout, whose own extension is in use
         shutil.unpack_archive(sources, scratch)
         (tree,) = Path(scratch).glob("armload-*")
         headers = _headers_for_every_processor(Path(scratch) / "headers")
@@ -45,7 +46,7 @@ def main(folder: Path) -> None:
 
 
 def _build_wheel(processor: str, tree: Path, headers: Path, folder: Path) -> None:
-    """Compile for a processor, pack, and have the result audited."""
+    """Compile for a processor, build the wheel and audit it."""
     glibc = ".".join(map(str, GLIBC))
     platform = f"manylinux_{GLIBC[0]}_{GLIBC[1]}_{processor}"
     compiler = f"{sys.executable} -m ziglang cc -target {processor}-linux-gnu.{glibc} -mcpu=baseline -I{headers}"
@@ -60,7 +61,7 @@ def _build_wheel(processor: str, tree: Path, headers: Path, folder: Path) -> Non
 
 
 def _headers_for_every_processor(folder: Path) -> Path:
-    """Debian keeps pyconfig.h by processor and installs this machine's; on 64-bit Linux with glibc all are alike."""
+    """pyconfig.h for every processor: Debian has only this machine's, but on 64-bit glibc Linux all are the same."""
     multiarch = sysconfig.get_config_var("MULTIARCH") or ""
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     ours = Path("/usr/include") / multiarch / version / "pyconfig.h"
@@ -73,7 +74,7 @@ def _headers_for_every_processor(folder: Path) -> Path:
 
 
 def _run(*words: str, environment: dict[str, str] | None = None) -> str:
-    """Run a module of this Python and return what it printed."""
+    """Run a module with this Python and return its output."""
     done = subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise SystemExit(f"{' '.join(words)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")

@@ -1,12 +1,13 @@
-/* An arm as the kernels read it: the array that Python's `Chain.packed` holds.
+/* Layout of Python's `Chain.packed`, the array from which the kernels read an arm.
 
-   Every joint frame is turned so that its axis is z. With n joints:
+   Every joint frame is turned so that its axis is z. Rotations are stored row by row. With n joints:
 
-       0            minus gravity in the base frame                                          3
-       3            per joint: rotation at q = 0 in the previous turned frame (by rows), position   9 + 3
-       3 + 12 n     per joint: rotation from the joint frame to its turned frame (by rows)          9
-       3 + 21 n     flange in the last turned frame: rotation (by rows), position                   9 + 3
-       15 + 21 n    a payload's ten parameters in the flange frame, where one is carried           10 */
+       offset       content                                                               length
+       0            minus gravity in the base frame                                       3
+       3            per joint: rotation at q = 0 in the previous turned frame, position   9 + 3
+       3 + 12 n     per joint: rotation from the joint frame to its turned frame          9
+       3 + 21 n     flange in the last turned frame: rotation, position                   9 + 3
+       15 + 21 n    a payload's ten parameters in the flange frame, if one is mounted     10 */
 
 #ifndef ARMLOAD_CHAIN_H
 #define ARMLOAD_CHAIN_H

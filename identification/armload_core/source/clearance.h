@@ -1,6 +1,6 @@
-/* Distances of the spheres around an arm's links from what they must not touch. Included after `frames.h`. */
+/* Distances of the spheres around the links from the surroundings and from each other. Included after `frames.h`. */
 
-/* Aligned storage for `count` vectors of space, to be freed by its `start`. */
+/* Aligned storage for `count` vectors; to be released with free(start). */
 typedef struct {
     void *start;
     vec3 *at;
@@ -33,7 +33,7 @@ INLINE void place_spheres(const obstacles *o, const frame *frames, vec3 *centres
     }
 }
 
-/* Signed distance of a point from a box, negative inside, and its gradient by the point. */
+/* Signed distance of a point from a box, negative inside, and its gradient with respect to the point. */
 INLINE lanes box_distance(const double *box, vec3 point, vec3 *gradient)
 {
     const vec3 from_centre = difference(point, constant(box + 9));
@@ -47,7 +47,7 @@ INLINE lanes box_distance(const double *box, vec3 point, vec3 *gradient)
     }
     const lane_bits is_outside = outside > 0.0;
     const lanes far = square_root(outside);
-    lane_bits found = outside < 0.0; /* nowhere yet: of several nearest sides the first counts */
+    lane_bits found = outside < 0.0; /* false in every lane; among equally near sides the first is taken */
     *gradient = zero();
     for (int a = 0; a < 3; a++) {
         const lane_bits nearest = (magnitude(along[a]) - box[12 + a] == deepest) & ~found;
@@ -102,7 +102,7 @@ ENTRY int clearances(const double *packed, int n, const obstacles *o, ptrdiff_t 
     return 0;
 }
 
-/* A clearance's gradient by a sphere's centre is a unit vector; joint i moves the centre by z_i x (p - o_i). */
+/* The gradient of a clearance with respect to a sphere's centre p is a unit vector, and dp/dq_i = z_i x (p - o_i). */
 ENTRY int clearance_slope(const double *packed, int n, const obstacles *o, const double *weight, ptrdiff_t samples,
                           const double *q, double *slope)
 {

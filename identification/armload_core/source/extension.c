@@ -1,4 +1,4 @@
-/* The Python module `armload_core.kernels` over the kernels; `kernels.pyi` has its types. */
+/* The Python module `armload_core.kernels`; its types are in `kernels.pyi`. */
 
 #include "batch.h"
 #include "chain.h"
@@ -177,7 +177,7 @@ static PyObject *information_slope_into(PyObject *module, PyObject *const *args,
     Py_RETURN_NONE;
 }
 
-/* Whether every number in a column of an (., columns) array of int64 is one of 0 to limit - 1. */
+/* Whether all values in one column of an int64 array (., columns) lie within 0 to limit - 1. */
 static int within(const Py_buffer *view, const char *name, Py_ssize_t columns, Py_ssize_t column, Py_ssize_t limit)
 {
     const int64_t *values = view->buf;
@@ -191,7 +191,7 @@ static int within(const Py_buffer *view, const char *name, Py_ssize_t columns, P
     return 1;
 }
 
-/* What both functions about clearances take first. */
+/* Leading arguments of both clearance functions. */
 /* clang-format off */
 #define OBSTACLES                                                                                                     \
     CHAIN, {"links", 'q', 0, 1, {ANY}}, {"spheres", 'd', 0, 2, {ANY, 4}}, {"planes", 'd', 0, 2, {ANY, 4}},            \
@@ -200,7 +200,7 @@ static int within(const Py_buffer *view, const char *name, Py_ssize_t columns, P
 /* clang-format on */
 enum { OF_ARM, OF_LINKS, OF_SPHERES, OF_PLANES, OF_ON_PLANE, OF_BOXES, OF_ON_BOX, OF_PAIRS, OF_Q, OF_OBSTACLES };
 
-/* Fill in what the spheres must not touch. Returns the number of clearances, or -1. */
+/* Fill in the collision geometry. Returns the number of clearances, or -1 with an exception set. */
 static Py_ssize_t read_obstacles(const Py_buffer *views, int n, obstacles *around)
 {
     const Py_ssize_t spheres = views[OF_LINKS].shape[0], planes = views[OF_PLANES].shape[0];
@@ -231,7 +231,7 @@ static Py_ssize_t read_obstacles(const Py_buffer *views, int n, obstacles *aroun
     return around->on_planes + around->on_boxes + around->pairs;
 }
 
-/* Whether an array (samples, K) has a column per clearance. */
+/* Whether an array (samples, K) has one column per clearance; 0 with an exception set if not. */
 static int has_columns(const Py_buffer *view, const char *name, Py_ssize_t clearances)
 {
     if (clearances >= 0 && view->shape[1] != clearances) {

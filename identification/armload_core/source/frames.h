@@ -1,6 +1,6 @@
 /* Pose and motion of an arm's turned joint frames in base coordinates. Included after `geometry.h`.
 
-   Gravity is an upward acceleration of the base. */
+   Gravity enters as an upward acceleration of the base. */
 
 typedef struct {
     rotation axes;
@@ -10,7 +10,7 @@ typedef struct {
     vec3 a;  /* acceleration of the origin */
 } frame;
 
-/* What moves: a group's joint positions, velocities and accelerations. */
+/* Joint positions, velocities and accelerations of a group of samples. */
 typedef struct {
     lanes q[MOST_JOINTS], dq[MOST_JOINTS], ddq[MOST_JOINTS];
 } motion;

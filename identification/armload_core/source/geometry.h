@@ -1,10 +1,10 @@
-/* Vectors and rotations of space, LANES of them side by side. Included after `lanes.h`. */
+/* Vectors and rotations in space, for LANES samples at once. Included after `lanes.h`. */
 
 typedef struct {
     lanes x, y, z;
 } vec3;
 
-/* A rotation by its columns: the frame's axes in the coordinates it turns into. */
+/* A rotation matrix R by its columns: the frame's axes in outer coordinates. */
 typedef struct {
     vec3 x, y, z;
 } rotation;
@@ -45,19 +45,19 @@ INLINE vec3 cross(vec3 a, vec3 b)
     return (vec3){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-/* R v, out of the frame. */
+/* R v: from frame to outer coordinates. */
 INLINE vec3 turned(const rotation *r, vec3 v)
 {
     return sum(sum(times(v.x, r->x), times(v.y, r->y)), times(v.z, r->z));
 }
 
-/* R^T v, into the frame. */
+/* R^T v: from outer to frame coordinates. */
 INLINE vec3 turned_back(const rotation *r, vec3 v)
 {
     return (vec3){dot(r->x, v), dot(r->y, v), dot(r->z, v)};
 }
 
-/* R v and R P for a constant vector and a constant rotation by rows. */
+/* R v and R P for a constant vector v and a constant rotation P, stored row by row. */
 INLINE vec3 turned_constant(const rotation *r, double x, double y, double z)
 {
     return (vec3){

@@ -1,6 +1,6 @@
-/* The information matrix of a motion and its derivative by the motion. Included after `body_columns.h`.
+/* The information matrix of a motion and its derivative with respect to the motion. Included after `body_columns.h`.
 
-   The derivative goes through the mechanics backwards once per group, where differences of the regressor took seven
+   The derivative is computed in reverse mode, one backward pass per group; differences of the regressor took seven
    times as long. */
 
 ENTRY void information(const double *packed, int n, const double *weight, ptrdiff_t samples, const double *q,
@@ -36,17 +36,18 @@ ENTRY void information(const double *packed, int n, const double *weight, ptrdif
     }
 }
 
-/* Motion, or force, of a body: angular and linear part. */
+/* Twist or wrench of a body: angular and linear part. */
 typedef struct {
     vec3 angular, linear;
 } screw;
 
-/* tr(gain dM) = sum_i <a_i, dPhi_i> with a_i = 2 W_i Phi_i gain: the torque at joint i of a body with the ten
-   parameters a_i. Written with the screws S_i = (z_i, v_i) of the joints in flange coordinates,
+/* tr(gain dM) = sum_i <a_i, dPhi_i> with a_i = 2 W_i Phi_i gain: the change of the torque at joint i for a body with
+   the ten parameters a_i. With the joint screws S_i = (z_i, v_i) in flange coordinates,
 
        V = sum_i S_i dq_i,    dV = sum_i S_i ddq_i + sum_{i<j} (S_i x S_j) dq_i dq_j,    dS_i/dq_j = S_i x S_j, i < j,
 
-   and gone through backwards, by_x being the derivative by x (Griewank, Walther, Evaluating Derivatives, 2008). */
+   differentiated in reverse mode; by_x is the derivative with respect to x (Griewank, Walther, Evaluating Derivatives,
+   2008). */
 ENTRY void information_slope(const double *packed, int n, const double *weight, const double *gain, ptrdiff_t samples,
                              const double *q, const double *dq, const double *ddq, double *slope)
 {
@@ -62,7 +63,7 @@ ENTRY void information_slope(const double *packed, int n, const double *weight, 
         forward_pass(packed, n, &m, frames);
         flange_columns(packed, n, frames, rows);
 
-        /* the screws in flange coordinates, and the twist (w, u) and acceleration (dw, a) they add up to */
+        /* joint screws, and the resulting twist (w, u) and acceleration (dw, a), in flange coordinates */
         const frame *last = frames + n - 1;
         const rotation r = turned_rotation(&last->axes, flange);
         const vec3 origin = sum(last->origin, turned_constant(&last->axes, flange[9], flange[10], flange[11]));
@@ -78,11 +79,11 @@ ENTRY void information_slope(const double *packed, int n, const double *weight, 
             w = sum(w, times(m.dq[i], z));
             u = sum(u, times(m.dq[i], v));
         }
-        /* what a body feels: gravity is an upward acceleration */
+        /* specific force: acceleration of the body minus gravity */
         const vec3 upward = turned_back(&r, constant(packed));
         a = sum(a, sum(cross(w, u), upward));
 
-        /* backwards through tau_i = v_i . F(a_i) + z_i . N(a_i) */
+        /* reverse pass through tau_i = v_i . F(a_i) + z_i . N(a_i) */
         vec3 by_a = zero(), by_dw = zero(), by_w = zero();
         for (int i = 0; i < n; i++) {
             lanes body[BODY_PARAMETERS];
@@ -105,12 +106,12 @@ ENTRY void information_slope(const double *packed, int n, const double *weight, 
             by_w = sum(by_w, sum(sum(times(ws, v), times(vw, first)), times(-2.0 * vs, w)));
             by_w = sum(by_w, sum(cross(inertia_w, z), tensor_times(inertia, cross(z, w))));
         }
-        by_w = sum(by_w, cross(u, by_a)); /* the acceleration holds w x u */
+        by_w = sum(by_w, cross(u, by_a)); /* the acceleration contains w x u */
         const vec3 by_u = cross(by_a, w);
 
-        /* backwards through twist and screws, from the first joint */
+        /* reverse pass through the twist and the screws, from the first joint */
         screw behind = {zero(), zero()}; /* sum of S_j dq_j over j < i */
-        screw moved = {zero(), zero()};  /* what q_i gains from the screws before it, which it moves */
+        screw moved = {zero(), zero()};  /* derivative by a displacement of the screws j < i, which q_i moves */
         for (int i = 0; i < n; i++) {
             const vec3 z = joint[i].angular, v = joint[i].linear;
             const vec3 rest_w = difference(ahead[i].angular, behind.angular);

@@ -8,10 +8,10 @@ enum {
     MESSAGE_RECORD = 5,
     RECORD_HEADER = 9,   /* kind and length */
     MESSAGE_HEADER = 22, /* channel, sequence number and two times */
-    MOST_DIGITS = 19     /* that fit into 64 bits */
+    MOST_DIGITS = 19     /* decimal digits that fit into 64 bits */
 };
 
-/* Wanted keys of a message; one bit each. */
+/* Requested keys of a message; one bit each. */
 enum {
     TIME_KEY,
     PHASE_KEY,
@@ -42,7 +42,7 @@ static void skip_blanks(text *json)
     }
 }
 
-/* Take one character, blanks around it included. */
+/* Take one character and the blanks around it. */
 static int take(text *json, char wanted)
 {
     skip_blanks(json);
@@ -64,7 +64,7 @@ static int take_word(text *json, const char *word)
     return 1;
 }
 
-/* Take a string of plain ASCII without escapes: whether any other is valid is not decided here. */
+/* Take a string of plain ASCII without escapes; any other string is left to the full parser. */
 static int take_string(text *json, text *content)
 {
     if (json->at == json->end || *json->at != '"') {
@@ -90,9 +90,9 @@ static int is_digit(const text *json)
 }
 
 typedef struct {
-    uint64_t digits; /* the number without its point */
-    int count;       /* of its digits, zeros in front not counted; more than MOST_DIGITS do not fit */
-    int exponent;    /* of ten */
+    uint64_t digits; /* all digits, without the decimal point */
+    int count;       /* number of digits without leading zeros; more than MOST_DIGITS do not fit */
+    int exponent;    /* power of ten */
     int negative, whole;
 } decimal;
 
@@ -104,7 +104,7 @@ static void take_digits(text *json, decimal *number)
     }
 }
 
-/* Take a number as JSON writes it. */
+/* Take a JSON number. */
 static int take_decimal(text *json, decimal *number)
 {
     *number = (decimal){.whole = 1};
@@ -144,14 +144,14 @@ static int take_decimal(text *json, decimal *number)
     return !is_digit(json);
 }
 
-/* A double for digits / 10^k, k at most 27, rounded once: the quotient has 63 bits or more, and its last one is set
-   where something is left over. */
+/* digits / 10^k as a double, k <= 27, rounded once: the quotient has at least 63 bits, and its last bit is set if the
+   remainder is not zero. */
 static double quotient(uint64_t digits, int k)
 {
     uint64_t divisor = 1;
     int scale = -63 - k;
     for (int power = 0; power < k; power++) {
-        divisor *= 5; /* 5^27 is the last that fits */
+        divisor *= 5; /* 5^27 is the largest power that fits */
     }
     for (; divisor < UINT64_C(1) << 63; scale++) {
         divisor <<= 1;
@@ -165,7 +165,7 @@ static double quotient(uint64_t digits, int k)
     return ldexp((double)(result | (uint64_t)left_over), scale);
 }
 
-/* The nearest double; 0 where it is left to a full parser. */
+/* The nearest double. Returns 0 if the number is left to the full parser. */
 static int to_double(const decimal *number, double *value)
 {
     static const double POWERS[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
@@ -179,7 +179,7 @@ static int to_double(const decimal *number, double *value)
     if (number->digits == 0) {
         size = 0.0;
     } else if (number->digits <= UINT64_C(1) << 53 && exponent >= -EXACT && exponent <= EXACT) {
-        /* Both are doubles without rounding, so that the result is rounded once. */
+        /* both operands are exact doubles, so that the result is rounded once */
         size = (double)number->digits;
         size = exponent < 0 ? size / POWERS[-exponent] : size * POWERS[exponent];
     } else if (exponent <= 0 && exponent >= -27) {
@@ -254,7 +254,7 @@ static int skip_value(text *json)
     return take(json, ']');
 }
 
-/* The wanted key that a string is; KEYS where it is none. */
+/* The requested key that a string names, or KEYS. */
 static int key_of(const text *name)
 {
     const size_t length = (size_t)(name->end - name->at);
@@ -267,8 +267,8 @@ static int key_of(const text *name)
 }
 
 typedef struct {
-    unsigned wanted;     /* bit k: the key k */
-    size_t column[KEYS]; /* of a row, where its numbers begin */
+    unsigned wanted;     /* bit k: key k is requested */
+    size_t column[KEYS]; /* first column of each key's numbers */
     size_t joints;
 } row_plan;
 
@@ -304,7 +304,7 @@ static int take_wanted(text *json, int key, const row_plan *plan, double *row, i
     }
 }
 
-/* One message into a row; 0 where it is not exactly as expected. */
+/* One message into a row. Returns 0 if it is not exactly as expected. */
 static int take_message(text json, const row_plan *plan, double *row, int *missing)
 {
     unsigned found = 0;

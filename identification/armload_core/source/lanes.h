@@ -1,6 +1,6 @@
-/* Samples side by side: LANES of them in one vector, and sine and cosine of a vector.
+/* Vectors of LANES samples, and their sine and cosine.
 
-   Included by a variant (`batch_*.c`), which has defined LANES (2 or 4) and INLINE, the attributes of a helper. */
+   Included by a variant (`batch_*.c`), which defines LANES (2 or 4) and INLINE, the attributes of inline functions. */
 
 #include <math.h>
 #include <stddef.h>
@@ -8,7 +8,7 @@
 #include <string.h>
 
 typedef double lanes __attribute__((vector_size(8 * LANES)));
-typedef double loose_lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias)); /* anywhere in an array */
+typedef double loose_lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias)); /* any array element */
 typedef int64_t lane_bits __attribute__((vector_size(8 * LANES))); /* a comparison's result: 0 or -1 per lane */
 typedef uint64_t lane_words __attribute__((vector_size(8 * LANES)));
 
@@ -36,7 +36,7 @@ INLINE lanes magnitude(lanes v)
     return (lanes)(bits_of(v) & INT64_MAX);
 }
 
-/* |size| with the sign of `sign`. */
+/* |size|, with the sign of `sign`. */
 INLINE lanes with_sign(lanes size, lanes sign)
 {
     return (lanes)((bits_of(size) & INT64_MAX) | (bits_of(sign) & INT64_MIN));
@@ -68,7 +68,7 @@ INLINE double total(lanes v)
     return sum;
 }
 
-/* A group of samples. The last one of a batch may have fewer than LANES: its spare lanes repeat the last sample. */
+/* Indices of LANES samples. The last group of a batch may have fewer: its spare lanes repeat the last sample. */
 typedef struct {
     ptrdiff_t sample[LANES];
     int used;
@@ -84,7 +84,7 @@ INLINE group group_at(ptrdiff_t first, ptrdiff_t samples)
     return g;
 }
 
-/* Column `column` of the group's rows of an array (samples, width). */
+/* One column of an array (samples, width) at the group's samples. */
 INLINE lanes gathered(const group *g, const double *array, ptrdiff_t width, ptrdiff_t column)
 {
     lanes v;
@@ -100,7 +100,7 @@ INLINE lanes gathered(const group *g, const double *array, ptrdiff_t width, ptrd
 #define SHUFFLED(a, b, ...) __builtin_shuffle(a, b, (lane_bits){__VA_ARGS__})
 #endif
 
-/* LANES consecutive values of every sample: values[k][l] to rows[l][k]. */
+/* Store LANES consecutive values per sample: values[k][l] to rows[l][k]. */
 INLINE void store_transposed(const lanes *values, double *const *rows)
 {
 #if LANES == 2
@@ -116,7 +116,7 @@ INLINE void store_transposed(const lanes *values, double *const *rows)
 #endif
 }
 
-/* `count` values of every sample, side by side, into the group's rows of an array (samples, width). */
+/* Store `count` values per sample into the group's rows of an array (samples, width), from `column` on. */
 INLINE void scattered(const group *g, const lanes *values, int count, double *array, ptrdiff_t width, ptrdiff_t column)
 {
     double *rows[LANES];
@@ -139,14 +139,14 @@ INLINE void scattered(const group *g, const lanes *values, int count, double *ar
 
 /* Sine and cosine, within 2e-16 of the true value (tested against libm: 4e-16).
 
-   Reduced by a multiple of pi/2 that is subtracted in three parts, the first two of 33 bits, so that their products
-   with up to 2^20 are exact; then the polynomials of least greatest error over a quadrant (Remez, own computation:
-   3.5e-18 and 4.7e-20). Angles beyond the 2^20 quadrants, and what is no number, go to libm. */
+   A multiple of pi/2 is subtracted in three parts, the first two of 33 bits, so that their products with up to 2^20 are
+   exact; then minimax polynomials over a quadrant (Remez; greatest errors 3.5e-18 and 4.7e-20). Angles beyond 2^20
+   quadrants and non-finite ones are computed by libm. */
 static const double GREATEST_REDUCED_RAD = 1.6e6;
 
 INLINE void sine_cosine(lanes x, lanes *sine, lanes *cosine)
 {
-    const double rounder = 0x1.8p52; /* added to a number below 2^51, leaves it rounded in the low bits */
+    const double rounder = 0x1.8p52; /* x + rounder has x, rounded to an integer, in its low bits; |x| < 2^51 */
     const lanes shifted = x * 0x1.45f306dc9c883p-1 + rounder;
     const lanes turns = shifted - rounder;
     const lane_words quadrant = (lane_words)shifted;

@@ -2,11 +2,11 @@
 
        tau = J(q)^T w(q, dq, ddq, theta)                    Chen 2016, eq. (2)
 
-   Accelerations outwards in each frame's own coordinates, the payload's force and moment at the flange, and the wrench
-   back inwards. The joints' sines are computed side by side and their rotations before the rest, which is one chain
-   of operations that wait for each other. */
+   Recursive Newton-Euler in link coordinates: velocities and accelerations outwards, force and moment of the payload at
+   the flange, and the wrench inwards. The sines of all joints are computed in vectors and the rotations beforehand,
+   because each operation of the recursion depends on the one before. */
 
-/* A vector of space and operations as in `geometry.h`, for one state. */
+/* A vector and its operations as in `geometry.h`, for a single state. */
 typedef struct {
     double x, y, z;
 } vec1;
@@ -35,7 +35,7 @@ INLINE vec1 tensor_times1(const double *i, vec1 v)
     };
 }
 
-/* A frame in the one before: rotation by rows, position. As the kernels' packed array has it. */
+/* Pose of a frame in the previous one, in the layout of the packed array: rotation (row by row), position. */
 typedef struct {
     double r[9];
     vec1 lever;
@@ -61,7 +61,7 @@ INLINE vec1 turned_back1(const pose1 *p, vec1 v)
     };
 }
 
-/* `placement` (rotation by rows, position) and then Rz(angle). */
+/* The pose p (rotation row by row, position) followed by Rz(angle), with the angle's cosine c and sine s. */
 INLINE pose1 pose_of(const double *p, double c, double s)
 {
     pose1 pose = {.lever = {p[9], p[10], p[11]}};
@@ -77,7 +77,7 @@ typedef struct {
     vec1 w, dw, a;
 } motion1;
 
-/* The motion of a frame that is fixed to a moving one, in its own coordinates. */
+/* Motion of a frame at pose p in a moving frame and fixed to it, in the new frame's coordinates. */
 INLINE motion1 carried(const motion1 *m, const pose1 *p)
 {
     const vec1 a = sum1(m->a, sum1(cross1(m->dw, p->lever), cross1(m->w, cross1(m->w, p->lever))));

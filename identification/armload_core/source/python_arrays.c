@@ -53,7 +53,7 @@ static Py_ssize_t length_of(int axis, const sizes *found)
     }
 }
 
-/* The lengths that stand for all others. */
+/* Find the sizes from which the lengths of all other axes follow. */
 static int find_sizes(const operand *wanted, Py_ssize_t count, const Py_buffer *views, sizes *found)
 {
     Py_ssize_t joints = -1;

@@ -1,5 +1,5 @@
-/* Arrays from Python: opened through the buffer protocol and checked, so that no kernel ever sees a shape that does
-   not fit. The limited API of CPython 3.11 has all that is needed. */
+/* Arrays from Python, opened through the buffer protocol (limited API of CPython 3.11) and checked, so that every
+   kernel gets arrays of the right types and shapes. */
 
 #ifndef ARMLOAD_PYTHON_ARRAYS_H
 #define ARMLOAD_PYTHON_ARRAYS_H
@@ -8,7 +8,7 @@
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
 
-/* Lengths of axes that are not known beforehand; the first SAMPLES, JOINTS and HINGES set what the others must be. */
+/* Variable axis lengths; the first array with SAMPLES, JOINTS or HINGES sets that length for the others. */
 enum {
     ANY = -1,
     SAMPLES = -2,
@@ -32,14 +32,14 @@ typedef struct {
     int joints;
 } sizes;
 
-/* Open `count` C-contiguous arrays and check their types and shapes against each other. Returns 0, or -1 with an
-   exception set and nothing left open. */
+/* Open `count` C-contiguous arrays and check their types and that their shapes agree. Returns 0, or -1 with an
+   exception set and no buffer left open. */
 int open_arrays(PyObject *const *args, Py_ssize_t given, const operand *wanted, Py_ssize_t count, Py_buffer *views,
                 sizes *found);
 
 void close_arrays(Py_buffer *views, Py_ssize_t count);
 
-/* Whether a buffer's elements are of a type, as `operand.type`. */
+/* Whether a buffer's elements are of the given type, coded like `operand.type`. */
 int has_type(const Py_buffer *view, char type);
 
 #endif

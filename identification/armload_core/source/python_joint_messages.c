@@ -1,4 +1,4 @@
-/* The Python function joint_rows_into over the scanner of messages. */
+/* The Python function joint_rows_into, which calls the scanner of messages. */
 
 #include "chain.h"
 #include "joint_messages.h"

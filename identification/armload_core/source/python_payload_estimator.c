@@ -1,4 +1,4 @@
-/* The Python type PayloadEstimator over the recursive estimator. */
+/* The Python type PayloadEstimator, a wrapper of the recursive estimator. */
 
 #include <stddef.h>
 #include <string.h>
@@ -25,7 +25,7 @@ void estimator_arm(const payload_estimator *e, const double *position, const dou
 
 static int init(PyObject *object, PyObject *args, PyObject *keywords)
 {
-    enum { LINKS, CHAIN, FROM_EFFORT, ROTORS, PARAMETER, SCALE, ARRAYS }; /* links first: they give the joints */
+    enum { LINKS, CHAIN, FROM_EFFORT, ROTORS, PARAMETER, SCALE, ARRAYS }; /* links first: they give n */
     static const operand wanted[ARRAYS] = {{"links", 'd', 0, 2, {JOINTS, BODY_PARAMETERS}},
                                            {"packed", 'd', 0, 1, {PACKED}},
                                            {"from_effort", 'd', 0, 2, {JOINTS, JOINTS}},
@@ -83,7 +83,7 @@ static void dealloc(PyObject *object)
     Py_DECREF(type);
 }
 
-/* n numbers from an array of float64, however spaced, or -1 with an exception. */
+/* Read n numbers from an array of float64 with any stride. Returns 0, or -1 with an exception set. */
 static int read_row(PyObject *value, int n, double *row)
 {
     Py_buffer view;
@@ -180,7 +180,7 @@ static PyObject *read_into(PyObject *object, PyObject *const *args, Py_ssize_t g
 
 PyDoc_STRVAR(rows_into_doc, "rows_into($self, rows, /)\n--\n\nThe remembered rows into an array; how many there are.");
 
-/* The rows, the oldest first: time, and q, dq, ddq, tau (n each). Returns how many. */
+/* The remembered rows, oldest first: time, q, dq, ddq, tau (n each). Returns their number. */
 static int remembered_rows(const payload_estimator *e, double *out)
 {
     const size_t joints = (size_t)e->n;

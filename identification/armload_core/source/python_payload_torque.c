@@ -1,4 +1,4 @@
-/* The Python type PayloadTorque: the feed-forward's call without a line of Python around it. */
+/* The Python type PayloadTorque: the feed-forward's torque in one call, without Python code in between. */
 
 #include <string.h>
 
@@ -7,13 +7,13 @@
 
 enum { MOST_MODEL_NUMBERS = 15 + 21 * MOST_JOINTS + BODY_PARAMETERS };
 
-/* All of it is touched with the interpreter's lock held, which is what makes a change from another thread whole. */
+/* Accessed only with the interpreter's lock held, which makes a change from another thread atomic. */
 typedef struct {
     PyObject_HEAD int n; /* 0 before __init__ */
     double model[MOST_MODEL_NUMBERS];
     double from[BODY_PARAMETERS], to[BODY_PARAMETERS]; /* the ends of a change */
-    Py_ssize_t calls, left;                            /* that it takes, that are left of it */
-    PyObject *torque;                                  /* the array that is handed out */
+    Py_ssize_t calls, left;                            /* calls that the change takes, calls that are left */
+    PyObject *torque;                                  /* the array that every call returns */
     Py_buffer torque_view;
 } payload_torque_object;
 
@@ -62,8 +62,8 @@ static void dealloc(PyObject *object)
     Py_DECREF(type);
 }
 
-/* n numbers from a one-dimensional array of float64, however spaced. Returns 1, 0 where it is of another kind, -1 with
-   an exception. */
+/* Read n numbers from a one-dimensional array of float64 with any stride. Returns 1; 0 if it is another type of object;
+   -1 with an exception set. */
 static int read_row(PyObject *value, int n, double *row)
 {
     Py_buffer view;
@@ -87,7 +87,7 @@ static int read_row(PyObject *value, int n, double *row)
     return found;
 }
 
-/* The same from anything that numpy.array takes. Returns 0 or -1. */
+/* Read n numbers from anything that numpy.array accepts. Returns 0, or -1 with an exception set. */
 static int read_anything(PyObject *value, int n, double *row)
 {
     PyObject *numpy = PyImport_ImportModule("numpy");

@@ -1,4 +1,4 @@
-/* The Python type ServoLoops: the servo loops of a simulated arm over arrays that stay where they are. */
+/* The Python type ServoLoops: the servo loops of a simulated arm on arrays shared with Python. */
 
 #include <limits.h>
 

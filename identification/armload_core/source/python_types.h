@@ -1,4 +1,4 @@
-/* What the extension's files share. */
+/* Declarations shared by the extension's files. */
 
 #ifndef ARMLOAD_PYTHON_TYPES_H
 #define ARMLOAD_PYTHON_TYPES_H

@@ -26,7 +26,7 @@ void servo_ramp(const servo_loops *loops, int axis, double step, double position
     ramp[SERVO_RAMP_SLOWING * n] = (double)slowing;
 }
 
-/* The motors' sides of all joints, seen by one axis. */
+/* Position or velocity of one axis from those on the motor side of all joints. */
 static double at_axis(const servo_loops *loops, int axis, const double *of_hinges)
 {
     double sum = 0.0;
@@ -82,7 +82,7 @@ int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_
             const double wanted =
                 parameter[SERVO_VELOCITY_GAIN * n] * error + state[SERVO_INTEGRAL * n] + state[SERVO_OFFSET * n];
             torque = wanted > limit ? limit : wanted < -limit ? -limit : wanted;
-            /* the integral stands still while the limit is reached and would be exceeded further */
+            /* anti-windup: no integration further into the torque limit */
             if (torque == wanted || (wanted - torque) * error < 0.0) {
                 state[SERVO_INTEGRAL * n] += parameter[SERVO_INTEGRAL_GAIN * n] * error;
             }

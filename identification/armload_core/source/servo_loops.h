@@ -1,6 +1,6 @@
-/* One step of all servo loops and of the joints' friction in a simulated arm; the equations are in Python's
-   `servo_loops`. Arrays have a column per axis or joint; MuJoCo's have `hinges` numbers per joint, the first of which
-   is the motor's side. */
+/* One step of all servo loops and of the joint friction of a simulated arm; the equations are in Python's
+   `servo_loops`. Arrays have one column per axis or joint; MuJoCo's have `hinges` numbers per joint, the first for the
+   motor side. */
 
 #ifndef ARMLOAD_SERVO_LOOPS_H
 #define ARMLOAD_SERVO_LOOPS_H
@@ -23,7 +23,7 @@
     ROW(LOSS_BACKWARD)            \
     ROW(BRAKE)
 
-/* Rows of `state`. Those down to BRAKED are set from outside, the others by the step. */
+/* Rows of `state`. Those up to BRAKED are inputs, the others are set by the step. */
 #define SERVO_STATE_ROWS(ROW) \
     ROW(RAMP_FROM)            \
     ROW(RAMP_TO)              \
@@ -34,16 +34,16 @@
     ROW(POWERED) /* 0 or 1 */ \
     ROW(BRAKED) /* 0 or 1 */  \
     ROW(INTEGRAL)             \
-    ROW(TORQUE) /* of the axis, as the drive believes */ \
-    ROW(TRUE_TORQUE) /* of the axis */
+    ROW(TORQUE) /* of the axis, nominal: the drive's own value */ \
+    ROW(TRUE_TORQUE) /* of the axis, with gain error and ripple */
 
-/* Rows of a measurement: what a drive can know of its axis, then the truth about the joint. */
+/* Rows of a measurement: what the drive of an axis measures, then the true values of the joint. */
 #define SERVO_MEASURED_ROWS(ROW) \
     ROW(AXIS_POSITION)           \
     ROW(AXIS_VELOCITY)           \
     ROW(AXIS_DEMAND)             \
-    ROW(AXIS_TORQUE) /* as the drive believes, without noise */ \
-    ROW(JOINT_POSITION) /* on the links' side of an elastic gear */ \
+    ROW(AXIS_TORQUE) /* nominal, without noise */ \
+    ROW(JOINT_POSITION) /* on the link side of an elastic gear */ \
     ROW(JOINT_VELOCITY)          \
     ROW(JOINT_TORQUE) /* of the motors */ \
     ROW(LINK_TORQUE)
@@ -67,16 +67,16 @@ typedef struct {
     double *friction;          /* (hinges n) N m, set */
 } servo_loops;
 
-/* Setpoint of an axis in rad: linear between two setpoints, or with a speed that falls evenly to zero; then held. */
+/* Setpoint of an axis in rad: a ramp, linear or with a speed that falls linearly to zero, then held. */
 double servo_setpoint(const servo_loops *loops, int axis, double step);
 
-/* Let an axis's setpoint go from where it is to a position within `steps`; `slowing` is 0 or 1. */
+/* Start a ramp of an axis's setpoint from its present value to a position within `steps`; `slowing` is 0 or 1. */
 void servo_ramp(const servo_loops *loops, int axis, double step, double position, double steps, int slowing);
 
-/* Fill (SERVO_MEASUREMENTS, n) with what all axes and joints do at a step. */
+/* Fill (SERVO_MEASUREMENTS, n) with the measurements of all axes and joints at a step. */
 void servo_measure(const servo_loops *loops, double step, double *measured);
 
-/* Close all loops once. Returns 0 where a joint's speed is not a number or not below `greatest_speed_rad_s`. */
+/* Compute one step of all loops. Returns 0 if a joint's speed is NaN or not below `greatest_speed_rad_s`. */
 int servo_step(const servo_loops *loops, double step, double greatest_speed_rad_s);
 
 #endif

@@ -1,7 +1,7 @@
 /* All kernels for one instruction set: included once by each `batch_*.c`, which defines
 
-       LANES      samples in one vector
-       TARGET     function attributes that name the instruction set, or nothing
+       LANES      samples per vector
+       TARGET     function attribute that selects the instruction set, or empty
        VARIANT    name of the table of kernels, batch_...
        NAME       its name as a string */
 
