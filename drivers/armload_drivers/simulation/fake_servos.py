@@ -344,7 +344,7 @@ class FakeServos:
 
     def _fails(self, kind: FailureKind, axis: int) -> bool:
         """Whether a failure is scripted for the present cycle."""
-        return any(
+        return bool(self._failures) and any(
             failure.kind is kind
             and failure.joint == axis
             and failure.cycle <= self._cycle < failure.cycle + failure.cycles

@@ -109,12 +109,20 @@ class IdealPlant:
     @property
     def position_rad(self) -> FloatArray:
         """(n,) positions of the axes."""
-        return self._start + self._share() * (self._finish - self._start)
+        return self._position(self._share())
+
+    def _position(self, share: FloatArray) -> FloatArray:
+        """(n,) positions at a share of each ramp."""
+        return self._start + share * (self._finish - self._start)
 
     @property
     def velocity_rad_s(self) -> FloatArray:
         """(n,) velocities of the axes."""
-        moving = (self._share() < 1.0) | (self.time_s == self._begin_s + self._over_s)
+        return self._velocity(self._share())
+
+    def _velocity(self, share: FloatArray) -> FloatArray:
+        """(n,) velocities at a share of each ramp."""
+        moving = (share < 1.0) | (self.time_s == self._begin_s + self._over_s)
         travel = np.where(moving, self._finish - self._start, 0.0)
         return np.divide(travel, self._over_s, out=np.zeros_like(travel), where=self._over_s > 0.0)
 
@@ -152,6 +160,7 @@ class IdealPlant:
 
     def sample(self, cycle_s: float) -> IdealSample:
         """Present measurements of the drives; without noise, so `cycle_s` has no effect."""
-        position = self.position_rad
+        share = self._share()
+        position = self._position(share)
         torque = np.where(self.powered, self._torque_nm + self.torque_offset_nm, 0.0)
-        return IdealSample(position - self.lag_rad, self.velocity_rad_s, position, torque)
+        return IdealSample(position - self.lag_rad, self._velocity(share), position, torque)

@@ -142,6 +142,7 @@ def test_a_slip_spoils_one_fit_and_not_the_verdict():
     np.testing.assert_allclose(verdict.gain, 1.0, atol=1e-6)
 
 
+@pytest.mark.long
 def test_the_standard_error_is_how_far_the_gain_is_off():
     gains, sigmas = [], []
     for seed in range(60):

@@ -68,7 +68,7 @@ def test_an_arm_that_meets_something_is_stopped_before_it_is_behind(force_n):
     assert "look for a collision" in str(error)
 
 
-@pytest.mark.parametrize("variant", ["normative", "harsh"])
+@pytest.mark.parametrize("variant", ["harsh", pytest.param("normative", marks=pytest.mark.long)])
 @pytest.mark.parametrize(("payload", "load"), [("block", Load.LOADED), (None, Load.UNLOADED), (None, Load.LOADED)])
 def test_an_arm_that_meets_nothing_is_not_stopped(payload, load, variant):
     simulation = ROBOT.source.tables.simulation.model_copy(update={"variant": variant})

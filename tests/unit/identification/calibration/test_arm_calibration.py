@@ -268,6 +268,7 @@ def test_a_mounting_that_was_entered_wrongly_is_named(four, weighed, pinocchio_a
         calibrated(four[:2], weighed, pinocchio_arm, nominal, wrong)
 
 
+@pytest.mark.long
 def test_a_rough_fit_that_goes_to_and_fro_says_nothing_about_the_mounting(
     runs, weighed, pinocchio_arm, nominal, monkeypatch
 ):
@@ -309,8 +310,8 @@ def turned(run, joint):
     ("change", "said"),
     [
         (lambda run: scaled(run, 1, 1.2), "joint 2 reports 1.2[01] times its effort"),
-        (lambda run: exchanged(run, 1, 2), "joints 2 and 3 are exchanged"),
-        (lambda run: turned(run, 2), "position and effort of joint 3 are inverted"),
+        pytest.param(lambda run: exchanged(run, 1, 2), "joints 2 and 3 are exchanged", marks=pytest.mark.long),
+        pytest.param(lambda run: turned(run, 2), "position and effort of joint 3 are inverted", marks=pytest.mark.long),
     ],
 )
 def test_a_run_that_contradicts_the_others_is_named_with_its_mistake(

@@ -35,7 +35,13 @@ def coloured(rng, samples, memory_s):
 
 
 @pytest.mark.parametrize(
-    ("periods", "memory_s"), [(1, None), (1, 0.3), (3, None), (3, 0.5)], ids=["1-white", "1-slow", "3-white", "3-slow"]
+    ("periods", "memory_s"),
+    [
+        pytest.param(1, None, id="1-white"),
+        pytest.param(1, 0.3, id="1-slow", marks=pytest.mark.long),
+        pytest.param(3, None, id="3-white", marks=pytest.mark.long),
+        pytest.param(3, 0.5, id="3-slow"),
+    ],
 )
 def test_95_percent_intervals_cover(regressor, pinocchio_arm, periods, memory_s):
     truth, _ = derived(pinocchio_arm.payload)

@@ -128,6 +128,7 @@ def test_load_dependent_friction_is_found_and_taken_out(pinocchio_arm):
     assert any("Load-dependent friction was found" in note for note in result.notes)
 
 
+@pytest.mark.long
 def test_no_friction_is_found_where_none_is(by_seed):
     found = 0
     for seed in range(10):
