@@ -26,21 +26,21 @@ from armload_identification.recording.file_reading import read_recording
 from armload_identification.recording.run_format import WAY_ROUND_ATTACHMENT
 from armload_identification.report.provenance import motion_sentence
 
-ROBOT = load_robot("prbt")
+CYCLE_S = 0.02
+ROBOT = load_robot("prbt").with_bus(cycle_hz=1.0 / CYCLE_S)
 SWING = FourierTrajectory(1.0, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((6, 1), 0.05), np.full((6, 1), 0.02))
 CONSTRAINTS = ROBOT.motion_constraints
-CYCLE_S = 0.01
 
 
 def checked():
-    return check_path(Excitation(SWING, 1), CONSTRAINTS, 0.01, file=ROBOT.file, key="swing")
+    return check_path(Excitation(SWING, 1), CONSTRAINTS, CYCLE_S, file=ROBOT.file, key="swing")
 
 
 @pytest.mark.parametrize(
     ("changes", "cycle_s", "text"),
     [
-        ({"robot_sha256": "0" * 64}, 0.01, r"was not checked for prbt as prbt\.toml has it"),
-        ({}, 0.005, r"was checked for cycles of 5 ms, the drives run at 10 ms"),
+        ({"robot_sha256": "0" * 64}, CYCLE_S, r"was not checked for prbt as prbt\.toml has it"),
+        ({}, 0.005, r"was checked for cycles of 5 ms, the drives run at 20 ms"),
     ],
 )
 def test_a_path_that_was_checked_for_another_arm_or_cycle_is_not_run(opened, changes, cycle_s, text):
@@ -80,7 +80,7 @@ def opened(ideal_servos):
 
     @contextmanager
     def opened(load=Load.UNLOADED, operator=None, *, simulated=True, events=None, position_rad=None):
-        servos = ideal_servos(6, 0.01, events, position_rad)
+        servos = ideal_servos(6, CYCLE_S, events, position_rad)
         servos.simulated = simulated
 
         @contextmanager
@@ -138,7 +138,7 @@ class Told(NoDisplay):
 def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recording_and_report(opened, tmp_path):
     """A wall between where the arm stands and where the path begins."""
     reaching = Excitation(replace(SWING, offset_rad=np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])), 1)
-    path = check_path(reaching, CONSTRAINTS, 0.01, file=ROBOT.file, key="swing")
+    path = check_path(reaching, CONSTRAINTS, CYCLE_S, file=ROBOT.file, key="swing")
     turned = np.array([np.pi - 0.6, 0.0, 0.0, 0.0, 0.0, 0.0])
     tool = [ROBOT.chain.forward(path.start_rad + share * turned)[-1][:3, 3] for share in (0.0, 0.5, 1.0)]
     away = tool[1] - 0.5 * (tool[0] + tool[2])
@@ -146,7 +146,7 @@ def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recor
     wall = HalfSpace("wall", normal, normal @ tool[1] + 0.05, (7,))
     obstacles = Obstacles(Workspace(ROBOT.chain, (Sphere(7, np.zeros(3), 0.02),), (wall,)))
     constraints = replace(CONSTRAINTS, obstacles=obstacles)
-    walled = check_path(reaching, constraints, 0.01, file=ROBOT.file, key="swing")
+    walled = check_path(reaching, constraints, CYCLE_S, file=ROBOT.file, key="swing")
     display = Told()
     operator = Operator(display, MotionControl(), Consent(lambda question: False, given=False))
     file = tmp_path / "run.mcap"
@@ -161,7 +161,7 @@ def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recor
     run = read_recording(tmp_path / "run.partial.mcap", with_effort=False)
     via_points = np.array(json.loads(run.source.attachments[WAY_ROUND_ATTACHMENT])["via_points_rad"])
     assert via_points.shape == (count, 6)
-    signal = SimpleNamespace(time_s=run.time_s, interval_s=0.01)
+    signal = SimpleNamespace(time_s=run.time_s, interval_s=CYCLE_S)
     assert f"blocked: the arm went round the obstacle, via {count}\N{NO-BREAK SPACE}point" in motion_sentence(
         run.source, signal
     )
