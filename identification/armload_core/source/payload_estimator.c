@@ -7,6 +7,7 @@
 
 static const double BIN_S = 0.0095;      /* samples that come faster are averaged over this */
 static const double WINDOW_S = 0.24;     /* what a cubic is fitted to: a Savitzky-Golay filter at the stamps as they are */
+static const double DEVIATION = 0.1889822365046136; /* of the kernel that it implies, as a share of it: sqrt(1/28) */
 static const double ROW_S = 0.05;
 static const double HOLE_S = 0.10;       /* without samples for longer, the front end begins anew */
 static const double CLOCK_BACK_S = 1.0;  /* a stamp so much earlier is a clock that was set */
@@ -16,15 +17,22 @@ static const double LEAST_WEIGHT = 0.05;
 static const double ONWARD = 0.95;       /* share of the window that a joint moves one way, from which it counts */
 static const double CLIP = 3.0;          /* an innovation counts for at most so many standard deviations */
 static const double MISFIT_MEMORY_S = 10.0;
-static const double USUAL_MISFIT = 2.0;  /* of a calibrated arm; the test for changes allows for more, not for this */
+static const double SCATTER_MEMORY_S = 2.0;
+static const double WAIT_S = 0.25;       /* three times this after it was learnt a scatter is used */
+static const double USUAL_SCATTER = 2.0; /* of a calibrated arm; the test for changes allows for more, not for this */
+static const double SCATTER_COLOUR = 3.0; /* what the model does not say stays alike for longer than noise does */
 static const double FRICTION_LAW = 0.01; /* share of its friction by which a joint may follow no law; the test allows it */
 static const double CHANGE_MEMORY_S = 1.0;
 static const double CHANGE_TEST = 20.0;
+static const double STATIC_TEST = 8.0;   /* of mass and centre of mass alone, whatever the inertia */
+static const double COMPACT = 30.0;      /* what is known of a change's inertia: 0.13 m of arm, where a payload's is 0.3 m */
+static const double KNOWN_S = 5.0;       /* of motion before the first test, for the scatter to be learnt */
+static const double ANEW_S = 2.0;        /* of motion before the next, for the payload to be known at all */
 static const double HELD_S = 0.3;        /* at the bound; what is twice as significant needs half as long */
 static const double AT_REST = 0.05;      /* of the speed of the gate */
 static const double CONTACT_RATIO = 3.0; /* friction holds 1.4 times itself at most on a free arm, 6 and more in a push */
 
-enum { LEAST_MEANS = 8, POWERS = 4 };
+enum { LEAST_MEANS = 8, POWERS = 4, STATIC = 4 };
 
 static void clear_payload(payload_estimator *e)
 {
@@ -183,8 +191,13 @@ void estimator_begin(payload_estimator *e)
     memset(e->joint, 0, sizeof e->joint);
     clear_front(e);
     clear_change(e);
+    e->watched_s = e->waited_s = 0.0;
     for (int j = 0; j < e->n; j++) {
-        e->joint[j].misfit = 1.0;
+        joint_information *f = e->joint + j;
+        f->misfit = f->scatter = f->learnt = 1.0;
+        for (int i = 0; i < WAITING; i++) {
+            f->waiting[i] = 1.0;
+        }
     }
     solve(e);
 }
@@ -230,6 +243,7 @@ static void forget_payload(payload_estimator *e)
     }
     clear_payload(e);
     clear_change(e);
+    e->watched_s = fmin(e->watched_s, KNOWN_S - ANEW_S);
     e->remembered = e->next_row = 0;
     memset(e->moving_s, 0, sizeof e->moving_s);
     solve(e);
@@ -364,12 +378,19 @@ static void fade(payload_estimator *e, double elapsed)
     }
 }
 
+/* A joint's row as the test for changes sees it: what was not expected of it, and the square that should have been. */
+typedef struct {
+    int joint;
+    double innovation, usual;
+    const double *h;
+} surprise;
+
 /* A joint's row, added to the information; `h` and `f` in the units of the states. */
 static void add_row(payload_estimator *e, int joint, const double *h, const double *f, double friction, double target,
-                    double weight, double elapsed)
+                    double weight, double elapsed, surprise *seen)
 {
     joint_information *own = e->joint + joint;
-    double expected = 0.0, seen[BODY_PARAMETERS], by[FRICTION_STATES], variance = 0.0;
+    double expected = 0.0, open[BODY_PARAMETERS], by[FRICTION_STATES], variance = 0.0;
     for (int a = 0; a < FRICTION_STATES; a++) {
         by[a] = own->inverse[a][0] * f[0] + own->inverse[a][1] * f[1] + own->inverse[a][2] * f[2];
         expected += f[a] * own->change[a];
@@ -377,24 +398,25 @@ static void add_row(payload_estimator *e, int joint, const double *h, const doub
     }
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         expected += h[k] * e->theta[k];
-        seen[k] = h[k]
+        open[k] = h[k]
                   - (own->with_payload[k][0] * by[0] + own->with_payload[k][1] * by[1]
                      + own->with_payload[k][2] * by[2]) / own->misfit;
     }
-    solve_lower((const double(*)[BODY_PARAMETERS])e->factor, seen);
+    solve_lower((const double(*)[BODY_PARAMETERS])e->factor, open);
     for (int k = 0; k < BODY_PARAMETERS; k++) {
-        variance += seen[k] * seen[k];
+        variance += open[k] * open[k];
     }
     const double law = FRICTION_LAW * friction;
-    const double spread = fmax(own->misfit / USUAL_MISFIT, 1.0) / weight + variance + law * law;
+    const double spread = (1.0 + SCATTER_COLOUR * fmax(own->scatter - USUAL_SCATTER, 0.0)) / weight + variance + law * law;
     const double bound = CLIP * sqrt(spread);
     const double off = target - expected, innovation = fmax(fmin(off, bound), -bound);
+    /* The weight makes rows that stay alike count as one; their size is that of one row's noise. */
+    const double single = 1.0 / (weight * e->parameter[ESTIMATOR_COLOUR][joint]);
     if (e->suspected == 0.0) {
-        /* The weight makes rows that stay alike count as one; their size is that of one row's noise. */
-        const double colour = e->parameter[ESTIMATOR_COLOUR][joint];
-        const double size = innovation * innovation / (own->misfit / (weight * colour) + variance);
+        const double size = innovation * innovation / (own->misfit * single + variance);
         own->misfit = fmax(own->misfit * (1.0 + elapsed / MISFIT_MEMORY_S * (size - 1.0)), 1.0);
     }
+    *seen = (surprise){joint, innovation, own->learnt * single + variance, h};
     const double counts = weight * (expected + innovation);
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         const double wh = weight * h[k], ch = h[k] / spread;
@@ -418,36 +440,77 @@ static void add_row(payload_estimator *e, int joint, const double *h, const doub
     }
 }
 
-/* Whether the payload is another one: its change by the innovations of the last second, and how significant that is. */
-static void watch_change(payload_estimator *e, double now, double elapsed)
+/* How far rows scatter, beside a change where that is suspected. The scatter in use is that of 0.75 to 1 s ago. */
+static void learn_scatter(payload_estimator *e, const surprise *seen, int count, const double *change, double elapsed)
 {
-    double factor[BODY_PARAMETERS][BODY_PARAMETERS], change[BODY_PARAMETERS];
-    memcpy(factor, e->change, sizeof factor);
-    memcpy(change, e->change_right, sizeof change);
+    for (int i = 0; i < count; i++) {
+        joint_information *own = e->joint + seen[i].joint;
+        double left = seen[i].innovation;
+        for (int k = 0; k < BODY_PARAMETERS; k++) {
+            left -= seen[i].h[k] * change[k];
+        }
+        const double size = left * left / seen[i].usual;
+        own->learnt = fmax(own->learnt * (1.0 + elapsed / SCATTER_MEMORY_S * (size - 1.0)), 1.0);
+    }
+    e->waited_s += elapsed;
+    if (e->waited_s < WAIT_S) {
+        return;
+    }
+    e->waited_s = 0.0;
+    for (int j = 0; j < e->n; j++) {
+        joint_information *own = e->joint + j;
+        own->scatter = own->waiting[0];
+        memmove(own->waiting, own->waiting + 1, sizeof own->waiting - sizeof own->waiting[0]);
+        own->waiting[WAITING - 1] = own->learnt;
+    }
+}
+
+/* Whether the payload is another one: its change by the innovations of the last second, and how significant that is. */
+static void watch_change(payload_estimator *e, double now, double elapsed, const surprise *seen, int count)
+{
+    enum { INERTIA = BODY_PARAMETERS - STATIC };
+    double factor[BODY_PARAMETERS][BODY_PARAMETERS], change[BODY_PARAMETERS], found[BODY_PARAMETERS] = {0.0};
+    /* The inertia first: what is left of the sum of squares is that of mass and centre of mass, whatever the inertia. */
     for (int k = 0; k < BODY_PARAMETERS; k++) {
-        factor[k][k] += 1.0;
+        const int from = (k + STATIC) % BODY_PARAMETERS;
+        for (int i = 0; i < BODY_PARAMETERS; i++) {
+            factor[k][i] = e->change[from][(i + STATIC) % BODY_PARAMETERS];
+        }
+        factor[k][k] += k < INERTIA ? COMPACT : 1.0;
+        change[k] = e->change_right[from];
     }
     if (!factorised(factor)) {
         clear_change(e);
         return;
     }
     solve_lower((const double(*)[BODY_PARAMETERS])factor, change);
-    e->change_test = 0.0;
+    double of_all = 0.0, of_static = 0.0;
     for (int k = 0; k < BODY_PARAMETERS; k++) {
-        e->change_test += change[k] * change[k];
+        of_all += change[k] * change[k];
+        of_static += k < INERTIA ? 0.0 : change[k] * change[k];
     }
+    const int significant = of_all > CHANGE_TEST && of_static > STATIC_TEST;
+    if (significant) {
+        solve_upper((const double(*)[BODY_PARAMETERS])factor, change);
+        for (int k = 0; k < BODY_PARAMETERS; k++) {
+            found[(k + STATIC) % BODY_PARAMETERS] = change[k];
+        }
+    }
+    const double counted = fmin(elapsed, 2.0 * ROW_S);
+    learn_scatter(e, seen, count, found, counted);
+    e->watched_s += count ? counted : 0.0;
+    e->change_test = e->watched_s < KNOWN_S || of_static <= STATIC_TEST ? 0.0 : of_all;
     /* The first row beyond the bound begins the evidence; a hole in the rows adds no more than a row does. */
     if (e->change_test <= CHANGE_TEST) {
         e->evidence = e->suspected = 0.0;
         return;
     }
-    e->evidence += e->suspected * e->change_test * fmin(elapsed, 2.0 * ROW_S);
+    e->evidence += e->suspected * e->change_test * counted;
     e->suspected = 1.0;
     if (e->evidence >= CHANGE_TEST * HELD_S) {
-        solve_upper((const double(*)[BODY_PARAMETERS])factor, change);
         /* Forgotten by the next sample: with a row it would be the longest update by far. */
         e->noticed = now;
-        e->noticed_mass = change[0] * e->scale[0];
+        e->noticed_mass = found[0] * e->scale[0];
         clear_change(e);
         e->noticing = 1;
     }
@@ -475,6 +538,29 @@ static void watch_contact(payload_estimator *e, const estimator_row *row, const 
     }
 }
 
+/* What the model makes of a row: the mean of two points of the window, one standard deviation of its kernel either side of
+   the middle, as the torque is a mean over all of it. The torque at the mean position is another one: 4 N m of er50's own
+   weight where its joints turn at 1.5 rad/s. */
+static void modelled(const payload_estimator *e, const estimator_row *row, double *regressor, double *links)
+{
+    double position[MOST_JOINTS], velocity[MOST_JOINTS], later[MOST_JOINTS * BODY_PARAMETERS] = {0.0};
+    double links_later[MOST_JOINTS];
+    const double away = DEVIATION * WINDOW_S;
+    for (int side = -1; side <= 1; side += 2) {
+        for (int j = 0; j < e->n; j++) {
+            position[j] = row->position[j] + side * away * row->velocity[j];
+            velocity[j] = row->velocity[j] + side * away * row->acceleration[j];
+        }
+        estimator_arm(e, position, velocity, row->acceleration, side < 0 ? regressor : later, side < 0 ? links : links_later);
+    }
+    for (int j = 0; j < e->n; j++) {
+        links[j] = 0.5 * (links[j] + links_later[j]);
+    }
+    for (int k = 0; k < e->n * BODY_PARAMETERS; k++) {
+        regressor[k] = 0.5 * (regressor[k] + later[k]);
+    }
+}
+
 static void take_row(payload_estimator *e)
 {
     estimator_row *row = e->row + e->next_row;
@@ -488,7 +574,7 @@ static void take_row(payload_estimator *e)
     e->rows += 1.0;
     e->next_row = (e->next_row + 1) % REMEMBERED_ROWS;
     e->remembered += e->remembered < REMEMBERED_ROWS;
-    estimator_arm(e, row->position, row->velocity, row->acceleration, regressor, links);
+    modelled(e, row, regressor, links);
     for (int j = 0; j < n; j++) {
         payload[j] = 0.0;
         for (int k = 0; k < BODY_PARAMETERS; k++) {
@@ -499,6 +585,8 @@ static void take_row(payload_estimator *e)
     watch_contact(e, row, links, payload);
     fade(e, elapsed);
     const double counted = fmin(elapsed, 2.0 * ROW_S);
+    surprise seen[MOST_JOINTS];
+    int count = 0;
     for (int j = 0; j < n; j++) {
         const double dq = row->velocity[j], gate = e->parameter[ESTIMATOR_GATE][j];
         /* Where the joint stands or turns round within the window, friction is what no model says. */
@@ -520,15 +608,16 @@ static void take_row(payload_estimator *e)
         const double f[FRICTION_STATES] = {s * e->parameter[ESTIMATOR_COULOMB_SPREAD][j],
                                            dq * e->parameter[ESTIMATOR_VISCOUS_SPREAD][j],
                                            e->parameter[ESTIMATOR_OFFSET_SPREAD][j]};
-        double h[BODY_PARAMETERS];
+        double *const h = regressor + j * BODY_PARAMETERS;
         for (int k = 0; k < BODY_PARAMETERS; k++) {
-            h[k] = through * regressor[j * BODY_PARAMETERS + k];
+            h[k] *= through;
         }
         const double noise = e->parameter[ESTIMATOR_NOISE][j] / gated;
-        add_row(e, j, h, f, friction, row->torque[j] - arm, 1.0 / (noise * noise), counted);
+        add_row(e, j, h, f, friction, row->torque[j] - arm, 1.0 / (noise * noise), counted,
+                seen + count++);
     }
+    watch_change(e, row->time, elapsed, seen, count);
     solve(e);
-    watch_change(e, row->time, elapsed);
 }
 
 /* The gathered samples as one mean into the window. */

@@ -12,7 +12,11 @@
    so that Lambda - 1 is never negative, whatever comes in: no rounding and no number of updates makes it indefinite.
    A joint's friction meets the payload alone: Lambda is an arrow, and theta follows from one factorisation of 10 x 10.
    The misfit c_j >= 1 is the mean square of the joint's innovations over what it should be: a joint that no payload
-   explains counts less, in what it has shown before as well, and the intervals widen. */
+   explains counts less, in what it has shown before as well, and the intervals widen.
+
+   A change of payload shows in the innovations of the last second. What they are measured by is the joint's scatter, a
+   misfit that is learnt within seconds and used as it was a second ago: a change is noticed before it counts as scatter.
+   An elastic joint that rings looks like inertia that changes; mass and centre of mass must show a part of any change. */
 
 #ifndef ARMLOAD_PAYLOAD_ESTIMATOR_H
 #define ARMLOAD_PAYLOAD_ESTIMATOR_H
@@ -58,6 +62,7 @@ enum { ESTIMATOR_STATUS_ROWS(ESTIMATOR_NAME) ESTIMATOR_STATUS };
 
 enum {
     FRICTION_STATES = 3,
+    WAITING = 3, /* scatters that were learnt and are not used yet */
     SMOOTHED = 40 /* means over 10 ms that the front end holds at most */
 };
 
@@ -77,6 +82,7 @@ typedef struct {
     double own[FRICTION_STATES][FRICTION_STATES], with_payload[BODY_PARAMETERS][FRICTION_STATES];
     double right[FRICTION_STATES], change[FRICTION_STATES], inverse[FRICTION_STATES][FRICTION_STATES];
     double misfit;
+    double scatter, waiting[WAITING], learnt; /* in use, to be used next, and up to now */
 } joint_information;
 
 typedef struct {
@@ -99,6 +105,7 @@ typedef struct {
     double change[BODY_PARAMETERS][BODY_PARAMETERS], change_right[BODY_PARAMETERS];
     int noticing; /* a change is noticed, and the old payload not forgotten yet */
     double noticed, noticed_mass;
+    double watched_s, waited_s; /* time of motion, and since the scatters moved on */
     double change_test, suspected, evidence, changed, change_mass, changes;
     double contact_ratio, touched_since;
 

@@ -20,7 +20,7 @@ from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.estimator_constants import EstimatorConstants
 
-_CONSTANTS: Final = r"\b(ESTIMATOR_\w*|FRICTION_STATES|SMOOTHED|REMEMBERED_ROWS)"
+_CONSTANTS: Final = r"\b(ESTIMATOR_\w*|FRICTION_STATES|SMOOTHED|WAITING|REMEMBERED_ROWS)"
 _TYPES_AND_FUNCTIONS: Final = r"^\} (\w+);|\b(estimator_\w+)\("
 """Types and functions that the core's header declares."""
 
