@@ -1,8 +1,8 @@
-"""The README's picture, made of a commissioning of prbt, and that of WATCH.md: `make pictures`.
+"""The README's picture, from a commissioning of prbt, and that of WATCH.md: `make pictures`.
 
-prbt's drives report torque; with er50's nominal gains a commissioning cannot tell 2 % of the mass.
+prbt's drives report torque; with er50's nominal gains a commissioning does not determine the mass to 2 %.
 
-What a report's first screen shows, in one SVG: verdict, mass, the centre of mass on the flange, and one joint's torque.
+One SVG shows what the top of a report shows: verdict, mass, the centre of mass on the flange, and one joint's torque.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ text { font-family: Helvetica, Arial, 'Liberation Sans', sans-serif; fill: #1a1a
 
 
 def run() -> None:
-    """Commission the arm in a folder that is thrown away, and draw what comes out."""
+    """Commission the arm in a temporary folder, and draw the result."""
     with tempfile.TemporaryDirectory() as folder:
         result = CliRunner().invoke(app, ["commission", ROBOT, "--output", folder])
         if result.exit_code != 0:
@@ -57,12 +57,12 @@ def run() -> None:
 
 
 def _pair(folder: Path, role: str) -> tuple[Path, Path]:
-    """The loaded and the unloaded run."""
+    """Files of the loaded and the unloaded run."""
     return folder / f"loaded_{role}.mcap", folder / f"unloaded_{role}.mcap"
 
 
 def picture(found: Findings) -> str:
-    """The SVG of a payload that is determined.
+    """The SVG of a determined payload.
 
     Args:
         found: An identification and its validation.
@@ -107,7 +107,7 @@ def _text(x: int, y: int, size: int, text: str, *, weight: int = 400, soft: bool
 
 
 def _placed(svg: str, x: int, y: int, width: int, height: int) -> str:
-    """A drawing at its place in another."""
+    """An SVG, placed inside another."""
     return re.sub(r"^<svg ", f'<svg x="{x}" y="{y}" width="{width}" height="{height}" ', svg)
 
 

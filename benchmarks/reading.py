@@ -1,7 +1,7 @@
-"""Reading recordings: time per row beside a bare read of the same file, and memory, in processes of their own.
+"""Reading recordings: memory, and time per row compared with a bare read of the same file, in separate processes.
 
-A bare read takes the file apart and parses every message as JSON, one after the other, and keeps nothing: what no
-reader of this format can do without. Beside it the library's own record iterator, which parses no message at all.
+A bare read unpacks the file and parses every message as JSON, one after the other, and keeps nothing: the least that
+any reader of this format must do. The library's own record iterator, for comparison, does not parse the messages.
 
     python -m benchmarks.reading [ROWS]        29,000,000 rows are 8 h at 1 kHz, 5 GB of disk
 """
@@ -24,7 +24,7 @@ from armload_identification.recording.run_format import EXCITATION_ATTACHMENT
 from benchmarks.reading_probe import probe
 
 ROWS: Final = 600_000
-"""Of `make bench`."""
+"""Rows in `make bench`."""
 CYCLE_S: Final = 0.001
 PERIOD_ROWS: Final = 20_000
 JOINTS: Final = 6
@@ -33,7 +33,7 @@ MILLIAMPERE: Final = 1e-3
 
 
 def run(rows: int = ROWS) -> None:
-    """Write a recording, read it in three ways, and print.
+    """Write a recording, read it in three ways, and print the times.
 
     Args:
         rows: Rows of the recording.
@@ -55,7 +55,7 @@ def run(rows: int = ROWS) -> None:
 
 
 def _write(path: Path, rows: int) -> None:
-    """A recording of a periodic motion with noise, by the recorder itself."""
+    """Record a periodic motion with noise, by armload's recorder."""
     rng = np.random.default_rng(1)
     size = 0.2 * rng.normal(size=(2, JOINTS, 5))
     trajectory = FourierTrajectory(1.0 / (PERIOD_ROWS * CYCLE_S), rng.uniform(-0.4, 0.4, JOINTS), *size)
@@ -69,7 +69,7 @@ def _write(path: Path, rows: int) -> None:
     with Recorder(path, {EXCITATION_ATTACHMENT: format_excitation(excitation)}) as recorder:
         for row in range(rows):
             k = row % PERIOD_ROWS
-            # Another noise in every period, without drawing as many numbers.
+            # Different noise in every period, without drawing as many numbers.
             other = (k + 7919 * (row // PERIOD_ROWS)) % PERIOD_ROWS
             feedback = JointFeedback(
                 row, 100.0 + row * CYCLE_S, position[k], velocity[k], current[other], None, state_word, missing

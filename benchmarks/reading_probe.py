@@ -1,4 +1,4 @@
-"""Reads a file in one way, in a process of its own that prints its CPU time and memory as JSON."""
+"""Reads a file in one way, in a separate process that prints its CPU time and memory as JSON."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def probe(way: str, path: Path) -> dict[str, float]:
         path: The recording.
 
     Returns:
-        "cpu_s" without the start of the process, and "peak_mb" of memory.
+        "cpu_s" without the process's start-up, and "peak_mb" of memory.
     """
     command = [sys.executable, "-m", "benchmarks.reading_probe", way, str(path)]
     figures: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
@@ -58,14 +58,14 @@ def bare(path: Path) -> None:
 
 
 def library(path: Path) -> None:
-    """Iterate over the records as the library does."""
+    """Iterate over the records with the mcap library."""
     with path.open("rb") as file:
         for _ in StreamReader(file).records:
             pass
 
 
 def watch(path: Path) -> None:
-    """Watch what the arm carries, as `armload watch` does, by the calibration beside the recording."""
+    """Estimate what the arm carries, as `armload watch` does, with the calibration in the recording's folder."""
     from armload_controller.analysis.payload_watch import PayloadWatch
     from armload_controller.config.robot import load_robot
 

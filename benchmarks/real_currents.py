@@ -34,14 +34,14 @@ PREDICTED = slice(1, 6)
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """One mounting of the mass."""
+    """The runs of one mounting of the mass."""
 
     loaded: Recording
     unloaded: Recording
 
 
 def run(tally: Tally, census: Census) -> None:
-    """Tables and criteria; skipped with the reason where the measured data are not beside the checkout."""
+    """Print tables and criteria; postponed, with the reason, if the measured data are not in `shared`."""
     tally.heading("3. Real currents: UR10e, a weighed mass of 2.805 kg mounted twice")
     if not FOLDER.is_dir():
         tally.postpone("both UR10e pairs", f"the measured recordings are not at {FOLDER}")
@@ -78,7 +78,7 @@ def measured_pairs(robot: Robot) -> dict[str, Pair]:
 
 
 def _calibrated(tally: Tally, robot: Robot, pairs: dict[str, Pair], census: Census) -> None:
-    """Gains from one pair's weighed mass, tried on the other."""
+    """Gains from one pair's weighed mass, applied to the other pair."""
     gains, results = {}, {}
     for name, other in (("a", "b"), ("b", "a")):
         weighed = pairs[other]
@@ -109,7 +109,7 @@ def _agreement(
     transmission: Transmission,
     gains: str,
 ) -> None:
-    """One body, mounted twice: same radius, same height, turned; and one mounting predicts the other."""
+    """One body, mounted twice: same radius and height, rotated; one mounting's payload predicts the other's torque."""
     one, two = (results[name].parameters for name in ("a", "b"))
     radius = [float(np.hypot(*body.center_of_mass_m[:2])) for body in (one, two)]
     height = [float(body.center_of_mass_m[2]) for body in (one, two)]
@@ -154,7 +154,7 @@ def _identify(robot: Robot, pair: Pair, transmission: Transmission, census: Cens
 
 
 def _turned(body: InertialParameters, angle_rad: float) -> InertialParameters:
-    """The body turned about the flange axis."""
+    """The body rotated about the flange axis."""
     pose = np.eye(4)
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     pose[:2, :2] = [[c, -s], [s, c]]

@@ -1,4 +1,4 @@
-"""Recordings of a seed: whole periods of a steady motion with the noise, the units and the gains of its drives."""
+"""Recordings of a seed: whole periods of a steady motion with its drives' noise, units and gains."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from benchmarks.steady_state import SteadyPeriod
 
 @dataclass(frozen=True, eq=False)
 class DriveScales:
-    """Units of the drives of the first n axes of an arm, which no other axis is coupled to.
+    """Units of the drives of an arm's first n axes, which are not coupled to the others.
 
     Attributes:
         coupling: (n, n) C with q_joint = C q_axis.
         counts_per_rad: (n,) of the axes.
-        effort_units_per_nm: (n,) units of what the drives tell that one N m at the axis makes.
-        effort_per_unit: (n,) what one such unit means: motor current in A, or axis torque in N m.
-        feedback: Which of the two.
+        effort_units_per_nm: (n,) reported units per N m of axis torque.
+        effort_per_unit: (n,) value of such a unit: motor current in A, or axis torque in N m.
+        feedback: Which of the two is reported.
         noise_nm: (n,) standard deviation of one raw sample of axis torque at 100 Hz.
     """
 
@@ -41,7 +41,7 @@ class DriveScales:
         """Scales of the first axes.
 
         Raises:
-            ValueError: a later axis moves an earlier joint or loads it.
+            ValueError: one of these axes is coupled to a later one.
         """
         coupling = arm.coupling[:joints, :joints]
         if arm.coupling[:joints, joints:].any() or arm.coupling[joints:, :joints].any():
@@ -78,9 +78,9 @@ def record(
         scales: Units and noise of the drives.
         periods: M.
         rng: Draws the noise, white, sigma = noise at 100 Hz * sqrt(rate / 100 Hz).
-        gain_error: (n,) e; the motor gives 1 + e times the torque that the drive believes in and reports.
-        noise_scale: Factor on the noise and on the drives' unit of effort, to look at what is left without them.
-            Both, because it is the noise that makes quantisation average out.
+        gain_error: (n,) e; the motor gives 1 + e times the torque that the drive reports.
+        noise_scale: Factor on the noise and on the drives' unit of effort, to see what remains without them.
+            Both, because quantisation averages out only with noise.
 
     Returns:
         The recording, as it would be read from a file.
@@ -95,7 +95,7 @@ def record(
     position = (counts / scales.counts_per_rad) @ scales.coupling.T
     tells_current = scales.feedback is EffortFeedback.CURRENT
     time_s = np.arange(samples, dtype=np.float64) * np.float64(period.sample_s)
-    # Nothing is read back from a file, so a name of its own is all the hash that a recording needs.
+    # Nothing is read back from a file, so a unique name serves as the hash.
     name = f"seeded {rng.integers(2**62):x}"
     return Recording(
         time_s=time_s,

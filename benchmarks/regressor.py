@@ -1,7 +1,7 @@
-"""Regressor and feed-forward beside Pinocchio's, on the same arm and the same states.
+"""Regressor and feed-forward compared with Pinocchio's, on the same arm and the same states.
 
-The kernels are timed with each instruction set that this processor has. The rounds of all candidates are interleaved,
-so that a busy machine is busy for all of them; medians of this thread's CPU time.
+The kernels are timed with each instruction set of this processor. The rounds of all candidates are interleaved, so that
+other load on the machine affects all of them; medians of this thread's CPU time.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def _batch(chain: Chain, model: pin.Model, q: np.ndarray, dq: np.ndarray, ddq: n
     def body_regressor() -> np.ndarray:
         out = np.empty((SAMPLES, chain.n, 10))
         for t in range(SAMPLES):
-            pin.rnea(model, data, q[t], dq[t], ddq[t])  # leaves velocities and gravity-laden accelerations in data
+            pin.rnea(model, data, q[t], dq[t], ddq[t])  # leaves velocities, and accelerations with gravity, in data
             jacobian = pin.computeJointJacobian(model, data, q[t], chain.n)
             out[t] = jacobian.T @ pin.bodyRegressor(data.v[chain.n], data.a_gf[chain.n])
         return out
@@ -148,13 +148,17 @@ def _times(candidates: dict[str, Callable[[], object]], rounds: int, calls: int)
 def _print(
     candidates: dict[str, Callable[[], object]], times_s: list[float], peer_s: float, scale: float, unit: str
 ) -> None:
-    """Time of each, and how many times as fast as the peer it is."""
+    """Print the time of each, and its speed relative to the peer's."""
     for name, time_s in zip(candidates, times_s, strict=True):
         print(f"  {name:45s} {time_s * scale:8.3f} {unit}   {peer_s / time_s:5.1f} x")
 
 
 def pinocchio_model(chain: Chain) -> pin.Model:
-    """The arm in Pinocchio, without masses; its last joint frame is the flange here."""
+    """The arm in Pinocchio, without masses; the flange must be the last joint's frame.
+
+    Raises:
+        ValueError: the flange is elsewhere.
+    """
     if not np.allclose(chain.flange, np.eye(4)):
         raise ValueError("the comparison needs an arm whose flange is its last joint's frame")
     model = pin.Model()

@@ -1,8 +1,8 @@
-"""A seven-joint arm by Pinocchio alone, with everything at once that a pair of runs has to cope with.
+"""A seven-joint arm simulated by Pinocchio, with all disturbances of a pair of runs at once.
 
-No dynamics of this file are shared with what it tests. The servos hold their positions like springs, so that the loaded
-arm moves elsewhere than the empty one; the gears have Coulomb, viscous and load-dependent friction; the drives report
-torque late and with coloured noise; positions have an encoder's noise; gains are exact or off.
+It shares no dynamics with the code under test. The servos hold their positions like springs, so that the loaded arm
+follows another path than the empty one; the gears have Coulomb, viscous and load-dependent friction; the drives report
+torque late and with coloured noise; positions have encoder noise; gains are exact or off.
 
 References:
     Modified D-H rows: Franka Emika, Robot and interface specifications. Links: Gaz, Cognetti, Oliva, Robuffo Giordano,
@@ -64,7 +64,7 @@ LOAD_FRICTION: Final = np.array([0.04, 0.08, 0.05, 0.08, 0.05, 0.05, 0.03])
 TURN_OVER_RAD_S: Final = 2e-3
 NOISE_NM: Final = np.array([0.25, 0.25, 0.2, 0.2, 0.1, 0.08, 0.06])
 COLOURED: Final = 0.3
-"""Share of the noise's variance that has a memory."""
+"""Share of the noise's variance that is coloured."""
 MEMORY_S: Final = 0.3
 ENCODER_RAD: Final = 5e-6
 DELAY_S: Final = 0.002
@@ -72,7 +72,7 @@ PAYLOAD: Final = InertialParameters.from_center_of_mass(
     2.0, [0.03, -0.05, 0.08], [[0.006, 0.0005, -0.0004], [0.0005, 0.008, 0.0006], [-0.0004, 0.0006, 0.005]]
 )
 SAG_RAD: Final = 4e-4
-"""Loaded and unloaded positions are this far apart where the payload's torque is greatest."""
+"""Distance of loaded from unloaded positions where the payload's torque is greatest."""
 _FINE: Final = 2000
 _SAG_HARMONICS: Final = 60
 
@@ -85,7 +85,7 @@ def chain() -> Chain:
 
 
 def excitation(seed: int = 1) -> FourierTrajectory:
-    """A motion at modest speed: five harmonics of 0.1 Hz about a pose with the elbow bent.
+    """A motion at moderate speed: five harmonics of 0.1 Hz about a pose with the elbow bent.
 
     Args:
         seed: Draws the coefficients.
@@ -98,13 +98,13 @@ def excitation(seed: int = 1) -> FourierTrajectory:
 
 @dataclass(frozen=True, eq=False)
 class Effects:
-    """What is switched on; all of it by default.
+    """Disturbances; all of them by default.
 
     Attributes:
         sag_rad: Distance between loaded and unloaded positions where the payload's torque is greatest.
-        load_friction: (7,) share of the links' torque.
-        delay_s: By how much later than positions torque is reported.
-        coloured: Share of the noise's variance with a memory.
+        load_friction: (7,) friction as a share of the links' torque.
+        delay_s: Delay of the reported torque behind the position.
+        coloured: Share of the noise's variance that is coloured.
         noise: Factor on the noise of torque and encoders.
     """
 
@@ -120,9 +120,9 @@ class SaggingPanda:
     """The arm on one motion, with and without its payload.
 
     Attributes:
-        effects: What it has.
-        motion: What its servos are commanded.
-        payload: What the loaded run carries.
+        effects: Its disturbances.
+        motion: The commanded motion.
+        payload: Of the loaded run.
         periods: Whole periods of each run.
     """
 
@@ -143,7 +143,7 @@ class SaggingPanda:
             self._clean[loaded] = self._period(loaded, np.fft.rfft(sag, axis=0) / _FINE)
 
     def _period(self, loaded: bool, sag: np.ndarray) -> tuple[FloatArray, FloatArray]:
-        """(K, 7) position and reported torque of one period; the rotors' torque is the motors', not the gears'."""
+        """(K, 7) position and reported torque of one period; rotor inertia does not load the gears."""
         time_s = np.arange(round(PERIOD_S * RATE_HZ)) / RATE_HZ
         position = self._moved(time_s, sag)[0]
         q, dq, ddq = self._moved(time_s - self.effects.delay_s, sag)
@@ -153,7 +153,7 @@ class SaggingPanda:
         return position, links + ROTOR_KG_M2 * ddq + friction
 
     def _moved(self, time_s: FloatArray, sag: np.ndarray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Commanded motion plus sag, (K, 7) each, with analytic derivatives."""
+        """Commanded motion plus sag: position, velocity and acceleration, (K, 7) each, by analytic derivatives."""
         state = self.motion.evaluate(time_s)
         rate = 2j * np.pi / PERIOD_S * np.arange(_SAG_HARMONICS)
         turning = np.exp(time_s[:, None] * rate)
@@ -176,8 +176,8 @@ class SaggingPanda:
 
         Args:
             seed: Draws the noise.
-            gain_error: (7,) e; the motor gives 1 + e times the torque that its drive believes in and reports.
-            with_phase: Whether the recordings say where in the period they are.
+            gain_error: (7,) e; the motor gives 1 + e times the torque that its drive reports.
+            with_phase: Whether the recordings have the excitation and their phase in it.
         """
         rng = np.random.default_rng([seed, 7])
         error = np.zeros(N) if gain_error is None else gain_error
@@ -204,16 +204,16 @@ class SaggingPanda:
 
 
 def nominal_transmission(*, exact: bool) -> Transmission:
-    """Gains of one, known to be exact or nominal.
+    """Gains of one.
 
     Args:
-        exact: Whether they are.
+        exact: Whether they are known to be exact; nominal otherwise.
     """
     return Transmission(np.ones(N), np.eye(N), np.full(N, exact))
 
 
 def _model(payload: InertialParameters | None) -> pin.Model:
-    """The arm in Pinocchio's terms."""
+    """The arm in Pinocchio."""
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -9.81])
     parent = 0

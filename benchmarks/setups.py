@@ -1,11 +1,11 @@
-"""The setups that are tried: arm, twin, excitation, payload.
+"""Setups of the trials: arm, twin, excitation, payload.
 
 Twins of one arm:
 
-- CLEAN: MuJoCo's torque on the trajectory itself, no servo, no friction: whatever is left is noise.
-- NORMATIVE: ROBOTS.md's first plant, as configured.
-- GEARS: its second, `harsh`, with the same friction in both runs.
-- HARSH: all of it, 3 % more friction in the loaded run; gains within 2 % come per seed.
+- CLEAN: MuJoCo's torque on the trajectory itself, no servo, no friction: only noise disturbs it.
+- NORMATIVE: the normative plant, as configured.
+- GEARS: the `harsh` plant, with the same friction in both runs.
+- HARSH: the `harsh` plant, 3 % more friction in the loaded run; gain errors within 2 % are drawn per seed.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ class Twin(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A trajectory and how it is streamed and identified from.
+    """A trajectory, how it is streamed, and what of it the identification uses.
 
     Attributes:
-        trajectory: What all axes do.
-        streaming: At which cycle, and which samples are kept.
-        joints: Joints, from the base, that the payload is identified from.
-        periods: M of either run.
+        trajectory: Of all axes.
+        streaming: Drives, cycle and kept samples.
+        joints: Number of joints, from the base, that the payload is identified from.
+        periods: M of each run.
     """
 
     trajectory: FourierTrajectory
@@ -68,11 +68,11 @@ class Motion:
 
 
 def paper_motion(robot: Robot, criterion: str) -> Motion:
-    """The paper's: joints 4 to 6 held at zero, five harmonics of 0.05 Hz, 1 kHz, every tenth sample kept.
+    """The motion of Chen 2016: joints 4 to 6 held at zero, five harmonics of 0.05 Hz, 1 kHz, every tenth sample kept.
 
     Args:
-        robot: er50, whose limits of joints 1 to 3 are METHOD's.
-        criterion: What the excitation is designed for.
+        robot: er50, which has the paper's limits for joints 1 to 3.
+        criterion: Name of the excitation's criterion.
     """
     n, limits = PAPER_JOINTS, robot.limits.excitation
     head = ExcitationLimits(
@@ -110,9 +110,9 @@ def shipped_motion(
 
     Args:
         robot: The arm.
-        keep_every: Every how manieth cycle is kept.
+        keep_every: Cycles per kept sample.
         periods: M; None takes the file's.
-        role: Which of its excitations.
+        role: Name of the excitation in the robot's file.
     """
     excitation = robot.excitations[role]
     streaming = Streaming(robot.drives.settings, robot.limits.motion, keep_every)
@@ -120,7 +120,7 @@ def shipped_motion(
 
 
 def in_frame(robot: Robot, payload: InertialParameters, joints: int) -> InertialParameters:
-    """A payload of the flange frame in the frame that the first joints' chain reports in, the others at zero."""
+    """A payload of the flange frame in the last frame of the first joints' chain, the other joints at zero."""
     if joints == robot.n:
         return payload
     poses = robot.chain.forward(np.zeros(robot.n))
@@ -149,12 +149,12 @@ def setup_of(
     """A setup, with its periods from MuJoCo or the cache.
 
     Args:
-        name: What is printed, and part of every seed.
+        name: Printed, and part of every seed.
         robot: The arm.
         twin: Its plant.
-        motion: What it does.
+        motion: Excitation and streaming.
         payload: Truth, in the flange frame.
-        gain_spread: Gain errors are uniform within this.
+        gain_spread: Gain errors are uniform within this, as a share.
         calibration: Weighed payload that the gains are calibrated with.
     """
     n, arm = motion.joints, motion.streaming.arm

@@ -1,4 +1,4 @@
-"""From two MCAP files to the payload with intervals: time, memory and growth, in a process of its own on one core."""
+"""From two MCAP files to the payload with intervals: time, memory and their growth, in one process on one core."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PERIODS = (1, 5, 20, 50)
 LONGEST_S = 10.0
 LARGEST_BYTES = 2**30
 LINEAR_WITHIN = 0.15
-"""Greatest distance from a straight line, as a share of the longest time."""
+"""Greatest deviation from a straight line, as a share of the longest time."""
 
 
 def run(tally: Tally, pool: Executor) -> None:
@@ -78,7 +78,11 @@ def run(tally: Tally, pool: Executor) -> None:
 
 
 def write(setup: Setup, load: str, periods: int, path: Path) -> None:
-    """Write a run as the recorder does."""
+    """Write a run with armload's recorder.
+
+    Raises:
+        ValueError: the drives report no current.
+    """
     robot = load_robot("er50")
     rng = setup.rng(0 if load == "loaded" else 1)
     period = setup.loaded if load == "loaded" else setup.unloaded
@@ -114,7 +118,7 @@ def _path(directory: Path, load: str, periods: int) -> Path:
 
 
 def _probe(paths: list[Path]) -> dict[str, float]:
-    """Identify in a fresh process; its own figures."""
+    """Identify in a fresh process; its time and memory."""
     command = [sys.executable, "-m", "benchmarks.speed_probe", *map(str, paths)]
     answer = subprocess.run(command, check=True, capture_output=True, text=True)
     figures: dict[str, float] = json.loads(answer.stdout)

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.speed_probe LOADED UNLOADED`: identify once on one core and print what it took, as JSON."""
+"""`python -m benchmarks.speed_probe LOADED UNLOADED`: identify once on one core; prints time and memory as JSON."""
 
 import os
 import time
@@ -9,7 +9,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
-import json  # noqa: E402 - one core and one thread are to hold for the imports too
+import json  # noqa: E402 - one core and one thread for the imports too
 import resource  # noqa: E402
 import sys  # noqa: E402
 from pathlib import Path  # noqa: E402
@@ -20,7 +20,7 @@ from armload_identification.recording.file_reading import read_recording  # noqa
 
 
 def main() -> None:
-    """Files in, figures out."""
+    """Identify from the two files, and print the measurements."""
     robot = load_robot("er50")
     loaded, unloaded = (read_recording(Path(name)) for name in sys.argv[1:3])
     read_s = time.perf_counter()

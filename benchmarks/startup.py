@@ -1,7 +1,7 @@
-"""Start-up: CPU time of help, version and the feed-forward's import beside `import numpy`, each in its own process.
+"""Start-up: CPU time of help, version and the feed-forward's import, relative to `import numpy`; one process each.
 
-All candidates take turns, so that a busy machine is busy for all of them. What counts is the median of the CPU time of
-user and system; the first round fills the caches and is left out.
+The rounds of all candidates are interleaved, so that other load on the machine affects all of them. The median of user
+and system time counts; the first round fills the caches and is left out.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def run() -> None:
 
 
 def invocations() -> list[tuple[str, ...]]:
-    """Words of every invocation that shows something and does nothing: version, help, each command's help."""
+    """Arguments of every invocation that only prints text: version, help, each command's help."""
 
     def below(command: object, words: tuple[str, ...]) -> list[tuple[str, ...]]:
         found = [(*words, "--help")]
@@ -64,7 +64,7 @@ def invocations() -> list[tuple[str, ...]]:
 
 
 def cpu_s(command: Sequence[str]) -> float:
-    """CPU time of a process, user and system."""
+    """CPU time of a process, user and system, in s."""
     before = getrusage(RUSAGE_CHILDREN)
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     after = getrusage(RUSAGE_CHILDREN)

@@ -1,4 +1,4 @@
-"""What many trials say together."""
+"""Statistics of many trials."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class Errors:
         center_m: (S,) distance between estimated and true centre of mass.
         paper_share: (S, 10) relative errors of the paper's ten values.
         value_errors: (S, 10) errors of mass, centre of mass and inertia about it.
-        inside: (S, 10) the interval holds the truth.
-        determined: (S, 10) the value is called determined.
+        inside: (S, 10) whether the interval contains the truth.
+        determined: (S, 10) whether the value is reported as determined.
     """
 
     seeds: int
@@ -64,20 +64,20 @@ class Errors:
         )
 
     def share(self, good: NDArray[np.bool_]) -> float:
-        """Share of ALL seeds for which something holds; a refused one is not good."""
+        """Share of ALL seeds that are good; refused ones are not."""
         return float(np.count_nonzero(good)) / self.seeds
 
 
 @dataclass(slots=True)
 class Census:
-    """Running counts over everything that is tried.
+    """Running counts over all trials.
 
     Attributes:
-        results: Results.
+        results: Number of results.
         refused: Seeds without a result.
-        impossible: Results that no body can have, by the margin a file is held to.
-        intervals: On the normative plant, by what is known of the gains: parameters called determined, and those
-            of them that lie outside their interval.
+        impossible: Physically impossible results, by the margin required of a payload file.
+        intervals: On the normative plant, by what is known of the gains: parameters reported as determined, and how
+            many of them lie outside their interval.
     """
 
     results: int = 0
@@ -86,7 +86,7 @@ class Census:
     intervals: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     def add(self, trials: Sequence[Trial], truth: InertialParameters, intervals: str | None) -> None:
-        """Count the trials of one setup; their intervals under a label, or not at all off the normative plant."""
+        """Count the trials of one setup; their intervals under a label, or not (None) off the normative plant."""
         done = [trial for trial in trials if not trial.refused]
         self.results += len(done)
         self.refused += len(trials) - len(done)
@@ -99,7 +99,7 @@ class Census:
             self.intervals[intervals] = (determined, outside)
 
     def judge(self, tally: Tally) -> None:
-        """No result may be impossible, and few values called determined may lie outside their interval."""
+        """Judge that no result is impossible and that few determined values lie outside their interval."""
         tally.judge(
             "no result of this program is physically impossible after reading its file back",
             f"{self.impossible} of {self.results}",

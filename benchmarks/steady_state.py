@@ -1,15 +1,15 @@
-"""One period of an excitation as the simulated arm drives it when it has driven it before: MuJoCo, without noise.
+"""One period of an excitation on the simulated arm in steady state: MuJoCo, without noise.
 
 The arm is streamed as in a commissioning: setpoints from `plan_leg` in the drives' counts, latched at SYNC and
-reached one cycle later, through the servo loops of the plant. The first period is thrown away, the second kept;
-how far the two are apart is kept with it. Noise, quantisation of torque and gain errors are added per seed by
-`recordings`, which is exact for the first two. A gain error leaves the motion as it is within the loops'
-stiffness, so the drive believes in 1 / (1 + e) of the torque.
+reached one cycle later, through the servo loops of the plant. The first period is discarded, the second kept with
+its greatest difference from the first. Noise, quantisation of torque and gain errors are added per seed by
+`recordings`, which is exact for the first two. A gain error does not change the motion, within the loops' stiffness,
+so the drive reports 1 / (1 + e) of the torque.
 
-Two things in it are no noise and no friction, and show all the same. The torque that a drive tells at SYNC is that
-of the servo step which has just ended, 0.8 ms older than the position: on the paper's arm it moves I_yz by 1.8 and
-c_z by 1.0 standard deviations of the noise of 50 periods. And the load bends the motion by some 3e-6 rad, which the
-arm's own inertia turns into 0.1 N m above 2 Hz. `ideal_period` has neither.
+Two effects are neither noise nor friction, and yet visible. The torque that a drive reports at SYNC is that of the
+servo step just ended, 0.8 ms older than the position: on the paper's arm it shifts I_yz by 1.8 and c_z by 1.0
+standard deviations of the noise of 50 periods. And the load deflects the motion by some 3e-6 rad, which the arm's own
+inertia turns into 0.1 N m above 2 Hz. `ideal_period` has neither.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _SOURCES = (
 )
 _LIBRARIES = ("mujoco", "numpy", "ruckig")
 _SETTLED = 0.25
-"""Share of the first period in which the start may still show; only what comes behind is compared."""
+"""Share of the first period that may contain the start's transient; only the rest is compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +63,12 @@ class SteadyPeriod:
     """K samples of one period, n axes; a sample every `sample_s`.
 
     Attributes:
-        trajectory: What was streamed.
+        trajectory: The streamed trajectory.
         sample_s: Time between samples.
-        axis_position_rad: (K, n) encoders.
-        axis_torque_nm: (K, n) torque that the drives believe to give.
+        axis_position_rad: (K, n) of the encoders.
+        axis_torque_nm: (K, n) torque, as the drives report it without a gain error.
         unrepeated_nm: (n,) greatest change of that torque from the period before to this one.
-        greatest_share: (n,) greatest torque as a share of what the drive can give; 1 is saturated.
+        greatest_share: (n,) greatest torque as a share of the drive's maximum; 1 is saturated.
     """
 
     trajectory: FourierTrajectory
@@ -91,7 +91,7 @@ class Streaming:
     Attributes:
         arm: Drives and their cycle.
         limits: Of the joints, for approach and ramp.
-        keep_every: Every how manieth cycle is recorded.
+        keep_every: Cycles per recorded sample.
     """
 
     arm: ArmSettings
@@ -102,12 +102,12 @@ class Streaming:
 def steady_period(
     spec: PlantSpec, streaming: Streaming, trajectory: FourierTrajectory, directory: Path | None = None
 ) -> SteadyPeriod:
-    """The period, from the cache where it is there.
+    """The period, from the cache if it is there.
 
     Args:
-        spec: The arm with its load; noise, seed and gain errors do not matter.
+        spec: The arm with its load; noise, seed and gain errors are ignored.
         streaming: Drives, cycle and sampling.
-        trajectory: What to drive.
+        trajectory: Of all axes.
         directory: The cache; None is the user's.
     """
     quiet = noiseless(spec)
@@ -122,7 +122,7 @@ def ideal_period(spec: PlantSpec, streaming: Streaming, trajectory: FourierTraje
     Args:
         spec: The arm with its load.
         streaming: Which samples are kept.
-        trajectory: What the arm does, exactly.
+        trajectory: Followed exactly.
     """
     built = build_model(spec)
     sample_s = streaming.arm.cycle_s * streaming.keep_every
@@ -141,7 +141,7 @@ def ideal_period(spec: PlantSpec, streaming: Streaming, trajectory: FourierTraje
 
 
 def noiseless(spec: PlantSpec) -> PlantSpec:
-    """The same arm without what `recordings` adds."""
+    """The same arm without the noise and gain errors that `recordings` adds."""
     joints = tuple(replace(joint, torque_noise_nm=0.0) for joint in spec.joints)
     return replace(spec, joints=joints, seed=0, torque_gain_error=None, torque_gain_drift_per_s=None)
 
@@ -168,7 +168,7 @@ def _simulate(spec: PlantSpec, streaming: Streaming, trajectory: FourierTrajecto
     position, torque = np.empty((2, 2 * cycles, n))
     for row in range(int(rows[-1]) + 1):
         plant.advance((row + 1) * cycle_s)
-        # Rows count from the first period on; what is sampled at a SYNC belongs to the row that it latches.
+        # Rows are counted from the first period; a sample at a SYNC belongs to the row that this SYNC latches.
         kept = row - int(rows[0])
         if kept >= 0 and kept % streaming.keep_every == 0:
             sample = plant.sample(cycle_s)

@@ -1,7 +1,7 @@
-"""Every row of the decision table on the simulated arm: how far off the path it gets, how long until it stands.
+"""Every row of the decision table on the simulated arm: distance from the path, and time until standstill.
 
-The loaded arm runs its validation excitation; in the middle of the motion the cause comes about. Positions are the
-plant's own, behind the drives' lag, so even an undisturbed run is off the path by what the lag bends it.
+The loaded arm runs its validation excitation; the cause occurs in the middle of the motion. Positions are the plant's
+own, behind the drives' lag, so even an undisturbed run deviates from the path.
 """
 
 from __future__ import annotations
@@ -35,26 +35,26 @@ from armload_drivers.simulation.mujoco_plant import ArmPlant
 from armload_identification.excitation.fourier import Excitation, FourierTrajectory
 
 AT_S = 1.3
-"""Phase at which the cause comes about."""
+"""Phase, in s, at which the cause occurs."""
 LIAR = 2
-"""The joint whose drive lies."""
+"""The joint whose drive reports false values."""
 SLOW_SHARE = 0.1
-"""Speed at which a position that goes the wrong way is looked for."""
+"""Share of full speed at which a reversed position is tested."""
 STILL_RAD_S = 2e-3
-"""Slower than this a joint stands."""
+"""Slower than this a joint is at standstill."""
 GRID_S = 5e-4
 OVER = float("inf")
 
 
 @dataclass(frozen=True)
 class Stop:
-    """What one stop was like.
+    """One stop.
 
     Attributes:
-        cause: Why.
+        cause: Its cause.
         deviation_rad: Greatest distance of any joint from the path, from the cause on.
-        standstill_s: Time from the cause until every joint stands for good.
-        message: What the operator was told.
+        standstill_s: Time from the cause until every joint remains at standstill.
+        message: Shown to the operator.
     """
 
     cause: Cause
@@ -64,7 +64,7 @@ class Stop:
 
 
 class WatchedPlant(ArmPlant):
-    """A plant that remembers where it was."""
+    """A plant that records its motion."""
 
     def __init__(self, spec: object) -> None:
         super().__init__(spec)  # type: ignore[arg-type]
@@ -73,7 +73,7 @@ class WatchedPlant(ArmPlant):
         self.speed: list[float] = []
 
     def advance(self, time_s: float) -> None:
-        """Advance, and keep the truth."""
+        """Advance, and record the true position and speed."""
         super().advance(time_s)
         sample = self.sample(OVER)
         self.time.append(self.time_s)
@@ -82,7 +82,7 @@ class WatchedPlant(ArmPlant):
 
 
 class Disturbed(FakeServos):
-    """Drives whose answer is tampered with, in one cycle or from it on."""
+    """Drives whose feedback is falsified, in one cycle or from it on."""
 
     def __init__(self, arm: ArmSettings, plant: ArmPlant, failures: Sequence[ScriptedFailure]) -> None:
         super().__init__(arm, plant, failures)
@@ -94,7 +94,7 @@ class Disturbed(FakeServos):
         self._arm_plant = plant
 
     def exchange(self, command: JointCommand) -> JointFeedback:
-        """As the fake, but for the one cycle or those from it on."""
+        """As the fake, except in that cycle or from it on."""
         self.count += 1
         if self.event is None or self.count < self.at or (self.count > self.at and not self.lasts):
             return super().exchange(command)
@@ -105,11 +105,11 @@ class Disturbed(FakeServos):
 
 
 class Lie:
-    """What one drive reports instead of the truth.
+    """A false value in one drive's feedback.
 
     Args:
-        tell: Makes a value of its true one, of what it was at first, and of the time since then.
         key: Field of the feedback.
+        tell: From the true value, the first value and the time since then, in s, to the false value.
     """
 
     def __init__(self, key: str, tell: Callable[[float, float, float], float]) -> None:
@@ -118,9 +118,9 @@ class Lie:
         self._last: JointFeedback | None = None
 
     def __call__(self, feedback: JointFeedback) -> JointFeedback:
-        """The same feedback with the lie in it."""
+        """The same feedback with the false value."""
         values = getattr(feedback, self._key)
-        if values is None:  # these drives report no velocity: the others' is that of their positions
+        if values is None:  # these drives report no velocity: the other joints' comes from their positions
             last, self._last = self._last or feedback, feedback
             lasted_s = max(feedback.time_s - last.time_s, GRID_S)
             values = (feedback.position_rad - last.position_rad) / lasted_s
@@ -133,7 +133,7 @@ class Lie:
 
 
 def _bits(on: int = 0, off: int = 0) -> Callable[[], Lie]:
-    """A statusword with bits that are otherwise."""
+    """A statusword with changed bits."""
     return lambda: Lie("statusword", lambda word, first, since_s: (int(word) | on) & ~off)
 
 
@@ -151,7 +151,7 @@ LIES: dict[Cause | None, Callable[[], Lie]] = {
 
 
 class Culprit:
-    """A plug-in that does something at a phase, once."""
+    """A plug-in that acts once, at a phase."""
 
     name = "culprit"
 
@@ -160,7 +160,7 @@ class Culprit:
         self.acted_s: float | None = None
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Do it."""
+        """Act, if it is time."""
         reference = step.reference
         if self.acted_s is None and reference.segment is Segment.PERIODS and reference.state.phase_s >= AT_S:
             self.acted_s = step.feedback.time_s
@@ -168,7 +168,7 @@ class Culprit:
 
 
 class Sluggish:
-    """A plug-in that takes its time from a phase on, and the stopwatch that it is measured with."""
+    """A plug-in that is slow from a phase on, and the clock that it is timed by."""
 
     name = "sluggish"
 
@@ -178,7 +178,7 @@ class Sluggish:
         self.acted_s: float | None = None
 
     def on_cycle(self, step: CycleStep) -> None:
-        """Take nine tenths of a cycle."""
+        """Use nine tenths of a cycle."""
         if step.reference.segment is Segment.PERIODS and step.reference.state.phase_s >= AT_S:
             self.now_s += 0.9 * self._cycle_s
             self.acted_s = step.feedback.time_s
@@ -208,7 +208,7 @@ def one_period(robot: Robot) -> CheckedPath:
 
 
 def measure(robot: Robot, path: CheckedPath, cause: Cause | None) -> Stop:
-    """Bring a cause about, and look at the arm.
+    """Produce a cause, and measure the stop.
 
     Args:
         robot: The arm.
@@ -216,7 +216,7 @@ def measure(robot: Robot, path: CheckedPath, cause: Cause | None) -> Stop:
         cause: None for an undisturbed run.
 
     Raises:
-        RuntimeError: another cause was found, or none.
+        RuntimeError: the arm stopped for another cause, or did not stop.
     """
     limits, cycle_s = robot.limits.motion, path.cycle_s
     trajectory = path.excitation.trajectory
@@ -229,7 +229,7 @@ def measure(robot: Robot, path: CheckedPath, cause: Cause | None) -> Stop:
     servos.lasts = cause in LIES
     if cause in LIES:
         servos.event = LIES[cause]()
-    # At full speed a position that goes the wrong way is a following error before it is anything else.
+    # At full speed a reversed position is first detected as a following error.
     control = MotionControl(SLOW_SHARE if cause is Cause.POSITION_REVERSED else 1.0)
     monitors: list[CyclePlugin] = [
         FollowingMonitor(_limits(cause, limits, trajectory), robot.bus.max_missing_cycles),
@@ -272,7 +272,7 @@ def measure(robot: Robot, path: CheckedPath, cause: Cause | None) -> Stop:
 
 
 def _look(plant: WatchedPlant, trajectory: FourierTrajectory, cause: Cause, begin_s: float, message: str) -> Stop:
-    """Distance from the path and time to stand still, from a time on."""
+    """Distance from the path and time until standstill, from a time on."""
     path = trajectory.evaluate(np.arange(0.0, trajectory.period_s, GRID_S)).position_rad
     time = np.array(plant.time)
     rows = np.flatnonzero(time >= begin_s)
@@ -283,7 +283,7 @@ def _look(plant: WatchedPlant, trajectory: FourierTrajectory, cause: Cause, begi
 
 
 def _limits(cause: Cause | None, limits: MotionLimits, trajectory: FourierTrajectory) -> MotionLimits:
-    """Limits that the undisturbed motion breaks, for three causes."""
+    """For three causes: limits that the undisturbed motion violates."""
     if cause is Cause.FOLLOWING_ERROR:
         return replace(limits, following_error_rad=np.full_like(limits.following_error_rad, 0.07))
     if cause is Cause.LIMIT:
@@ -300,7 +300,7 @@ def _limits(cause: Cause | None, limits: MotionLimits, trajectory: FourierTrajec
 
 
 def _failures(cause: Cause | None, cycle: int) -> tuple[ScriptedFailure, ...]:
-    """What the fake is told to do wrong."""
+    """Scripted failures of the fake."""
     if cause is Cause.DRIVE_FAULT:
         return (ScriptedFailure(FailureKind.FAULT, 2, cycle),)
     if cause is Cause.MISSING_FEEDBACK:
@@ -309,7 +309,7 @@ def _failures(cause: Cause | None, cycle: int) -> tuple[ScriptedFailure, ...]:
 
 
 def _event(cause: Cause | None, cycle_s: float) -> BaseException | Callable[[JointFeedback], JointFeedback] | None:
-    """What the servos answer in the cycle of the cause."""
+    """The servos' error or falsified feedback in the cycle of the cause."""
     events: dict[Cause, BaseException | Callable[[JointFeedback], JointFeedback]] = {
         Cause.STALE: lambda feedback: replace(feedback, time_s=feedback.time_s - cycle_s),
         Cause.LATE: lambda feedback: replace(feedback, skipped_cycles=10),

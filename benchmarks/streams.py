@@ -1,6 +1,6 @@
-"""What the drives of a simulated arm report while it follows any setpoints, and random motion from place to place.
+"""What the drives of a simulated arm report while it follows any setpoints, and random point-to-point motion.
 
-As in `steady_state`, the arm moves once without noise; noise, quantisation of torque and gain errors come per seed.
+As in `steady_state`, the arm moves once without noise; noise, quantisation and gain errors are added per seed.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Stream:
 
     Attributes:
         sample_s: Time between samples.
-        axis_position_rad: (K, n) encoders.
-        axis_torque_nm: (K, n) torque that the drives believe to give.
+        axis_position_rad: (K, n) of the encoders.
+        axis_torque_nm: (K, n) torque, as the drives report it without a gain error.
     """
 
     sample_s: float
@@ -42,17 +42,20 @@ class Stream:
 
 
 def point_to_point(robot: Robot, seed: int, lasts_s: float) -> FloatArray:
-    """Setpoints of random motion from place to place, straight in joint space, clear of what the robot's file names.
+    """Setpoints of random point-to-point motion, straight in joint space, clear of the obstacles in the robot's file.
 
-    Each move is Ruckig's, at 0.3 to 1 of the joints' speed, and ends with a pause.
+    Each move is planned by Ruckig at 0.3 to 1 of the joints' speed, and ends with a pause.
 
     Args:
         robot: The arm.
-        seed: Of places and speeds.
-        lasts_s: For about so long.
+        seed: Of poses and speeds.
+        lasts_s: Least duration.
 
     Returns:
-        (K, n), one row per cycle.
+        (K, n) in rad, one row per cycle.
+
+    Raises:
+        ControlError: no move or no clear pose was found.
     """
     rng, limits, cycle_s = np.random.default_rng(seed), robot.limits.motion, 1.0 / robot.bus.cycle_hz
     low, high = np.maximum(limits.position_min_rad, -RANGE_RAD), np.minimum(limits.position_max_rad, RANGE_RAD)
@@ -78,7 +81,7 @@ def point_to_point(robot: Robot, seed: int, lasts_s: float) -> FloatArray:
 def _free_place(
     robot: Robot, here: FloatArray, low: FloatArray, high: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """A place that a straight line leads to."""
+    """A random pose that a clear straight line leads to."""
     for _ in range(_TRIES):
         there = rng.uniform(low, high)
         if robot.obstacles.objection_on_line(here, there) is None:
@@ -90,7 +93,7 @@ def streamed(spec: PlantSpec, arm: ArmSettings, setpoint_rad: FloatArray) -> Str
     """A simulated arm that follows setpoints, one per cycle.
 
     Args:
-        spec: The arm with its load; noise, seed and gain errors do not matter.
+        spec: The arm with its load; noise, seed and gain errors are ignored.
         arm: Its drives.
         setpoint_rad: (K, n) joint positions.
     """
@@ -112,13 +115,13 @@ def streamed(spec: PlantSpec, arm: ArmSettings, setpoint_rad: FloatArray) -> Str
 def as_recorded(
     stream: Stream, scales: DriveScales, rng: np.random.Generator, gain_error: FloatArray, name: str
 ) -> Recording:
-    """A run with the noise, the units and the gains of its drives, as it would be read from a file.
+    """A run with its drives' noise, units and gains, as it would be read from a file.
 
     Args:
         stream: The motion.
         scales: Units and noise of the drives.
         rng: Draws the noise.
-        gain_error: (n,) e; the motor gives 1 + e times the torque that the drive believes in and reports.
+        gain_error: (n,) e; the motor gives 1 + e times the torque that the drive reports.
         name: Of the recording.
     """
     sigma = scales.noise_nm * np.sqrt(NOISE_CYCLE_S / stream.sample_s)

@@ -1,8 +1,8 @@
 """Many seeded commissionings of one setup, spread over the cores.
 
 A trial is one seed: an unloaded and a loaded recording of the setup's steady periods with noise, quantisation and
-gain errors of that seed, identified through the public `identify`. What a seed draws depends on the seed and the
-setup's name alone, never on the order or the number of processes.
+gain errors of that seed, identified through the public `identify`. Its random numbers depend only on the seed and the
+setup's name, never on the order or the number of processes.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ _SEEDS_PER_TASK = 5
 
 @dataclass(frozen=True, eq=False)
 class CalibrationLoad:
-    """Another payload, weighed, that the arm is calibrated with before the payload is identified.
+    """A second, weighed payload that the arm is calibrated with before the payload is identified.
 
     Attributes:
-        loaded: The arm with it.
-        truth: Its ten parameters in the frame of the setup's chain, all of them known.
+        loaded: Steady period with it.
+        truth: Its ten parameters in the flange frame of the setup's chain, all of them known.
     """
 
     loaded: SteadyPeriod
@@ -55,18 +55,18 @@ class Setup:
     """An arm, its excitation and its payload, ready to be recorded with a seed.
 
     Attributes:
-        name: What is printed, and part of every seed.
+        name: Printed, and part of every seed.
         loaded: Steady period with the payload.
         unloaded: Steady period without.
         scales: Units and noise of the drives.
         chain: The arm; its flange is the frame of the result.
-        transmission: Gains and coupling, marked as calibrated where the gains are exact and as nominal where not.
+        transmission: Gains, marked as calibrated if they are exact and as nominal if not, and coupling.
         truth: The payload in the chain's flange frame.
-        periods: M of either run.
-        gain_spread: Gain errors are uniform within this, one per axis and seed.
+        periods: M of each run.
+        gain_spread: Gain errors are uniform within this share, one per axis and seed.
         noise_scale: Factor on noise and quantisation of the torque.
-        calibration: Payload that the arm is calibrated with; None takes its gains as they are.
-        estimator: How the payload is fitted.
+        calibration: Payload that the arm is calibrated with; None for no calibration.
+        estimator: Of the payload.
     """
 
     name: str
@@ -83,15 +83,15 @@ class Setup:
     estimator: Estimator = Estimator.FRICTION
 
     def rng(self, seed: int) -> np.random.Generator:
-        """Everything that is random about a seed."""
+        """The random numbers of a seed."""
         return np.random.default_rng([zlib.crc32(self.name.encode()), seed])
 
     def without_noise(self) -> Setup:
-        """A thousandth of noise and quantisation, so that the weights stay and only model error is left."""
+        """Noise and quantisation times 0.001: the weights keep their ratios and only model errors remain."""
         return replace(self.with_gains(0.0), name=f"{self.name}, without noise", noise_scale=1e-3)
 
     def with_gains(self, spread: float) -> Setup:
-        """Gains that are nominal and off by up to a spread, uniformly; with 0 they are exact and known to be."""
+        """Nominal gains with errors uniform within a spread; with 0 they are exact and marked as calibrated."""
         exact = np.full(self.scales.n, spread == 0.0)
         transmission = Transmission(self.transmission.gain_nm_a, self.transmission.coupling, exact)
         return replace(self, gain_spread=spread, transmission=transmission)
@@ -99,18 +99,18 @@ class Setup:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What came out of one seed.
+    """The result of one seed.
 
     Attributes:
         seed: The seed.
-        refused: Why there is no result; empty where there is one.
-        theta: (10,) of the reported estimate; NaN where refused, like all below.
+        refused: Why there is no result; empty if there is one.
+        theta: (10,) of the reported estimate; NaN if refused, like all below except `determined`, which is then False.
         half_width_95: (10,) of mass, centre of mass and inertia about it.
         determined: (10,) likewise.
         margin: Smallest eigenvalue of the pseudo-inertia over its trace, after reading the payload's file back;
-            -inf where the file is refused.
+            -inf if the file is refused.
         residual_nm: (n,) RMS of raw single-sample differences minus prediction.
-        noise_nm: (n,) noise of such a difference.
+        noise_nm: (n,) noise of one such difference.
     """
 
     seed: int
@@ -129,7 +129,7 @@ class Trial:
 
 
 def pair(setup: Setup, seed: int) -> tuple[Recording, Recording, ArmCalibration | None]:
-    """Loaded and unloaded recording of a seed, and the arm's calibration where the setup has one.
+    """Loaded and unloaded recording of a seed, and the arm's calibration if the setup has one.
 
     Raises:
         IdentificationError: the arm cannot be calibrated.
@@ -153,14 +153,14 @@ def identified(setup: Setup, seed: int) -> Identification:
     """The identification of one seed.
 
     Raises:
-        IdentificationError: it was refused.
+        IdentificationError: the pair was refused.
     """
     loaded, unloaded, calibration = pair(setup, seed)
     return identified_with(calibration, loaded, unloaded, setup.chain, setup.transmission, setup.estimator)
 
 
 def trial(setup: Setup, seed: int) -> Trial:
-    """One seed; a refusal is a result too."""
+    """Result of one seed; a refusal is a result too."""
     try:
         result = identified(setup, seed)
     except IdentificationError as error:
@@ -181,7 +181,7 @@ def trial(setup: Setup, seed: int) -> Trial:
 
 @contextmanager
 def workers() -> Iterator[Executor]:
-    """One process per core, each with one thread: the linear algebra here is too small to share."""
+    """One process per core, each with one thread: the matrices are too small for several."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
@@ -207,7 +207,7 @@ def run_trials(pool: Executor, setup: Setup, seeds: int, progress: Callable[[int
 
 
 def _margin_in_file(result: Identification) -> float:
-    """Margin of what somebody reads from the file that would be written."""
+    """Margin of the payload after a round trip through its file."""
     try:
         return parse_payload(format_payload(payload_result(result, "benchmark", "0" * 64))).model.margin
     except PayloadFileError:

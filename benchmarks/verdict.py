@@ -1,4 +1,4 @@
-"""Criteria, each printed with its figure and whether it is met, and counted."""
+"""Prints criteria with their figures and whether they are met, and counts them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 
 class Tally:
-    """Prints headings, tables and criteria; its count is the program's exit status."""
+    """Prints headings and criteria; the program's exit status follows from its count."""
 
     def __init__(self) -> None:
         self.met = 0
@@ -20,12 +20,12 @@ class Tally:
         self._begun_s = perf_counter()
 
     def heading(self, text: str) -> None:
-        """A new part."""
+        """Print the heading of a new part."""
         title = f"{text} (after {perf_counter() - self._begun_s:.0f} s)"
         print(f"\n{title}\n{'=' * len(title)}", flush=True)
 
     def judge(self, criterion: str, figure: str, met: bool) -> None:
-        """One criterion."""
+        """Print and count one criterion."""
         if met:
             self.met += 1
         else:
@@ -33,12 +33,12 @@ class Tally:
         print(f"  > {criterion}: {figure}: {'met' if met else 'NOT met'}", flush=True)
 
     def postpone(self, criterion: str, reason: str) -> None:
-        """One criterion that cannot be tried yet, or not here."""
+        """Print and count one criterion that cannot be tested yet, or not here."""
         self.not_yet += 1
         print(f"  > {criterion}: not yet, {reason}", flush=True)
 
     def finish(self) -> int:
-        """The count, and the exit status: 1 where something is not met."""
+        """Print the count; the exit status, 1 if a criterion is not met."""
         seconds = perf_counter() - self._begun_s
         print(f"\n{self.met} met, {len(self.not_met)} not met, {self.not_yet} not yet; {seconds:.0f} s")
         for criterion in self.not_met:
@@ -48,7 +48,7 @@ class Tally:
 
 @contextmanager
 def progress_line(text: str, total: int) -> Iterator[Callable[[int], None]]:
-    """A line on the terminal that tells how much is done; nothing is left of it. A log gets the text alone."""
+    """A progress bar on the terminal, removed at the end; a log gets only the text."""
     console = Console(stderr=True)
     if not console.is_terminal:
         console.print(f"... {text}: {total}", highlight=False)

@@ -1,7 +1,7 @@
-"""The picture of WATCH.md, made of a simulated er50 that canopen's objects drive: `make pictures`.
+"""The picture of WATCH.md, from a simulated er50 that another CANopen master drives: `make pictures`.
 
-The arm is recorded empty and with a weighed payload, calibrated from that, and then watched: a payload is mounted and
-taken off while it moves.
+The arm is recorded empty and with a weighed payload, calibrated from these runs, and then watched: a payload is mounted
+and removed while it moves.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def draw(folder: Path) -> None:
     """Watch a shift and draw it.
 
     Args:
-        folder: Where recordings and calibration go; it is thrown away.
+        folder: Temporary, for recordings and calibration.
     """
     robot = load_robot(ROBOT).with_bus(None, None, None, CYCLE_HZ)
     calibration = _calibration(robot, folder)
@@ -58,7 +58,7 @@ def draw(folder: Path) -> None:
 
 
 def _calibration(robot: Robot, folder: Path) -> Path:
-    """The arm, calibrated from what was heard of it."""
+    """Calibration of the arm from its bus traffic."""
     paths = []
     for seed, (load, payload) in enumerate(((Load.UNLOADED, None), (Load.LOADED, robot.simulation.payload_name)), 1):
         cycles = overheard_shift(robot, payload, seed, CALIBRATED_S)
@@ -75,14 +75,14 @@ def _calibration(robot: Robot, folder: Path) -> Path:
 def overheard_shift(
     robot: Robot, payload: str | None, seed: int, until_s: float, changes: Sequence[PayloadChange] = ()
 ) -> list[OverheardCycle]:
-    """What is heard of an arm that goes from place to place.
+    """Bus traffic of an arm in random point-to-point motion.
 
     Args:
         robot: The arm.
-        payload: What hangs on its flange at first.
-        seed: Of places, speeds and noise.
-        until_s: When it is late enough.
-        changes: What is mounted and taken off later.
+        payload: Name of the payload at the start; None for none.
+        seed: Of poses, speeds and noise.
+        until_s: End of the last move, at the earliest.
+        changes: Payloads mounted and removed later.
     """
     listener = OverheardArm(robot.drives.settings)
     cycles: list[OverheardCycle] = []
@@ -110,6 +110,6 @@ def overheard_shift(
 
 
 def moments_of(watching: BusWatch, cycles: Sequence[OverheardCycle]) -> Iterator[WatchedMoment]:
-    """What a watch makes of cycles that were heard before."""
+    """What a watch reports on cycles overheard before."""
     left = count(-len(cycles))
     return watching.moments(iter(cycles), lambda: next(left) < 0)

@@ -1,7 +1,7 @@
-"""Watching a recording: time beside a bare read of the same file, and memory, in processes of their own.
+"""Watching a recording: memory, and time compared with a bare read of the same file, in separate processes.
 
-er50 moves from place to place at 250 Hz, ever the same two minutes; `armload watch` estimates every second what it
-carries. Of two lengths: what a row takes beyond the start of the program is the same, and so is the memory.
+er50 repeats the same two minutes of point-to-point motion at 250 Hz; `armload watch` estimates every second what it
+carries. With two lengths: the time per row, without start-up, and the memory must not grow.
 
     python -m benchmarks.watching [HOURS]        24 are a day: 21.6 million rows, 4 GB of disk, ten minutes
 """
@@ -27,16 +27,16 @@ from benchmarks.setups import Twin
 from benchmarks.streams import as_recorded
 
 HOURS: Final = 1.0
-"""Of `make bench`."""
+"""Hours in `make bench`."""
 PART: Final = 0.25
-"""The shorter recording, of the longer."""
+"""Length of the shorter recording as a share of the longer."""
 MOST: Final = 3.0
-"""Times a bare read."""
+"""Limit of the time, in times of a bare read."""
 _HOUR_S: Final = 3600.0
 
 
 def run(hours: float = HOURS) -> None:
-    """Write two recordings, read and watch them, and print.
+    """Write two recordings, read and watch them, and print the times.
 
     Args:
         hours: Length of the longer one.
@@ -64,7 +64,7 @@ def run(hours: float = HOURS) -> None:
 
 
 def _write(path: Path, robot: Robot, rows: int) -> None:
-    """A recording of the empty arm's motion, by the recorder itself."""
+    """Record the empty arm's motion, by armload's recorder."""
     position, effort = _signals(robot)
     nothing = np.zeros(robot.n)
     with_current = robot.drives.settings.drives[0].feedback.name == "CURRENT"
@@ -80,7 +80,7 @@ def _write(path: Path, robot: Robot, rows: int) -> None:
 
 
 def _signals(robot: Robot) -> tuple[FloatArray, FloatArray]:
-    """(K, n) positions and efforts of a motion that ends where it began."""
+    """(K, n) positions and efforts of a motion and its reverse, so that it ends where it began."""
     stream, rng = empty_stream(robot.name, Twin.NORMATIVE, 0), np.random.default_rng(1)
     _, position, effort = signals_of(as_recorded(stream, scales_of(robot), rng, np.zeros(robot.n), "a minute"))
     return np.vstack([position, position[::-1]]), np.vstack([effort, effort[::-1]])

@@ -1,4 +1,4 @@
-"""A payload by weighted least squares on the difference of two runs, as a textbook has it; NumPy, SciPy, Pinocchio.
+"""A payload by weighted least squares on the difference of two runs, the textbook method; NumPy, SciPy, Pinocchio.
 
 Arguments: URDF, flange's frame, loaded and unloaded CSV, nominal gains. Prints JSON: mass, centre of
 mass in the flange's frame, inertia about it, and the half width of the mass's 95 % interval for white noise.
@@ -27,7 +27,7 @@ def read(path):
 
 
 def sampled(time, values, at):
-    """Columns at other times."""
+    """Columns, linearly interpolated at other times."""
     return np.column_stack([np.interp(at, time, column) for column in values.T])
 
 

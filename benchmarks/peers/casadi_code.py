@@ -1,11 +1,11 @@
-"""A payload's torque by casadi's code generator. Runs in the peers' environment: casadi and numpy are all it has.
+"""A payload's torque by casadi's code generator. Runs in the peers' environment, which has only casadi and numpy.
 
-The recursion is written as somebody would who knows the arm: in the joints' own frames with z along the axis, zeros and
-ones folded, the payload's constants in the last frame, common subexpressions shared (`casadi.cse`).
+The recursion is written by hand for speed: in the joints' own frames with z along the axis, zeros and ones folded, the
+payload's constants in the last frame, common subexpressions shared (`casadi.cse`).
 
 From standard input, as JSON: `placement` (n, 4, 4) of frames whose z is the joint's axis, `gravity` (3,), `mass`,
 `moment` (3,), `inertia` (3, 3) of the payload about the origin of the last frame, `real` (double or float), `output`.
-Writes `output` and prints, as JSON, how many multiplications, additions, sines and cosines the function has.
+Writes `output` and prints as JSON the numbers of multiplications, additions, sines and cosines of the function.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ def main() -> None:
 
 
 def exact(values: np.ndarray) -> ca.SX:
-    """Numbers without the traces of rounding, which casadi would multiply by; zeros are structural."""
+    """Values within 1e-12 of an integer are rounded, so that casadi folds them; zeros are structural."""
     clean = np.where(np.abs(values - np.round(values)) < 1e-12, np.round(values), values)
     return ca.sparsify(ca.SX(clean)) if clean.ndim == 2 else ca.SX(clean)
 
 
 def operations(function: ca.Function) -> dict[str, int]:
-    """How much arithmetic a function takes; a change of sign counts as nothing, as in armload's count."""
+    """Operations of a function; a change of sign is not counted, as in armload's count."""
     kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
     products = (ca.OP_MUL, ca.OP_SQ, ca.OP_TWICE, ca.OP_DIV)
     return {

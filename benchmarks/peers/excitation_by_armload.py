@@ -1,6 +1,6 @@
 """An excitation by armload, for the payload's ten parameters. Arguments: robot file, seed. Prints the motion as JSON.
 
-Positions, velocities and accelerations, (N, 6) each, one in 50 ms.
+Positions, velocities and accelerations, (N, 6) each, sampled every 50 ms.
 """
 
 import json

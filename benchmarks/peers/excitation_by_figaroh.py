@@ -1,7 +1,7 @@
 """An excitation by FIGAROH, for the payload's ten parameters: waypoints of cubic splines, placed by IPOPT.
 
 Arguments: URDF with the limits to keep, seed of the first waypoints. Prints JSON: the positions, velocities and
-accelerations that it found, (N, 6) each, one in 50 ms.
+accelerations found, (N, 6) each, sampled every 50 ms.
 """
 
 import json
@@ -35,10 +35,10 @@ np.random.seed(int(seed))  # noqa: NPY002 FIGAROH draws from the global generato
 
 
 class PayloadTrajectory(BaseOptimalTrajectory):
-    """The search for a motion that shows the last link's ten parameters."""
+    """The search for a motion that excites the last link's ten parameters."""
 
     def create_ipopt_problem(self, *arguments):
-        """The problem as FIGAROH has it."""
+        """FIGAROH's own problem."""
         return BaseTrajectoryIPOPTProblem(self, *arguments)
 
     def _stack_base_regressors(self, q, v, a, W_stack=None):

@@ -2,7 +2,7 @@
 
 Both minimise the condition number of the payload's ten columns in SI units, FIGAROH in the last joint's frame and
 armload at the flange; Pinocchio judges both motions in both frames. The limits are of position, speed and torque;
-FIGAROH knows none of acceleration, armload keeps 10 rad/s2. CPU time is the whole program's, start-up included.
+FIGAROH has no limit of acceleration, armload keeps 10 rad/s2. CPU time is the program's, start-up included.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ mass_kg = 2.805
 center_of_mass_m = [0.0, 0.0, 0.1]
 inertia_kg_m2 = { ixx = 0.02, iyy = 0.02, izz = 0.02, ixy = 0.0, ixz = 0.0, iyz = 0.0 }
 """
-"""What the shipped file leaves open, as it is for recordings alone: a payload, half of every joint's torque."""
+"""Added to the shipped file, which is for recordings only; a design needs a payload."""
 
 
 def run() -> None:
-    """Print the table; what cannot be measured here is said."""
+    """Print the table, or why it cannot be measured here."""
     if not FOLDER.is_dir():
         print(f"not measured: the URDF of the UR10e is not at {FOLDER}")
         return
@@ -68,7 +68,7 @@ def run() -> None:
 
 
 def _complete() -> str:
-    """The shipped robot with what a design asks for besides."""
+    """The shipped robot with a payload and, as a design also needs it, half of every joint's torque for the arm."""
     text = resources.files("armload_configs").joinpath("ur10e.toml").read_text("utf-8")
     joints = text.replace("[[joints]]", f"[[joints]]\narm_torque_share = {ARM_SHARE}")
     return joints + PAYLOAD + PAYLOAD.replace("expected", "heaviest")

@@ -1,7 +1,7 @@
-"""The exported C beside casadi's generated code: the payload's torque of three arms, on the same states.
+"""The exported C and casadi's generated code: the payload's torque of three arms, on the same states.
 
-Both are compiled with the same options into one program, whose loop calls one and the other in turn, round by round;
-CPU time, medians. The operations are counted by each generator; what the linker needs besides (sin, cos) is the same.
+Both are compiled with the same options into one program, which calls them in alternate rounds; medians of CPU time.
+Each generator counts its operations; the library functions (sin, cos) are the same.
 Where `arm-none-eabi-gcc` is installed, the size of the code in single precision on a Cortex-M4.
 """
 
@@ -91,11 +91,11 @@ static double %(label)s(void)
 
 @dataclass(frozen=True)
 class Measured:
-    """One way to the torque.
+    """One function for the torque.
 
     Attributes:
-        seconds: Of a call.
-        torque_nm: At the last state.
+        seconds: CPU time of a call.
+        torque_nm: (n,) at the last state.
     """
 
     seconds: float
@@ -156,7 +156,7 @@ def _row(title: str, seconds: float, first_s: float, done: Operations | None) ->
 
 
 def _timed(folder: Path, compiler: str, name: str, states: FloatArray, calls: dict[str, str]) -> dict[str, Measured]:
-    """Each way, in turn; in objects of their own, so that no call is moved out of the loop."""
+    """Each function, in alternate rounds; in separate objects, so that no call is moved out of the loop."""
     fields = {
         "name": name,
         "casadi": _CASADI if "peer" in calls else "",
@@ -179,7 +179,7 @@ def _timed(folder: Path, compiler: str, name: str, states: FloatArray, calls: di
 
 
 def _casadi(subject: ExportSubject, output: Path, precision: Precision) -> Operations | None:
-    """The code of casadi for the same arm and payload, in its joints' frames; None where there is no casadi."""
+    """Generate casadi's code for the same arm and payload, in its joints' frames; None without casadi."""
     if not PEERS_PYTHON.exists():
         return None
     chain = subject.chain
@@ -204,7 +204,7 @@ def _casadi(subject: ExportSubject, output: Path, precision: Precision) -> Opera
 
 
 def _sizes(subject: ExportSubject, folder: Path) -> None:
-    """Code of the torque in single precision on a Cortex-M4."""
+    """Print the code size of the torque in single precision on a Cortex-M4."""
     compiler = shutil.which("arm-none-eabi-gcc")
     if compiler is None:
         print("  Cortex-M4: not measured, there is no arm-none-eabi-gcc")
@@ -220,7 +220,7 @@ def _sizes(subject: ExportSubject, folder: Path) -> None:
 
 
 def _text_bytes(folder: Path, compiler: str, source: str, function: str | None) -> int:
-    """Bytes of one function, or of everything that would be in flash memory."""
+    """Bytes of one function, or of all code and constants in flash memory."""
     flags = ["-std=c99", *CORTEX_M4, "-ffunction-sections", "-c", source, "-o", "sized.o"]
     subprocess.run([compiler, *flags], cwd=folder, check=True)
     tool = compiler.removesuffix("gcc") + "size"
@@ -231,7 +231,7 @@ def _text_bytes(folder: Path, compiler: str, source: str, function: str | None) 
 
 
 def _seconds(python: PayloadFeedforward, states: FloatArray) -> float:
-    """A call in a loop of Python, median."""
+    """Median CPU time of a call in a Python loop, in s."""
     found = []
     for _ in range(ROUNDS):
         started = thread_time()
@@ -242,7 +242,7 @@ def _seconds(python: PayloadFeedforward, states: FloatArray) -> float:
 
 
 def _shipped(name: str) -> ExportSubject:
-    """A shipped arm with its expected payload, as if all of it had been measured."""
+    """A shipped arm with its expected payload, all ten parameters taken as measured."""
     robot = load_robot(name)
     return ExportSubject.of(robot, _measured(robot.payloads.expected, robot.n), "expected_payload", robot.sha256)
 

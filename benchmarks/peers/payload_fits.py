@@ -1,9 +1,8 @@
-"""The payload of the UR10e's measured currents by armload, FIGAROH and the textbook, side by side.
+"""The payload from the UR10e's measured currents by armload, FIGAROH and the textbook method.
 
-Each is a program of its own, from the files and nominal gains to the body. CPU time is the whole program's, start-up
-included, the median of three turns that alternate. The mass was weighed; the two pairs are one body, mounted 184
-degrees apart about the flange axis. FIGAROH fits arms: the program takes the difference of its base parameters, loaded
-less empty.
+Each is a separate program, from the files and nominal gains to the body. CPU time is the program's, start-up included,
+the median of three alternating rounds. The mass was weighed; both pairs carry the same body, mounted 184 degrees apart
+about the flange axis. FIGAROH fits arms: its program takes the difference of the base parameters, loaded minus empty.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ TURNS: Final = 3
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a program found, and its CPU time."""
+    """What a program found, and its CPU time in s."""
 
     mass_kg: float
     radius_mm: float
@@ -48,7 +47,7 @@ class Answer:
 
     @classmethod
     def parsed(cls, text: str, cpu_s: float) -> Answer:
-        """From what a program printed."""
+        """From a program's output."""
         found = json.loads(text)
         x, y, z = found["center_m"]
         inertia = np.array(found["inertia_kg_m2"])
@@ -64,7 +63,7 @@ class Answer:
 
 
 def run() -> None:
-    """Print the table; what cannot be measured here is said."""
+    """Print the table, or why it cannot be measured here."""
     if not FOLDER.is_dir():
         print(f"not measured: the recordings of the UR10e are not at {FOLDER}")
         return

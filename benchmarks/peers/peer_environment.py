@@ -1,4 +1,4 @@
-"""Where the peers' interpreter is."""
+"""Path of the peers' interpreter."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from pathlib import Path
 from typing import Final
 
 PEERS_PYTHON: Final = Path(__file__).parent / ".venv" / "bin" / "python"
-"""It has casadi; where it is not there, a table says that a peer was not measured."""
+"""Has casadi; if it is missing, the tables report that a peer was not measured."""

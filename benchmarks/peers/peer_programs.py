@@ -1,4 +1,4 @@
-"""The programs in this folder: run, timed, and counted in lines."""
+"""Runs and times the programs in this folder and counts their lines."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def answer_of(python: Path, program: str, words: list[str]) -> tuple[str, float]
 
     Args:
         python: The interpreter of its environment.
-        program: Its file here.
+        program: Its file in this folder.
         words: Its arguments.
     """
     command = [str(python), "-W", "ignore", str(_HERE / program), *words]
@@ -38,11 +38,11 @@ def answer_of(python: Path, program: str, words: list[str]) -> tuple[str, float]
 
 
 def lines_of(program: str) -> int:
-    """Lines that a user writes: neither blank, nor comment, nor docstring."""
+    """Lines of code: neither blank, nor comment, nor module docstring."""
     text = re.sub(r'^""".*?"""', "", (_HERE / program).read_text("utf-8"), flags=re.DOTALL)
     return sum(bool(line.strip()) and not line.lstrip().startswith(("#", '"""')) for line in text.splitlines())
 
 
 def without_meshes(urdf: Path) -> str:
-    """A URDF without the meshes, whose files FIGAROH demands."""
+    """A URDF without the meshes; FIGAROH would require their files."""
     return _MESHES.sub("", urdf.read_text("utf-8"))
