@@ -1,19 +1,19 @@
-"""Loops of tests with an end: what came over a bus so far, and waiting for something that happens elsewhere."""
+"""Bounded loops for tests: frames received from a bus, and waiting for a condition."""
 
 import time
 
 import pytest
 
 MOST_FRAMES = 200_000
-"""More than any test causes: at 1 Mbit/s half a minute of a full bus."""
+"""More than any test produces: half a minute of full load at 1 Mbit/s."""
 
 
 def overheard(bus, patience_s=0.0):
-    """Everything that a bus has received, in order.
+    """All frames that a bus has received, in order.
 
     Args:
         bus: A python-can bus.
-        patience_s: The list ends after so long without a frame.
+        patience_s: The list ends after this time without a frame.
     """
     frames = []
     while len(frames) < MOST_FRAMES:
@@ -28,8 +28,8 @@ def await_that(condition, what, seconds=10.0, every_s=0.002):
     """Wait until a condition is true; returns its value.
 
     Args:
-        condition: Called again and again.
-        what: The condition in words, for the failure.
+        condition: Called repeatedly.
+        what: The condition in words, for the failure message.
         seconds: Longest wait.
         every_s: Pause between two calls.
     """

@@ -1,4 +1,4 @@
-"""What several tests share: arms that follow perfectly, with and without a bus, and a watch over leaked threads."""
+"""Shared fixtures: arms that follow perfectly, with and without a bus, and a check for leaked threads."""
 
 import functools
 import gc
@@ -12,8 +12,8 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-# Before numpy is loaded, for this process and all that tests start: on a busy machine threads of linear algebra wait
-# for each other, and tests take ten times as long.
+# Before numpy is loaded, for this process and those that tests start: on a busy machine the threads of linear algebra
+# wait for each other, and tests take ten times as long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
@@ -45,7 +45,7 @@ settings.load_profile("the same examples in every run")
 
 
 def parse_once():
-    """Let no file of TOML be parsed twice: most tests load the same few robots."""
+    """Parse no TOML text twice: most tests load the same few robots."""
     parse = tomllib.loads
 
     @functools.lru_cache(maxsize=200)
@@ -60,11 +60,11 @@ BEGUN = pytest.StashKey[float]()
 
 
 DURATION = "armload/duration_s"
-"""Where pytest's cache keeps how long a whole run took."""
+"""Key of the duration of a complete run in pytest's cache."""
 
 
 def pytest_report_header(config):
-    """How long it is going to take."""
+    """Expected duration."""
     if config.args_source is not config.ArgsSource.TESTPATHS:
         return None
     seconds = config.cache.get(DURATION, None) if hasattr(config, "cache") else None
@@ -78,19 +78,19 @@ def pytest_sessionstart(session):
 
 
 def pytest_collection(session):
-    """Nothing of what is loaded for all tests is garbage."""
+    """No garbage collection while the tests are loaded."""
     gc.disable()
 
 
 def pytest_collection_finish(session):
-    """What was loaded stays: the garbage collector need not look at it again and again."""
+    """Exclude what was loaded from further garbage collection."""
     gc.freeze()
     gc.set_threshold(100_000, 20, 20)
     gc.enable()
 
 
 def pytest_sessionfinish(session, exitstatus):
-    """Keep how long a whole run took; a worker's part of one, or some tests, say nothing about it."""
+    """Store the duration of a complete run, but not of a worker's part or of selected tests."""
     config = session.config
     whole = (
         config.args_source is config.ArgsSource.TESTPATHS
@@ -115,9 +115,9 @@ def no_leaked_threads():
 
 @pytest.fixture(autouse=True)
 def no_kept_frames(request):
-    """An exception among a test's parameters lives until the end: without the frames that it was raised through.
+    """Drop the frames of exceptions among a test's parameters, which live until the end of the run.
 
-    They would keep whole arms alive, and Ruckig's objects, which nanobind then reports as leaked after the last count.
+    The frames would keep arms alive, and Ruckig's objects, which nanobind then reports as leaked at exit.
     """
     yield
     for value in getattr(getattr(request.node, "callspec", None), "params", {}).values():
@@ -127,7 +127,7 @@ def no_kept_frames(request):
 
 @pytest.fixture(scope="session")
 def shared_data():
-    """The measured data beside a checkout; a user's machine has none."""
+    """Folder of the measured data next to the checkout; a user's machine has none."""
     folder = Path(__file__).resolve().parents[2] / "shared" / "data"
     if not folder.is_dir():
         pytest.skip("the measured recordings are not beside this checkout")
@@ -135,7 +135,7 @@ def shared_data():
 
 
 class WatchedServos(FakeServos):
-    """Simulated servos that keep what is asked of them; tests inject failures and distort the feedback.
+    """Simulated servos that log their commands; tests inject failures and distort the feedback.
 
     Args:
         arm: Scaling and limits of the drives.
@@ -176,7 +176,7 @@ class WatchedServos(FakeServos):
 
 
 class RubbingPlant(IdealPlant):
-    """An ideal plant with Coulomb friction of 1 N m, without which no torque in motion is true."""
+    """An ideal plant with Coulomb friction of 1 N m; torque without any friction in motion is rejected as false."""
 
     def sample(self, cycle_s):
         sample = super().sample(cycle_s)
@@ -196,7 +196,7 @@ def watched_servos():
 
 @pytest.fixture
 def ideal_servos():
-    """Makes `WatchedServos` of an arm without mechanics, coupling or noise, with 0.5 A in every motor at rest."""
+    """Makes `WatchedServos` of an arm without dynamics, coupling or noise, with 0.5 A in every motor at rest."""
 
     def make(n, cycle_s, events=None, position_rad=None):
         drive = small_arm(counts_per_rad=1e8).drives[0]
@@ -210,7 +210,7 @@ def ideal_servos():
 
 @pytest.fixture
 def connected_servos(ideal_servos):
-    """Makes `ideal_servos` that are connected; their log begins after that."""
+    """Makes connected `ideal_servos`; their log starts after connecting."""
 
     def make(*args, **kwargs):
         servos = ideal_servos(*args, **kwargs)
@@ -242,7 +242,7 @@ def small_arm(*, cycle_s=0.01, **changes):
 
 
 START_RAD = (0.1, -0.2, 0.3)
-"""Where the axes of a small arm are at first."""
+"""Initial positions of a small arm's axes."""
 
 
 class VirtualArm:
@@ -250,9 +250,9 @@ class VirtualArm:
 
     Args:
         arm: The master's settings.
-        traits: In what drives differ, by node id.
-        drives_arm: The drives' settings, where they are not the master's.
-        plant: What they move.
+        traits: Differences between drives, by node id.
+        drives_arm: The drives' settings; the master's by default.
+        plant: Moved by the drives.
     """
 
     def __init__(self, arm=None, traits=None, drives_arm=None, timeouts=None, plant=None):
@@ -274,7 +274,7 @@ class VirtualArm:
         return [bytes(message.data) for message in overheard(self.monitor) if message.arbitration_id == cob_id]
 
     def close(self):
-        """Close the servos, whatever they still complain about, then the bus."""
+        """Close the servos, ignoring their errors, then the bus."""
         try:
             self.servos.close()
         except DriverError:
@@ -319,7 +319,7 @@ def armload():
 
 @pytest.fixture(scope="session")
 def require_accepted():
-    """Fails where the command line does not take these words; nothing is run."""
+    """Fails if the command line rejects these arguments; nothing is run."""
     import typer
 
     from armload_controller.cli.main import app
@@ -337,7 +337,7 @@ def require_accepted():
 
 @pytest.fixture
 def independent_arm(arm_settings):
-    """The same small arm, of the drives in `tests/independent_drive.py`; a busy computer is not what is tested."""
+    """The same small arm with the drives of `tests/independent_drive.py`; 20 missing cycles allowed on a busy machine."""
 
     def make(mode, **changes):
         arm = arm_settings(

@@ -1,6 +1,6 @@
-"""Device descriptions that tests write themselves: a CiA 402 drive with all that is needed, changed section by section.
+"""Device descriptions written by tests: a complete CiA 402 drive, whose sections tests can change.
 
-They are no maker's files, and hold nothing that is in one: every object and value is the standard's.
+They contain nothing from a manufacturer's file: all objects and values are from the standard.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _VALUES = {
     "60C2sub2": (_I8, "rw", "-3", 0),
     "6502": (_U32, "ro", "0xC0", 0),
 }  # fmt: skip
-"""Data type, access, default and mapping right by section: both streaming modes, every way to every safety property."""
+"""Data type, access, default and PDO mapping by section: both streaming modes and all objects for safety settings."""
 
 
 def maker_drive(without=(), changes=None):
@@ -64,7 +64,7 @@ def maker_drive(without=(), changes=None):
 
     Args:
         without: Objects, as numbers, or sections, as "1018sub2", that the drive lacks.
-        changes: Keys that differ, by section; a section that is not there is added.
+        changes: Changed keys by section; missing sections are added.
     """
     sections = {}
     for name, (kind, access, default, mapping) in (_VALUES | _pdos()).items():
@@ -82,7 +82,7 @@ def maker_drive(without=(), changes=None):
 
 
 def _pdos():
-    """PDO parameters: two of each direction, the first of which carry controlword and statusword."""
+    """PDO parameters: two PDOs per direction; the first ones carry controlword and statusword."""
     rows = {}
     for first, mapping, base, word in ((0x1400, 0x1600, 0x200, "0x60400010"), (0x1800, 0x1A00, 0x180, "0x60410010")):
         for number in range(2):
@@ -105,8 +105,8 @@ def eds(sections, vendor=0, product=0):
 
     Args:
         sections: Keys by section.
-        vendor: Vendor id; 0 leaves it open.
-        product: Product code; likewise.
+        vendor: Vendor id; 0 for none.
+        product: Product code; 0 for none.
     """
     head = f"[DeviceInfo]\nVendorName=Tests\nProductName=Drive\nVendorNumber={vendor}\nProductNumber={product}\n"
     indices = {name.partition("sub")[0] for name in sections if "sub" in name}

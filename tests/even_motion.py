@@ -1,4 +1,4 @@
-"""An arm in lockstep that moves evenly, for tests in which something happens on the way."""
+"""An arm in lockstep at constant speed, for tests of events during motion."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def enabled(arm):
 
 
 def move(arm, start_rad, cycles, speed_rad_s=0.5, done=0):
-    """Move all joints evenly; returns where they were sent last."""
+    """Move all joints at constant speed; returns the last commanded position."""
     for cycle in range(done + 1, done + cycles + 1):
         target = start_rad + cycle * arm.arm.cycle_s * speed_rad_s
         arm.servos.exchange(JointCommand(target, ZERO, ZERO))

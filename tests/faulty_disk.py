@@ -1,7 +1,7 @@
-"""A disk that fails at a chosen moment: every step of writing a file below a folder is counted, and can fail.
+"""A disk that fails at a chosen step: every step of writing a file below a folder is counted, and can fail.
 
-Steps are: open for writing, a write to the operating system, fsync, rename, mkdir. From the chosen one on all of them
-fail, as they do where a disk is full or has gone; removing files works on a full disk.
+Steps are: open for writing, a write to the operating system, fsync, rename, mkdir. From the chosen one on all steps
+fail, as on a full or removed disk; files can still be deleted on a full disk.
 """
 
 import errno
@@ -25,24 +25,24 @@ def broken(folder):
 
 
 def removed(folder):
-    """Somebody has removed the folder; the operating system says what it says of that."""
+    """The folder was removed; the error is the operating system's."""
     shutil.rmtree(folder, ignore_errors=True)
 
 
 FAULTS = {full: "No space left on device", broken: "Input/output error", removed: "No such file or directory|removed"}
-"""What can happen, and what an error says of it."""
+"""Faults, with a pattern of their error message."""
 
 
 class FaultyDisk:
     """A folder on such a disk.
 
     Args:
-        folder: Where.
-        fault: What happens.
-        at: Number of the step from which on it happens, from 1; none if not given.
+        folder: On the disk.
+        fault: One of `FAULTS`.
+        at: Number of the first step that fails, from 1; None for no fault.
 
     Attributes:
-        steps: What has been done, such as "write payload.toml".
+        steps: Steps so far, such as "write payload.toml".
     """
 
     def __init__(self, folder, fault=full, at=None):
@@ -50,7 +50,7 @@ class FaultyDisk:
         self.steps = []
 
     def step(self, what, path):
-        """Count a step; where its turn has come, it fails."""
+        """Count a step, and fail if it is the chosen one or a later one."""
         path = Path(os.fsdecode(path)).absolute()
         if self.folder not in (path, *path.parents):
             return
@@ -60,7 +60,7 @@ class FaultyDisk:
 
     @contextmanager
     def mounted(self):
-        """While the block lasts, this process writes there through this disk."""
+        """Within the block, this process writes to the folder through this disk."""
         disk, opened, fsync = self, io.open, os.fsync
 
         class File(io.FileIO):

@@ -14,7 +14,7 @@ class Client:
     """Subscribes to everything.
 
     Attributes:
-        server: What the server says of itself.
+        server: The server's information message.
         channels: By topic.
     """
 
@@ -33,7 +33,7 @@ class Client:
         self.connection.close()
 
     def __iter__(self):
-        """Topic and message of whatever comes, until the connection ends."""
+        """Topic and content of each message, until the connection ends."""
         for data in self.connection:
             opcode, channel, _ = struct.unpack_from("<BIQ", data)
             assert opcode == 1
@@ -46,7 +46,7 @@ def subscription(channels):
 
 
 def silent_client(port):
-    """A client that subscribes to everything and reads nothing more."""
+    """A client that subscribes to everything and then stops reading."""
     client = socket.socket()
     client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     client.connect(("127.0.0.1", port))
@@ -57,7 +57,7 @@ def silent_client(port):
 
 
 def shake_hands(client):
-    """Ask for the protocol, and see that it is spoken."""
+    """Request the protocol, and check that the server supports it."""
     key = base64.b64encode(bytes(16)).decode()
     client.sendall(
         f"GET / HTTP/1.1\r\nHost: arm\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: {key}\r\n"

@@ -1,9 +1,9 @@
-"""Runs inside `halrun`, by the system's Python, which has LinuxCNC's module `hal`: sets pins and waits for others.
+"""Runs inside `halrun`, with the system's Python, which has LinuxCNC's module `hal`: sets pins and waits for others.
 
     hal_session.py STEPS.json RESULTS.json [PIN ...]
 
-A step sets values by pin, waits until other pins have theirs, and keeps what the watched pins went through meanwhile.
-Pins that are named are made here, as inputs of a component that stands for the fieldbus.
+A step sets pins, waits until other pins have given values, and records the changes of the watched pins meanwhile. The
+pins on the command line are created here, as inputs of a component in place of the fieldbus.
 """
 
 import json
@@ -23,7 +23,7 @@ def reached(step):
 
 
 def carry_out(step):
-    """One step; what the watched pins went through, and what all that matter are in the end."""
+    """One step; the values of the watched pins during it, and of the awaited pins at its end."""
     for pin, value in step.get("set", {}).items():
         hal.set_p(pin, repr(value))
     watched = step.get("watch", [])
@@ -39,7 +39,7 @@ def carry_out(step):
 
 
 def main():
-    """All steps."""
+    """Carry out all steps."""
     steps, results, *pins = sys.argv[1:]
     component = hal.component("lcec" if pins else "hal_session")
     for pin in pins:

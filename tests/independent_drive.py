@@ -1,7 +1,7 @@
-"""A CiA 402 drive that shares nothing with this project.
+"""A CiA 402 drive that shares no code with this project.
 
 SDO server, NMT and heartbeat are those of `canopen.LocalNode`, the rest is written from the standard. It also runs as
-a process of its own:
+a separate process:
 
     python tests/independent_drive.py INTERFACE CHANNEL MODE NODE_ID...
 """
@@ -20,14 +20,14 @@ VENDOR_ID, PRODUCT_CODE = 0x0000_0ACE, 0x1234
 INCREMENTS, GEAR = 1 << 17, 80
 COUNTS_PER_TURN = INCREMENTS * GEAR
 BRAKE_S, MODE_S = 0.05, 0.03
-"""Time that the brake takes to open, and that a change of mode takes to show."""
+"""Time until the brake is open, and until a change of mode is visible."""
 
 NOT_READY, DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, FAULT = 0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x08
 VOLTAGE, REMOTE, INTERPOLATES, VENDORS_BITS = 0x0010, 0x0200, 0x1000, 0xC000
 
 
 def dictionary(node_id, modes):
-    """Objects with their defaults; what is not here this drive does not have (1019, 1029, 605B to 605D, 6075, 60B2)."""
+    """Objects with their defaults; the drive lacks all others (such as 1019, 1029, 605B to 605D, 6075, 60B2)."""
     single = [
         (0x1000, U32, "ro", 0x0002_0192), (0x1001, U8, "ro", 0), (0x1005, U32, "rw", 0x80), (0x1006, U32, "rw", 0),
         (0x1008, datatypes.VISIBLE_STRING, "const", "independent servo amplifier"), (0x1014, U32, "ro", 0x80 + node_id),
@@ -79,13 +79,13 @@ def _variable(index, subindex, kind, access, value):
 
 
 class IndependentDrive(canopen.LocalNode):
-    """One drive on a network. All of its work is done in the network's receiving thread.
+    """One drive on a network. It runs in the network's receiving thread.
 
     Attributes:
-        state: Power state, as 6041 codes it.
-        position: Where the axis is, in counts.
+        state: Power state, as coded in 6041.
+        position: Of the axis, in counts.
         states: Every power state so far.
-        jumps: Distance from position to setpoint in every cycle with torque.
+        jumps: Distance from position to setpoint, in counts, in every cycle with torque.
     """
 
     def __init__(self, node_id, modes, position):
@@ -161,7 +161,7 @@ class IndependentDrive(canopen.LocalNode):
             self._take(number, bytes(data))
 
     def _take(self, number, data):
-        """Put what an RPDO carries where its mapping says."""
+        """Write an RPDO's values to the mapped objects."""
         for index, subindex, size in self._mapping(0x1600 + number):
             self.data_store.setdefault(index, {})[subindex], data = data[:size], data[size:]
         self._obey(self.value(0x6040))
@@ -185,7 +185,7 @@ class IndependentDrive(canopen.LocalNode):
     # Power -----------------------------------------------------------------------------------------------------
 
     def fail(self, code):
-        """Go to FAULT and say why."""
+        """Go to FAULT and send an emergency message with the code."""
         if self.state != FAULT:
             self._enter(FAULT)
             self.keep(0x603F, code)
@@ -223,7 +223,7 @@ class IndependentDrive(canopen.LocalNode):
         self._last_word = word
 
     def _move(self):
-        """To the setpoint latched at this SYNC; it is reached at the next one."""
+        """Move to the setpoint latched at this SYNC; it is reached at the next one."""
         mode = self.value(0x6061)
         if self.state == ENABLED:
             follows = mode == 8 or (mode == 7 and self._last_word & 0x10)
@@ -278,7 +278,7 @@ def join(network, node_ids, modes, position=5000):
 
 
 def main():
-    """Drives until standard input ends; what became of them is printed."""
+    """Run drives until standard input ends, then print their history."""
     interface, channel, mode, *nodes = sys.argv[1:]
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.05

@@ -1,7 +1,7 @@
-"""A master that shares nothing with this project: canopen's own CiA 402 profile, its PDO objects and its SYNC.
+"""A master that shares no code with this project: canopen's CiA 402 profile, PDO objects and SYNC.
 
-The profile needs some care (it sends RPDOs only where they are not synchronous, or as a periodic task), which is what
-its users do: they preset the target, start the task, and write into the map.
+The profile sends RPDOs only if they are asynchronous, or as a periodic task. As its users do, this master presets the
+target, starts the task, and writes to the map.
 """
 
 import time
@@ -20,7 +20,7 @@ ENABLE_IP = 0x1F
 
 
 def description(path):
-    """An EDS file written for this master, and what canopen makes of it."""
+    """Write an EDS file for this master; returns canopen's object dictionary."""
     od = canopen.ObjectDictionary()
     for index, kind in (
         (0x1000, U32), (0x1001, U8), (0x1017, U16), (0x603F, U16), (0x6040, U16), (0x6041, U16), (0x6060, I8),
@@ -60,12 +60,12 @@ class Master:
     def __init__(self, network, node_id, od):
         self.network = network
         self.node = network.add_node(BaseNode402(node_id, od))
-        # canopen's 0.2 to 0.8 s are too short where other tests run beside this one.
+        # canopen's 0.2 to 0.8 s are too short when other tests run in parallel.
         self.node.TIMEOUT_CHECK_TPDO = self.node.TIMEOUT_SWITCH_OP_MODE = PATIENCE_S
         self.node.TIMEOUT_SWITCH_STATE_SINGLE = self.node.TIMEOUT_SWITCH_STATE_FINAL = PATIENCE_S
 
     def boot(self):
-        """Reset, and wait for the boot-up message; canopen's own wait misses one that comes before it begins."""
+        """Reset, and wait for the boot-up message; canopen's own wait misses a message that arrives earlier."""
         seen = []
         self.node.nmt.add_heartbeat_callback(seen.append)
         self.node.nmt.state = "RESET"
@@ -76,7 +76,7 @@ class Master:
         assert self.node.sdo[0x1000].raw & 0xFFFF == 402
 
     def configure(self, mode, split):
-        """Map PDOs: control and target in one of them, or in two of which the first acts at once."""
+        """Map PDOs: controlword and target in one PDO, or in two of which the first is asynchronous."""
         node = self.node
         self.target = 0x607A if mode == "CYCLIC SYNCHRONOUS POSITION" else 0x60C1
         node.tpdo.read()
@@ -97,7 +97,7 @@ class Master:
         assert node.op_mode == mode
 
     def enable(self):
-        """Preset the target, start everything that is periodic, and go to OPERATION ENABLED."""
+        """Preset the target, start all periodic messages, and go to OPERATION ENABLED."""
         node = self.node
         actual = node.sdo[0x6064].raw
         node.rpdo_pointers[self.target].raw = actual
@@ -114,7 +114,7 @@ class Master:
         return actual
 
     def move(self, counts, steps=20):
-        """Ramp the target up, a step per received TPDO; returns where the drive says it is in the end."""
+        """Ramp the target up, a step per received TPDO; returns the drive's final actual position."""
         node = self.node
         target = node.rpdo_pointers[self.target]
         begin, feedback = target.raw, node.tpdo_pointers[0x6064].pdo_parent
@@ -128,11 +128,11 @@ class Master:
         return node.tpdo_values[0x6064]
 
     def disable(self):
-        """Remove torque, the drive standing."""
+        """Remove torque, at standstill."""
         self.node.state = "SWITCH ON DISABLED"
 
     def leave(self):
-        """End everything periodic."""
+        """Stop all periodic messages."""
         self.network.sync.stop()
         for pdo in self.node.rpdo.values():
             pdo.stop()

@@ -1,4 +1,4 @@
-"""Estimates of an arm's payload as the recursive estimator gives them, made by hand."""
+"""Hand-made estimates of a payload in the form of the recursive estimator's."""
 
 from dataclasses import replace
 
@@ -9,12 +9,12 @@ from armload_identification.pipeline.payload_estimator import LivePayload
 
 
 def sphere(mass_kg, center_m):
-    """A body about its centre of mass."""
+    """A sphere with a given centre of mass."""
     return InertialParameters.from_center_of_mass(mass_kg, center_m, 0.004 * mass_kg * np.eye(3))
 
 
 def live_estimate(n, mass_kg, width_kg, center_m, time_s=0.0, **changes):
-    """An estimate of an arm of n joints that has moved for long; its centre of mass is known within 5 mm."""
+    """An estimate from a long motion of an arm of n joints; its centre of mass is known within 5 mm."""
     plain = LivePayload(
         time_s=time_s,
         theta=np.zeros(10) if not mass_kg > 0.0 else sphere(mass_kg, center_m).theta,

@@ -1,7 +1,7 @@
-"""What an installation without extras does, and how it refuses the rest; a program, run where armload is installed.
+"""Checks what an installation without extras does and rejects; a program, run in that installation.
 
-Prints the torque of a payload at some states, with the digits in which processors agree, and how much space the
-installation takes.
+Prints the torque of a payload at some states, with the digits that are equal on all processors, and the installation's
+size on disk.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 EXTRAS = ("scipy", "matplotlib", "jinja2", "mujoco", "pinocchio", "rosbags", "pyarrow", "foxglove", "distributed")
 TOOLS = ("pip", "setuptools", "pkg_resources", "_distutils_hack")
 LOADS_RUCKIG = ("design", "feedforward", "commission")
-"""Left out where it is not there: PyPI has no wheel of it for aarch64."""
+"""Skipped without Ruckig: PyPI has no wheel of it for aarch64."""
 REFUSED = {
     "identify prbt --loaded {payload} --unloaded {payload}": "identify",
     "validate prbt {payload} --loaded {payload} --unloaded {payload}": "identify",
@@ -33,7 +33,7 @@ REFUSED = {
     "fleet watch {payload} --output {folder}/fleet": "fleet",
     "fleet report {folder}": "fleet",
 }
-"""Commands that need an extra, and the one that their message names."""
+"""Commands that need an extra, and the extra named in their message."""
 
 
 def main() -> None:
@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def printed_by(*words: str) -> str:
-    """What the program says on standard error."""
+    """Standard error of the program."""
     from armload_controller.cli.entry import main as program
 
     sys.argv = ["armload", *words]
@@ -73,7 +73,7 @@ def printed_by(*words: str) -> str:
 
 
 def write_some_payload(path: Path) -> None:
-    """A payload file, as an identification would have written it."""
+    """Write a payload file as an identification would."""
     from armload_identification.files.payload_file import write_payload
     from armload_identification.model.payload import InertialParameters, PayloadResult, Provenance
 
@@ -86,7 +86,7 @@ def write_some_payload(path: Path) -> None:
 
 
 def print_torque(payload: Path) -> None:
-    """The feed-forward's torque at some states."""
+    """Print the feed-forward's torque at some states."""
     import armload
 
     feedforward = armload.PayloadFeedforward(armload.load_robot("prbt").chain, armload.read_payload(payload).model)
@@ -95,13 +95,13 @@ def print_torque(payload: Path) -> None:
 
 
 def require(condition: bool, problem: str) -> None:
-    """End with status 1 where something is otherwise than it should be."""
+    """Exit with status 1 if the condition is false."""
     if not condition:
         sys.exit(problem)
 
 
 def size_mb() -> float:
-    """Of all that lies beside armload where it is installed, but pip and what it brings; in MB of 1e6 bytes."""
+    """Size of armload's site-packages without pip and its dependencies, in MB of 1e6 bytes."""
     import armload
 
     roots = [root for root in Path(armload.__file__).parents[1].iterdir() if root.name.split("-")[0] not in TOOLS]

@@ -1,4 +1,4 @@
-"""prbt with excitations of seconds or less, for tests in which a whole commissioning happens."""
+"""prbt with excitations of a few seconds or less, for tests of a complete commissioning."""
 
 import re
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ RECORDINGS = {recording_path(Path(), load, role).name for load in Load for role 
 
 
 def least_robot():
-    """prbt with excitations of half a second: a motion, and no more."""
+    """prbt with excitations of half a second, too short to identify from."""
     swing = np.full((6, 1), 0.008)
     excitations = {
         role: Excitation(FourierTrajectory(2.0, MIDDLE_RAD, swing, 0.5 * sign * swing), 1)
@@ -29,13 +29,13 @@ def least_robot():
 
 
 def record(robot, folder, make_servos, loads=tuple(Load)):
-    """Everything of a commissioning that moves an arm and has not been recorded yet.
+    """Record the runs of a commissioning that are still missing.
 
     Args:
         robot: The arm.
         folder: Where the recordings go.
         make_servos: Makes the servos of a half.
-        loads: Which halves.
+        loads: The halves.
     """
 
     @contextmanager
@@ -47,7 +47,7 @@ def record(robot, folder, make_servos, loads=tuple(Load)):
 
 
 def write_short_robot(folder):
-    """The file of prbt with excitations of 4 s, from which mass and centre of mass can be found; returns its path."""
+    """Write prbt's file with excitations of 4 s, which determine mass and centre of mass; returns its path."""
     text = (resources.files("armload_configs") / "prbt.toml").read_text("utf-8")
     for role, sign in zip(ROLES, (1.0, -1.0), strict=True):
         turned = 0.5 * sign * np.arange(6)[:, None]

@@ -1,4 +1,4 @@
-"""Programs as a shell starts them, whatever signals this process itself was started to ignore."""
+"""Programs with the signal handling of a shell's prompt, whatever signals this process ignores."""
 
 import sys
 
@@ -10,17 +10,17 @@ os.execv(sys.argv[2], sys.argv[2:])
 """
 
 BACKGROUND = ("SIGINT", "SIGQUIT", "SIGHUP", "SIGTSTP")
-"""What `nohup` in a background job of a script makes a program ignore from its start."""
+"""Signals that a program started with `nohup` in a script's background job ignores."""
 
 
 def as_started(command, ignored=()):
-    """A command that becomes another one, with some signals ignored and all others as at a prompt.
+    """A command that executes another one, with some signals ignored and all others as at a prompt.
 
-    A program inherits what its parent ignores: without this, tests in a background job would start programs that
-    ignore SIGINT.
+    A program inherits the ignored signals of its parent: tests in a background job would start programs that ignore
+    SIGINT.
 
     Args:
         command: Arguments, an absolute path first.
-        ignored: Names of the signals that it ignores.
+        ignored: Names of the ignored signals.
     """
     return [sys.executable, "-c", _START, ",".join(ignored), *map(str, command)]

@@ -1,6 +1,6 @@
-"""An arm of a URDF as Pinocchio moves it: the flange's pose, and recordings empty and with a payload.
+"""An arm from a URDF, simulated by Pinocchio: the flange's pose, and recordings empty and with a payload.
 
-Nothing of this project's kinematics or dynamics is used, so that what is compared with it is tested.
+It uses none of this project's kinematics or dynamics, so it can serve as their reference.
 """
 
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ BASE_HZ = 0.1
 _RANGE_SHARE = 0.7
 _SPEED_SHARE = 0.7
 _FEW_RAD_S = 1.0
-"""Greatest speed where the file gives none, or one that no arm has."""
+"""Greatest speed if the file has none or an implausible one."""
 _FRICTION_SHARE = 0.15
 _NOISE_SHARE = 0.005
-"""Of a joint's torque, root mean square: Coulomb friction, and noise of one sample."""
+"""Coulomb friction and noise of one sample, as a share of a joint's RMS torque."""
 
 
 @dataclass
@@ -31,14 +31,14 @@ class SimulatedRun:
 
 
 class PinocchioArm:
-    """The joints of some names, from base to flange; all others stand at zero."""
+    """The named joints, from base to flange; all others are held at zero."""
 
     def __init__(self, path, joint_names, base, flange):
         self.model = pin.buildModelFromUrdf(str(path))
         self.joint_names, self.base, self.flange = tuple(joint_names), base, flange
 
     def configuration(self, q, model=None):
-        """Pinocchio's configuration of joint angles in the order of the names."""
+        """Pinocchio's configuration for joint angles in the order of the names."""
         model = model or self.model
         full = pin.neutral(model)
         for name, angle in zip(self.joint_names, q, strict=True):
@@ -47,7 +47,7 @@ class PinocchioArm:
         return full
 
     def flange_pose(self, q):
-        """(4, 4) the flange in the base."""
+        """(4, 4) pose of the flange in the base frame."""
         data = self.model.createData()
         pin.framesForwardKinematics(self.model, data, self.configuration(q))
         base, flange = (data.oMf[self.model.getFrameId(link, pin.FrameType.BODY)] for link in (self.base, self.flange))

@@ -1,7 +1,7 @@
-"""Twelve arms from the URDFs that their users have: the chain is Pinocchio's, and a payload on it is found.
+"""Twelve arms from their published URDFs: the chain equals Pinocchio's, and a payload on it is identified.
 
-The files are those of PyPI's `example-robot-data` (440 MB), which `.ci/run` installs from `robots.lock` in an
-environment of its own. Base and flange are chosen by the options that a user has.
+The files are those of PyPI's `example-robot-data` (440 MB), which `.ci/run` installs from `robots.lock` in a separate
+environment. Base and flange are chosen by the user's options.
 """
 
 import json
@@ -54,7 +54,7 @@ def test_the_chain_is_pinocchios(case):
 
 
 def test_a_payload_is_found(case):
-    """Joints in another order, and one more than the arm has."""
+    """The recording has its joints in another order, and one joint more than the arm."""
     arm, reference, mass_kg = case
     center_m, size_m = np.array([0.02, -0.01, 0.05]), 0.08
     inertia = mass_kg * size_m**2 / 6.0 * np.eye(3)
@@ -81,7 +81,7 @@ def test_a_payload_is_found(case):
 
 @pytest.mark.parametrize("name", ["SO-101", "Baxter, left", "Talos, left"])
 def test_init_gives_a_robot_file_and_two_excitations_that_can_be_run(armload, tmp_path, name):
-    """The smallest arm, a torso with a head and another arm, and one whose meshes leave part of the ranges."""
+    """The smallest arm, one of a torso with a head and a second arm, and one whose meshes restrict its ranges."""
     file, base, flange, mass_kg = ARMS[name]
     out = tmp_path / "arm.toml"
     links = [word for option, link in (("--base", base), ("--flange", flange)) if link for word in (option, link)]

@@ -29,7 +29,7 @@ def ur10e_run(ur10e, shared_data):
 
 @pytest.fixture(scope="session")
 def ur10e_pair(ur10e_run):
-    """A loaded and an unloaded recording by the end of their names: "" or "_b"."""
+    """A loaded and an unloaded recording by the suffix of their names: "" or "_b"."""
 
     def pair(suffix):
         return ur10e_run(f"loaded{suffix}.csv"), ur10e_run(f"unloaded{suffix}.csv")
@@ -39,7 +39,7 @@ def ur10e_pair(ur10e_run):
 
 @pytest.fixture(scope="session")
 def ur10e_identified(ur10e, ur10e_pair):
-    """The payload of a pair by nominal gains."""
+    """The payload of a pair, identified with nominal gains."""
 
     @cache
     def identified(suffix):

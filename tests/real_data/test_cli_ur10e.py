@@ -1,4 +1,4 @@
-"""The commands around accuracy, as their user types them, on measured currents."""
+"""The commands for calibration and accuracy, on measured currents."""
 
 from __future__ import annotations
 

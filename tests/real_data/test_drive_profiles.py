@@ -1,4 +1,4 @@
-"""The shipped profiles against drives simulated from their makers' own descriptions."""
+"""The shipped profiles against drives simulated from their manufacturers' descriptions."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ PROFILES = {
     "elmo_gold": ("elmo_cob4.dcf", {}),
     "roboteq": ("roboteq_v80.eds", {"accept_missing": NO_REACTIONS, "torque_limit_in_drive": True}),
 }
-"""The description, and what the robot's file says besides the scale."""
+"""The description, and the robot file's settings besides the scale."""
 
 ARM = {
     "node_id": 2, "max_torque_permille": 1500, "following_error_rad": 0.2, "has_brake": True,

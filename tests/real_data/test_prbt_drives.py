@@ -1,4 +1,4 @@
-"""`prbt.toml` against drives simulated from the maker's own description of the arm."""
+"""`prbt.toml` against drives simulated from the manufacturer's description."""
 
 from dataclasses import replace
 

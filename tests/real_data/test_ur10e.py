@@ -1,4 +1,4 @@
-"""A weighed payload on a real arm: 2.805 kg on a UR10e, from its own motor currents."""
+"""A weighed payload on a real arm: 2.805 kg on a UR10e, from its motor currents."""
 
 from __future__ import annotations
 
@@ -48,7 +48,8 @@ def test_the_remounted_payload_is_turned_about_the_flange_axis(ur10e_identified)
 
 @pytest.mark.parametrize("suffix", ["", "_b"])
 def test_the_gain_of_joint_5_is_found_to_be_off_and_no_interval_hides_it(ur10e_identified, suffix):
-    """By all runs of this arm it is 4.8 % below nominal; the centre of mass lies 170 mm off and 43 mm out."""
+    """From all runs of this arm it is 4.8 % below nominal; the centre of mass lies 170 mm from the flange axis and
+    43 mm along it."""
     result = ur10e_identified(suffix)
     assert result.gains.contradicted[4]
     assert abs(result.gains.log_gain[4] - np.log(0.952)) < result.gains.half_width_95[4]

@@ -1,4 +1,4 @@
-"""One UR10e from twelve measured runs: leave one pair out, a mistake that is named. Halves: `make accuracy`."""
+"""One UR10e from twelve measured runs: leave-one-out, and a named mistake. For halves: `make accuracy`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PAIRS = {"a": "", "b": "_b"}
 
 @pytest.fixture(scope="module")
 def runs(ur10e_run, shared_data):
-    """All twelve, the loaded ones by the name of their pair."""
+    """All twelve runs, the loaded ones with the name of their pair as mounting."""
     paths = {f"loaded{suffix}.csv": name for name, suffix in PAIRS.items()}
     paths |= {f"unloaded{suffix}.csv": "" for suffix in PAIRS.values()}
     others = sorted((shared_data / "ur10e" / "other_paths").glob("*.csv"))
@@ -46,7 +46,7 @@ def all_of_them(ur10e, runs):
 
 @pytest.fixture(scope="module")
 def without(ur10e, runs):
-    """Calibrations that have not seen one of the pairs."""
+    """Calibrations without one of the pairs."""
     return {
         name: calibrated(ur10e, [run for key, run in runs.items() if key not in pair_names(name)]) for name in PAIRS
     }
@@ -54,7 +54,7 @@ def without(ur10e, runs):
 
 @pytest.fixture(scope="module")
 def left_out(ur10e, runs, without):
-    """Each pair by the calibration that has not seen it; and the loaded run alone."""
+    """Payload of each pair, and of its loaded run only, with the calibration without this pair."""
     found = {}
     for name, calibration in without.items():
         loaded, unloaded = (runs[key].recording for key in pair_names(name))
@@ -72,7 +72,7 @@ def test_every_run_is_used_and_every_gain_is_determined(all_of_them):
     assert all_of_them.left_out == ()
     assert all_of_them.warnings == ()
     assert all_of_them.determined.all()
-    # What a prototype found on 19 runs of this arm.
+    # From a prototype on 19 runs of this arm.
     reference = np.array([1.001, 1.0227, 1.0228, 0.980, 0.952, 0.968])
     deviation = np.array([0.8, 0.2, 0.2, 0.36, 0.38, 0.4]) / 100.0
     ratio = all_of_them.gain_nm_a / all_of_them.nominal
@@ -105,7 +105,7 @@ def test_the_two_mountings_have_one_centre_of_mass(left_out):
 
 @pytest.mark.long
 def test_a_wrong_gear_ratio_is_named(ur10e, runs, all_of_them):
-    """One run of five; the twelve together take four times as long."""
+    """In one run of five; all twelve runs would take four times as long."""
     wrong = "feb05_20s_8h.csv"
     few = [key for key in runs if "loaded" in key] + [wrong]
     run = runs[wrong].recording

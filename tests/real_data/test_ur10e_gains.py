@@ -1,4 +1,4 @@
-"""An arm calibrated on one mounting of a weighed mass and tried on the other: UR10e, measured currents."""
+"""An arm calibrated on one mounting of a weighed mass and tested on the other: UR10e, measured currents."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def pairs(ur10e_pair):
 
 @pytest.fixture(scope="module")
 def arms(ur10e, pairs):
-    """The arm by either pair alone, the least that a calibration can be made from."""
+    """The arm calibrated from each pair, the minimum for a calibration."""
     return {
         name: calibrate_arm(
             [MountedRun(loaded, "disc"), MountedRun(unloaded, "")],
@@ -36,7 +36,7 @@ def arms(ur10e, pairs):
 
 @pytest.fixture(scope="module")
 def crossed(ur10e, pairs, arms):
-    """Each pair, identified with the gains of the other."""
+    """Each pair, identified with the gains from the other."""
     return {
         name: identify(*pairs[name], ur10e.chain, arms[other].transmission(ur10e.drives.transmission))
         for name, other in (("a", "b"), ("b", "a"))
@@ -46,7 +46,7 @@ def crossed(ur10e, pairs, arms):
 def test_the_two_calibrations_agree(arms):
     for result in arms.values():
         assert result.determined[1:].all()
-        # No payload pulls on an upright axis.
+        # A payload's weight exerts no torque about a vertical axis.
         assert result.gain_half_width_95[0] > 0.04 * result.gain_nm_a[0]
     one, two = arms["a"], arms["b"]
     apart = np.abs(one.gain_nm_a - two.gain_nm_a)

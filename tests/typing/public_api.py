@@ -1,4 +1,4 @@
-"""The front door as its users write it; `make lint` checks it with mypy's strict mode. Nothing here runs."""
+"""Typical use of the public API; `make lint` checks it with mypy's strict mode. Nothing here runs."""
 
 from pathlib import Path
 from typing import assert_type
@@ -30,7 +30,7 @@ def identify_and_report(folder: Path) -> float:
 
 
 def identify_with_ranges(loaded: Path, unloaded: Path) -> Findings:
-    """What is known beforehand, as numbers and as ranges."""
+    """Prior knowledge, as numbers and as ranges."""
     weighed = armload.KnownPayload(mass_kg=2.1, center_of_mass_m=np.zeros(3))
     assert_type(weighed, armload.KnownPayload)
     known = armload.KnownPayload(mass_kg=(1, 3), center_of_mass_m=[0.0, (-0.01, 0.01), (0.05, 0.15)])
@@ -38,21 +38,21 @@ def identify_with_ranges(loaded: Path, unloaded: Path) -> Findings:
 
 
 def loop_of_any_arm(urdf: Path, payload: Path) -> PayloadFeedforward:
-    """An arm that has a URDF and no file of armload's."""
+    """An arm with a URDF and no robot file."""
     arm = armload.read_urdf_arm(urdf, flange="tool0")
     assert_type(arm, armload.UrdfArm)
     return PayloadFeedforward(arm.chain, armload.read_payload(payload).model)
 
 
 def from_arrays(time_s: NDArray[np.float64], q: NDArray[np.float64], tau: NDArray[np.float64]) -> Findings:
-    """Somebody else's data."""
+    """The user's arrays."""
     loaded = Recording.from_arrays(time_s, q, torque_nm=tau)
     assert_type(loaded, Recording)
     return armload.identify("my_arm.toml", loaded, Recording.from_arrays(time_s, q, current_a=tau, name="empty"))
 
 
 def control(q: NDArray[np.float64], dq: NDArray[np.float64], ddq: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The payload in a loop."""
+    """The payload's torque in a control loop."""
     payload = armload.read_payload(Path("payload.toml"))
     feedforward = PayloadFeedforward(armload.load_robot("er50").chain, payload.model)
     return feedforward.torque_nm(q, dq, ddq)
@@ -67,24 +67,24 @@ def design() -> None:
 
 
 class Near:
-    """Stops where a joint is near its zero."""
+    """Stops the motion if a joint is near zero."""
 
     def __init__(self, n: int, distance_rad: float) -> None:
         self.n, self.distance_rad = n, distance_rad
 
     def on_cycle(self, step: armload.CycleStep) -> None:
-        """Look at one cycle."""
+        """Check one cycle."""
         if float(abs(step.feedback.position_rad).min()) < self.distance_rad:
             step.ask_to_stop("near zero")
 
 
 class NearTable(armload.PluginTable):
-    """A plug-in of the cycle from a package of one's own."""
+    """A plug-in of the cycle from the user's package."""
 
     distance_rad: float
 
     def plugin(self, robot: armload.Robot) -> Near:
-        """Make it."""
+        """Make the plug-in."""
         if self.distance_rad <= 0.0:
             raise armload.BadValue("distance_rad", self.distance_rad, "expected more than 0")
         return Near(robot.n, self.distance_rad)

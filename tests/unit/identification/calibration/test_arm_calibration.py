@@ -1,4 +1,4 @@
-"""One arm from many runs: Pinocchio's torque through wrong gains, on a base that is not level, found again."""
+"""Calibration of an arm from many runs: gains, body and a base that is not level, from Pinocchio's torque."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LOAD_FRICTION = 0.06
 
 
 def test_a_joint_that_counts_the_other_way_is_named(pinocchio_arm, weighed):
-    """A drive whose polarity (607E) nobody could read: it only listens to another master's."""
+    """The polarity (607E) cannot be read from a drive of another master's."""
     run = pinocchio_arm.run(pinocchio_arm.trajectory(3, period_s=10.0), True, seed=6, with_phase=False)
     turn = np.where(np.arange(6) == 2, -1.0, 1.0)
     turned = replace(run, position_rad=run.position_rad * turn, current_a=run.current_a * turn)
@@ -49,7 +49,7 @@ def test_a_joint_that_counts_the_other_way_is_named(pinocchio_arm, weighed):
 
 
 def leaning(chain, tilt_rad):
-    """The chain under gravity that leans by two angles."""
+    """The chain with gravity tilted by two angles."""
     size = np.linalg.norm(chain.gravity_m_s2)
     gravity = chain.gravity_m_s2 + size * np.asarray(tilt_rad) @ tilt_axes(chain.gravity_m_s2)
     return size * gravity / np.linalg.norm(gravity)
@@ -57,7 +57,7 @@ def leaning(chain, tilt_rad):
 
 @pytest.fixture(scope="module")
 def nominal(pinocchio_arm):
-    """Gains as somebody believes them; the arm's own are these times WRONG."""
+    """Assumed gains; the arm's own are these times WRONG."""
     return Transmission(pinocchio_arm.transmission.gain_nm_a / WRONG, pinocchio_arm.transmission.coupling)
 
 
@@ -71,7 +71,7 @@ def other(pinocchio_arm):
 
 @pytest.fixture(scope="module")
 def runs(pinocchio_arm, other):
-    """Six runs on two trajectories: empty, with a weighed payload, and with one that is not."""
+    """Six runs on two trajectories: empty, with a weighed payload, and with an unweighed one."""
     made = []
     for seed in (3, 4):
         trajectory = pinocchio_arm.trajectory(seed, period_s=10.0)
@@ -85,7 +85,7 @@ def runs(pinocchio_arm, other):
 
 @pytest.fixture(scope="module")
 def four(runs):
-    """Those without the payload that is not weighed."""
+    """The runs without the unweighed payload."""
     return [run for run in runs if run.mounting != "other"]
 
 
@@ -113,7 +113,7 @@ def calibrated(runs, weighed, arm, nominal, chain=None, **more):
 
 @pytest.fixture(scope="module")
 def steps():
-    """What was said of the progress of `result`."""
+    """Progress messages of `result`."""
     return []
 
 
@@ -123,7 +123,7 @@ def result(runs, weighed, pinocchio_arm, nominal, steps):
 
 
 def changed(runs, index, **recording):
-    """The same runs, one of them with other signals."""
+    """The same runs, one of them with changed signals."""
     out = list(runs)
     out[index] = replace(out[index], recording=replace(out[index].recording, **recording))
     return out
@@ -178,7 +178,7 @@ def test_a_third_payload_is_identified_better_with_it(result, pinocchio_arm, nom
         assert (error < 1.5 * found.uncertainty.half_width_95[:4]).all()
         assert not any("nominal" in note or "far outside" in note for note in found.notes)
     assert alone.uncertainty.half_width_95[0] > pair.uncertainty.half_width_95[0]
-    # A cold gear: two thirds more friction on joint 3 than the calibration knows.
+    # A cold gear: two thirds more friction on joint 3 than calibrated.
     cold = [colder(run, 2, arm) for run in (loaded, unloaded)]
     for warm, empty in ((alone, None), (pair, cold[1])):
         found = identify(cold[0], empty, level, transmission, arm=known)
@@ -202,7 +202,7 @@ def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocch
     (text,) = [text for text in found.warnings if text.startswith("for other motions")]
     named = {int(joint): int(share) / 100.0 for joint, share in re.findall(r"(\d) \((\d+)%\)", text)}
     assert len(named) >= 2
-    # What it leaves of the other motion is what it said, less the friction of reversals and noise.
+    # Its residual on the other motion is as stated, without the friction at reversals and the noise.
     other = run_signals(runs[3].recording, found.transmission(nominal))
     states = (other.position_rad, other.velocity_rad_s, other.acceleration_rad_s2)
     moving = other.usable[:, None] & (np.abs(other.velocity_rad_s) > 0.1)
@@ -214,7 +214,7 @@ def test_a_body_from_one_motion_says_how_little_it_knows_of_others(runs, pinocch
 
 
 def test_whole_periods_and_reported_torque_are_calibrated_too(pinocchio_arm, nominal):
-    """Drives that report torque believe in wrong gains as well; periods are averaged."""
+    """Drives that report torque have wrong gains as well; periods are averaged."""
     made = []
     for seed in (3, 4):
         trajectory = pinocchio_arm.trajectory(seed, period_s=10.0)
@@ -237,7 +237,7 @@ def test_whole_periods_and_reported_torque_are_calibrated_too(pinocchio_arm, nom
 
 
 def test_drives_are_given_what_their_gains_make_the_torque(result, nominal):
-    """Their currents times nominal gains is what they believe in; through the coupling it is another joint torque."""
+    """A drive's own torque is current times nominal gain; the joint torque also depends on the coupling."""
     torque = np.array([[10.0, -5.0, 3.0, 2.0, 1.0, 0.5]])
     commanded = torque @ result.commanded(nominal.coupling)
     current = (commanded @ nominal.coupling) / nominal.gain_nm_a
@@ -245,7 +245,7 @@ def test_drives_are_given_what_their_gains_make_the_torque(result, nominal):
 
 
 def test_a_base_that_is_not_level_is_found(pinocchio_arm, nominal, weighed):
-    """Tilting gravity turns the whole arm: the runs are made by an arm whose gravity leans."""
+    """Tilted gravity is equivalent to a tilted base: the simulated arm has tilted gravity."""
     tilt = np.radians([0.6, -0.4])
     arm = LeaningArm(leaning(pinocchio_arm.chain, tilt))
     made = []
@@ -272,7 +272,7 @@ def test_a_mounting_that_was_entered_wrongly_is_named(four, weighed, pinocchio_a
 def test_a_rough_fit_that_goes_to_and_fro_says_nothing_about_the_mounting(
     runs, weighed, pinocchio_arm, nominal, monkeypatch
 ):
-    """It still says how much is left of the efforts, which is all that mountings are compared by."""
+    """Mountings are compared only by the rough fit's residual, which remains valid."""
     fit, rough = calibrate_module.fit_arm, []
 
     def restless(*arguments, **options):
@@ -352,7 +352,7 @@ def test_a_payload_that_was_remounted_and_one_in_grams_are_told_from_others(
 
 @pytest.mark.long
 def test_a_payload_in_its_place_is_not_called_remounted(four, weighed, pinocchio_arm, nominal, monkeypatch):
-    """Such a run is left out from 12 % of mass here, so that is taken for the same mass."""
+    """Only a change of 12 % of the mass leads to this message here, so this is taken for the same mass."""
     monkeypatch.setattr(run_contradictions, "_SAME_MASS", 0.2)
     more = list(four)
     theta = pinocchio_arm.payload.theta
@@ -450,7 +450,7 @@ def test_runs_that_cannot_be_used_are_named_and_left_out(runs, weighed, pinocchi
 
 
 def test_runs_of_one_name_are_told_apart(four, weighed, pinocchio_arm, nominal):
-    """By their folders; what is given twice is numbered."""
+    """By their folders; duplicates are numbered."""
     short = four[0].recording.rows(np.arange(len(four[0].recording.time_s)) < 150)
     two = [replace(four[0], recording=in_folder(run, name)) for name, run in (("a", four[0].recording), ("b", short))]
     found = calibrated([*two, four[1]], weighed, pinocchio_arm, nominal)
@@ -483,7 +483,7 @@ def test_another_arm_is_refused(result, pinocchio_arm):
 
 
 def LeaningArm(gravity):  # noqa: N802 - stands for a class
-    """The Pinocchio arm of `conftest`, whose gravity leans."""
+    """The Pinocchio arm of `conftest` with tilted gravity."""
     from tests.unit.conftest import PinocchioArm
 
     class Leaning(PinocchioArm):
@@ -498,7 +498,7 @@ def LeaningArm(gravity):  # noqa: N802 - stands for a class
 
 
 def test_a_run_by_itself_shows_other_gains_and_friction_beside_an_unknown_payload(result, pinocchio_arm, nominal):
-    """Joint 2 with 4 % more torque per ampere than calibrated, joint 4 with half as much friction more."""
+    """Joint 2 with 4 % more torque per ampere than calibrated, joint 4 with 50 % more friction."""
     arm = type(pinocchio_arm)()
     arm.payload = InertialParameters.from_center_of_mass(3.3, [0.08, 0.02, 0.10], 0.03 * np.eye(3))
     found = arm.run(arm.trajectory(6, period_s=10.0), True, seed=71, load_friction=LOAD_FRICTION, with_phase=False)
@@ -521,7 +521,7 @@ def test_a_run_by_itself_shows_other_gains_and_friction_beside_an_unknown_payloa
     assert change[3] == pytest.approx(more, rel=0.15)
     assert (np.abs(np.delete(change, 3)) < 5.0 * np.delete(after.friction_noise_nm, 3)).all()
     assert (before.residual < 2.5).all()
-    # Told to be empty, it carries what nothing explains.
+    # Stated as empty, its payload remains in the residual.
     assert health(found, mounting="").residual.max() > 3.0
     assert health(found, mounting="").carried == "nothing"
     with pytest.raises(RecordingError, match="it contains torque, but the calibration is for current"):

@@ -1,4 +1,4 @@
-"""The calibration file and the table of runs: what is written reads back, what is wrong is named."""
+"""The calibration file and the table of runs: round trip, and errors that name the wrong entry."""
 
 from __future__ import annotations
 

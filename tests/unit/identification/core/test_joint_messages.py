@@ -1,4 +1,4 @@
-"""The scanner of recorded messages: the numbers that a full JSON parser gives, or nothing."""
+"""The scanner of recorded messages: the same numbers as a full JSON parser, or none."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_blanks_and_lists_that_nobody_asked_for_are_passed_over():
 
 
 def numbers(count):
-    """Numerals of all lengths and sizes, hard ones among them: halfway between two doubles, and beside that."""
+    """Numerals of all lengths and sizes, with hard cases: halfway between two doubles, and next to that."""
     rng = random.Random(4)
     for _ in range(count):
         yield repr(struct.unpack("<d", rng.randbytes(8))[0])
@@ -162,7 +162,7 @@ def test_every_number_is_rounded_as_python_rounds_it():
 
 
 def test_what_a_recorder_writes_is_taken():
-    """Counts through a gear have 17 digits; a fast reader that leaves those to others is none."""
+    """Counts through a gear have 17 digits; the fast path must read them too."""
     rng = np.random.default_rng(2)
     for values in (rng.integers(-(2**19), 2**19, 500) * (2 * np.pi / 2**19 / 101), rng.normal(size=500) * 1e-6):
         for one, two in values.reshape(-1, 2).tolist():
@@ -171,7 +171,7 @@ def test_what_a_recorder_writes_is_taken():
 
 
 def reference(content: bytes):
-    """The row by a full parser; None where there is none."""
+    """The row by a full parser; None if there is none."""
     try:
         message = orjson.loads(content)
         row = [message["time_s"], message["phase_s"], *message["position_rad"], *message["current_a"]]

@@ -1,4 +1,4 @@
-"""The compiled kernels: every instruction set against Pinocchio and against plain sums, and what they refuse."""
+"""The compiled kernels: every instruction set against Pinocchio and plain sums, and the arguments they reject."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from armload_identification.model.regressor import (
 pytestmark = pytest.mark.pure
 
 PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 6, 9, 5, 7, 8]
-"""Its dynamic parameters are m, m c, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+"""Pinocchio's dynamic parameters are m, m c, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
 JOINTS = [1, 2, 6, 7, 15, 16]
 
 
@@ -173,7 +173,7 @@ def test_the_slope_of_the_torque_is_the_difference(n, any_arm):
 
 
 class Surroundings:
-    """Spheres on every link of an arm, two planes, two boxes, and spheres that must stay apart."""
+    """Spheres on every link of an arm, two planes, two boxes, and pairs of spheres that must stay apart."""
 
     def __init__(self, chain: Chain, seed: int) -> None:
         rng = np.random.default_rng(seed)
@@ -211,7 +211,7 @@ class Surroundings:
         return slope
 
     def expected(self, q):
-        """The clearances of one configuration from poses of the chain."""
+        """The clearances of one configuration from the chain's poses."""
         poses = np.concatenate([np.eye(4)[None], self.chain.forward(q)])
         turned = [np.eye(3), *(self.chain.turned_back(i).T for i in range(self.chain.n))]
         centre = np.array(
@@ -484,7 +484,7 @@ class TestServoLoops:
         loops.ramp(1, 1.0, -0.5, 2.0, False)
         assert [loops.setpoint(1, step) for step in (1.0, 2.0, 3.0, 9.0)] == [0.5, 0.0, -0.5, -0.5]
         loops.ramp(1, 3.0, 0.5, 4.0, True)
-        assert [loops.setpoint(1, step) for step in (3.0, 5.0, 7.0)] == [-0.5, 0.25, 0.5]  # three quarters half way
+        assert [loops.setpoint(1, step) for step in (3.0, 5.0, 7.0)] == [-0.5, 0.25, 0.5]  # three quarters at half time
         assert loops.setpoint(0, 5.0) == 0.0
 
     def test_what_is_measured(self):

@@ -1,4 +1,4 @@
-"""Gains that are not exactly known: found where the data contradict them, and no error of theirs is hidden."""
+"""Uncertain gains: estimated where the data contradict them, with errors that are never hidden."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def panda():
 
 @pytest.fixture(scope="module")
 def found(panda):
-    """Identify a seed's pair, by nominal gains of one if none are given; with those each pair once."""
+    """Identify a seed's pair, by default with nominal gains of one; those results are cached."""
 
     @cache
     def pair(seed, off, joint):
@@ -46,7 +46,7 @@ def found(panda):
 
 @pytest.mark.parametrize(("joint", "off"), [(WRONG, OFF), (1, -OFF)])
 def test_a_gain_that_is_off_is_named_with_its_size(found, joint, off):
-    """Joint 2 carries most of the payload: as long as its gain is held, what it leaves looks like noise."""
+    """Joint 2 carries most of the payload: while its gain is fixed, the residual looks like noise."""
     result = found(1, off, joint=joint)
     assert np.flatnonzero(result.gains.contradicted).tolist() == [joint]
     assert abs(result.gains.log_gain[joint] - np.log1p(off)) < result.gains.half_width_95[joint]
@@ -63,7 +63,7 @@ def test_a_gain_that_is_off_is_named_with_its_size(found, joint, off):
 )
 @pytest.mark.parametrize("joint", [1, WRONG])
 def test_a_larger_error_is_named_as_a_smaller_one_is(found, joint, off):
-    """What a held gain leaves grows with its error: judged by that, an error of 10 % of joint 2 would hide itself."""
+    """The residual of a fixed gain grows with its error: judged against it, 10 % on joint 2 would remain undetected."""
     gains = found(1, off, joint=joint).gains
     assert np.flatnonzero(gains.contradicted).tolist() == [joint]
     assert abs(gains.log_gain[joint] - np.log1p(off)) < gains.half_width_95[joint]
@@ -71,7 +71,7 @@ def test_a_larger_error_is_named_as_a_smaller_one_is(found, joint, off):
 
 
 def test_the_next_suspect_is_tried_where_one_is_as_assumed(panda):
-    """Held, joint 4 looks worse than joint 2, which is three times as far off; free, it is within what is assumed."""
+    """Fixed, joint 4 looks worse than joint 2, whose error is three times as large; free, joint 4 is as assumed."""
     log_gain = np.array([0.0, np.log(1.12), 0.0, np.log(1.038), 0.0, 0.0, 0.0])
     pair = panda.pair(1, np.expm1(log_gain), with_phase=True)
     gains = identify(*pair, chain(), nominal_transmission(exact=False)).gains
@@ -81,7 +81,7 @@ def test_the_next_suspect_is_tried_where_one_is_as_assumed(panda):
 
 
 def test_more_gains_off_than_can_be_judged_are_reported(panda):
-    """Three of seven: nothing says which are right, and the third keeps its prior."""
+    """Three of seven: the data do not show which are right, and the third keeps its prior."""
     off = np.array([0.0, -0.12, 0.12, 0.12, 0.0, 0.0, 0.0])
     result = identify(*panda.pair(1, off, with_phase=True), chain(), nominal_transmission(exact=False))
     assert np.flatnonzero(result.gains.contradicted).tolist() == [2, 3]
@@ -100,7 +100,7 @@ def test_exact_gains_raise_no_alarm(found, seed):
 
 
 def test_gains_that_a_pair_cannot_judge_are_named():
-    """By the arm's whole noise joint 1, whose axis is upright, hardly feels the payload."""
+    """With the arm's full noise, joint 1, whose axis is vertical, hardly shows the payload."""
     result = identify(*SaggingPanda().pair(0, with_phase=True), chain(), nominal_transmission(exact=False))
     assert (result.gains.noticeable[1:6] < 0.06).all()
     (note,) = [note for note in result.notes if "cannot check" in note]
@@ -108,7 +108,7 @@ def test_gains_that_a_pair_cannot_judge_are_named():
 
 
 def test_a_limit_holds_whatever_the_error():
-    """By three times the noise joint 1 is measured poorly: what is within the limit is not reported, what is not is."""
+    """With three times the noise joint 1 is measured poorly: only errors beyond the limit are reported."""
     panda = SaggingPanda(Effects(noise=3.0))
 
     def upright_off(seed, off):
@@ -128,7 +128,7 @@ def test_gains_that_are_known_are_not_fitted(found):
 
 
 def test_the_scale_stays_what_was_assumed(found):
-    """All gains 1 % higher: nothing in the data says so, the mass is 1 % higher and its interval as wide."""
+    """All gains 1 % higher: the data cannot show it, the mass is 1 % higher and its interval as wide."""
     higher = replace(nominal_transmission(exact=False), gain_nm_a=np.full(7, 1.01))
     one, other = found(1), found(1, transmission=higher)
     assert other.parameters.mass_kg / one.parameters.mass_kg == pytest.approx(1.01, abs=2e-4)
@@ -136,7 +136,7 @@ def test_the_scale_stays_what_was_assumed(found):
 
 
 def test_what_another_gain_does_is_in_the_slopes(found):
-    """2 % on one assumed gain move theta by 2 % of the slope, and all together as they move the mass alone."""
+    """2 % on one assumed gain changes the values by 2 % of its slope; all gains together change only the mass."""
     nominal = nominal_transmission(exact=False)
     one = found(1)
     slope = derived(one.parameters)[1][:4] @ one.gains.slope[:10]
@@ -150,7 +150,7 @@ def test_what_another_gain_does_is_in_the_slopes(found):
 
 
 def test_held_at_the_gains_that_were_found_the_payload_is_the_same(found):
-    """So a second pair can be compared with the first by gains that both have; held gains are seen in full."""
+    """So a second pair can be compared with the first by common gains; fixed gains have their full slope."""
     one = found(1)
     nominal, share = nominal_transmission(exact=False), one.mass_center
     same = found(1, transmission=nominal.held_at(share.gain_nm_a, share.gain_covariance))
@@ -171,7 +171,7 @@ def test_held_at_the_gains_that_were_found_the_payload_is_the_same(found):
 
 
 def test_a_second_pair_is_compared_by_the_gains_of_the_first(found):
-    """By gains that each pair found for itself, their noise is in the difference too."""
+    """With gains estimated from each pair, their noise is in the difference too."""
     first, nominal = found(1, OFF), nominal_transmission(exact=False)
     alone, compared = found(2, OFF), found(2, OFF, gains_to_compare_by(first.mass_center, nominal))
     judged = Known(first.parameters, first.mass_center)

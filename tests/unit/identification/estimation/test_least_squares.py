@@ -1,4 +1,4 @@
-"""The fit: against numpy on the stacked system, on exact data, and where the data say nothing."""
+"""The fit: against NumPy on the stacked system, on exact data, and where the data determine nothing."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_reweighting_ends_where_the_noise_is_that_of_the_weighted_residual():
 
 
 def test_the_robust_fit_is_hubers():
-    """Where it ends, what is clipped at 1.345 deviations is orthogonal to every column."""
+    """At its end, the residual clipped at 1.345 deviations is orthogonal to every column."""
     rng = np.random.default_rng(10)
     regressor, theta, valid = system(rng, 1000)
     torque = regressor @ theta + NOISE * rng.normal(size=(1000, 3))

@@ -1,4 +1,4 @@
-"""Covariance of mass and centre of mass: the intervals' own, one number of degrees of freedom, gains apart."""
+"""Covariance of mass and centre of mass: as in the intervals, with one number of degrees of freedom, without gains."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_it_is_the_covariance_of_the_intervals(regressor, pinocchio_arm):
 
 
 def test_gains_stand_apart_as_slopes(regressor, pinocchio_arm):
-    """Half a per cent on one gain moves the result by half a per cent of its slope, as a fit to that torque shows."""
+    """A small change of one gain changes the result by its slope, as a fit to the changed torque shows."""
     fit, torque = fitted(regressor, pinocchio_arm, 2)
     transmission = pinocchio_arm.transmission
     known = mass_center_covariance(
@@ -57,12 +57,12 @@ def test_gains_stand_apart_as_slopes(regressor, pinocchio_arm):
         np.testing.assert_allclose(known.gain_slope[:, axis], change, rtol=0.01, atol=1e-3)
     np.testing.assert_array_equal(known.gain_nm_a, transmission.gain_nm_a)
     np.testing.assert_array_equal(known.gain_covariance, transmission.covariance)
-    # All gains together are the scale: the mass follows it and the centre of mass stays.
+    # All gains together scale the torque: the mass changes and the centre of mass does not.
     np.testing.assert_allclose(known.gain_slope.sum(axis=1), [fit.theta[0], 0, 0, 0], atol=1e-6)
 
 
 def test_the_freedom_is_that_of_the_matrix_scatter(regressor, pinocchio_arm):
-    """Over 120 fits the whitened matrices scatter as Wishart matrices of about that many degrees of freedom."""
+    """Over 120 fits the whitened matrices scatter like Wishart matrices of about that many degrees of freedom."""
     made = []
     for seed in range(120):
         fit, _ = fitted(regressor, pinocchio_arm, 100 + seed)
@@ -75,7 +75,7 @@ def test_the_freedom_is_that_of_the_matrix_scatter(regressor, pinocchio_arm):
 
 
 def test_what_the_motion_does_not_show_is_as_good_as_unknown(regressor, pinocchio_arm):
-    """Columns of c_y and of every inertia gone: that direction has a metre of deviation, the mass keeps its own."""
+    """Without the columns of c_y and the inertia, c_y has a deviation of a metre, the mass keeps its own."""
     blind = regressor.copy()
     blind[:, :, 2] = 0.0
     blind[:, :, 4:] = 0.0

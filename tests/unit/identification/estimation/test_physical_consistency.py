@@ -1,4 +1,4 @@
-"""The physically possible estimate: feasible, unchanged where it may be, and provably the nearest."""
+"""The physically possible estimate: feasible, unchanged if already possible, and provably the nearest."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def fit_of(theta, rng, unit=None, samples=200, blind=()):
 def optimality_error(fit, theta):
     """Largest violation of the Karush-Kuhn-Tucker conditions, relative to the gradient.
 
-    The multiplier Z must be positive semidefinite, live where the constraint is tight, and balance the gradient.
+    The multiplier Z must be positive semidefinite, be zero where the constraint is inactive, and balance the gradient.
     """
     constraint = UNIT_BODIES - WRITTEN_MARGIN * np.trace(UNIT_BODIES, axis1=1, axis2=2)[:, None, None] * np.eye(4)
     matrix = np.tensordot(theta, constraint, 1)
@@ -84,7 +84,7 @@ def test_the_nearest_possible_body_is_found(seed, strength):
 
 
 def test_the_papers_own_estimate_is_made_possible():
-    """Chen 2016, Table 2, its products of inertia turned into tensor elements: eigenvalues -3.18, -2.83, 0.13."""
+    """Chen 2016, Table 2, products of inertia as tensor elements: eigenvalues -3.18, -2.83, 0.13."""
     mass, center = 9.323, np.array([0.149, 1.081, -0.125])
     theta = np.concatenate([[mass], mass * center, [7.917, 0.420, 8.281, -1.068, 0.158, 1.105]])
     eigenvalues = np.linalg.eigvalsh(InertialParameters(theta).inertia_about_com)
@@ -108,7 +108,7 @@ def test_undetermined_directions_go_to_a_compact_body():
 
 
 def test_a_direction_without_data_is_filled_in_beside_what_the_data_tell():
-    """Also where the smallest solution happens to be a possible body; what is determined stays where it is."""
+    """Even if the least-norm solution happens to be a possible body; determined values do not change."""
     body = InertialParameters.from_center_of_mass(3.0, [0.1, -0.05, 0.2], np.diag([0.2, 0.3, 0.25]))
     fit = fit_of(body.theta, np.random.default_rng(7), blind=(9,))
     assert InertialParameters(fit.theta).margin > WRITTEN_MARGIN

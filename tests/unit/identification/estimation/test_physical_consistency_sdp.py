@@ -1,7 +1,7 @@
-"""The physical estimate against an independent semidefinite programme: cvxpy with Clarabel.
+"""The physical estimate against an independent semidefinite program: cvxpy with Clarabel.
 
-The programme states the problem anew, in the pseudo-inertia and from the raw equations; nothing of `physical` but the
-margin is used.
+The program is formulated independently, in the pseudo-inertia and from the raw equations; it shares only the margin
+with `physical_consistency`.
 """
 
 from __future__ import annotations
@@ -30,10 +30,9 @@ def system(theta, seed, noise=1.0):
 
 
 def semidefinite(rows, torque, prior=None):
-    """The least squares parameters of a possible body, from the rows themselves.
+    """The least squares parameters of a possible body, from the equations.
 
-    The unknown is the whitened distance z to the plain solution, theta = plain + R^-1 z, which the solver needs
-    for its last digits.
+    The unknown is the whitened distance z to the plain solution, theta = plain + R^-1 z, for the solver's accuracy.
     """
     flat, target = rows.reshape(-1, 10), torque.reshape(-1)
     if prior is not None:

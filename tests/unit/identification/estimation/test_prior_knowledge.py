@@ -1,4 +1,4 @@
-"""What is known beforehand: it is kept, it sharpens the rest, and it does not lie about itself."""
+"""Prior knowledge: it is kept, it narrows the other intervals, and its own intervals stay honest."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def found(arm, pair, transmission, **known):
 
 @pytest.fixture(scope="module")
 def plain(pinocchio_arm, noisy, exact):
-    """With nothing known."""
+    """Without prior knowledge."""
     return found(pinocchio_arm, noisy, exact)
 
 
@@ -81,7 +81,7 @@ def test_a_cad_model_that_is_wrong_gives_way_to_data(pinocchio_arm, pair, exact)
 
 
 def test_knowledge_is_a_prior_of_the_stated_width():
-    """With next to no data the result is the model, and the interval is its confidence."""
+    """With hardly any data the result is the model, and the interval has its stated width."""
     cad = InertialParameters.from_center_of_mass(2.0, [0.1, 0.0, 0.05], 0.01 * np.eye(3))
     prior = KnownPayload(cad=cad, confidence=0.1).prior()
     covariance = np.linalg.inv(prior.rows.T @ prior.rows)
@@ -112,7 +112,7 @@ def test_the_papers_own_table_comes_out():
     np.testing.assert_allclose(result.truth[[0, 7, 8, 9]], [9.814, 1.222, -0.133, -0.967])
     published = [5.0, 14.6, 15.0, 22.5, 12.3, 19.0, 8.1, 12.6, 18.8, 14.3]
     np.testing.assert_allclose(100.0 * result.error, published, atol=0.06)
-    # Its products are +int xy dm: with its own numbers I_xy = m cx cy + 0.02.
+    # The paper's products are +int xy dm: by its numbers I_xy = m cx cy + 0.02.
     assert result.truth[7] == pytest.approx(9.814 * 0.130 * 0.940 + 0.02, abs=0.005)
 
 
@@ -161,7 +161,7 @@ def test_a_range_that_binds_narrows_honestly_and_is_shown(pinocchio_arm, noisy, 
     result = found(pinocchio_arm, noisy, exact, mass_kg=(edge, 2.0 * high))
     narrowed = result.uncertainty.interval_95[0]
     assert narrowed[0] == edge
-    # Half of a normal distribution: its mean lies 0.798 deviations from the edge, 1.96 of its own 0.603 beyond is 1.98.
+    # A half-normal distribution: mean 0.798 deviations from the edge, upper limit 0.798 + 1.96 * 0.603 = 1.98.
     deviation = (high - edge) / 1.96
     assert result.parameters.mass_kg == pytest.approx(edge + 0.798 * deviation, abs=0.01 * deviation)
     assert narrowed[1] == pytest.approx(edge + 1.98 * deviation, abs=0.02 * deviation)

@@ -1,4 +1,4 @@
-"""A servo gives way under the payload: the arm's own torque elsewhere is taken out, and nothing where it follows."""
+"""Servo sag under the payload: the arm's own torque at the changed position is corrected; a stiff servo needs none."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armload_identification.signals.load_signal import load_signal
 from benchmarks.sagging_panda import PAYLOAD, SAG_RAD, Effects, SaggingPanda, chain, nominal_transmission
 
 QUIET = 0.02
-"""Share of the noise: what is left is what the model leaves."""
+"""Factor on the noise, so that the model's error remains."""
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def test_the_runs_are_as_far_apart_as_a_servo_lets_them(sagging):
 
 
 def test_what_the_arm_does_elsewhere_is_not_taken_for_payload(sagging):
-    """Without it the mass is 0.06 to 0.08 % off, four times its interval here."""
+    """Without the correction the mass is 0.06 to 0.08 % off, four times its interval here."""
     result = identify(*sagging, chain(), nominal_transmission(exact=True))
     assert result.parameters.mass_kg == pytest.approx(PAYLOAD.mass_kg, rel=2e-4)
     assert (np.abs(result.uncertainty.values - PAYLOAD.values) <= 1.5 * result.uncertainty.half_width_95).all()

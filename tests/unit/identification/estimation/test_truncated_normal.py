@@ -1,4 +1,4 @@
-"""The truncated normal distribution of mass and centre of mass against its formulas and against plain sampling."""
+"""The truncated normal distribution of mass and centre of mass against formulas and rejection sampling."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_range_of_one_narrows_what_is_correlated_as_plain_sampling_does():
     ranges = NOWHERE.copy()
     ranges[0], ranges[3] = (1.9, 2.05), (0.08, 0.2)
     mean, covariance = truncated_moments(MEAN, correlated(), ranges)
-    # Truncated in [m, m c] with the slope at the mean, as a fit has it.
+    # Truncated in [m, m c] with the slope at the mean, as in a fit.
     to_moments = np.diag([1.0, 2.0, 2.0, 2.0])
     to_moments[1:, 0] = MEAN[1:]
     x = np.random.default_rng(3).multivariate_normal(

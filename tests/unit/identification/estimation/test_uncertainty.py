@@ -1,4 +1,4 @@
-"""Intervals: they cover, with white and with coloured noise, and say what is not determined."""
+"""Intervals: their coverage with white and coloured noise, and undetermined parameters."""
 
 from __future__ import annotations
 
@@ -67,7 +67,8 @@ def test_95_percent_intervals_cover(regressor, pinocchio_arm, periods, memory_s)
 
 
 def test_the_quantile_is_students_with_the_freedom_that_the_variances_scatter_by(regressor, pinocchio_arm):
-    """A variance with f degrees of freedom scatters by 2/f of its square; few bins tell the weight's, so f is small."""
+    """The variance of a variance estimate with f degrees of freedom is 2/f of its square; few bins determine the
+    mass's, so f is small."""
     valid = np.ones(SAMPLES, dtype=bool)
     variances, freedoms = [], []
     for seed in range(100):
@@ -114,7 +115,7 @@ def test_determined_is_what_design_says(regressor, pinocchio_arm):
 
 
 def test_what_the_motion_does_not_excite_has_no_interval(pinocchio_arm):
-    """Only the last joint turns, about a vertical axis fixed in space: mass and most of the rest stay unknown."""
+    """Only the last joint moves, about a vertical axis fixed in space: mass and most of the rest remain unknown."""
     rng = np.random.default_rng(2)
     t = np.arange(SAMPLES) * STEP_S
     state = np.zeros((3, SAMPLES, 6))
@@ -135,7 +136,7 @@ def test_what_the_motion_does_not_excite_has_no_interval(pinocchio_arm):
 
 
 def test_rows_that_are_left_out_take_their_share_of_the_precision(regressor, pinocchio_arm):
-    """White noise of known size: the robust covariance is the textbook's, with every other half second left out."""
+    """White noise of known size, every other half second left out: the robust covariance is the textbook's."""
     used = np.repeat((np.arange(SAMPLES) // 25 % 2 == 0)[:, None], 6, axis=1).astype(float)
     valid = np.ones(SAMPLES, dtype=bool)
     ratio = []
@@ -160,5 +161,5 @@ def test_memory_grows_with_the_samples_and_not_with_their_square():
     tracemalloc.stop()
     assert peak < 100e6
     np.testing.assert_allclose(np.diag(spectrum.covariance()), 1.0, rtol=0.1)
-    # 17 bins of two degrees of freedom each, of about 18,500 on either of two joints, all of them alike.
+    # Two joints of about 18,500 equal bins, each with two degrees of freedom.
     assert (freedom > 10_000).all()

@@ -1,4 +1,4 @@
-"""Bounds of derivatives are above what happens, on arms that nobody built, and not absurdly far above."""
+"""Bounds of derivatives hold on random arms, and are not far too large."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_no_point_is_faster_than_its_bound_nor_bends_more(seed, any_arm):
     rng = np.random.default_rng(seed)
     chain, _ = any_arm(rng, 4)
     path, point = trajectory(rng, 4), rng.normal(size=3) * 0.3
-    step_s = 3.0 * STEP_S  # a pose takes long
+    step_s = 3.0 * STEP_S  # poses are slow to compute
     positions = path.evaluate(np.arange(0.0, path.period_s, step_s)).position_rad
     poses = np.array([chain.forward(q)[:4] for q in positions])
     placed = np.einsum("tkij,j->tki", poses[:, :, :3, :3], point) + poses[:, :, :3, 3]
@@ -78,7 +78,7 @@ def test_no_torque_bends_more_than_its_bound(seed, any_arm, any_body):
 
 
 def test_the_bound_of_coupled_rotors_holds_whichever_way_their_joints_turn(any_arm):
-    """C^-T I C^-1 has elements below zero; joints that turn against each other add up."""
+    """C^-T I C^-1 has negative elements; joints of opposite velocity add up."""
     chain, _ = any_arm(np.random.default_rng(2), 2)
     coupling = np.array([[1.0, 0.0], [0.5, 1.0]])
     arm = ArmDynamics(chain, ArmBody(np.zeros((2, 10)), np.array([2.0, 3.0]), np.zeros(2), np.zeros(2), coupling))
@@ -87,7 +87,7 @@ def test_the_bound_of_coupled_rotors_holds_whichever_way_their_joints_turn(any_a
 
 
 def test_the_bound_is_exact_where_the_mechanics_is_simple(any_arm):
-    """A rotor alone: its torque is inertia times acceleration, whose second derivative the fourth rate is."""
+    """Only a rotor: its torque is inertia times acceleration, so the torque's second derivative is known."""
     chain, _ = any_arm(np.random.default_rng(2), 2)
     arm = ArmDynamics(chain, ArmBody(np.zeros((2, 10)), np.array([2.0, 3.0]), np.zeros(2), np.zeros(2), np.eye(2)))
     rates = np.array([[1.0, 1.0], [2.0, 2.0], [3.0, 3.0], [4.0, 5.0]])

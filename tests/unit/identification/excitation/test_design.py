@@ -1,4 +1,4 @@
-"""Excitation design: strictly feasible, repeatable, and as good as METHOD.md found possible."""
+"""Excitation design: strictly feasible, reproducible, and as good as is known to be possible."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from armload_identification.model.regressor import payload_regressor
 
 pytestmark = pytest.mark.pure
 
-# The paper's experiment (METHOD.md): ER-50, joints 1 to 3, the payload in frame 3, tensor signs.
+# The experiment of Chen 2016: ER-50, joints 1 to 3, the payload in frame 3, tensor signs.
 ARM = Chain.from_modified_dh(
     [[np.pi, 0.0, 0.0, 0.0], [np.pi / 2, 0.16, 0.0, -np.pi / 2], [0.0, 0.68, 0.0, 0.0]],
     np.eye(4),
@@ -45,7 +45,7 @@ PAYLOAD = InertialParameters(np.r_[MASS_KG, MASS_KG * CENTER_M, 9.023, 0.353, 9.
 
 
 def wide(chain: Chain = ARM, limits: ExcitationLimits = LIMITS) -> Envelope:
-    """The joints' limits alone: strong joints, nothing in the way."""
+    """Only the joints' limits: strong joints, no obstacles."""
     strong = TorqueLimits.from_share(chain, np.zeros(chain.n), PAYLOAD, 10.0 * TORQUE_NM[: chain.n])
     return Envelope(limits, strong, Workspace(chain))
 
@@ -107,7 +107,7 @@ def relative_deviation(trajectory: FourierTrajectory) -> np.ndarray:
 def test_a_optimal_halves_what_the_condition_number_leaves_uncertain(results):
     paper, ours = results["condition-number"], results["a-optimal"]
     assert paper.condition_number == pytest.approx(paper.cost)
-    assert paper.condition_number < 9.1  # METHOD.md: 7.5 with many starts
+    assert paper.condition_number < 9.1  # 7.5 with many starts
     assert ours.condition_number > paper.condition_number
     better = relative_deviation(ours.trajectory) / relative_deviation(paper.trajectory)
     assert np.all(better[[6, 8, 9]] < 0.6)  # Izz, Ixz, Iyz
@@ -165,7 +165,7 @@ def test_tight_limits_far_from_zero_are_kept():
 
 
 class Crowded:
-    """The paper's arm with links of its own, joints barely strong enough, a floor, a table and its own shoulder."""
+    """The paper's arm with links, joints barely strong enough, a floor, a table and its own shoulder."""
 
     links = tuple(
         InertialParameters.from_center_of_mass(m, c, np.diag(i))
@@ -244,7 +244,7 @@ def test_every_limit_holds_on_a_dense_grid_that_pinocchio_evaluates(crowded, in_
 
 
 def test_the_limits_are_used_to_the_full(crowded):
-    """Otherwise something was given away: of torque, speed and workspace at least two bind somewhere."""
+    """Of torque, speed and workspace, at least two limits are active somewhere."""
     room = crowded.margins
     binding = (
         room.torque_nm.min() < 0.01 * Crowded.torque_nm.max(),
@@ -260,7 +260,7 @@ def one_after_the_other() -> DesignResult:
 
 
 def test_the_best_start_wins(one_after_the_other):
-    """The second one here; the first ends outside the limits."""
+    """Here the second one; the first ends outside the limits."""
     costs = one_after_the_other.restart_costs
     assert one_after_the_other.cost == costs[1] < costs[0]
 
@@ -298,7 +298,7 @@ def test_a_chosen_period_is_as_fast_as_the_path_allows(crowded):
     assert chosen.margins.smallest > 0.0
     faster = FourierTrajectory(1.03 * path.base_frequency_hz, path.offset_rad, path.sin_rad, path.cos_rad)
     assert Crowded.envelope.margins(faster).smallest < 0.0
-    # in the same time of measuring it tells at least about as much as ten seconds that nobody chose
+    # for the same measuring time it is about as informative as a fixed period of ten seconds, or more
     assert chosen.cost * path.period_s < 1.05 * crowded.cost * crowded.trajectory.period_s
 
 

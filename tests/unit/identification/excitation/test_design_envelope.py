@@ -1,4 +1,4 @@
-"""All limits of a motion as one list of excesses: their meaning, their slope, their bound for every time."""
+"""All limits of a motion as one list of excesses: their meaning, their gradient, their bound at all times."""
 
 from __future__ import annotations
 

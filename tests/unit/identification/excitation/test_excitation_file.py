@@ -1,4 +1,4 @@
-"""The excitation file: what is written reads back, and what is wrong is refused by key."""
+"""The excitation file: round trip, and errors that name the key."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_file_tells_how_the_design_went_and_what_room_is_left():
     assert got.margins.speed_m_s == {"joint 3": 0.4, "tool centre point": 0.123456}
     np.testing.assert_array_equal(got.margins.position_rad, MARGINS.position_rad)
     np.testing.assert_array_equal(got.margins.velocity_rad_s, MARGINS.velocity_rad_s)
-    # rounded to six digits, and never up
+    # rounded down to six digits
     np.testing.assert_array_equal(got.margins.torque_nm, [123.456, 1e-5, -2.34568])
     assert got.margins.smallest == -2.34568
 

@@ -1,4 +1,4 @@
-"""The criteria: against plain linear algebra, their derivatives, and what an arm cannot show."""
+"""The criteria: against plain linear algebra, their derivatives, and parameters that an arm cannot excite."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_a_optimal_is_the_sum_of_squared_relative_standard_deviations():
     arm, noise = chain(), np.array([2.0, 1.0, 0.5, 3.0])
     q, dq, ddq = states()
     phi = payload_regressor(arm, q, dq, ddq) / noise[:, None]
-    repeated = phi.reshape(-1, 10) * np.sqrt(PERIOD_S * 100.0 / len(q))  # as many samples as 100 Hz gives
+    repeated = phi.reshape(-1, 10) * np.sqrt(PERIOD_S * 100.0 / len(q))  # number of samples at 100 Hz
     _, triangle = np.linalg.qr(repeated)
     inverse = np.linalg.inv(triangle)
     deviation = np.sqrt(np.sum(inverse**2, axis=1))
@@ -96,7 +96,7 @@ def criteria() -> list[Criterion]:
 def test_the_slope_is_the_finite_difference_of_the_cost(criterion):
     x = states(criterion.chain.n)
     cost, slope = criterion.cost_and_slope(*x, PERIOD_S)
-    if criterion.name not in ("a-optimal-max", "condition-number"):  # which have smooth ones in their place
+    if criterion.name not in ("a-optimal-max", "condition-number"):  # which are replaced by smooth ones
         assert cost == pytest.approx(criterion.cost(*x, PERIOD_S), rel=1e-12)
     rng = np.random.default_rng(5)
     for order in range(3):

@@ -1,4 +1,4 @@
-"""The torque that a motion asks for: against Pinocchio, at any speed and load, and between the samples."""
+"""The torque that a motion requires: against Pinocchio, at any speed and load, and between samples."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TO_AXIS = np.linalg.inv(COUPLING)
 
 
 class Case:
-    """An arm with its limits, and the same in Pinocchio."""
+    """An arm with its limits, and the same arm in Pinocchio."""
 
     def __init__(self, any_arm, any_body, in_pinocchio, seed=6):
         rng = np.random.default_rng(seed)
@@ -38,7 +38,7 @@ class Case:
         self.in_pinocchio = in_pinocchio
 
     def motor_torque(self, rate, share, times_s):
-        """(N, n) size of the torque at a share of the speed and of the payload, friction included."""
+        """(N, n) magnitude of the torque at a share of the speed and of the payload, friction included."""
         state = self.path.evaluate(times_s)
         q, dq, ddq = state.position_rad, rate * state.velocity_rad_s, rate**2 * state.acceleration_rad_s2
         payload = InertialParameters(share * self.payload.theta) if share else None
@@ -111,7 +111,7 @@ def test_a_stated_share_leaves_the_rest_to_the_payload(case):
             for row in zip(*motion, strict=True)
         ]
     )
-    assert limits.cases == 2  # there is no empty arm whose torque is known
+    assert limits.cases == 2  # the empty arm's torque is not known
     np.testing.assert_allclose(limits.demand(*motion)[:, :N], expected, atol=1e-9)
 
 

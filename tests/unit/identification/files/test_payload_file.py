@@ -1,4 +1,4 @@
-"""The payload file: what is written reads back, and what is wrong is refused by key."""
+"""The payload file: round trip, and errors that name the key."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SEEDS = st.integers(0, 100_000)
 
 
 def body_of_points(seed: int) -> InertialParameters:
-    """A body that some distribution of mass has: eight points of mass."""
+    """A physically possible body: eight point masses."""
     rng = np.random.default_rng(seed)
     mass_kg, points_m = rng.uniform(0.1, 2.0, 8), rng.normal(size=(8, 3)) * 0.2 + rng.normal(size=3)
     homogeneous = np.column_stack([points_m, np.ones(8)])
@@ -80,7 +80,7 @@ def test_tensor_elements_are_about_the_centre_of_mass():
 
 
 def flat_body(thickness_m: float) -> InertialParameters:
-    """A square plate that gets thinner and thinner."""
+    """A square plate."""
     sides = np.array([0.3, 0.3, thickness_m]) ** 2 / 12
     return InertialParameters.from_center_of_mass(2.0, [0.0, 0.0, 0.0], 2.0 * np.diag(sides.sum() - sides))
 

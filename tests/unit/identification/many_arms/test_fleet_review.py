@@ -1,4 +1,4 @@
-"""Which arms of a fleet are suspicious: what was done to one of them is named, and nothing else is."""
+"""Suspicious arms of a fleet: the change made to an arm is named, and no other."""
 
 import re
 from dataclasses import replace
@@ -20,11 +20,11 @@ SPREAD = {MASS: 0.01, CENTER: 0.001} | dict.fromkeys(GAINS, 0.004) | dict.fromke
 NOISE = {MASS: 0.008, CENTER: 0.001} | dict.fromkeys(GAINS, 0.003) | dict.fromkeys(FRICTIONS, 0.0)
 USUAL = {MASS: 4.0, CENTER: 0.05} | dict.fromkeys(GAINS, 0.0) | dict.fromkeys(FRICTIONS, 9.0)
 OF_ARM = {MASS: 0.01, CENTER: 0.001} | dict.fromkeys(GAINS, 0.01) | dict.fromkeys(FRICTIONS, 1.0)
-"""By how much arms differ."""
+"""Usual differences between arms."""
 
 
 def fleet(seed=3, **changes):
-    """Runs of all arms, night by night; `changes` by arm: from night, quantity and by how much, or for one night."""
+    """Runs of all arms, night by night; `changes` by arm: first night, quantity and amount, or for one night only."""
     rng = np.random.default_rng(seed)
     runs = []
     for number in range(ARMS):
@@ -46,7 +46,7 @@ def fleet(seed=3, **changes):
 
 @pytest.fixture(scope="module")
 def review():
-    """One arm with each trouble, the gravest first."""
+    """One arm with each fault, the most serious first."""
     runs = fleet(
         cell03=[(FRICTIONS[1], 7, 99, 4.0)],
         cell05=[(MASS, 0, 99, 0.4)],

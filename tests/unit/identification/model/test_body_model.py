@@ -1,4 +1,4 @@
-"""The identified body refuses what does not fit, and takes what a fit may find."""
+"""The identified body rejects inconsistent arguments, and accepts any result of a fit."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.pure
 PI = np.pi
 GRAVITY = [0.0, 0.0, -9.81]
 
-# A Puma-like arm written down three ways. Standard rows: alpha_i, a_i, d_i, offset.
+# A Puma-like arm in three conventions. Standard rows: alpha_i, a_i, d_i, offset.
 STANDARD = np.array(
     [
         [PI / 2, 0.0, 0.4, 0.0],
@@ -27,7 +27,7 @@ STANDARD = np.array(
         [0.0, 0.0, 0.05, 0.0],
     ]
 )
-# Modified rows take alpha and a from the link before; the last link's go into the flange.
+# Modified rows have alpha and a of the previous link; the last link's are in the flange.
 MODIFIED = np.column_stack([np.r_[0.0, STANDARD[:-1, 0]], np.r_[0.0, STANDARD[:-1, 1]], STANDARD[:, 2], STANDARD[:, 3]])
 FLANGE = pose_from_xyz_rpy([0.01, -0.02, 0.03], [0.1, 0.2, 0.3])
 
@@ -63,7 +63,7 @@ def test_standard_modified_and_origins_describe_the_same_arm():
 
 
 def test_modified_rows_of_the_paper_put_the_flange_where_the_assumed_wrist_says():
-    # METHOD.md, joints 1 to 3; ROBOTS.md, the assumed wrist
+    # joints 1 to 3 of Chen 2016, then er50's assumed wrist
     rows = [
         [PI, 0.0, 0.0, 0.0],
         [PI / 2, 0.16, 0.0, -PI / 2],
@@ -84,7 +84,7 @@ def test_modified_rows_of_the_paper_put_the_flange_where_the_assumed_wrist_says(
 
 def test_roll_pitch_yaw_turn_about_fixed_axes():
     pose = pose_from_xyz_rpy([1.0, 2.0, 3.0], [PI / 2, 0.0, PI / 2])
-    # roll takes y to z, yaw then leaves z; roll leaves x, yaw takes it to y
+    # y: roll turns it to z, yaw leaves it there; x: roll leaves it, yaw turns it to y
     np.testing.assert_allclose(pose[:3, 1], [0, 0, 1], atol=1e-15)
     np.testing.assert_allclose(pose[:3, 0], [0, 1, 0], atol=1e-15)
     np.testing.assert_allclose(pose[:3, 3], [1, 2, 3])

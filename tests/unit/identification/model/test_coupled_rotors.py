@@ -15,7 +15,7 @@ from armload_identification.model.payload import InertialParameters
 
 
 def test_a_coupled_wrists_rotors_turn_as_they_do_in_mujoco():
-    """er50 as the plant has it: each rotor is the armature of a tendon over the joints that its motor moves."""
+    """er50 in the plant: each rotor is the armature of a tendon over the joints that its motor moves."""
     robot = load_robot("er50")
     spec = robot.simulation.plant_spec(None)
     assert (spec.coupling != np.eye(6)).any()

@@ -23,7 +23,7 @@ def body(links, rotors=0.0, coupling=None) -> ArmBody:
 
 
 def wound(rng: np.random.Generator, n: int) -> np.ndarray:
-    """A coupling of every motor with every joint."""
+    """A matrix that couples every motor with every joint."""
     return np.eye(n) + 0.2 * rng.normal(size=(n, n))
 
 
@@ -61,7 +61,7 @@ def test_the_slope_is_the_finite_difference_of_the_torque(any_arm):
     arm = ArmDynamics(chain, body(links, 0.7, wound(rng, 5)))
     motion = states(rng, 5)
     weight = rng.normal(size=motion[0].shape)
-    weight[::3] = 0.0  # samples of no weight are left out
+    weight[::3] = 0.0  # samples of zero weight are left out
     slope = arm.slope(weight, *motion)
     assert not slope[:, ::3].any()
     for order in range(3):

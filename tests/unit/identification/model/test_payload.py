@@ -61,7 +61,7 @@ def test_another_frame_sees_the_same_point_masses(seed):
 
 
 def test_the_papers_identified_payload_is_impossible():
-    # METHOD.md: its inertia about the centre of mass has the eigenvalues -3.18, -2.83, 0.13
+    # Chen 2016, Table 2: its inertia about the centre of mass has the eigenvalues -3.18, -2.83, 0.13
     m, c = 9.323, np.array([0.149, 1.081, -0.125])
     products_positive = [1.068, -0.158, -1.105]  # the paper's sign, +int xy dm
     theta = np.r_[m, m * c, 7.917, 0.420, 8.281, -np.array(products_positive)]

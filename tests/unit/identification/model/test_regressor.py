@@ -1,4 +1,4 @@
-"""The regressor kernels against Pinocchio, against Lagrange, and against the payload's energy."""
+"""The regressor kernels against Pinocchio, Lagrange's equations and the payload's energy."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from armload_identification.model.regressor import (
 )
 
 PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 6, 9, 5, 7, 8]
-"""Its dynamic parameters are m, m c, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+"""Pinocchio's dynamic parameters are m, m c, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
 
 
 def random_chain(rng: np.random.Generator, n: int) -> Chain:
@@ -45,7 +45,7 @@ def random_states(rng: np.random.Generator, samples: int, n: int) -> np.ndarray:
 
 
 class Reference:
-    """The same chain in Pinocchio, massless, with the flange as one more body fixed to the last joint."""
+    """The same chain in Pinocchio, massless, with the flange as an additional body fixed to the last joint."""
 
     def __init__(self, chain: Chain) -> None:
         self.pin = pytest.importorskip("pinocchio", reason="needs pin")
@@ -99,7 +99,7 @@ def test_every_column_of_the_payload_regressor_equals_pinocchios(seed):
     chain = random_chain(rng, 6)
     placement = chain.placement.copy()
     turned = chain.flange[:3, :3].T @ chain.axis[-1]
-    # joint 6 moved into the flange's orientation; its origin stays on the axis, so take a pure rotation
+    # joint 6 gets the flange's orientation; a pure rotation keeps its origin on the axis
     flange = np.eye(4)
     flange[:3, :3] = chain.flange[:3, :3]
     placement[-1] = placement[-1] @ flange
@@ -127,7 +127,7 @@ def test_links_side_by_side_are_the_body():
 
 
 def mass_matrix(chain: Chain, payload: InertialParameters, q: np.ndarray) -> np.ndarray:
-    """Kinetic energy of the payload is half dq^T M dq, from numerical velocities of its mass distribution."""
+    """M of the payload's kinetic energy 1/2 dq^T M dq, from numerical velocities of its mass distribution."""
     step = 1e-6
     inertia = np.zeros((chain.n, chain.n))
     moved = [(chain.forward(q + step * e)[-1] - chain.forward(q - step * e)[-1]) / (2 * step) for e in np.eye(chain.n)]

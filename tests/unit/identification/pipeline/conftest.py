@@ -1,4 +1,4 @@
-"""A motion of Pinocchio's arm from place to place."""
+"""A point-to-point motion of Pinocchio's arm."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 @pytest.fixture(scope="session")
 def jerky(pinocchio_arm):
-    """From place to place and back to rest, accelerations that come and go at once; joints hold still in between."""
+    """Point-to-point motion with steps of acceleration and pauses at rest: time, position and current."""
     rng, cycle_s = np.random.default_rng(2), 0.01
     states, here = [], np.zeros(6)
     for _ in range(16):

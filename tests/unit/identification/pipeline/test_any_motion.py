@@ -1,4 +1,4 @@
-"""A payload from one run of any motion: Pinocchio's torque of a calibrated arm, window by window, and refusals."""
+"""A payload from one run of any motion: Pinocchio's torque of a calibrated arm, window by window, and errors."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ pytestmark = pytest.mark.pure
 
 @pytest.fixture(scope="module")
 def known(calibration, pinocchio_arm):
-    """Chain, transmission and empty arm as calibrated."""
+    """Calibrated chain, transmission and empty arm."""
     chain = pinocchio_arm.chain
     return calibration.level(chain), calibration.transmission(pinocchio_arm.transmission), calibration.known_arm(chain)
 
 
 @pytest.fixture(scope="module")
 def loaded(pinocchio_arm):
-    """Another motion than that of the calibration."""
+    """A run on another motion than the calibration's."""
     return pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8, with_phase=False)
 
 
 def only(run, moving):
-    """The run with every joint but some held where it was first."""
+    """The run with all joints but some held at their first position."""
     held = np.where(moving, run.position_rad, run.position_rad[:1])
     return replace(run, position_rad=held, velocity_rad_s=None)
 
@@ -58,8 +58,8 @@ def test_windows_hold_the_payload(pinocchio_arm, known, loaded):
 
 
 def test_jerky_motion_goes_through_one_window_with_the_torque(pinocchio_arm, known, jerky):
-    """Accelerations that come and go at once leave twice the calibration's noise of any joint; 2.8 times where the
-    payload, 3.3 times where the arm did not go through the window."""
+    """With steps of acceleration the residual is twice the calibration's noise; without the window it would be 2.8
+    times (payload) or 3.3 times (arm)."""
     chain, transmission, arm = known
     time_s, position, current = jerky
     run = Recording.from_arrays(time_s, position, current_a=current)
@@ -74,10 +74,10 @@ def test_jerky_motion_goes_through_one_window_with_the_torque(pinocchio_arm, kno
 
 
 def test_what_the_model_leaves_of_a_joint_widens_the_interval(pinocchio_arm, known, loaded):
-    """Torque that comes and goes on all joints, ten times the calibration's noise: as if the gears were other ones.
+    """A square-wave torque on all joints, ten times the calibration's noise, like a change of the gears.
 
-    It widens the interval by 7.8 times, half of it by 4.4 and twice by 15. Where nothing is left beyond the noise, the
-    interval is the one that the calibration promises of such a motion.
+    The interval becomes 7.8 times as wide; with half the torque 4.4 times, with twice the torque 15 times. Without it,
+    the interval is the one predicted from the calibration for this motion.
     """
     chain, transmission, arm = known
     wrong = 10.0 * arm.noise_nm * np.sign(np.sin(2.1 * loaded.time_s[:, None] + np.arange(chain.n)))
@@ -94,7 +94,7 @@ def test_what_the_model_leaves_of_a_joint_widens_the_interval(pinocchio_arm, kno
 
 
 def test_the_noise_of_an_average_period_is_no_error_of_the_model(pinocchio_arm, known, loaded):
-    """Its rows are not means over a window, and so they have more noise than the calibration's."""
+    """Its rows are not means over a window, so they have more noise than the calibration's."""
     chain, transmission, arm = known
     run = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), True, seed=8)
     by_period, by_row = (
@@ -104,7 +104,7 @@ def test_the_noise_of_an_average_period_is_no_error_of_the_model(pinocchio_arm, 
 
 
 def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, known, loaded):
-    """A cold arm: all friction a fifth more than the calibration's, ten times what its runs differ by."""
+    """A cold arm: all friction 20 % above the calibration's, ten times the differences between its runs."""
     chain, transmission, arm = known
     velocity = np.gradient(loaded.position_rad, loaded.time_s, axis=0)
     colder = 0.2 * (np.sign(velocity) * arm.fit.model.coulomb_nm + velocity * arm.fit.model.viscous_nm_s_rad)
@@ -124,13 +124,13 @@ def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, 
 
 
 def test_another_coulomb_friction_of_a_joint_is_noted_by_one_run_and_by_a_pair(pinocchio_arm, known, loaded):
-    """Also where viscous friction makes up for it at the speed at which friction is reported."""
+    """Even if viscous friction compensates it at the speed at which friction is reported."""
     chain, transmission, arm = known
     unloaded = pinocchio_arm.run(pinocchio_arm.trajectory(6, period_s=10.0), False, seed=9, with_phase=False)
     speed = 0.5 * np.abs(np.gradient(loaded.position_rad, loaded.time_s, axis=0)[:, 1]).max()
 
     def other(run, at_middle):
-        """30 % more Coulomb friction of joint 2, and a share of it more in all at that speed."""
+        """30 % more Coulomb friction of joint 2; the total at that speed changes by `at_middle` of it."""
         velocity = np.gradient(run.position_rad, run.time_s, axis=0)[:, 1]
         added = np.zeros_like(run.position_rad)
         added[:, 1] = 0.3 * np.sign(velocity) + (at_middle - 0.3) * velocity / speed
@@ -160,7 +160,7 @@ def test_what_the_motion_does_not_show_is_refused_with_what_is_missing(known, lo
     [((2, 3), ["mass"]), ((1, 2, 3), ["mass", "cx", "cy"]), ((4, 5, 6), ["mass", "cx", "cy", "cz"])],
 )
 def test_what_some_joints_alone_show_is_reported_and_nothing_else(pinocchio_arm, known, joints, determined):
-    """The others are held: they are at rest, and so are their currents."""
+    """The other joints are held, at constant current."""
     found = identify(moved(pinocchio_arm, joints), None, known[0], known[1], arm=known[2])
     sure = found.uncertainty.determined
     assert [name for name, is_sure in zip(PARAMETER_NAMES, sure, strict=True) if is_sure] == determined
@@ -171,13 +171,13 @@ def test_what_some_joints_alone_show_is_reported_and_nothing_else(pinocchio_arm,
 
 @pytest.mark.parametrize(("joints", "missing"), [((5, 6), "joints 1 to 4"), ((1, 2), "joints 3 to 6")])
 def test_joints_that_cannot_show_a_mass_together_are_refused(pinocchio_arm, known, joints, missing):
-    """Of 5 and 6 alone a mass came out 130 half widths off: next to nothing was seen, and taken for quiet."""
+    """From joints 5 and 6 only, a mass was once 130 half widths off: almost no signal was taken for low noise."""
     with pytest.raises(EstimationError, match=f"the mass is not determined.*move {missing} at"):
         identify(moved(pinocchio_arm, joints), None, known[0], known[1], arm=known[2])
 
 
 def moved(arm, joints):
-    """A loaded run in which some joints move, with noise at which no parameter is on the edge of being determined."""
+    """A loaded run in which some joints move; with its noise no parameter is a borderline case."""
     of = arm.trajectory(6, period_s=10.0)
     moves = np.isin(np.arange(1, 7), joints)[:, None]
     path = FourierTrajectory(of.base_frequency_hz, of.offset_rad, of.sin_rad * moves, of.cos_rad * moves)
@@ -218,7 +218,7 @@ def test_a_table_a_document_and_a_picture(known, loaded, tmp_path):
 
 @pytest.fixture(scope="module")
 def about(pinocchio_arm):
-    """A place, and all limits with 6 degrees about it."""
+    """A pose, and all limits with a range of 6 degrees about it."""
     place = np.array([0.2, -0.4, 0.6, 0.1, 0.3, -0.2])
     ones, chain = np.ones(6), pinocchio_arm.chain
     joints = ExcitationLimits(place - 0.1, place + 0.1, 1.0 * ones, 10.0 * ones, 300.0 * ones)

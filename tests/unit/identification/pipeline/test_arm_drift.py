@@ -89,7 +89,7 @@ def warming(at_work_s):
 
 
 def test_a_cold_arm_in_the_morning_is_no_change():
-    """Five runs a day, the first one in the cold: the log of the time at work, beginning anew each day."""
+    """Five runs a day, the first one cold: friction follows the logarithm of the time in operation."""
     runs = []
     for number in range(30):
         at_work = timedelta(minutes=[0, 10, 30, 60, 120][number % 5])

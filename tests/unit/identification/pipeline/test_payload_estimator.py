@@ -1,4 +1,4 @@
-"""The recursive estimator: Pinocchio's torque of a calibrated arm, sample by sample, and what must not break it."""
+"""The recursive estimator: Pinocchio's torque of a calibrated arm, sample by sample, and robustness."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.pure
 
 @pytest.fixture(scope="module")
 def streams(pinocchio_arm):
-    """Time, position and current of one motion: empty, and loaded."""
+    """Time, position and current of one motion, empty and loaded."""
     trajectory = pinocchio_arm.trajectory(6, period_s=10.0)
     runs = [pinocchio_arm.run(trajectory, load, seed=8 + load, with_phase=False) for load in (False, True)]
     rows = min(run.size for run in runs)
@@ -88,7 +88,7 @@ def test_grasped_and_dropped(estimator, streams, pinocchio_arm):
 
 
 def test_jerky_motion_from_place_to_place_is_no_change_of_payload(estimator, jerky, pinocchio_arm):
-    """Ruckig's motion of er50 gave ten changes in 20 s, as torque and acceleration went through different filters."""
+    """Ruckig's motion of er50 once gave ten changes in 20 s, because torque and acceleration had different filters."""
     estimator.update_all(*jerky)
     found = estimator.estimate()
     assert found.changes == 0
@@ -126,7 +126,7 @@ def test_fast_motion_is_a_mean_over_the_window(estimator, pinocchio_arm):
 def test_an_arm_that_begins_colder_or_warmer_has_no_change_of_payload(
     calibration, estimator, jerky, pinocchio_arm, share
 ):
-    """With the drift between runs alone as a prior, there are up to three false alarms."""
+    """With only the drift between runs as a prior, there are up to three false alarms."""
     time_s, position, current = jerky
     velocity = np.gradient(position, time_s, axis=0)
     friction = np.sign(velocity) * calibration.body.coulomb_nm + velocity * calibration.body.viscous_nm_s_rad
@@ -138,7 +138,7 @@ def test_an_arm_that_begins_colder_or_warmer_has_no_change_of_payload(
 
 
 def test_what_drives_and_buses_do_does_not_break_it(estimator, streams, pinocchio_arm):
-    """Irregular stamps, lost samples, a hole, numbers that are none, an encoder that jumps, stamps out of order."""
+    """Irregular stamps, lost samples, a gap, NaN, jumps of an encoder, stamps out of order."""
     rng = np.random.default_rng(3)
     time_s, position, current = (values.copy() for values in streams[1])
     position[500] = np.nan
@@ -168,7 +168,7 @@ def test_a_clock_that_is_set_begins_a_new_window(estimator, streams, pinocchio_a
 
 @pytest.mark.parametrize("memory_s", [0.5, 60.0, 1e9])
 def test_the_information_stays_positive_definite(calibration, pinocchio_arm, streams, memory_s):
-    """Ever the same motion, then standstill: a million updates are `python -m benchmarks.any_motion`."""
+    """A repeated motion, then standstill; for a million updates: `python -m benchmarks.any_motion`."""
     estimator = PayloadEstimator(calibration, pinocchio_arm.chain, pinocchio_arm.transmission, memory_s=memory_s)
     time_s, position, current = streams[1]
     rng, length = np.random.default_rng(1), time_s[-1] - time_s[0] + 0.01
@@ -203,7 +203,7 @@ def test_a_million_updates_leave_it_as_good_as_a_thousand(calibration, pinocchio
 def test_joints_that_no_payload_explains_count_less_and_widen_the_intervals(
     calibration, pinocchio_arm, streams, joints, wider
 ):
-    """Torques that come and go every three seconds, ten times a joint's noise."""
+    """Torques that change every three seconds, ten times a joint's noise."""
     time_s, position, current = streams[1]
     wrong = current.copy()
     size = 10.0 * calibration.noise_nm / calibration.gain_nm_a

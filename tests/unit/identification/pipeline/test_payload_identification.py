@@ -1,4 +1,4 @@
-"""From two recordings to a payload: Pinocchio's torque in, the payload it was made with out."""
+"""Payload from two recordings of Pinocchio's torque, compared with the truth."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_nominal_gains_are_told_and_widen_the_intervals(pair, pinocchio_arm, nom
     moved = np.abs(nominal.uncertainty.values - exact.uncertainty.values)
     assert (moved < nominal.uncertainty.half_width_95).all()
     assert (nominal.uncertainty.half_width_95[:4] > exact.uncertainty.half_width_95[:4]).all()
-    # All gains wrong by one factor: theta is wrong by that factor, the mass with it.
+    # All gains off by one factor: theta, and so the mass, is off by that factor.
     scaled = Transmission(1.02 * pinocchio_arm.transmission.gain_nm_a, pinocchio_arm.transmission.coupling)
     wrong = identify(*pair, pinocchio_arm.chain, scaled)
     assert wrong.plain.theta[0] == pytest.approx(1.02 * nominal.plain.theta[0], rel=1e-3)
@@ -101,7 +101,7 @@ def by_seed(pinocchio_arm):
 
 @pytest.mark.long
 def test_noise_goes_through_as_its_bound_says(by_seed, pinocchio_arm):
-    """Over seeds the scatter of the estimate is that of weighted least squares on the averaged difference."""
+    """Over many seeds the estimate scatters as weighted least squares on the averaged difference predicts."""
     results = [by_seed(seed) for seed in range(20)]
     errors = [result.plain.theta[:10] - pinocchio_arm.payload.theta for result in results]
     bounds = [np.diag(result.plain.covariance)[:10] for result in results]
@@ -178,7 +178,7 @@ def test_a_noisy_result_is_possible_and_prints_only_what_is_determined(pinocchio
 
 
 def test_only_three_joints(pinocchio_arm):
-    """The head of the chain, as in the paper: the payload is told in the third joint's frame."""
+    """The first joints of the chain, as in the paper: the payload is in the third joint's frame."""
     trajectory = pinocchio_arm.trajectory()
     sine, cosine = trajectory.sin_rad.copy(), trajectory.cos_rad.copy()
     sine[3:], cosine[3:] = 0.0, 0.0

@@ -1,4 +1,4 @@
-"""A payload judged by identifying it again: Pinocchio is the truth, the verdict has to find it."""
+"""A payload validated by identifying it again: Pinocchio is the truth, which the verdict must match."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_a_shifted_centre_is_named_with_its_direction(measured, pinocchio_arm, p
 
 
 def test_a_joint_whose_gain_is_off_is_named(pinocchio_arm, payload):
-    """The second pair's third drive reports 8 % less: the joints contradict each other, and this one most."""
+    """In the second pair drive 3 reports 8 % less: the joints contradict each other, and this one most."""
     trajectory = pinocchio_arm.trajectory(seed=8)
     factor = np.array([1.0, 1.0, 0.92, 1.0, 1.0, 1.0])
     pair = [pinocchio_arm.run(trajectory, load, seed=31 + load) for load in (True, False)]
@@ -112,7 +112,7 @@ def test_a_joint_whose_gain_is_off_is_named(pinocchio_arm, payload):
 
 
 def test_nominal_gains_in_common_hardly_widen_the_comparison(second_pair, pinocchio_arm, payload):
-    """An error of 2 % in every gain is in both results; only what it does differently to the two counts."""
+    """An error of 2 % in every gain is in both results; only its different effect on the two counts."""
     trajectory = pinocchio_arm.trajectory(seed=3)
     pair = [pinocchio_arm.run(trajectory, load, seed=21 + load) for load in (True, False)]
     found = payload_result(identify(*pair, pinocchio_arm.chain, pinocchio_arm.transmission), "0", "0" * 64)
@@ -125,7 +125,7 @@ def test_nominal_gains_in_common_hardly_widen_the_comparison(second_pair, pinocc
 
 
 def test_what_cannot_be_told_comes_with_what_would_show_it(measured, pinocchio_arm, payload):
-    """A payload known a thirtieth as well."""
+    """A payload with standard deviations about thirty times as large."""
     known = payload.mass_center
     vague = replace(payload, mass_center=replace(known, measured=1000.0 * known.measured))
     result = judge(measured, pinocchio_arm.chain, known_payload(vague), Tolerance())
@@ -174,7 +174,7 @@ def test_a_broken_covariance_is_refused(payload, old, new, message):
 
 
 def test_intervals_and_covariance_agree(payload):
-    """With as many degrees of freedom, the covariance's intervals are those in the file."""
+    """With equal degrees of freedom, the covariance's intervals are those in the file."""
     half_width = 0.5 * np.diff(payload.interval_95[:4], axis=1)[:, 0]
     deviation = np.sqrt(np.diag(payload.mass_center.measured + payload.mass_center.from_gains))
     assert ((half_width / deviation > 1.9) & (half_width / deviation < 2.6)).all()
@@ -187,7 +187,7 @@ def test_recordings_of_another_arm_are_refused(second_pair, pinocchio_arm, paylo
 
 
 def test_the_residual_is_that_of_single_samples(second_pair, measured, pinocchio_arm, payload):
-    """Put together from averages, it equals the RMS over every raw sample of paired periods."""
+    """Computed from averages, it equals the RMS over every raw sample of paired periods."""
     loaded, unloaded = second_pair
     result = judge(measured, pinocchio_arm.chain, known_payload(changed(payload, 1.2)), Tolerance())
     raw = pinocchio_arm.transmission.joint_torque(loaded.current_a - unloaded.current_a)
@@ -196,7 +196,7 @@ def test_the_residual_is_that_of_single_samples(second_pair, measured, pinocchio
 
 
 def test_one_period_is_enough_for_a_verdict(pinocchio_arm, payload):
-    """Its noise comes from above the motion's band."""
+    """Its noise is measured above the motion's band."""
     trajectory = pinocchio_arm.trajectory(seed=8)
     pair = [pinocchio_arm.run(trajectory, load, seed=41 + load, periods=1) for load in (True, False)]
     result = validate(*pair, pinocchio_arm.chain, exact(pinocchio_arm.transmission), payload)

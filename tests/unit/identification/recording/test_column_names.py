@@ -1,4 +1,4 @@
-"""Columns that say by their names what they hold, and columns that somebody says."""
+"""Columns recognised by their names, and columns named by the user."""
 
 from __future__ import annotations
 

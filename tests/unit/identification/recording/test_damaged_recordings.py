@@ -1,4 +1,4 @@
-"""Files that are damaged or were made to do harm: one sentence each, and bounded memory."""
+"""Damaged or malicious files: one-sentence errors, and bounded memory."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def whole(request, tmp_path_factory):
 
 
 def read_or_refuse(path):
-    """The rows that were read; None where the file was refused in one sentence."""
+    """The rows that were read; None if the file was rejected in one sentence."""
     try:
         recording = read_recording(path)
         recording.source.run()
@@ -103,7 +103,7 @@ def test_pieces_cut_out_and_put_in_are_survived(whole, edits):
 
 
 def mcap_of(*records):
-    """A file of records as they are given: kind and content."""
+    """A file of the given records: kind and content."""
     return b"\x89MCAP0\r\n" + b"".join(struct.pack("<BQ", kind, len(content)) + content for kind, content in records)
 
 
@@ -223,7 +223,7 @@ def test_a_run_that_is_described_by_nonsense_is_refused(tmp_path, run):
 
 
 def timed_csv(path, unit_s, interval_s=0.002, velocity=False):
-    """A log whose times are in a unit of so many seconds."""
+    """A log with times in a unit of `unit_s` seconds."""
     time_s = interval_s * np.arange(400)
     table = [1000.0 + time_s / unit_s, np.sin(time_s), np.cos(2 * time_s)]
     table += [np.cos(time_s), -2 * np.sin(2 * time_s)] if velocity else []

@@ -1,4 +1,4 @@
-"""Long recordings: read in blocks and reduced on the way, to what the whole recording gives."""
+"""Long recordings: read and reduced in blocks, with the same result as from all rows."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ pytestmark = pytest.mark.pure
 
 COLUMNS = CsvColumns(0, tuple(range(1, 7)), None, tuple(range(7, 13)))
 EVERYTHING, NOTHING = 10**9, 100
-"""Rows up to which a recording is kept as it is."""
+"""Rows up to which a recording is not reduced."""
 
 
 def write_mcap(path, run, chunk_rows=100):
-    """A run as the recorder writes it, with a second without phase before and after."""
+    """A run as written by the recorder, with a second without phase before and after."""
     excitation = format_excitation(run.excitation)
     cycle_s = float(np.median(np.diff(run.time_s)))
     with path.open("wb") as stream:
@@ -68,7 +68,7 @@ def write_csv(path, run):
 
 @pytest.fixture(scope="module")
 def runs(pinocchio_arm):
-    """A loaded and an unloaded run of six periods and a bit, with holes."""
+    """A loaded and an unloaded run of slightly more than six periods, with gaps."""
     trajectory = pinocchio_arm.trajectory()
     kept = np.ones(3000, dtype=bool)
     kept[[3, 700, 701, 1400]] = False
@@ -99,7 +99,7 @@ def test_the_average_period_of_a_long_run_is_that_of_all_its_rows(runs, pinocchi
     signals = [load_signal(*pair, pinocchio_arm.transmission) for pair in pairs[::-1]]
     np.testing.assert_allclose(signals[0].torque_nm, signals[1].torque_nm, atol=1e-9)
     np.testing.assert_allclose(signals[0].mismatch_rad, signals[1].mismatch_rad, rtol=1e-6)
-    # A long run beside a short one.
+    # A long run with a short one.
     mixed = load_signal(reduced, pairs[0][1], pinocchio_arm.transmission)
     np.testing.assert_allclose(mixed.torque_nm, signals[1].torque_nm, atol=1e-9)
 
@@ -133,7 +133,7 @@ def test_a_pause_is_refused_in_a_long_run_too(runs, tmp_path):
 
 @pytest.mark.parametrize("rate", [2, 5])
 def test_means_over_10_ms_give_the_difference_of_two_long_runs(pinocchio_arm, tmp_path, rate):
-    """Without a phase; the noise of a mean is that of a sample over the square root of its samples."""
+    """Without a phase; the noise of a mean is that of one sample over the square root of their number."""
     trajectory = pinocchio_arm.trajectory(period_s=10.0)
     runs = [
         pinocchio_arm.run(trajectory, load, seed=50 + load, periods=2, cycle_s=0.01 / rate) for load in (True, False)
@@ -150,7 +150,7 @@ def test_means_over_10_ms_give_the_difference_of_two_long_runs(pinocchio_arm, tm
     np.testing.assert_allclose(reduced.noise_nm, whole.noise_nm / np.sqrt(rate), rtol=0.15)
     times = slice(100, -100)
     torque = [np.interp(reduced.time_s[times], whole.time_s, column) for column in whole.torque_nm.T]
-    # The means of `rate` samples stand half a mean later than the first of them.
+    # A mean of `rate` samples is stamped at the middle of its interval, not at its first sample.
     apart = reduced.torque_nm[times] - np.column_stack(torque)
     allowed = 0.02 * np.sqrt(np.mean(whole.torque_nm**2, axis=0)) + 0.5 * reduced.averaged_noise_nm
     assert (np.sqrt(np.mean(apart**2, axis=0)) < allowed).all()
@@ -158,7 +158,7 @@ def test_means_over_10_ms_give_the_difference_of_two_long_runs(pinocchio_arm, tm
 
 @pytest.mark.parametrize("interval_s", [0.002, 0.01])
 def test_means_become_longer_where_there_are_too_many(interval_s):
-    """Two by two, whatever the blocks: each is the mean of the samples of its stretch, holes left out."""
+    """Their length doubles, whatever the blocks; each is the mean of its interval's samples, without gaps."""
     time_s = 5.0 + interval_s * np.arange(20_000)
     time_s = np.delete(time_s, np.r_[3000:3700, 9001:9004])
     position = np.column_stack([np.sin(time_s), np.cos(0.7 * time_s)])
@@ -178,7 +178,7 @@ def test_means_become_longer_where_there_are_too_many(interval_s):
         if np.count_nonzero(inside) == round(width / interval_s):
             np.testing.assert_allclose(mean, (position[inside] ** 2).mean(axis=0), atol=1e-9)
             np.testing.assert_allclose(stamp, time_s[inside].mean(), atol=1e-9)
-    # Every sample but those beside a hole is in a mean.
+    # Every sample except those next to a gap is in a mean.
     assert kept.size >= np.unique(number).size - 4
 
 
@@ -195,7 +195,7 @@ def test_a_saturated_joint_is_found_in_a_long_run_too(runs, pinocchio_arm, tmp_p
     run = runs[0]
     current = run.current_a.copy()
     bound = 0.6 * np.abs(current[:, 1]).max()
-    # In one period only: its average shows nothing of it.
+    # In one period only, so the average period does not show it.
     late = slice(2000, None)
     current[late, 1] = np.clip(current[late, 1], -bound, bound)
     current[:2000, 1] = np.clip(current[:2000, 1], -0.999 * bound, 0.999 * bound) * np.linspace(0.999, 1.0, 2000)
@@ -222,7 +222,7 @@ def test_repetitions_are_counted_across_blocks():
 
 
 def garbage_rows(rng, rows):
-    """A plausible log with every kind of garbage, wherever windows meet."""
+    """A plausible log with every kind of garbage at the borders of windows."""
     time_s = 10.0 + 0.001 * np.arange(rows)
     position = np.column_stack([np.sin(time_s), np.cos(time_s)])
     current = rng.normal(size=(rows, 2))
@@ -253,7 +253,7 @@ def test_garbage_is_found_in_windows_as_in_one_piece(tmp_path):
 
 
 def test_a_csv_log_reads_the_same_in_many_blocks(pinocchio_arm, tmp_path):
-    """More lines than a block: the last line is the only one that can be cut."""
+    """More lines than a block: only the last line can be truncated."""
     run = pinocchio_arm.run(pinocchio_arm.trajectory(), True, seed=3, periods=40)
     path = write_csv(tmp_path / "long.csv", run)
     lines = path.read_text().splitlines()
@@ -339,10 +339,10 @@ print(json.dumps({kind: [apart(rows, kind == "periodic") for rows in (few, 2_000
 
 @pytest.fixture(scope="module")
 def peaks_kib():
-    """By kind of motion the peaks for few rows and for 2 million, each in a forked process of its own.
+    """By kind of motion: peak memory in KiB for few rows and for 2 million, each in a forked process.
 
-    The rows come from a generator; reading and reducing them is what is measured. A program that is started would
-    begin with the peak of the process that starts it, which is this one.
+    The rows come from a generator, so only reading and reducing is measured. A started program would inherit the peak
+    of this process.
     """
     answer = subprocess.run([sys.executable, "-c", PEAK], capture_output=True, text=True, timeout=200, check=False)
     assert answer.returncode == 0, answer.stderr
@@ -354,7 +354,7 @@ def peaks_kib():
 def test_memory_does_not_grow_with_the_recording(peaks_kib, kind):
     peaks = peaks_kib[kind]
     assert peaks[1] < 1.1 * peaks[0], peaks
-    # The figure means something: two million rows as they are would take 250 MB.
+    # For comparison: two million unreduced rows would take 250 MB.
     assert peaks[1] < peaks[0] + 50_000
 
 

@@ -1,4 +1,4 @@
-"""Recordings: what is read, what is left out and counted, what is refused and how that is said."""
+"""Recordings: rows that are read, rows that are left out and counted, rejected files and their messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report: what a reader sees, and that the page needs nothing but itself."""
+"""The report: what a reader sees, in a self-contained page."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ MINUS = "\N{MINUS SIGN}"
 
 
 class Page(HTMLParser):
-    """The parts of a page that tests ask for."""
+    """The parts of a page that tests need."""
 
     def __init__(self, text):
         super().__init__()
@@ -112,14 +112,14 @@ def validation(pair, clear, pinocchio_arm):
 
 @pytest.fixture
 def without_curves(monkeypatch):
-    """Pages whose words are looked at: the curves of the joints take longest to draw."""
+    """For tests of the text: the joints' curves take longest to draw."""
     for name in ("motion_figure", "torque_figure"):
         monkeypatch.setattr(joint_figures, name, lambda *args: "<svg></svg>")
 
 
 @pytest.fixture(scope="module")
 def full_text(clear, validation, pinocchio_arm):
-    """A simulated commissioning with names that a page must not take for its own."""
+    """A simulated commissioning with names that must be escaped in HTML."""
     names = ("<b>base</b>", "a & b", '"elbow"', "wrist_1", "$\\frac$", "手首")
     about = subject(
         clear,
@@ -236,7 +236,7 @@ def test_what_is_not_determined_has_no_number(bare, noisy, pinocchio_arm):
     for row, determined in zip(rows, known, strict=True):
         assert (row.limit_share <= 1.0) == determined
         if not determined:
-            # the truth is told, but an error beside it would give the number away
+            # the truth is shown, but an error next to it would reveal the estimate
             assert row.truth.text
             assert row.error == row.estimate.text == ""
             assert row.covered is None
@@ -302,7 +302,7 @@ def test_the_first_screen_has_the_verdict_and_what_is_wrong(clear, validation, p
 
 @pytest.fixture
 def views(clear):
-    """The drawings of a payload with other half widths, correlation or determined values."""
+    """The drawings of a payload with given half widths, correlation and undetermined values."""
 
     def views(half_m=(0.01, 0.02, 0.005), correlation=0.0, unknown=()):
         payload = subject(clear).payload
@@ -318,7 +318,7 @@ def views(clear):
 
 
 def drawn(view):
-    """Pixels a millimetre, the dot, and the ellipse's semi-axes and turn."""
+    """Pixels per millimetre, the dot, and the ellipse's semi-axes and rotation."""
     dot = [float(v) for v in re.search(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="3.5"', view.svg).groups()]
     ellipse = re.search(r'rx="([\d.]+)" ry="([\d.]+)" transform="rotate\((-?[\d.]+)', view.svg)
     length, scale = re.search(r"h([\d.]+)m0 -4v8.*?>(\d+)", view.svg).groups()

@@ -1,4 +1,4 @@
-"""A motion's period is found where there is one."""
+"""A motion's period is found if there is one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples near a reversal, and how much they count."""
+"""Samples near a reversal, and their weights."""
 
 from __future__ import annotations
 

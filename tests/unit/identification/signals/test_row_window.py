@@ -1,4 +1,4 @@
-"""The window that rows of any motion are means over."""
+"""The window over which rows of any motion are averaged."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_a_row_is_the_mean_about_its_middle(window):
     middle_s = time_s[window.middle[window.whole]]
     np.testing.assert_allclose(rows[:, 0], 1.0)
     np.testing.assert_allclose(rows[:, 1], 3.0 * middle_s)
-    # What is faster than the window is gone.
+    # Signals faster than the window vanish.
     assert np.abs(rows[:, 2]).max() < 0.01
     assert middle_s[0] >= HALF_S - INTERVAL_S
     assert middle_s[-1] <= time_s[-1] - HALF_S + INTERVAL_S

@@ -1,4 +1,4 @@
-"""Signals: against SciPy and the paper's own rows, and folding, alignment and the torque difference."""
+"""Signals: filters against SciPy and the paper's own rows; folding, alignment and the torque difference."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_white_noise_is_measured_also_where_it_is_rarely_seen():
     rng = np.random.default_rng(13)
     normal = 0.7 * rng.normal(size=(100_000, 1))
     np.testing.assert_allclose(white_noise(normal), 0.7, rtol=0.01)
-    # A coarse converter tells the same number most of the time.
+    # A coarse converter reports the same number most of the time.
     rare = (rng.uniform(size=(100_000, 1)) < 0.02) * 1.0
     np.testing.assert_allclose(white_noise(rare), np.sqrt(0.02 * 0.98), rtol=0.05)
 
@@ -263,7 +263,7 @@ def test_without_a_period_the_runs_are_laid_over_each_other(pinocchio_arm):
 
 @pytest.mark.parametrize("with_phase", [True, False])
 def test_both_runs_go_through_the_same_filter(pinocchio_arm, with_phase):
-    """Filters are linear: the difference of filtered runs is the filtered difference, if both were filtered alike."""
+    """Filters are linear: with equal filters, the difference of filtered runs is the filtered difference."""
     trajectory = pinocchio_arm.trajectory()
     runs = [pinocchio_arm.run(trajectory, load, seed=61 + load, periods=2, with_phase=with_phase) for load in (1, 0)]
     signal = load_signal(*runs, pinocchio_arm.transmission)
@@ -277,7 +277,7 @@ def test_both_runs_go_through_the_same_filter(pinocchio_arm, with_phase):
 
 @pytest.mark.parametrize("periods", [(1, 1), (3, 1), (1, 3)])
 def test_where_one_run_has_one_period_its_noise_is_that_above_the_band(pinocchio_arm, periods):
-    """One period does not scatter; nothing may be divided by the freedom of none, nor called certain for want of it."""
+    """One period has no scatter: no division by zero degrees of freedom, and no zero noise."""
     trajectory = pinocchio_arm.trajectory()
     runs = [
         pinocchio_arm.run(trajectory, load, seed=71 + load, periods=count)

@@ -1,4 +1,4 @@
-"""What somebody gives is read where it is a file, and refused at once where reading it would not end."""
+"""Paths of the user: files are read; anything that could block or never end is rejected at once."""
 
 from __future__ import annotations
 

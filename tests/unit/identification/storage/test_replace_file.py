@@ -85,7 +85,7 @@ def test_a_pipe_is_written_to_and_not_replaced(tmp_path):
 
 
 def test_on_a_full_disk_the_earlier_file_stays(tmp_path):
-    """The kernel refuses to write more than so many bytes into a file, as it does where the disk is full."""
+    """A limit on the file's size makes the kernel reject writes, as on a full disk."""
     path = tmp_path / "excitation.toml"
     small, large = (
         Excitation(FourierTrajectory(0.1, np.zeros(6), np.ones((6, k)), np.ones((6, k))), 3) for k in (1, 99)
@@ -103,10 +103,10 @@ def test_on_a_full_disk_the_earlier_file_stays(tmp_path):
 
 
 def test_every_result_is_written_whole():
-    """No module of identification or controller writes a result in another way.
+    """No module of identification or controller writes a result in any other way.
 
-    What grows while something runs is appended to: recordings, decisions, the journal of a fleet's rows. Sources
-    that are compiled lie in a folder of their own that nobody keeps.
+    Files that grow during a run are appended to: recordings, decisions, the journal of a fleet's rows. Generated
+    sources are compiled in a temporary folder.
     """
     direct = re.compile(r"write_text\(.*utf|\.write_text\(|\.write_bytes\(|open\(.*[\"'][wxa]b?\+?[\"']")
     found = {

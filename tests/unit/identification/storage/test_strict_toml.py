@@ -1,4 +1,4 @@
-"""Strict TOML: what is wrong with a file is one sentence with file, key, value and the nearest key."""
+"""Strict TOML: an error in a file is one sentence with file, key, value and the nearest key."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""The statistic behind the verdict: false alarms and power counted, outcomes, gains in common."""
+"""The verdict's statistic: rates of false alarms and detection, outcomes, common gains."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ TRUE = np.array([MASS_KG, 0.02, 0.1, 0.15])
 
 
 def drawn(rng, error=(0.0, 0.0, 0.0, 0.0)):
-    """Payload and measurement as two identifications would give them, their covariances estimated too."""
+    """Payload and measurement as from two identifications, with estimated covariances."""
 
     def one(values, extra):
         samples = rng.normal(size=(FREEDOM, 4)) @ ROOT.T
@@ -67,7 +67,7 @@ def test_a_right_payload_differs_in_one_of_a_hundred_comparisons():
 
 @pytest.mark.parametrize("axis", range(4))
 def test_an_error_of_the_noticeable_size_is_noticed(axis):
-    """With covariances that are known, so that the noticeable error is one number."""
+    """With known covariances, so that the noticeable error is one number."""
     rng = np.random.default_rng(axis)
     exact = compare_known(known(TRUE), known(TRUE), Tolerance())
     error = np.zeros(4)
@@ -103,7 +103,7 @@ def test_right_wrong_and_cannot_tell():
 
 
 def test_a_difference_that_is_significant_but_small_is_right():
-    """0.5 % of a mass known within 0.04 %: more than chance, and of no consequence."""
+    """0.5 % of a mass known within 0.04 %: significant, but too small to matter."""
     sharp = 1e-3 * COVARIANCE
     result = compare_known(known(moved(0.05, 0, 0, 0), sharp), known(TRUE, sharp), Tolerance())
     assert result.differs
@@ -145,7 +145,7 @@ def test_the_sign_is_that_of_what_was_measured():
 
 
 def by_gains(values, gain, slope, correlation=0.0):
-    """A payload by gains that are known to 2 %."""
+    """A payload by gains known to 2 %."""
     n = len(gain)
     covariance = 0.02**2 * ((1.0 - correlation) * np.eye(n) + correlation)
     return Known(
@@ -167,7 +167,7 @@ def test_gains_in_common_count_by_what_they_do_differently():
 
 
 def test_gains_that_err_together_count_together():
-    """Two gains that can only be wrong by the same share leave what the payload weighs on one of them alone unknown."""
+    """Two gains with fully correlated errors act with the sum of their slopes."""
     slope = np.array([[6.0, 4.0], [0.1, -0.1], [0.0, 0.0], [0.0, 0.0]])
     none = compare_known(known(TRUE), known(TRUE), Tolerance())
     together = compare_known(by_gains(TRUE, [100.0, 50.0], slope, 1.0), known(TRUE), Tolerance())

@@ -1,4 +1,4 @@
-"""Control limits: chance raises no alarm, a change of level is found with its beginning, one run alone is no change."""
+"""Control limits: no alarm by chance, a change of level is found with its start, a single run is no change."""
 
 from __future__ import annotations
 

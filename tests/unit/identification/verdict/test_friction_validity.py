@@ -1,4 +1,4 @@
-"""Friction far from the calibrated arm's is named; what drifts as usual is not."""
+"""Friction far from the calibrated arm's is named; the usual drift is not."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ def test_a_change_is_found_with_its_covariance():
 
 
 def test_changes_of_opposite_signs_do_not_hide_each_other():
-    """At a speed of 0.25 rad/s their torques cancel."""
+    """At 0.25 rad/s their torques cancel."""
     assert far(changed(np.array([0.0, 2.4]), np.array([0.0, -9.6])))[1] > 10.0
 
 
 def test_what_the_fit_does_not_separate_is_not_far():
-    """An error along what a short run leaves open counts as the fit's, one across it as a change."""
+    """An error in a direction that a short run does not determine is the fit's; one across it is a change."""
     drift, open_, across = np.array([[0.1], [0.1]]), np.array([[1.0], [-2.0]]), np.array([[2.0], [1.0]])
     covariance = (open_ @ open_.T)[None]
     assert standard_deviations(open_, covariance, drift)[0] < 1.01

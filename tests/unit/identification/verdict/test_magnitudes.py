@@ -1,4 +1,4 @@
-"""What an arm cannot have is refused, with the unit that it looks like; what it can have passes."""
+"""Impossible magnitudes are rejected, with the unit that they suggest; possible ones pass."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def chain_and_links(any_arm):
 
 @pytest.fixture(scope="module")
 def moved(chain_and_links):
-    """Times, positions, and the torque that holds the links, with some friction."""
+    """Times, positions, and the links' torque with some friction."""
     time_s = np.arange(0.0, 10.0, 0.02)
     position = 1.2 * np.sin(np.outer(time_s, np.linspace(0.6, 1.6, 6)))
     still = np.zeros_like(position)

@@ -1,6 +1,6 @@
-"""What goes wrong with recordings in practice: refused, or explained in a sentence, never identified in silence.
+"""Common faults of recordings: rejected, or explained in a sentence, never identified without a message.
 
-Runs of an arm whose torque is Pinocchio's are spoiled and written as the CSV files that they would come in.
+Runs of an arm with Pinocchio's torque are falsified and written as CSV files.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def test_what_cannot_be_right_is_refused(tables, outcome, loaded, unloaded, said
 
 @pytest.mark.parametrize("groups", [(POSITION,), (CURRENT,), (POSITION, CURRENT)], ids=["q", "i", "both"])
 def test_joints_swapped_in_both_files_do_not_pass_unnoticed(tables, outcome, groups):
-    """The trajectory fits itself; the physics does not."""
+    """Both trajectories agree; only the dynamics contradict."""
     spoiled = list(tables)
     for group in groups:
         spoiled = [swapped(group)(table) for table in spoiled]
@@ -158,7 +158,7 @@ def test_one_period_only_is_used_and_told(pinocchio_arm):
 
 
 def test_a_motion_too_slow_and_small_says_so(pinocchio_arm):
-    """A hundredth of the stroke, in noise: nothing may be called determined that is wrong."""
+    """A hundredth of the stroke, with noise: no wrong value may be reported as determined."""
     full = pinocchio_arm.trajectory()
     small = replace(full, sin_rad=0.02 * full.sin_rad, cos_rad=0.02 * full.cos_rad)
     pair = [pinocchio_arm.run(small, load, seed=37 + load, noise=10.0) for load in (True, False)]
@@ -178,7 +178,7 @@ def test_an_empty_file_is_named(tmp_path):
 
 
 def test_friction_is_asked_of_all_joints_together(pinocchio_arm):
-    """Without friction the joints of an arm feed energy into each other: one of them gains without a wrong sign."""
+    """Without friction, energy flows between an arm's joints: one of them can gain energy without a wrong sign."""
     gaining = 0
     for seed in range(20):
         run = pinocchio_arm.run(pinocchio_arm.trajectory(seed), True, seed=seed, periods=1, noise=0.0)
@@ -196,7 +196,7 @@ def test_friction_is_asked_of_all_joints_together(pinocchio_arm):
 
 @pytest.mark.parametrize("cut_run", [0, 1], ids=["loaded", "unloaded"])
 def test_a_run_that_was_cut_short_is_used_as_far_as_it_goes(pinocchio_arm, cut_run):
-    """The motion repeats itself in its period, so that positions alone do not show where the short run belongs."""
+    """The motion repeats within its period, so positions alone do not determine the short run's alignment."""
     trajectory = pinocchio_arm.trajectory(period_s=10.0)
     runs = [pinocchio_arm.run(trajectory, load, seed=61 + load, periods=2) for load in (True, False)]
     short = runs[cut_run].rows(slice(0, 700))
@@ -216,7 +216,7 @@ def test_a_run_that_was_cut_short_is_used_as_far_as_it_goes(pinocchio_arm, cut_r
 
 
 def test_what_only_one_run_did_before_and_after_is_left_out(outcome, pinocchio_arm):
-    """Recordings that were started and stopped by hand: another way to the start, a pause, the motion, a standstill."""
+    """Recordings started and stopped by hand: different approaches, a pause, the motion, a standstill."""
     tables = [
         driven(pinocchio_arm, load, way_rad, way_s, pause_s)
         for load, way_rad, way_s, pause_s in ((True, 1.5, 2.0, 0.5), (False, -0.8, 3.5, 0.9))

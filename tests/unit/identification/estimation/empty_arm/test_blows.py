@@ -1,4 +1,4 @@
-"""Blows to an arm: left out where they are, and nothing else."""
+"""Impacts on an arm: their samples are left out, and no others."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The empty arm's body: Pinocchio's torque and friction in, the same torque on other motions out."""
+"""The empty arm's body, identified from Pinocchio's torque and friction: it predicts the torque of other motions."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ def test_base_columns_span_all_columns_and_none_is_idle(pinocchio_arm):
     left = everything - kept @ np.linalg.lstsq(kept, everything, rcond=None)[0]
     assert np.abs(left).max() < 1e-7 * np.abs(everything).max()
     assert np.linalg.matrix_rank(kept) == np.count_nonzero(base)
-    # The first rotor turns with the first link as one.
+    # The first rotor and the first link move as one body.
     assert not base[60]
 
 
 def motion_with(interval_s, states, torque, noise_nm):
-    """A periodic motion of which everything but the noise is exact."""
+    """A periodic motion, exact except for the noise."""
     nothing = np.zeros(len(noise_nm))
     return Motion(
         time_s=interval_s * np.arange(len(torque)),
@@ -127,7 +127,7 @@ def test_load_dependent_friction_tells_the_rotors_that_no_link_torque_can(pinocc
     assert fit.model.torque_delay_s == pytest.approx(delay_s, abs=3e-4)
     assert (np.abs(fit.model.rotor_inertia_kg_m2 - inertia)[1:] < 4.0 * fit.rotor_deviation_kg_m2[1:] + 0.02).all()
     np.testing.assert_allclose(fit.model.load_friction[1:4], load, atol=0.01)
-    # The links' torque is without the rotors', to which it is many times larger here.
+    # The links' torque, without friction and the rotors' torque.
     links = arm.torque(q, dq, ddq) - 4.0 * np.tanh(dq / 0.01) - 5.0 * dq
     found = fit.model.link_torque(arm.chain, q, dq, ddq)
     error = np.sqrt(np.mean((found - links) ** 2, axis=0))

@@ -20,7 +20,7 @@ def states(rng, count, n):
 
 
 def pinocchio_speeds(chain, links, in_pinocchio, q, dq):
-    """Speeds of the joints from the second on, of the flange and of the tool, as Pinocchio has them."""
+    """Pinocchio's speeds of the joints from the second on, of the flange and of the tool."""
     model = in_pinocchio(chain, links)
     last = model.njoints - 1
     flange = pin.SE3(chain.flange[:3, :3], chain.flange[:3, 3])

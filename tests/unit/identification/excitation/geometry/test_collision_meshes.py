@@ -28,7 +28,7 @@ TABLE = """<link name="table"><collision><origin xyz="0.5 0 0"/><geometry><box s
 
 
 def write_stl(path, size_m, offset_m=0.05):
-    """A tetrahedron: four triangles, binary."""
+    """A tetrahedron as a binary STL file."""
     corners = [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]
     points = [np.array(corner) * size_m + [0.0, 0.0, offset_m] for corner in corners]
     faces = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
@@ -38,7 +38,7 @@ def write_stl(path, size_m, offset_m=0.05):
 
 
 def write_urdf(folder, more=NOTHING, tool_m=0.03, names=PRBT.joint_names, lift_m=0.0):
-    """prbt with a cylinder for its base, a box in every joint frame and a tool from a mesh."""
+    """prbt with a cylinder as its base, a box in every joint frame and a tool from a mesh."""
     points = write_stl(folder / "tool.stl", tool_m)
     text = """<robot name="prbt"><link name="base"><collision><origin xyz="0 0 0.08"/><geometry>
 <cylinder radius="0.08" length="0.16"/></geometry></collision></link>"""
@@ -200,7 +200,7 @@ def test_a_design_takes_the_best_start_that_nothing_is_said_against(monkeypatch)
     run = Search.run
 
     def once(search, source):
-        """A start is the same in every design: it is searched once."""
+        """A start is the same in every design, so it is optimised once."""
         if source.spawn_key not in attempts:
             attempts[source.spawn_key] = run(search, source)
         return attempts[source.spawn_key]

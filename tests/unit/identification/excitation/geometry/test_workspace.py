@@ -1,4 +1,4 @@
-"""Clearances against geometry written down a second time, their slope, and the bound between the samples."""
+"""Clearances against an independent geometry, their gradient, and the bound between samples."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_the_bound_holds_at_every_time_and_gives_little_away(workspace, seed):
     least = workspace.least(path)
     dense = workspace.clearances(path.evaluate(np.linspace(0.0, 5.0, 100_001)).position_rad).min(axis=0)
     assert np.all(least <= dense)
-    assert np.all(least >= dense - 0.0121)  # twice 3 mm and what the motion does in half a step, for two spheres
+    assert np.all(least >= dense - 0.0121)  # for two spheres: twice 3 mm and the motion in half a step
 
 
 def test_an_empty_workspace_is_in_nobodys_way(workspace):

@@ -1,4 +1,4 @@
-"""Every reader yields blocks: three times as many rows take as much memory."""
+"""Every reader yields blocks: three times as many rows need no more memory."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from armload_identification.recording.run_format import SCHEMA_NAME, TOPIC
 
 FEW = 18_000
 FEW_MESSAGES, SMALL_BLOCK = 300, 128
-"""More than two blocks of every reader; ROS messages are slow while memory is traced, so fewer make a block."""
+"""More than two blocks of every reader; reading ROS messages is slow under tracemalloc, so their blocks are smaller."""
 JOINTS = 6
 LONG = 1200
-"""Letters of a name, so that the messages fill more than one of the library's chunks."""
+"""Length of a name, so that the messages fill more than one of the library's chunks."""
 STATE = "sensor_msgs/msg/JointState"
 
 
@@ -94,7 +94,7 @@ def test_memory_does_not_grow_with_the_file(tmp_path, monkeypatch, name):
     monkeypatch.setattr(ros_reader, "_BLOCK_ROWS", SMALL_BLOCK)
     peaks = []
     few = FEW_MESSAGES if name.startswith("bag") else FEW
-    for rows in (few // 10, few, 3 * few):  # first to load the libraries
+    for rows in (few // 10, few, 3 * few):  # the first loads the libraries
         path = tmp_path / str(len(peaks)) / name
         path.parent.mkdir()
         WRITERS[name](path, rows)

@@ -1,4 +1,4 @@
-"""ROS 2 bags, written by `rosbags` in every storage format: joints by name, stamps that make sense, what is refused."""
+"""ROS 2 bags, written by `rosbags` in every storage format: joints by name, plausible stamps, rejected bags."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def store():
 
 @pytest.fixture
 def bag(tmp_path, store):
-    """Write a bag: topic, type, the bag's time in ns and message of each; returns its folder."""
+    """Write a bag of messages: topic, type, the bag's time in ns, and message; returns its folder."""
 
     def bag(messages, plugin=StoragePlugin.MCAP, compression=None, name="bag"):
         path = tmp_path / name
@@ -65,7 +65,7 @@ def header(store):
 
 @pytest.fixture
 def state(store, header):
-    """A JointState of some joints at one row."""
+    """A JointState of some joints for one row."""
 
     def state(row, names=NAMES, stamp_ns=None, velocity=True, effort=True):
         order = [NAMES.index(name) for name in names]
@@ -122,7 +122,7 @@ def test_the_order_of_the_joints_may_change_from_message_to_message(bag, state):
 
 
 def test_of_two_publishers_on_one_topic_the_arm_is_read(bag, state, store, header):
-    """The gripper's messages are none of the arm's rows, and no malformed ones."""
+    """The gripper's messages are neither rows of the arm nor counted as malformed."""
     gripper = [
         ("/joint_states", STATE, START_NS + STEP_NS * row + 1, store.types[STATE](
             header(START_NS), ["finger"], np.array([0.02]), np.zeros(0), np.zeros(0)
@@ -188,7 +188,7 @@ def test_messages_without_velocity_or_effort(bag, state):
 
 @pytest.mark.parametrize("plugin", [StoragePlugin.SQLITE3, StoragePlugin.MCAP], ids=str)
 def test_messages_of_ros2_control(bag, store, header, plugin):
-    """Bags in SQLite hold no definitions of messages; rosbags knows those of ROS itself only."""
+    """SQLite bags contain no message definitions; rosbags knows only those of ROS itself."""
     value, dynamic, trajectory, point = (
         store.types[name]
         for name in (

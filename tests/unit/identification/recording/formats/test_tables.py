@@ -1,4 +1,4 @@
-"""Tables that are no text: NumPy's archives, Parquet, and LeRobot's data sets."""
+"""Binary tables: NumPy archives, Parquet, and LeRobot data sets."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_a_lerobot_data_set(tmp_path):
 
 
 def test_of_a_data_set_of_several_episodes_one_is_chosen(tmp_path):
-    """An episode is a recording of its own: its rows, its name, its hash."""
+    """Each episode is a separate recording with its own rows, name and hash."""
     folder = lerobot(tmp_path / "three", episodes=3)
     with pytest.raises(RecordingError, match=r"3 episodes \(0 to 2\).*--episode 3, or --episode 3,4 for loaded and"):
         read_recording(folder)

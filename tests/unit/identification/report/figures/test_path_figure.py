@@ -1,4 +1,4 @@
-"""The picture of an excitation: drawn from what it is given, and from nothing else."""
+"""The figure of an excitation: drawn only from its arguments."""
 
 from __future__ import annotations
 
