@@ -337,7 +337,7 @@ def require_accepted():
 
 @pytest.fixture
 def independent_arm(arm_settings):
-    """The same small arm with the drives of `tests/independent_drive.py`; 20 missing cycles allowed on a busy machine."""
+    """The same small arm with the drives of `tests/independent_drive.py`; 20 missing cycles allowed."""
 
     def make(mode, **changes):
         arm = arm_settings(
