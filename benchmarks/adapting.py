@@ -332,7 +332,7 @@ def rms(error_rad: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
 
 
 def main() -> int:
-    """Run this part alone."""
+    """Run only this part."""
     tally = Tally()
     run(tally)
     return tally.finish()

@@ -49,7 +49,7 @@ class Pair:
 
 
 def run_measured(tally: Tally) -> None:
-    """The UR10e; skipped with a reason if the measured data are not beside the checkout."""
+    """The UR10e; skipped with a reason if the measured data are not next to the checkout."""
     tally.heading("3d. A payload from any motion of the UR10e")
     if not FOLDER.is_dir():
         tally.postpone("payloads from any motion", f"the measured recordings are not at {FOLDER}")
@@ -246,7 +246,7 @@ def _at_the_same_places(pair: Pair) -> FloatArray:
 
 
 def main() -> int:
-    """Run this part alone."""
+    """Run only this part."""
     tally = Tally()
     run_measured(tally)
     return tally.finish()

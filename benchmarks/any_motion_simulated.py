@@ -271,7 +271,7 @@ def empty_stream(name: str, twin: Twin, number: int, lasts_s: float = EMPTY_S) -
 
 
 def main() -> int:
-    """Run this part alone."""
+    """Run only this part."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("seeds", nargs="?", type=int, default=SEEDS)
     tally = Tally()

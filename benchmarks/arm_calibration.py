@@ -90,7 +90,7 @@ class Outcome:
 
 
 def run_measured(tally: Tally) -> None:
-    """The UR10e; skipped with a reason if the measured data are not beside the checkout."""
+    """The UR10e; skipped with a reason if the measured data are not next to the checkout."""
     tally.heading("3b. One UR10e from its runs, one pair left out")
     if not FOLDER.is_dir():
         tally.postpone("the UR10e's calibration", f"the measured recordings are not at {FOLDER}")
@@ -289,7 +289,7 @@ def _list(values: FloatArray, digits: int = 2) -> str:
 
 
 def main() -> int:
-    """Run this part alone."""
+    """Run only this part."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("seeds", nargs="?", type=int, default=SEEDS)
     tally = Tally()

@@ -85,7 +85,7 @@ def run(tally: Tally, pool: Executor, census: Census) -> None:
 
 
 def run_measured(tally: Tally) -> None:
-    """Halves of the UR10e's pairs; skipped with a reason if the measured data are not beside the checkout."""
+    """Halves of the UR10e's pairs; skipped with a reason if the measured data are not next to the checkout."""
     tally.heading("7. The verdict on the UR10e: halves of two pairs, 25 s each, wrong / right / cannot tell")
     if not FOLDER.is_dir():
         tally.postpone("the verdict on the UR10e", f"the measured recordings are not at {FOLDER}")
@@ -309,7 +309,7 @@ def _shares(results: Sequence[Agreement]) -> str:
 
 
 def main() -> int:
-    """Run this part alone."""
+    """Run only this part."""
     tally, census = Tally(), Census()
     run_measured(tally)
     with workers() as pool:

@@ -124,7 +124,7 @@ def _named(panda: SaggingPanda, joint: int, off: float, seed: int) -> tuple[int,
 
 
 def main() -> int:
-    """Run this part alone."""
+    """Run only this part."""
     tally = Tally()
     with workers() as pool:
         run(tally, pool)

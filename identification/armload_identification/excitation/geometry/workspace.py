@@ -99,7 +99,7 @@ class Workspace:
         half_spaces: Obstacles.
         boxes: Obstacles.
         apart: Pairs of links, as `Sphere.link`, whose spheres must not touch each other.
-        keep_m: Distance that a motion has to keep from all obstacles and between these pairs.
+        keep_m: Required distance from all obstacles and between these pairs.
         names: (K,) name of the obstacle, or pair of links, of each clearance.
         between: (K,) the part of the arm and the obstacle of each clearance, in words.
 
