@@ -28,7 +28,7 @@ def server(recorded_er50):
     fsspec.asyn.get_loop()  # its thread lasts as long as the process
     handler = functools.partial(_Quiet, directory=str(recorded_er50))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as serving:
-        thread = threading.Thread(target=serving.serve_forever, daemon=True)
+        thread = threading.Thread(target=serving.serve_forever, args=(0.01,), daemon=True)
         thread.start()
         yield f"http://127.0.0.1:{serving.server_address[1]}"
         serving.shutdown()
