@@ -1,36 +1,36 @@
-/* `armload export --format c` writes this file and its header for one arm, with straight-line code as `estimator_arm`: they
-   use nothing of the core but the two numbers of `chain.h`. */
+/* `armload export --format c` writes this file and its header for one arm, with straight-line code as `estimator_arm`.
+   From the core they use only the two constants of `chain.h`. */
 #include "payload_estimator.h"
 
 #include <math.h>
 #include <string.h>
 
 static const double BIN_S = 0.0095;      /* samples that come faster are averaged over this */
-static const double WINDOW_S = 0.24;     /* what a cubic is fitted to: a Savitzky-Golay filter at the stamps as they are */
-static const double DEVIATION = 0.1889822365046136; /* of the kernel that it implies, as a share of it: sqrt(1/28) */
+static const double WINDOW_S = 0.24;     /* window of a cubic fit: a Savitzky-Golay filter for irregular time stamps */
+static const double DEVIATION = 0.1889822365046136; /* standard deviation of its kernel over WINDOW_S: sqrt(1/28) */
 static const double ROW_S = 0.05;
-static const double HOLE_S = 0.10;       /* without samples for longer, the front end begins anew */
-static const double CLOCK_BACK_S = 1.0;  /* a stamp so much earlier is a clock that was set */
-static const double FASTEST_RAD_S = 20.0; /* no joint moves faster, and a position that does has jumped */
+static const double HOLE_S = 0.10;       /* after a longer gap between samples the front end restarts */
+static const double CLOCK_BACK_S = 1.0;  /* a stamp earlier by this or more means that the clock was set */
+static const double FASTEST_RAD_S = 20.0; /* no joint is faster: a faster change of position is a jump */
 static const double JUMP_RAD = 0.02;
 static const double LEAST_WEIGHT = 0.05;
-static const double ONWARD = 0.95;       /* share of the window that a joint moves one way, from which it counts */
-static const double CLIP = 3.0;          /* an innovation counts for at most so many standard deviations */
+static const double ONWARD = 0.95;       /* least share of the window in one direction for a row to count */
+static const double CLIP = 3.0;          /* innovations are limited to this many standard deviations */
 static const double MISFIT_MEMORY_S = 10.0;
 static const double SCATTER_MEMORY_S = 2.0;
-static const double WAIT_S = 0.25;       /* three times this after it was learnt a scatter is used */
-static const double USUAL_SCATTER = 2.0; /* of a calibrated arm; the test for changes allows for more, not for this */
-static const double SCATTER_COLOUR = 3.0; /* what the model does not say stays alike for longer than noise does */
-static const double FRICTION_LAW = 0.01; /* share of its friction by which a joint may follow no law; the test allows it */
+static const double WAIT_S = 0.25;       /* a scatter comes into use after three of these intervals */
+static const double USUAL_SCATTER = 2.0; /* of a calibrated arm; the test for changes allows for the excess over it */
+static const double SCATTER_COLOUR = 3.0; /* errors of the model are correlated for longer than noise */
+static const double FRICTION_LAW = 0.01; /* error of the friction model, as a share of friction, that the test allows */
 static const double CHANGE_MEMORY_S = 1.0;
 static const double CHANGE_TEST = 20.0;
-static const double STATIC_TEST = 8.0;   /* of mass and centre of mass alone, whatever the inertia */
-static const double COMPACT = 30.0;      /* what is known of a change's inertia: 0.13 m of arm, where a payload's is 0.3 m */
-static const double KNOWN_S = 5.0;       /* of motion before the first test, for the scatter to be learnt */
-static const double ANEW_S = 2.0;        /* of motion before the next, for the payload to be known at all */
-static const double HELD_S = 0.3;        /* at the bound; what is twice as significant needs half as long */
-static const double AT_REST = 0.05;      /* of the speed of the gate */
-static const double CONTACT_RATIO = 3.0; /* friction holds 1.4 times itself at most on a free arm, 6 and more in a push */
+static const double STATIC_TEST = 8.0;   /* of mass and centre of mass, for any inertia */
+static const double COMPACT = 30.0;      /* prior information on a change's inertia: 0.13 m of lever; payload: 0.3 m */
+static const double KNOWN_S = 5.0;       /* time of motion before the first test, for an estimate of the scatter */
+static const double ANEW_S = 2.0;        /* time of motion before the next test, for an estimate of the payload */
+static const double HELD_S = 0.3;        /* at the bound; at twice the significance half of it is enough */
+static const double AT_REST = 0.05;      /* as a share of the gate's speed */
+static const double CONTACT_RATIO = 3.0; /* over modelled friction: at most 1.4 on a free arm, 6 and more in a push */
 
 enum { LEAST_MEANS = 8, POWERS = 4, STATIC = 4 };
 
@@ -54,7 +54,7 @@ static void clear_front(payload_estimator *e)
     e->held = e->next = e->gathered = 0;
 }
 
-/* Lower factor of a positive definite matrix of 10, in place of it; returns 0 where it is none. */
+/* Cholesky factor of a 10 x 10 matrix, in place. Returns 0 if it is not positive definite. */
 static int factorised(double (*a)[BODY_PARAMETERS])
 {
     for (int j = 0; j < BODY_PARAMETERS; j++) {
@@ -98,7 +98,7 @@ static void solve_upper(const double (*l)[BODY_PARAMETERS], double *x)
     }
 }
 
-/* Inverse of a symmetric positive definite matrix of 3. */
+/* Inverse of a symmetric positive definite 3 x 3 matrix. */
 static void inverted(const double (*a)[FRICTION_STATES], double (*inverse)[FRICTION_STATES])
 {
     const double c00 = a[1][1] * a[2][2] - a[1][2] * a[1][2], c01 = a[0][2] * a[1][2] - a[0][1] * a[2][2];
@@ -112,7 +112,7 @@ static void inverted(const double (*a)[FRICTION_STATES], double (*inverse)[FRICT
     inverse[2][2] = scale * (a[0][0] * a[1][1] - a[0][1] * a[0][1]);
 }
 
-/* What the payload has to do with a joint's friction, B D^-1 (10, 3), both by the joint's misfit. */
+/* Coupling of the payload with a joint's friction, B D^-1 (10, 3), with the misfit in both factors. */
 static void through_friction(const joint_information *f, double (*through)[FRICTION_STATES])
 {
     const double counts = 1.0 / f->misfit;
@@ -125,7 +125,7 @@ static void through_friction(const joint_information *f, double (*through)[FRICT
     }
 }
 
-/* Estimates from the information. A joint's rows count by its misfit, those of long ago too. */
+/* Compute the estimates. All rows of a joint, including old ones, are weighted by its misfit. */
 static void solve(payload_estimator *e)
 {
     double right[BODY_PARAMETERS] = {0.0}, through[BODY_PARAMETERS][FRICTION_STATES];
@@ -156,7 +156,7 @@ static void solve(payload_estimator *e)
         }
     }
     if (!factorised(e->factor)) {
-        estimator_begin(e); /* not reached with finite information; what is not finite must not stay */
+        estimator_begin(e); /* only if the information is not finite, which must not persist */
         return;
     }
     solve_lower((const double(*)[BODY_PARAMETERS])e->factor, right);
@@ -249,7 +249,8 @@ static void forget_payload(payload_estimator *e)
     solve(e);
 }
 
-/* The middle of the window: acceleration by a cubic in least squares, all else to match. Returns 0 without enough of it. */
+/* Row at the middle of the window: acceleration from a least-squares cubic, the other signals filtered to match.
+   Returns 0 if the window has too few samples. */
 static int smoothed_row(const payload_estimator *e, estimator_row *row)
 {
     const joint_sample *newest = e->smoothed + (e->next + SMOOTHED - 1) % SMOOTHED;
@@ -292,8 +293,8 @@ static int smoothed_row(const payload_estimator *e, estimator_row *row)
             factor[i][j] = i == j ? sqrt(s) : s / factor[j][j];
         }
     }
-    /* Second derivatives by the fit's weights are the true ones through a kernel: the one whose second derivative these
-       weights are. Everything goes through it, so that torque belongs to the motion, however jerky that is. */
+    /* The second derivative from the cubic is the true one filtered by a kernel, whose second derivative are the fit's
+       weights. All signals are filtered by it, so that torque and motion correspond even with high jerk. */
     double kernel[SMOOTHED], whole = 0.0, slope = 0.0;
     for (int k = 0; k < used; k++) {
         const double h = k == 0 ? 0.0 : at[k]->time - at[k - 1]->time;
@@ -315,7 +316,7 @@ static int smoothed_row(const payload_estimator *e, estimator_row *row)
         whole += k == 0 ? 0.0 : 0.5 * h * (kernel[k - 1] + kernel[k]);
         slope += second[k];
     }
-    if (!(whole > 0.5)) { /* one but for rounding */
+    if (!(whole > 0.5)) { /* 1 up to rounding */
         return 0;
     }
     memset(row->position, 0, sizeof row->position);
@@ -378,14 +379,14 @@ static void fade(payload_estimator *e, double elapsed)
     }
 }
 
-/* A joint's row as the test for changes sees it: what was not expected of it, and the square that should have been. */
+/* A joint's row for the test for changes: its innovation, and the innovation's expected square. */
 typedef struct {
     int joint;
     double innovation, usual;
     const double *h;
 } surprise;
 
-/* A joint's row, added to the information; `h` and `f` in the units of the states. */
+/* Add a joint's row to the information; `h` and `f` in the units of the states. */
 static void add_row(payload_estimator *e, int joint, const double *h, const double *f, double friction, double target,
                     double weight, double elapsed, surprise *seen)
 {
@@ -410,7 +411,7 @@ static void add_row(payload_estimator *e, int joint, const double *h, const doub
     const double spread = (1.0 + SCATTER_COLOUR * fmax(own->scatter - USUAL_SCATTER, 0.0)) / weight + variance + law * law;
     const double bound = CLIP * sqrt(spread);
     const double off = target - expected, innovation = fmax(fmin(off, bound), -bound);
-    /* The weight makes rows that stay alike count as one; their size is that of one row's noise. */
+    /* The weight is reduced for correlated rows; an innovation's size, however, is that of a single row's noise. */
     const double single = 1.0 / (weight * e->parameter[ESTIMATOR_COLOUR][joint]);
     if (e->suspected == 0.0) {
         const double size = innovation * innovation / (own->misfit * single + variance);
@@ -440,7 +441,7 @@ static void add_row(payload_estimator *e, int joint, const double *h, const doub
     }
 }
 
-/* How far rows scatter, beside a change where that is suspected. The scatter in use is that of 0.75 to 1 s ago. */
+/* Estimate the scatter of the rows, without a suspected change. The scatter in use is that of 0.75 to 1 s ago. */
 static void learn_scatter(payload_estimator *e, const surprise *seen, int count, const double *change, double elapsed)
 {
     for (int i = 0; i < count; i++) {
@@ -465,12 +466,12 @@ static void learn_scatter(payload_estimator *e, const surprise *seen, int count,
     }
 }
 
-/* Whether the payload is another one: its change by the innovations of the last second, and how significant that is. */
+/* Test for a change of payload: the change from the innovations of the last second, and its significance. */
 static void watch_change(payload_estimator *e, double now, double elapsed, const surprise *seen, int count)
 {
     enum { INERTIA = BODY_PARAMETERS - STATIC };
     double factor[BODY_PARAMETERS][BODY_PARAMETERS], change[BODY_PARAMETERS], found[BODY_PARAMETERS] = {0.0};
-    /* The inertia first: what is left of the sum of squares is that of mass and centre of mass, whatever the inertia. */
+    /* The inertia first: the rest of the sum of squares belongs to mass and centre of mass, for any inertia. */
     for (int k = 0; k < BODY_PARAMETERS; k++) {
         const int from = (k + STATIC) % BODY_PARAMETERS;
         for (int i = 0; i < BODY_PARAMETERS; i++) {
@@ -500,7 +501,7 @@ static void watch_change(payload_estimator *e, double now, double elapsed, const
     learn_scatter(e, seen, count, found, counted);
     e->watched_s += count ? counted : 0.0;
     e->change_test = e->watched_s < KNOWN_S || of_static <= STATIC_TEST ? 0.0 : of_all;
-    /* The first row beyond the bound begins the evidence; a hole in the rows adds no more than a row does. */
+    /* The first row above the bound starts the evidence; a gap between rows adds no more than one row. */
     if (e->change_test <= CHANGE_TEST) {
         e->evidence = e->suspected = 0.0;
         return;
@@ -508,7 +509,7 @@ static void watch_change(payload_estimator *e, double now, double elapsed, const
     e->evidence += e->suspected * e->change_test * counted;
     e->suspected = 1.0;
     if (e->evidence >= CHANGE_TEST * HELD_S) {
-        /* Forgotten by the next sample: with a row it would be the longest update by far. */
+        /* The next sample forgets the payload: together with a row it would be by far the longest update. */
         e->noticed = now;
         e->noticed_mass = found[0] * e->scale[0];
         clear_change(e);
@@ -516,7 +517,7 @@ static void watch_change(payload_estimator *e, double now, double elapsed, const
     }
 }
 
-/* At rest friction holds a joint; what it cannot hold is a push. */
+/* At rest the unexplained torque is friction; more than friction can hold is contact. */
 static void watch_contact(payload_estimator *e, const estimator_row *row, const double *links, const double *payload)
 {
     double worst = 0.0;
@@ -538,9 +539,9 @@ static void watch_contact(payload_estimator *e, const estimator_row *row, const 
     }
 }
 
-/* What the model makes of a row: the mean of two points of the window, one standard deviation of its kernel either side of
-   the middle, as the torque is a mean over all of it. The torque at the mean position is another one: 4 N m of er50's own
-   weight where its joints turn at 1.5 rad/s. */
+/* The model's row: the mean of two points of the window, one standard deviation of its kernel before and after the
+   middle, because the torque is a mean over the window. The torque at the mean position differs from that: by 4 N m for
+   er50's own weight at joint speeds of 1.5 rad/s. */
 static void modelled(const payload_estimator *e, const estimator_row *row, double *regressor, double *links)
 {
     double position[MOST_JOINTS], velocity[MOST_JOINTS], later[MOST_JOINTS * BODY_PARAMETERS] = {0.0};
@@ -589,7 +590,7 @@ static void take_row(payload_estimator *e)
     int count = 0;
     for (int j = 0; j < n; j++) {
         const double dq = row->velocity[j], gate = e->parameter[ESTIMATOR_GATE][j];
-        /* Where the joint stands or turns round within the window, friction is what no model says. */
+        /* The friction model does not hold if the joint stands or reverses within the window. */
         const double onward = fmax((fabs(row->direction[j]) - ONWARD) / (1.0 - ONWARD), 0.0);
         const double ratio = (dq / gate) * (dq / gate), gated = onward * ratio / sqrt(1.0 + ratio * ratio);
         if (gated < LEAST_WEIGHT) {
@@ -620,7 +621,7 @@ static void take_row(payload_estimator *e)
     solve(e);
 }
 
-/* The gathered samples as one mean into the window. */
+/* Store the mean of the gathered samples in the window. */
 static void close_mean(payload_estimator *e)
 {
     joint_sample *mean = e->smoothed + e->next;

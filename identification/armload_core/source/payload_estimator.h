@@ -1,22 +1,22 @@
-/* What an arm carries, sample by sample: the recursive estimator. It allocates nothing and takes bounded time.
+/* Recursive estimator of an arm's payload, sample by sample. It allocates no memory and takes bounded time.
 
-   Row of joint j, at most 20 a second, of the calibrated arm's torque less what was measured:
+   Row of joint j, at most 20 per second: measured torque minus the calibrated arm's own,
 
        tau - tau_arm = (1 + mu s sgn(tau_l)) Phi_j theta + s dFc_j + dq_j dFv_j + dF0_j
 
-   Unknown are the payload's ten parameters theta and three changes of friction per joint, in units of their standard
-   deviations beforehand, so that the information about them begins as the identity. It fades towards that:
+   The unknowns are the payload's ten parameters theta and three changes of friction per joint, in units of their prior
+   standard deviations, so that the prior information is the identity. With exponential forgetting towards the prior,
 
        Lambda = 1 + sum_j L_j / c_j,      L_j <- f L_j + W_j h_j h_j^T,      f = exp(-dt / memory)
 
-   so that Lambda - 1 is never negative, whatever comes in: no rounding and no number of updates makes it indefinite.
-   A joint's friction meets the payload alone: Lambda is an arrow, and theta follows from one factorisation of 10 x 10.
-   The misfit c_j >= 1 is the mean square of the joint's innovations over what it should be: a joint that no payload
-   explains counts less, in what it has shown before as well, and the intervals widen.
+   Lambda - 1 is positive semidefinite for any data, rounding and number of updates. A joint's friction is coupled with
+   the payload only: Lambda is an arrow matrix, and theta follows from one factorisation of a 10 x 10 matrix. The misfit
+   c_j >= 1 is the ratio of the mean square of the joint's innovations to the expected one: all rows of a joint that no
+   payload explains, including old ones, get less weight, and the intervals widen.
 
-   A change of payload shows in the innovations of the last second. What they are measured by is the joint's scatter, a
-   misfit that is learnt within seconds and used as it was a second ago: a change is noticed before it counts as scatter.
-   An elastic joint that rings looks like inertia that changes; mass and centre of mass must show a part of any change. */
+   A change of payload shows in the innovations of the last second. They are compared with the joint's scatter, a misfit
+   with a memory of seconds, as it was a second ago: a change is detected before it counts as scatter. The oscillation
+   of an elastic joint looks like a change of inertia; therefore a change must also show in mass and centre of mass. */
 
 #ifndef ARMLOAD_PAYLOAD_ESTIMATOR_H
 #define ARMLOAD_PAYLOAD_ESTIMATOR_H
@@ -37,7 +37,7 @@
     ROW(VISCOUS_SPREAD)                                                                                                 \
     ROW(OFFSET_SPREAD)
 
-/* What the estimator says of itself. */
+/* Rows of the status. */
 #define ESTIMATOR_STATUS_ROWS(ROW)                                                                                     \
     ROW(TIME)                                                                                                          \
     ROW(ROWS)                                                                                                          \
@@ -55,15 +55,15 @@ enum { ESTIMATOR_PARAMETER_ROWS(ESTIMATOR_NAME) ESTIMATOR_PARAMETERS };
 enum { ESTIMATOR_STATUS_ROWS(ESTIMATOR_NAME) ESTIMATOR_STATUS };
 #undef ESTIMATOR_NAME
 
-/* What the sensitivity to gains and body is computed from: 20 s. An export, which does not, keeps the last. */
+/* Rows of 20 s, for the sensitivity to gains and body. An export, which does not compute it, keeps only the last. */
 #ifndef REMEMBERED_ROWS
 #define REMEMBERED_ROWS 400
 #endif
 
 enum {
     FRICTION_STATES = 3,
-    WAITING = 3, /* scatters that were learnt and are not used yet */
-    SMOOTHED = 40 /* means over 10 ms that the front end holds at most */
+    WAITING = 3, /* scatters not yet in use */
+    SMOOTHED = 40 /* greatest number of 10 ms means in the front end */
 };
 
 typedef struct {
@@ -75,18 +75,18 @@ typedef struct {
     double direction[MOST_JOINTS];
 } estimator_row;
 
-/* What a joint's rows say of the payload, of its friction and of both, without what was known beforehand; what follows
-   for its friction; and by how much more than expected it is off. */
+/* Information from a joint's rows about the payload, its friction and both, without the prior; the resulting changes of
+   friction; and its misfit. */
 typedef struct {
     double payload[BODY_PARAMETERS][BODY_PARAMETERS], payload_right[BODY_PARAMETERS]; /* lower half */
     double own[FRICTION_STATES][FRICTION_STATES], with_payload[BODY_PARAMETERS][FRICTION_STATES];
     double right[FRICTION_STATES], change[FRICTION_STATES], inverse[FRICTION_STATES][FRICTION_STATES];
     double misfit;
-    double scatter, waiting[WAITING], learnt; /* in use, to be used next, and up to now */
+    double scatter, waiting[WAITING], learnt; /* in use, waiting, and newest */
 } joint_information;
 
 typedef struct {
-    int n; /* 0 before it is made */
+    int n; /* number of joints; 0 before initialisation */
     double from_effort[MOST_JOINTS * MOST_JOINTS], rotors[MOST_JOINTS * MOST_JOINTS];
     double parameter[ESTIMATOR_PARAMETERS][MOST_JOINTS], scale[BODY_PARAMETERS];
     double memory_s, delay_s;
@@ -103,9 +103,9 @@ typedef struct {
 
     /* change of payload, and contact */
     double change[BODY_PARAMETERS][BODY_PARAMETERS], change_right[BODY_PARAMETERS];
-    int noticing; /* a change is noticed, and the old payload not forgotten yet */
+    int noticing; /* whether a change was detected, but the old payload not forgotten yet */
     double noticed, noticed_mass;
-    double watched_s, waited_s; /* time of motion, and since the scatters moved on */
+    double watched_s, waited_s; /* time of motion, and since the scatters were shifted */
     double change_test, suspected, evidence, changed, change_mass, changes;
     double contact_ratio, touched_since;
 
@@ -114,10 +114,10 @@ typedef struct {
     estimator_row row[REMEMBERED_ROWS];
 } payload_estimator;
 
-/* Begin anew with the constants that are there. */
+/* Reset the estimator; keeps the constants. */
 void estimator_begin(payload_estimator *e);
 
-/* Take a sample: joint positions in rad, and efforts as the drives report them. */
+/* Process a sample: joint positions in rad, and efforts as the drives report them. */
 void estimator_update(payload_estimator *e, double time_s, const double *position, const double *effort);
 
 /* Parameters (10), their covariance (10, 10), changes of friction (3, n), status. */
