@@ -35,7 +35,7 @@ FADE_IN_S = 0.5
 """Time in which the torque is faded in once it is allowed."""
 LAG_MEMORY_S = 5.0
 """Forgetting time constant: the lag is that of about the last seconds of motion."""
-_MOVED_RAD2 = 1e-4
+_MOVED_RAD2_S = 1e-4
 """Integral of squared speed over time, in rad2/s, above which a joint's lag counts."""
 
 
@@ -70,7 +70,7 @@ class FollowingLag:
             return
         self._error_speed = self._keep * self._error_speed + error_rad * velocity_rad_s * self._cycle_s
         self._speed_speed = self._keep * self._speed_speed + moving
-        moved = self._speed_speed > _MOVED_RAD2
+        moved = self._speed_speed > _MOVED_RAD2_S
         if moved.any():
             lag_s = float(np.median(self._error_speed[moved] / self._speed_speed[moved]))
             self.lag_s = min(max(lag_s, 0.0), LONGEST_LAG_S)

@@ -6,7 +6,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from armload_controller.control_errors import ConfigurationError
 from armload_drivers.bring_up.inspection import FoundNode
@@ -14,9 +13,6 @@ from armload_drivers.cia402 import object_dictionary as od
 from armload_drivers.cia402.arm_settings import Identity, OperationMode
 from armload_drivers.cia402.device_description import DeviceDescription
 from armload_drivers.cia402.drive_safety import Safety, has_a_way
-
-DEFAULT_FOLLOWING_RAD: Final = 0.1
-DEFAULT_BITRATE: Final = 1_000_000
 
 
 @dataclass(frozen=True)
