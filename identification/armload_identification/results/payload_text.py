@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from armload_identification.model.payload import PARAMETER_NAMES, PayloadResult
+from armload_identification.report.numerals import decimals_for
 
 UNITS: Final = ("kg", "m", "m", "m", "kg m2", "kg m2", "kg m2", "kg m2", "kg m2", "kg m2")
 NOT_DETERMINED: Final = "not determined"
@@ -36,20 +36,13 @@ def value_texts(payload: PayloadResult) -> tuple[ValueText, ...]:
     for i, name in enumerate(PARAMETER_NAMES):
         low, high = payload.interval_95[i]
         if payload.determined[i]:
-            digits = decimals((high - low) / 2)
+            digits = decimals_for((high - low) / 2, payload.values[i])
             texts.append(
                 ValueText(name, f"{payload.values[i]:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}", UNITS[i])
             )
         else:
             texts.append(ValueText(name, NOT_DETERMINED, "", UNITS[i]))
     return tuple(texts)
-
-
-def decimals(half_width: float) -> int:
-    """Decimals that show two significant digits of an interval's half width."""
-    if not (math.isfinite(half_width) and half_width > 0):
-        return 4
-    return max(0, 1 - math.floor(math.log10(half_width)))
 
 
 def plain_table(headings: Sequence[str], rows: Sequence[Sequence[str]], text_columns: Sequence[int]) -> list[str]:
