@@ -18,7 +18,7 @@ from benchmarks.verdict import Tally, progress_line
 
 SEEDS = 100
 COMMISSIONINGS = 4
-"""Over CANopen, each with noise of its own."""
+"""Number of commissionings over CANopen, each with its own noise."""
 MASS_SHARE = 0.01
 CENTER_M = 0.003
 MASS_OF_SEEDS = 0.95
@@ -66,7 +66,7 @@ def _compare_with_canopen(tally: Tally, pool: Executor, robot: Robot, setup: Set
         uncertainty = one.uncertainty
         known, freedom = uncertainty.determined, uncertainty.degrees_of_freedom
         off = np.abs(one.parameters.values - expected)[known] / uncertainty.half_width_95[known]
-        # 95 % is asked of all values of all commissionings at once, which Bonferroni's width gives.
+        # 95 % for all values of all commissionings together: Bonferroni's half widths.
         wider = (student.ppf(1.0 - 0.025 / values, freedom) / student.ppf(0.975, freedom))[known]
         held += int(np.count_nonzero(off <= wider))
         single += int(np.count_nonzero(off <= 1.0))
