@@ -29,5 +29,6 @@ def live_estimate(n, mass_kg, width_kg, center_m, time_s=0.0, **changes):
         contact=False,
         refused=0,
         covariance=1e-4 * np.eye(10),
+        friction_covariance=np.zeros((n, 2, 2)),
     )
     return replace(plain, **changes)

@@ -234,6 +234,9 @@ class PayloadEstimator:
             status: (ESTIMATOR_STATUS,) the estimator's status.
         """
 
+    def friction_into(self, covariance: FloatArray, /) -> None:
+        """Write the (n, 3, 3) covariance of each joint's changes of Coulomb friction, viscous friction and offset."""
+
     def rows_into(self, rows: FloatArray, /) -> int:
         """Write the rows of the last 20 s, or since the last change of payload, and return their number.
 

@@ -3,8 +3,8 @@
         grasped, dropped        the payload's mass changed, and the change is known to within a quarter of its value
     changed tool            the payload changed: same mass, different centre of mass
     contact                 at rest, an external force exceeds what friction could hold
-    friction drifting       a joint's friction differs from the calibration by `DRIFTING` times the scatter between runs
-    calibration out of date the same with `OUTDATED` times the scatter; or the estimated mass is below zero
+    friction drifting       a joint's friction differs from the calibration by `DRIFTING` standard deviations
+    calibration out of date the same with `OUTDATED` of them; or the estimated mass is below zero
 
 Friction and a negative mass are assessed after `MOVED_S` of motion, and count only if they have persisted for `HELD_S`.
 """
@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from armload_controller.feedforward.adaptation_rules import friction_change_nm
+from armload_controller.feedforward.adaptation_rules import friction_size
 from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.pipeline.payload_estimator import LivePayload
 from armload_identification.verdict.friction_validity import FAR
@@ -29,7 +29,7 @@ SAME_WITHIN: Final = 0.1
 MOVED_WITHIN_M: Final = 0.01
 """The centre of mass has moved if the difference exceeds the half widths by more than this."""
 DRIFTING: Final = 3.0
-"""Standard deviations of the drift between runs."""
+"""Standard deviations of the drift between runs and of the estimate together."""
 OUTDATED: Final = FAR
 MOVED_S: Final = 5.0
 """Time in motion after which friction and a mass below zero are assessed."""
@@ -73,8 +73,7 @@ class PayloadEvents:
 
     def __init__(self, calibration: ArmCalibration, joint_names: Sequence[str]) -> None:
         self._joint_names = tuple(joint_names)
-        self._speed = calibration.middle_speed_rad_s
-        self._usual_nm = calibration.usual_change_nm
+        self._drift = calibration.drift[:2]
         self._changes = 0
         self._weighed: LivePayload | None = None
         self._before: LivePayload | None = None
@@ -120,7 +119,7 @@ class PayloadEvents:
         if found.moving_s.max() < MOVED_S:
             self._since.clear()
             return []
-        far = friction_change_nm(found, self._speed) / self._usual_nm
+        far = friction_size(found, self._drift)
         now: set[tuple[str, str | None]] = set()
         for kind, limit in (("friction drifting", DRIFTING), ("calibration out of date", OUTDATED)):
             now |= {(kind, self._joint_names[joint]) for joint in np.flatnonzero(far > limit)}

@@ -28,7 +28,7 @@ from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.estimation.uncertainty import REFERENCE_LENGTH_M
 from armload_identification.model.payload import InertialParameters
 from armload_identification.pipeline.payload_estimator import LivePayload
-from armload_identification.verdict.friction_validity import FAR
+from armload_identification.verdict.friction_validity import FAR, standard_deviations
 
 MASS_WITHIN: Final = 0.5
 """Half width of the mass's interval, as a share of the mass."""
@@ -91,8 +91,7 @@ class AdaptationRules:
 
     def __init__(self, declared: DeclaredMass, calibration: ArmCalibration, joint_names: Sequence[str]) -> None:
         self._declared, self._joint_names = declared, tuple(joint_names)
-        self._speed = calibration.middle_speed_rad_s
-        self._usual_nm = calibration.usual_change_nm
+        self._drift = calibration.drift[:2]
 
     def why_not(self, found: LivePayload) -> str | None:
         """Why an estimate must not be fed forward; None if it may be.
@@ -105,7 +104,7 @@ class AdaptationRules:
         doubt = self._why_not(found.values, found.half_width_95)
         if doubt is not None:
             return doubt
-        far = np.flatnonzero(friction_change_nm(found, self._speed) > FAR * self._usual_nm)
+        far = np.flatnonzero(friction_size(found, self._drift) > FAR)
         if far.size:
             return f"the friction of {self._joint_names[int(far[0])]} is far from the calibrated value"
         return None
@@ -146,14 +145,14 @@ def mass_and_center(body: InertialParameters) -> FloatArray:
     return np.array([body.mass_kg, *body.center_of_mass_m])
 
 
-def friction_change_nm(found: LivePayload, speed_rad_s: FloatArray) -> FloatArray:
-    """(n,) difference of each joint's friction from the calibration's at a speed, in N m.
+def friction_size(found: LivePayload, drift: FloatArray) -> FloatArray:
+    """(n,) size of each joint's change of friction since the calibration, in standard deviations, as for one run.
 
     Args:
         found: An estimate.
-        speed_rad_s: (n,) the speed, such as the calibration's `middle_speed_rad_s`.
+        drift: (2, n) the calibration's drift of Coulomb and viscous friction between runs.
     """
-    return np.asarray(np.abs(found.friction[0] + found.friction[1] * speed_rad_s))
+    return standard_deviations(found.friction[:2], found.friction_covariance, drift)
 
 
 def carried_body(found: LivePayload) -> InertialParameters | None:

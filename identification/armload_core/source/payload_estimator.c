@@ -202,32 +202,40 @@ void estimator_begin(payload_estimator *e)
     solve(e);
 }
 
+/* Covariance of the changes of a joint's friction, payload unknown, in the units of the states. */
+static void friction_covariance(const payload_estimator *e, const joint_information *f,
+                                double (*covariance)[FRICTION_STATES])
+{
+    double through[BODY_PARAMETERS][FRICTION_STATES];
+    through_friction(f, through);
+    memcpy(covariance, f->inverse, sizeof f->inverse);
+    for (int a = 0; a < FRICTION_STATES; a++) {
+        double column[BODY_PARAMETERS];
+        for (int k = 0; k < BODY_PARAMETERS; k++) {
+            column[k] = through[k][a];
+        }
+        solve_lower((const double(*)[BODY_PARAMETERS])e->factor, column);
+        solve_upper((const double(*)[BODY_PARAMETERS])e->factor, column);
+        for (int b = 0; b <= a; b++) {
+            double sum = 0.0;
+            for (int k = 0; k < BODY_PARAMETERS; k++) {
+                sum += column[k] * through[k][b];
+            }
+            covariance[a][b] += sum;
+            if (b < a) {
+                covariance[b][a] = covariance[a][b];
+            }
+        }
+    }
+}
+
 /* Another payload: nothing is known of it, and of each joint's friction what was known beside the old one. */
 static void forget_payload(payload_estimator *e)
 {
     for (int j = 0; j < e->n; j++) {
         joint_information *f = e->joint + j;
-        double through[BODY_PARAMETERS][FRICTION_STATES], covariance[FRICTION_STATES][FRICTION_STATES];
-        through_friction(f, through);
-        memcpy(covariance, f->inverse, sizeof covariance);
-        for (int a = 0; a < FRICTION_STATES; a++) {
-            double column[BODY_PARAMETERS];
-            for (int k = 0; k < BODY_PARAMETERS; k++) {
-                column[k] = through[k][a];
-            }
-            solve_lower((const double(*)[BODY_PARAMETERS])e->factor, column);
-            solve_upper((const double(*)[BODY_PARAMETERS])e->factor, column);
-            for (int b = 0; b <= a; b++) {
-                double sum = 0.0;
-                for (int k = 0; k < BODY_PARAMETERS; k++) {
-                    sum += column[k] * through[k][b];
-                }
-                covariance[a][b] += sum;
-                if (b < a) {
-                    covariance[b][a] = covariance[a][b];
-                }
-            }
-        }
+        double covariance[FRICTION_STATES][FRICTION_STATES];
+        friction_covariance(e, f, covariance);
         inverted((const double(*)[FRICTION_STATES])covariance, f->own);
         memset(f->with_payload, 0, sizeof f->with_payload);
         for (int a = 0; a < FRICTION_STATES; a++) {
@@ -734,4 +742,18 @@ void estimator_read(const payload_estimator *e, double *theta, double *covarianc
     status[ESTIMATOR_CHANGE_MASS] = e->change_mass;
     status[ESTIMATOR_CONTACT_RATIO] = e->contact_ratio;
     status[ESTIMATOR_CONTACT] = e->touched_since > -HUGE_VAL && e->row_time - e->touched_since >= HELD_S ? 1.0 : 0.0;
+}
+
+void estimator_read_friction(const payload_estimator *e, double *covariance)
+{
+    for (int j = 0; j < e->n; j++) {
+        double joint[FRICTION_STATES][FRICTION_STATES];
+        friction_covariance(e, e->joint + j, joint);
+        for (int a = 0; a < FRICTION_STATES; a++) {
+            for (int b = 0; b < FRICTION_STATES; b++) {
+                *covariance++ = joint[a][b] * e->parameter[ESTIMATOR_COULOMB_SPREAD + a][j]
+                                * e->parameter[ESTIMATOR_COULOMB_SPREAD + b][j];
+            }
+        }
+    }
 }

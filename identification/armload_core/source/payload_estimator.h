@@ -124,6 +124,9 @@ void estimator_update(payload_estimator *e, double time_s, const double *positio
 void estimator_read(const payload_estimator *e, double *theta, double *covariance, double *friction, double *moving_s,
                     double *status);
 
+/* Covariance of each joint's changes of friction (n, 3, 3). */
+void estimator_read_friction(const payload_estimator *e, double *covariance);
+
 /* Given by whoever builds the estimator: the payload's regressor (n, 10) and the torque of the arm's own links (n). */
 void estimator_arm(const payload_estimator *e, const double *position, const double *velocity,
                    const double *acceleration, double *regressor, double *links);

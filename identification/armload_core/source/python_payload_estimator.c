@@ -178,6 +178,27 @@ static PyObject *read_into(PyObject *object, PyObject *const *args, Py_ssize_t g
     return fits ? Py_NewRef(Py_None) : NULL;
 }
 
+PyDoc_STRVAR(friction_into_doc, "friction_into($self, covariance, /)\n--\n\nThe covariance of the changes of friction.");
+
+static PyObject *friction_into(PyObject *object, PyObject *const *args, Py_ssize_t given)
+{
+    static const operand wanted[] = {{"covariance", 'd', 1, 3, {JOINTS, FRICTION_STATES, FRICTION_STATES}}};
+    const payload_estimator *e = &((payload_estimator_object *)object)->estimator;
+    Py_buffer view;
+    sizes found;
+    if (open_arrays(args, given, wanted, 1, &view, &found) < 0) {
+        return NULL;
+    }
+    const int fits = e->n != 0 && found.joints == e->n;
+    if (fits) {
+        estimator_read_friction(e, view.buf);
+    } else {
+        PyErr_Format(PyExc_ValueError, "%d joints for an estimator of %d", found.joints, e->n);
+    }
+    close_arrays(&view, 1);
+    return fits ? Py_NewRef(Py_None) : NULL;
+}
+
 PyDoc_STRVAR(rows_into_doc, "rows_into($self, rows, /)\n--\n\nThe remembered rows into an array; how many there are.");
 
 /* The remembered rows, oldest first: time, q, dq, ddq, tau (n each). Returns their number. */
@@ -219,6 +240,7 @@ static PyObject *rows_into(PyObject *object, PyObject *value)
 static PyMethodDef METHODS[] = {{"update", FASTCALL(update), METH_FASTCALL, update_doc},
                                 {"update_all", FASTCALL(update_all), METH_FASTCALL, update_all_doc},
                                 {"read_into", FASTCALL(read_into), METH_FASTCALL, read_into_doc},
+                                {"friction_into", FASTCALL(friction_into), METH_FASTCALL, friction_into_doc},
                                 {"rows_into", rows_into, METH_O, rows_into_doc},
                                 {NULL, NULL, 0, NULL}};
 

@@ -57,6 +57,7 @@ class LivePayload:
         contact: Whether, at rest, a torque exceeds what friction can hold.
         refused: Number of samples ignored: not finite, or not later than the previous one.
         covariance: (10, 10) of theta from the rows only, without the arm's errors.
+        friction_covariance: (n, 2, 2) of each joint's change of Coulomb and of viscous friction, likewise.
     """
 
     time_s: float
@@ -72,6 +73,7 @@ class LivePayload:
     contact: bool
     refused: int
     covariance: FloatArray
+    friction_covariance: FloatArray
 
     @property
     def mass_kg(self) -> float:
@@ -186,7 +188,14 @@ class PayloadEstimator:
             contact=bool(status[kernels.ESTIMATOR_CONTACT]),
             refused=int(status[kernels.ESTIMATOR_REFUSED]),
             covariance=spread,
+            friction_covariance=COLOUR * self._friction_covariance()[:, :2, :2],
         )
+
+    def _friction_covariance(self) -> FloatArray:
+        """(n, 3, 3) of each joint's changes of friction."""
+        covariance = np.empty((self._chain.n, 3, 3))
+        self._kernel.friction_into(covariance)
+        return covariance
 
     def _shifts(self, theta: FloatArray) -> FloatArray:
         """(k, 10) change of theta for one standard deviation of each error of gains and body."""

@@ -169,6 +169,7 @@ def made():
     four = np.ones(4)
     sure_of = np.array([True, True, False, False])
     states = {"contact": False, "refused": 0, "covariance": np.eye(10)}
+    states["friction_covariance"] = np.zeros((2, 2, 2))
     live = LivePayload(1.0, ones, four, 0.1 * four, sure_of, ones, ones, 1, 0.5, 1.0, **states)
     moment = WatchedMoment(1.0, live, (PayloadEvent(0.5, "grasped", 1.0),), HeardBus(100, (0, 0, 1), True, 0.0))
     return [

@@ -115,7 +115,7 @@ def test_its_header_says_what_to_give_it_and_what_it_costs(calibrated):
     assert "sha256 77ab" in header
     # no name of it is another arm's in the same program
     given = re.findall(r"^(?:\} |void )(\w+)", header, re.MULTILINE)
-    assert len(given) == 9
+    assert len(given) == 10
     assert all(name.startswith("armload_er50_") for name in given)
     constants = re.findall(r"^ *(?:#define |#ifndef |#undef )?([A-Z][A-Z_0-9]+)\b", header, re.MULTILINE)
     assert {name for name in constants if not name.startswith("ARMLOAD_ER50_")} == {"ROW"}

@@ -42,7 +42,7 @@ ROBOT = load_robot("prbt")
 N, CYCLE_S, RATED_KG = ROBOT.n, 0.01, 6.0
 STILL = np.zeros(N)
 POSE = np.array([0.2, 0.7, 0.9, 0.1, 0.6, 0.0])
-CALIBRATION = SimpleNamespace(middle_speed_rad_s=np.ones(N), usual_change_nm=np.full(N, 0.5))
+CALIBRATION = SimpleNamespace(drift=np.full((3, N), 0.5))
 DECLARED = DeclaredMass(0.0, 3.0, RATED_KG)
 
 

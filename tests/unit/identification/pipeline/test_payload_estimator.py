@@ -9,6 +9,7 @@ from armload_core import kernels
 from armload_identification.identification_errors import ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.pipeline.payload_estimator import PayloadEstimator
+from armload_identification.verdict.friction_validity import FAR, standard_deviations
 
 pytestmark = pytest.mark.pure
 
@@ -135,6 +136,29 @@ def test_an_arm_that_begins_colder_or_warmer_has_no_change_of_payload(
     found = estimator.estimate()
     assert found.changes == 0
     assert within(found, pinocchio_arm.payload)
+
+
+def test_a_change_of_friction_is_measured_with_its_covariance(calibration, pinocchio_arm, jerky):
+    """Half more Coulomb friction of joint 2, less viscous friction by as much at the speed at which it is reported."""
+    time_s, position, current = jerky
+    body, speed = calibration.body, calibration.middle_speed_rad_s
+    velocity, more = np.gradient(position, time_s, axis=0), np.zeros(6)
+    more[1] = 0.5 * body.coulomb_nm[1]
+    changed = (np.sign(velocity) - velocity / speed) * more
+    added = changed @ np.linalg.inv(pinocchio_arm.transmission.joint_torque(np.eye(6)))
+    sizes = []
+    for measured in (current, current + added):
+        estimator = PayloadEstimator(calibration, pinocchio_arm.chain, pinocchio_arm.transmission)
+        estimator.update_all(time_s, position, measured)
+        found = estimator.estimate()
+        known = found.friction_covariance
+        assert (np.linalg.eigvalsh(known) > 0.0).all()
+        assert (known[:, [0, 1], [0, 1]] < 2.0 * calibration.friction_spread[:2].T ** 2).all()
+        assert (known[:, 0, 1] < 0.0).all(), "their sum is better known than each"
+        sizes.append(standard_deviations(found.friction[:2], known, calibration.drift[:2]))
+    assert sizes[0].max() < 3.0
+    assert sizes[1].argmax() == 1
+    assert sizes[1][1] > FAR
 
 
 def test_what_drives_and_buses_do_does_not_break_it(estimator, streams, pinocchio_arm):
