@@ -1,4 +1,4 @@
-"""`CanopenServos` on drives that none of this project wrote: `tests/independent_drive.py`, on the wall clock."""
+"""`CanopenServos` with drives independent of this project (`tests/independent_drive.py`), in real time."""
 
 import time
 import uuid
@@ -30,7 +30,7 @@ from tests.independent_drive import (
 RAD = COUNTS_PER_TURN / (2.0 * np.pi)
 ZERO = np.zeros(3)
 PATIENT = Timeouts(scan_s=0.05, sdo_s=5.0, enable_s=10.0, stop_s=10.0, disable_s=10.0)
-"""The drives' threads share the machine with whatever else runs on it; nobody else is on the bus."""
+"""Long timeouts for a busy machine; short scans, since no other node is on the bus."""
 STEP_RAD = np.deg2rad(0.02)
 
 
@@ -47,13 +47,13 @@ def hold(servos, position_rad, cycles):
     ids=lambda mode: mode.name,
 )
 def mode(request):
-    """Either mode; what does not depend on it is tested in one of them first."""
+    """Either mode; tests that do not depend on it run in one of them only."""
     return request.param
 
 
 @pytest.fixture
 def bench(mode, independent_arm):
-    """Servos, and an independent implementation of the drives behind them."""
+    """Servos connected to independently implemented drives."""
     arm = independent_arm(mode, heartbeat_s=0.2)
     channel = uuid.uuid4().hex
     with (
@@ -91,7 +91,7 @@ def test_it_is_booted_enabled_moved_and_disabled(bench):
     servos.disable()
     for drive in drives:
         assert drive.states[-5:] == [READY, SWITCHED_ON, ENABLED, QUICK_STOP, DISABLED]
-        # A skipped cycle doubles a step; nothing but that, and no jump on enabling.
+        # A skipped cycle doubles a step; there is no greater one, and no jump on enabling.
         assert max(drive.jumps) < 10 * STEP_RAD * RAD
 
 
@@ -111,7 +111,7 @@ def test_its_fault_in_motion_is_reported_and_reset_by_name(bench):
 
 
 def test_a_silent_master_is_noticed_by_it(bench):
-    """It watches the heartbeat that 1016 names, as any drive does."""
+    """The drive monitors the heartbeat configured in 1016."""
     servos, drives, arm = bench
     servos.connect()
     start = servos.enable().position_rad

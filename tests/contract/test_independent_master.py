@@ -1,4 +1,4 @@
-"""The simulated drives under a master that is not ours: plain canopen, its own thread, on the wall clock."""
+"""The simulated drives under an independent master: plain canopen in its own thread, in real time."""
 
 import time
 import uuid
@@ -33,7 +33,7 @@ def record(index, kinds):
 
 
 def description():
-    """As much of a device description as this master needs."""
+    """The part of a device description that this master needs."""
     od = canopen.ObjectDictionary()
     for index, kind in (
         (0x1000, U32), (0x1008, datatypes.VISIBLE_STRING), (0x1017, U16), (0x6040, U16), (0x6041, U16),
@@ -132,7 +132,7 @@ def test_pdos_mapped_and_driven_by_another_library(bench):
     setpoints.transmit()
     network.sync.transmit()
     assert feedback.wait_for_reception(2.0) is not None
-    # The axis gets there in time, without any further frame.
+    # The axis arrives in time, without any further frame.
     deadline_s = time.monotonic() + 2.0
     while node.sdo[0x6064].raw != actual + 5000 and time.monotonic() < deadline_s:
         pass
@@ -140,7 +140,7 @@ def test_pdos_mapped_and_driven_by_another_library(bench):
 
 
 def test_an_event_driven_drive_by_default(bench):
-    """Without any configuration RPDO1 and TPDO1 carry control and status words and act at once."""
+    """By default RPDO1 and TPDO1 carry control and status word and are event-driven."""
     _, node, _ = bench
     node.tpdo.read()
     node.rpdo.read()

@@ -1,4 +1,4 @@
-"""The simulated drives of the shipped arms under canopen's own CiA 402 profile, in one process on the wall clock."""
+"""The simulated drives of the shipped arms under canopen's own CiA 402 profile, in one process in real time."""
 
 import time
 import uuid

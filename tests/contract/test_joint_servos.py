@@ -1,4 +1,4 @@
-"""What every `JointServos` does: one suite over all implementations."""
+"""The contract of `JointServos`: one test suite for all implementations."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ ZERO = np.zeros(3)
 
 
 class OffsetWatch(IdealPlant):
-    """Keeps every torque offset that an axis is given, and whether it had torque then; axes may sink without it."""
+    """Records the torque offsets of every axis and whether it was powered; axes may sink without power."""
 
     def __init__(self, position_rad, torque_nm):
         super().__init__(position_rad, torque_nm)
@@ -41,14 +41,14 @@ class OffsetWatch(IdealPlant):
 
 
 class Rig:
-    """Servos and the plant they move."""
+    """Servos and their plant."""
 
     def __init__(self, servos, plant, arm):
         self.servos, self.plant, self.arm = servos, plant, arm
         self.start_rad = arm.coupling @ START_AXIS_RAD
         self.fail = lambda: None
         self.count_rad = 4e-6
-        """A joint's position is known to a count or two."""
+        """Resolution of a joint's position: one or two counts."""
 
     def enable(self):
         self.servos.connect()
@@ -68,7 +68,7 @@ class Rig:
 
 
 FAULTY_CYCLE = 40
-"""SYNC at which the second drive fails, in tests that want it to."""
+"""SYNC at which the second drive fails, if a test requests it."""
 
 
 @pytest.fixture(params=["fake", "fake and watched", "canopen in CSP", "canopen in IP"])
@@ -168,14 +168,14 @@ def test_a_joint_torque_offset_reaches_the_axes(rig):
 
 
 def test_a_torque_offset_acts_from_the_sync_that_latched_it(rig):
-    """One cycle late or early, it would be the torque of another place."""
+    """One cycle late or early, it would be the torque of another position."""
     rig.enable()
     own_a = rig.hold(2).current_a
     offset_nm = np.array([10.0, -20.0, 30.0])
     added_a = rig.arm.coupling.T @ offset_nm * 10.0 / 200.0
     latched = rig.hold(1, torque_offset_nm=offset_nm)
     assert latched.current_a == pytest.approx(own_a, abs=0.011)
-    # The drives report what acted before the next SYNC, though nothing is added any more from that one on.
+    # The drives report the torque before the next SYNC, although no offset acts from that SYNC on.
     acted = rig.hold(1)
     assert acted.current_a == pytest.approx(own_a + added_a, abs=0.011)
     assert rig.hold(1).current_a == pytest.approx(own_a, abs=0.011)
@@ -198,7 +198,7 @@ def test_stop_brings_a_moving_arm_to_rest_with_torque_on(rig, direction):
     assert all(rig.plant.powered)
     assert rig.plant.velocity_rad_s == pytest.approx(ZERO)
     way = direction * (rig.arm.coupling @ rig.plant.position_rad - last)
-    # It goes on in its direction and no further than its ramp takes it.
+    # It continues in its direction, at most as far as its ramp.
     assert np.all(way >= -0.5 * rig.arm.cycle_s - rig.count_rad)
     assert np.all(way <= 0.1)
 
@@ -270,7 +270,7 @@ def test_closing_reports_it_as_well(make_rig):
 
 
 def faded(rig, axis, since_s):
-    """Offsets that a powered axis was given since then, one a cycle; the last is zero."""
+    """Offsets of a powered axis since then, one per cycle; the last is zero."""
     steps = [nm for time_s, which, nm, powered in rig.plant.given if which == axis and time_s >= since_s and powered]
     return np.array(steps)
 

@@ -1,4 +1,4 @@
-"""What a master must put on the bus, whatever its own bookkeeping says."""
+"""The frames that the master sends, checked on the bus and not by its internal state."""
 
 import struct
 
@@ -29,7 +29,7 @@ def frames_of(arm):
     ],
 )
 def test_the_target_is_the_present_position_before_the_first_setpoint(virtual_arm, arm_settings, mode, target):
-    """The most frequent accident with other masters: the arm jumps, or drives to zero, on enable."""
+    """The most frequent accident with other masters: on enabling, the arm jumps or moves to zero."""
     arm = virtual_arm(arm_settings(mode=mode))
     arm.servos.connect()
     arm.servos.enable()
@@ -50,7 +50,7 @@ def test_the_target_is_the_present_position_before_the_first_setpoint(virtual_ar
 
 
 def test_an_axis_that_sinks_is_taken_where_it_is_and_not_where_it_was(virtual_arm):
-    """Between the preset and the enabled drive lie several cycles; an axis without a brake moves meanwhile."""
+    """Several cycles pass between the preset and the enabled drive; an axis without a brake moves meanwhile."""
     arm = virtual_arm()
     arm.servos.connect()
     speed_rad_s = 2.0
@@ -58,7 +58,7 @@ def test_an_axis_that_sinks_is_taken_where_it_is_and_not_where_it_was(virtual_ar
     enabled = []
 
     class WatchedPower(list):
-        """Keeps where the axis is when it gets its torque."""
+        """Records the position of the axis when it is powered."""
 
         def __setitem__(self, axis, on):
             super().__setitem__(axis, on)
@@ -72,12 +72,12 @@ def test_an_axis_that_sinks_is_taken_where_it_is_and_not_where_it_was(virtual_ar
     sent = [data for cob_id, data in frames_of(arm) if cob_id == FIRST_RPDO + drive.node_id]
     targets = [struct.unpack("<Hih", data)[1] / drive.counts_per_rad for data in sent]
     enabling = [target for data, target in zip(sent, targets, strict=True) if data[0] & 0x0F == 0x0F]
-    # What the last feedback is old, and the target's own way to the SYNC that latches it.
+    # Age of the last feedback, and the delay of the target until the SYNC that latches it.
     assert abs(enabling[0] - begun) <= 2.5 * speed_rad_s * arm.arm.cycle_s
 
 
 def test_what_drives_are_to_do_without_their_master_and_after_a_fault(virtual_arm):
-    """Once more what `drive_objects` says: a lost master is a quick stop, and a quick stop holds with torque on."""
+    """As in `drive_objects`: loss of the master causes a quick stop, which ends with torque on."""
     arm = virtual_arm()
     arm.servos.connect()
     arm.servos.enable()
@@ -109,7 +109,7 @@ def test_no_setpoint_on_the_wire_differs_from_what_was_computed(virtual_arm):
 
 
 def test_the_cycle_sends_the_masters_heartbeat(virtual_arm):
-    """Without a first heartbeat no consumer starts, and no drive would ever notice a lost master."""
+    """A heartbeat consumer starts with the first heartbeat; without it no drive would detect loss of the master."""
     arm = virtual_arm()
     arm.servos.connect()
     hold = arm.servos.enable().position_rad

@@ -1,4 +1,4 @@
-"""An arm under canopen's own objects, watched and recorded by its frames alone: mounted, dropped, calibrated."""
+"""An arm under another master, canopen, watched and recorded from its frames only: mounting, dropping, calibration."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def recorded(robot, tmp_path_factory):
-    """The empty and the loaded arm under another master, as `armload watch --record` keeps it."""
+    """The empty and the loaded arm under another master, recorded as by `armload watch --record`."""
     folder = tmp_path_factory.mktemp("shift") / "disc"
     folder.mkdir()
     paths = {}
@@ -60,7 +60,7 @@ def recorded(robot, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def calibration_file(robot, recorded):
-    """The arm, calibrated from what was heard."""
+    """The calibration from these recordings."""
     runs = read_runs(robot, list(recorded.values()))
     assert not runs.left_out
     mass_kg = robot.simulation.payload(robot.simulation.payload_name).mass_kg
@@ -120,7 +120,7 @@ def test_recordings_of_another_master_say_what_they_are(robot, recorded):
 
 
 class DeafMouth:
-    """A bus that receives nothing and ends the test when it is asked to send."""
+    """A bus that receives nothing and fails the test on sending."""
 
     def __init__(self, *args, **kwargs):
         self.closed = False
@@ -171,7 +171,7 @@ def test_the_kind_of_effort_must_be_the_calibrations(robot, calibration_file):
 
 
 def test_the_command_listens_and_records(robot, armload, tmp_path, monkeypatch, calibration_file):
-    """The whole command on a virtual bus of this process; frames come from a shift that was heard before."""
+    """The complete command on a virtual bus of this process, with the frames of an earlier shift."""
     frames = []
     settings = robot.drives.settings
     with arm_under_canopen(settings, robot.simulation.plant_spec(None), lambda *frame: frames.append(frame)) as master:

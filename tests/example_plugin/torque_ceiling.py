@@ -1,4 +1,4 @@
-"""A plug-in of armload's cycle: asks for a stop where a joint's measured torque stays above a ceiling.
+"""A plug-in of armload's cycle: requests a stop if a joint's measured torque stays above a limit.
 
 [plugins.torque_ceiling]
 joint = "joint_2"
@@ -18,12 +18,12 @@ import armload
 class TorqueCeilingTable(armload.PluginTable):
     """The keys of `[plugins.torque_ceiling]`.
 
-    What is missing, unknown, out of range or of another type is refused by armload, with file, key and value.
+    armload refuses missing and unknown keys and values of wrong type or range, naming file, key and value.
 
     Attributes:
         joint: Name of the joint.
-        torque_nm: Ceiling of its torque, either direction.
-        cycles: So many cycles in a row above it are no noise.
+        torque_nm: Limit of the torque's magnitude.
+        cycles: Number of consecutive cycles above the limit that is not noise.
     """
 
     joint: str
@@ -31,7 +31,7 @@ class TorqueCeilingTable(armload.PluginTable):
     cycles: Annotated[int, Field(ge=1)]
 
     def plugin(self, robot: armload.Robot) -> TorqueCeiling:
-        """Make the plug-in for an arm; what does not fit the arm is refused here."""
+        """Make the plug-in for an arm; refuses settings that do not fit the arm."""
         if self.joint not in robot.joint_names:
             raise armload.BadValue("joint", self.joint, f"expected one of {', '.join(robot.joint_names)}")
         return TorqueCeiling(robot, self)
@@ -52,7 +52,7 @@ class TorqueCeiling:
         self._above = 0
 
     def on_cycle(self, step: armload.CycleStep) -> None:
-        """Look at one cycle; called in the control loop, so nothing here waits."""
+        """Check one cycle; called in the control loop, so it must not block."""
         torque_nm = self._transmission.measured(step.feedback.torque_nm, step.feedback.current_a)
         if torque_nm is None:
             return

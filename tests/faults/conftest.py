@@ -1,4 +1,4 @@
-"""One arm for scripted faults, in lockstep or on vcan0 on the wall clock."""
+"""An arm for scripted faults, in lockstep or on vcan0 in real time."""
 
 import time
 from contextlib import ExitStack
@@ -31,14 +31,14 @@ class FaultArm:
     Args:
         vcan: On vcan0; otherwise in lockstep.
         arm: The master's settings.
-        traits: In what drives differ, by node id.
-        drives_arm: The drives' settings, where they are not the master's.
-        plant: What they move.
+        traits: Deviations of the drives, by node id.
+        drives_arm: The drives' settings if they differ from the master's.
+        plant: The plant that they move.
     """
 
     def __init__(self, vcan, arm, traits=None, drives_arm=None, plant=None):
         if vcan:
-            # A guest on a busy machine may not run for a tenth of a second; that is no fault of the drives.
+            # A virtual machine on a busy host may pause for a tenth of a second; that is no fault of the drives.
             arm = replace(arm, heartbeat_s=VCAN_HEARTBEAT_S)
             drives_arm = drives_arm and replace(drives_arm, heartbeat_s=VCAN_HEARTBEAT_S)
         self.vcan, self.arm = vcan, arm
@@ -53,7 +53,7 @@ class FaultArm:
         self.drives = self._stack.enter_context(
             SimulatedDrives(drives_arm or arm, self.plant, drives_bus, clock, traits)
         )
-        # In lockstep a wait costs no time.
+        # In lockstep, waiting takes no time.
         self.timeouts = Timeouts(probe_s=0.3, scan_s=0.09, boot_s=1.2, sdo_s=1.0, mode_s=0.3)
         self.sync = BcmSync(BroadcastManager("vcan0")) if vcan else LockstepSync(clock)
         self.servos = CanopenServos(arm, self.bus, self.sync, self.timeouts)
@@ -78,13 +78,13 @@ class FaultArm:
         return feedback
 
     def failure(self, kind, cycles=60):
-        """The error that motion ends in."""
+        """The error with which motion ends."""
         with pytest.raises(kind) as raised:
             self.move(cycles)
         return raised.value
 
     def comes_to_rest(self):
-        """Stop and disable: no torque is left, and nothing moves."""
+        """Stop and disable; check that no torque is left and nothing moves."""
         self.servos.stop()
         assert self.plant.velocity_rad_s == pytest.approx(np.zeros(self.plant.n), abs=1e-3)
         self.servos.disable()

@@ -1,4 +1,4 @@
-"""Bring-up, in lockstep and on vcan0: its steps, each failing once, what it leaves in a drive, who else is there."""
+"""Bring-up, in lockstep and on vcan0: its steps, each failing once, the settings it leaves, other masters and nodes."""
 
 import threading
 import time
@@ -27,10 +27,10 @@ ZERO = np.zeros(3)
 
 
 class Requests:
-    """Remembers at which step of bring-up a drive's requests come, and fails those of one step.
+    """Records at which step of bring-up a drive receives requests, and fails those of one step.
 
     Args:
-        step: The step whose requests fail; None lets all pass.
+        step: The step whose requests fail; None for no failure.
         verdict: The abort code, or silence.
     """
 
@@ -42,7 +42,7 @@ class Requests:
     def __call__(self, request):
         if self.setup is None:
             return None
-        # The master waits for the answer meanwhile.
+        # Meanwhile the master waits for the answer.
         now = self.setup._sdo.step
         if now not in self.steps:
             self.steps.append(now)
@@ -58,7 +58,7 @@ STEPS = [
 ]  # fmt: skip
 LATER = ["presetting the target", "checking for faults"]
 HARMLESS = {"looking for the node", "reading the name"}
-"""A node that answers with an abort is there, and a name is nothing to fail for."""
+"""A node that answers with an abort is present, and a missing name is no error."""
 
 
 def test_the_steps_of_bring_up_are_these(fault_arm):
@@ -75,7 +75,7 @@ def test_the_steps_of_bring_up_are_these(fault_arm):
 @pytest.mark.parametrize("verdict", [0x0800_0000, SILENCE], ids=["abort", "timeout"])
 def test_an_abort_or_a_timeout_at_every_step(fault_arm, arm_settings, step, verdict):
     requests = Requests(step, verdict)
-    # A node that is silent at first is reset only where it need not be a simulation.
+    # A node that does not answer is reset only if real drives are allowed.
     anybody = step == "looking for the node" and verdict == SILENCE
     settings = arm_settings(cycle_s=0.02, identity=Identity(None, None)) if anybody else None
     arm = fault_arm(settings, traits={3: DriveTraits(on_request=requests)})
@@ -125,7 +125,7 @@ def configured(arm, node_id):
 
 
 def test_what_bring_up_leaves_in_a_drive(fault_arm, arm_settings):
-    """In numbers, as a manual has them, so that no constant of the driver can be wrong on both sides."""
+    """As numbers from the standard, so that a wrong constant of the driver cannot cancel out."""
     settings = replace(arm_settings(cycle_s=0.02), sync_counter=10)
     arm = fault_arm(settings)
     arm.servos.connect()
@@ -162,19 +162,19 @@ def nmt_states(arm):
 
 
 def alone(arm, seconds):
-    """Time passes without the master; in lockstep with SYNC from elsewhere."""
+    """Let time pass without the master; in lockstep with SYNC from another source."""
     if arm.vcan:
         time.sleep(seconds)
         return
     for _ in range(round(seconds / arm.arm.cycle_s)):
         arm.sync._clock.advance(arm.arm.cycle_s)
         arm.send(0x080)
-    # An SDO answer proves that the drives have seen all of it.
+    # An SDO answer proves that the drives have processed all frames.
     arm.heard()
 
 
 def test_drives_without_their_master_stop_hold_and_leave_the_cycle(fault_arm):
-    """6007 and 1029, as bring-up set them: a quick stop that holds, and no PDO moves anything any more."""
+    """6007 and 1029 as set by bring-up: the drives stop by quick stop, hold, and ignore further PDOs."""
     arm = fault_arm()
     arm.enable()
     arm.move()
@@ -191,7 +191,7 @@ def test_drives_without_their_master_stop_hold_and_leave_the_cycle(fault_arm):
 
 @contextmanager
 def pestered(arm):
-    """Another SDO client asks drive 3 for its position all the time; in lockstep right after every request."""
+    """Another SDO client reads drive 3's position continually; in lockstep right after every request."""
     request = can.Message(arbitration_id=0x603, data=bytes.fromhex("4064600000000000"), is_extended_id=False)
     if not arm.vcan:
         with LockstepBus(arm.bus.wire) as other:
@@ -214,20 +214,20 @@ def pestered(arm):
 
 
 def test_two_sdo_users_at_once(fault_arm):
-    """The other one's answers are not taken for ours: bring-up ends, and says who is to blame."""
+    """Answers to the other client are not taken for ours: bring-up ends with an error that names the cause."""
     arm = fault_arm()
     with pestered(arm), pytest.raises(ServoError, match="another SDO client") as raised:
         arm.servos.connect()
     assert raised.value.node_id == 3
     arm.has_no_torque()
-    # Alone again, it works.
+    # Without the other client it works again.
     arm.heard()
     arm.servos.connect()
     arm.servos.enable()
 
 
 def test_a_slave_that_answers_for_another(fault_arm):
-    """Two drives with one node id: the second answers requests that were not addressed to it."""
+    """Two drives with the same node id: the second answers requests meant for the first."""
     arm_box = []
 
     def on_request(request):

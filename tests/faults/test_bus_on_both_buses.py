@@ -1,4 +1,4 @@
-"""Faults of the bus, other masters and signals, in lockstep and on vcan0: the error, its words, the end state."""
+"""Bus faults, other masters and signals, in lockstep and on vcan0: the error, its message, the final state."""
 
 import gc
 import os
@@ -63,7 +63,7 @@ def test_a_second_master(fault_arm, cob_id, data, words):
     arm.enable()
     arm.move(5)
     arm.send(cob_id, data)
-    # Depending on what it did, the drive's own complaint comes first and the note says who.
+    # Depending on the intruder's command, the drive's own error comes first and a note names the cause.
     error = arm.failure(DriverError)
     text = str(error) + " ".join(getattr(error, "__notes__", []))
     with pytest.raises(AssertionError, match=words):
@@ -124,10 +124,10 @@ INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 @pytest.fixture
 def interrupted():
-    """Both signals as an exception in the main thread, as a program would have it.
+    """Both signals raise an exception in the main thread, as in a program.
 
-    A background job of a shell without job control inherits SIGINT ignored; Python then sets no handler of its own.
-    Garbage of earlier tests is not collected meanwhile: an exception in the middle of a `__del__` is lost.
+    A background job of a shell without job control inherits SIGINT as ignored; Python then installs no handler. The
+    garbage collector is off meanwhile, because an exception within a `__del__` is lost.
     """
 
     def handler(number, frame):
@@ -144,7 +144,7 @@ def interrupted():
 @pytest.mark.parametrize("number", INTERRUPTS)
 @pytest.mark.parametrize("phase", ["connect", "enable", "exchange", "stop", "disable", "reset_faults"])
 def test_an_interrupt_in_every_phase(fault_arm, interrupted, phase, number):
-    """Sent from the drives' side in the middle of the phase; after `close` no torque is left."""
+    """The drive side sends the signal in the middle of the phase; after `close` no torque is left."""
     seen = []
     steps = {"connect": b"\x2b\x17\x10", "enable": b"\x40\x41\x60", "reset_faults": b"\x23\x16\x10"}
 

@@ -1,4 +1,4 @@
-"""Faults of a drive and what real drives have besides, in lockstep and on vcan0: words, end state, the way back."""
+"""Drive faults and features of real drives, in lockstep and on vcan0: message, final state, recovery."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -47,7 +47,7 @@ def test_a_drive_fault_in_motion_and_the_way_back(fault_arm):
 
 
 def test_a_short_emergency_frame_is_kept(fault_arm):
-    """Some vendors send two bytes; the code is what matters."""
+    """Some vendors send two bytes only; they contain the error code."""
     arm = fault_arm()
     arm.enable()
     arm.send(0x083, bytes.fromhex("1023"))
@@ -122,7 +122,7 @@ def test_feedback_missing_for_good(fault_arm):
     error = arm.failure(ServoTimeout)
     assert error.node_id == 3
     assert "no feedback for 4 cycles" in str(error)
-    # It obeys all the same; its silence is all that is wrong. What it does on SDO requests proves it.
+    # The drive obeys although it sends no feedback, as its answers to SDO requests prove.
     arm.servos.stop()
     arm.servos.disable()
     arm.has_no_torque()
@@ -159,7 +159,7 @@ def test_quick_stop_by_the_operator(fault_arm):
     arm.comes_to_rest()
 
 
-# What else real drives have ----------------------------------------------------------------------------------
+# Other features of real drives ----------------------------------------------------------------------------------
 
 
 def test_a_vendors_32_bit_current_travels_in_a_pdo_of_its_own(fault_arm, arm_settings):
@@ -176,7 +176,7 @@ def test_a_vendors_pdo_that_goes_missing_is_missing_feedback(fault_arm, arm_sett
     vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)
     arm = fault_arm(arm_settings(cycle_s=0.02, vendor_effort=vendor))
     arm.enable()
-    # Another client switches TPDO2 off.
+    # Another client disables TPDO2.
     arm.send(0x603, bytes.fromhex("2301180183020080"))
     assert arm.failure(ServoTimeout).node_id == 3
 
@@ -210,7 +210,7 @@ def test_scales_that_are_not_configured_come_from_the_drives(fault_arm, arm_sett
 
 
 class _Witness(IdealPlant):
-    """Remembers how fast an axis was when its torque went."""
+    """Records the speed of each axis at the moment its torque is removed."""
 
     def __init__(self, position_rad):
         super().__init__(position_rad)

@@ -1,4 +1,4 @@
-"""Scripted failures of simulated drives in motion, in lockstep: what the master says, and what the arm does."""
+"""Scripted failures of simulated drives in motion, in lockstep: the master's error and the arm's reaction."""
 
 import math
 
@@ -198,7 +198,7 @@ def test_feedback_of_the_wrong_length_is_not_feedback(virtual_arm, data):
 
 
 class Doomed(IdealPlant):
-    """A plant that breaks down at a time."""
+    """A plant that raises an error at a given time."""
 
     end_s = math.inf
 
@@ -222,14 +222,14 @@ def test_drives_that_have_ended_early_are_named_with_the_reason(virtual_arm):
 
 
 class SlowSync(LockstepSync):
-    """The kernel's timer on a busy machine: every period is longer than it should be."""
+    """The kernel's timer on a busy machine: every period is too long."""
 
     def begin(self, link, cycle_s, counter):
         super().begin(link, 1.1 * cycle_s, counter)
 
 
 def test_simulated_drives_lock_onto_the_period_that_sync_has(virtual_arm):
-    """Else every cycle would end in a stop, just when the torque is measured."""
+    """Otherwise every cycle would end with a stop, just when the torque is measured."""
     arm = virtual_arm()
     servos = CanopenServos(arm.arm, arm.bus, SlowSync(arm.clock))
     servos.connect()
@@ -246,11 +246,11 @@ def test_simulated_drives_lock_onto_the_period_that_sync_has(virtual_arm):
 
 
 def run_without_master(arm, cycles):
-    """Let the simulation's time pass with SYNC from elsewhere and a silent master."""
+    """Let simulated time pass with SYNC from another source and a silent master."""
     for _ in range(cycles):
         arm.clock.advance(arm.arm.cycle_s)
         arm.monitor.send(can.Message(arbitration_id=0x080, is_extended_id=False))
-    # An SDO answer proves that the drives have seen all of it.
+    # An SDO answer proves that the drives have processed all frames.
     arm.frames(0)
     arm.monitor.send(can.Message(arbitration_id=0x602, data=bytes.fromhex("4000100000000000"), is_extended_id=False))
     for _ in range(MOST_FRAMES):
@@ -311,7 +311,7 @@ def test_silence_while_this_process_did_not_run_is_not_held_against_a_drive(virt
 
 
 class StalledSync(LockstepSync):
-    """This process stands still right after a SYNC has been answered; what came meanwhile lies in its queue."""
+    """This process is suspended right after the answers to a SYNC; frames received meanwhile are in its queue."""
 
     meanwhile = None
 
@@ -325,7 +325,7 @@ class StalledSync(LockstepSync):
 
 @pytest.fixture
 def stalled(virtual_arm):
-    """An enabled arm whose master can be made to stand still, and a setpoint that holds it."""
+    """An enabled arm whose master can be suspended, and a setpoint that holds the arm."""
     arm = virtual_arm()
     sync = StalledSync(arm.clock)
     servos = CanopenServos(arm.arm, arm.bus, sync, QUICK)
@@ -368,7 +368,7 @@ def test_a_drive_that_was_silent_for_longer_is_lost_all_the_same(virtual_arm):
 
 @pytest.mark.parametrize("in_motion", [True, False], ids=["in motion", "at standstill"])
 def test_feedback_that_has_frozen_leaves_no_torque_on(virtual_arm, in_motion):
-    """The drive goes on sending its TPDO with what was in it once; it obeys, but never says so."""
+    """The drive keeps sending its TPDO with old content; it obeys, but its feedback does not show it."""
     arm = virtual_arm()
     start = enabled(arm)
     move(arm, start, 20)
@@ -393,7 +393,7 @@ def test_feedback_that_has_frozen_leaves_no_torque_on(virtual_arm, in_motion):
 
 
 def test_a_described_drive_that_has_no_reaction_to_a_lost_master_shows_none(virtual_arm, arm_settings):
-    """The standard names no reaction for a drive without 6007, so a simulation must not help the master out."""
+    """The standard defines no reaction for a drive without 6007, so the simulated drive must have none."""
     description = parse_description(eds(maker_drive([0x6007, "1400sub5", "1401sub5"])).encode(), "maker.eds")
     arm = virtual_arm(arm_settings(), traits={3: DriveTraits(description=description)})
     start = enabled(arm)

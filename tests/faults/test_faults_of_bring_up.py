@@ -1,4 +1,4 @@
-"""Drives that are not as configured, in lockstep: what bring-up refuses, and in which words."""
+"""Drives that differ from the configuration, in lockstep: what bring-up refuses, and its messages."""
 
 import struct
 from dataclasses import replace
@@ -40,7 +40,7 @@ QUICK = Timeouts(probe_s=0.02, scan_s=0.01, boot_s=0.05, sdo_s=0.05, mode_s=0.05
 )
 def test_a_wrong_identity_is_refused_before_anything_is_changed(virtual_arm, identity, what):
     arm = virtual_arm(traits={3: DriveTraits(identity=identity)})
-    # Past the drives' own boot-up.
+    # Discard the drives' own boot-up.
     overheard(arm.monitor, 0.05)
     with pytest.raises(WrongDevice, match=what) as raised:
         arm.servos.connect()
@@ -53,7 +53,7 @@ def test_a_wrong_identity_is_refused_before_anything_is_changed(virtual_arm, ide
 
 
 class SlowSlave:
-    """A foreign node that is slow to answer SDO: a real drive beside a simulation.
+    """A foreign node with slow SDO answers: a real drive on the same bus as a simulation.
 
     Args:
         wire: The bus.
@@ -74,11 +74,11 @@ class SlowSlave:
 
 
 class WaitingBus(LockstepBus):
-    """The master's end of a bus on which some frames come only after it has waited for so long.
+    """The master's end of a bus on which some frames arrive late.
 
     Args:
         wire: The bus.
-        delay_s: How late they are.
+        delay_s: Their delay.
     """
 
     def __init__(self, wire, delay_s):
@@ -102,7 +102,7 @@ class WaitingBus(LockstepBus):
 
 @pytest.mark.parametrize(("delay_s", "kind"), [(0.1, WrongDevice), (1.5, ServoTimeout)])
 def test_a_slow_foreign_node_is_not_reset_where_only_simulations_are_allowed(virtual_arm, arm_settings, delay_s, kind):
-    """Node 5 is not simulated, and needs longer than the first look lasts, or longer than any answer may take."""
+    """Node 5 is not simulated, and answers after the first check, or after the SDO timeout."""
     settings = arm_settings()
     arm = virtual_arm(settings, drives_arm=replace(settings, drives=settings.drives[:2], coupling=np.eye(2)))
     with WaitingBus(arm.bus.wire, delay_s) as bus:
@@ -160,7 +160,7 @@ def test_an_sdo_abort_names_the_object_and_the_code(virtual_arm):
 
 
 def accepting(settings, *names):
-    """The same arm, whose drives may lack these objects."""
+    """The same settings, accepting drives without these properties."""
     return replace(settings, drives=tuple(replace(d, accept_missing=frozenset(names)) for d in settings.drives))
 
 
@@ -189,11 +189,11 @@ WITHOUT = {
     Safety.POSITION_LIMITS: {0x607D},
     Safety.DRIVE_LOST: {0x1017},
 }
-"""Objects without which a simulated drive has no way to a property; its RPDO's timer is taken as well."""
+"""Objects without which a simulated drive has no way to a property; the RPDO's timer is removed too."""
 
 
 def no_timer(request):
-    """The event timer of an RPDO is not there."""
+    """A drive without event timers of RPDOs."""
     return 0x0609_0011 if request[1:4] == b"\x00\x14\x05" else None
 
 
@@ -228,7 +228,7 @@ def test_only_the_reaction_to_disabling_has_a_way_that_needs_nothing_of_the_driv
 
 
 def test_a_drive_that_is_held_by_its_brake_after_a_quick_stop_needs_one(virtual_arm, arm_settings):
-    """605A takes 2 and not 6."""
+    """605A accepts 2, but not 6."""
 
     def not_six(request):
         return 0x0609_0030 if request[:6] == b"\x2b\x5a\x60\x00\x06\x00" else None
@@ -243,7 +243,7 @@ def test_a_drive_that_is_held_by_its_brake_after_a_quick_stop_needs_one(virtual_
 
 
 def test_an_object_that_does_not_keep_what_is_written_is_no_way(virtual_arm):
-    """A drive that confirms every write and keeps its old value: the first way is not met, and the second is."""
+    """A drive that confirms writes but keeps the old value: the first way does not count, the second does."""
     arm = virtual_arm(traits={3: DriveTraits(forgets=frozenset({0x6007, 0x6072}))})
     arm.servos.connect()
     found = {finding.of: finding for finding in arm.servos.reports[1].safety}
@@ -311,7 +311,7 @@ def test_a_cycle_that_does_not_fit_is_refused_before_anything_is_sent(virtual_ar
 
 
 def test_targets_before_enabling_are_fresh_positions(virtual_arm):
-    """No frame carries a target that was not computed, from the first RPDO on."""
+    """From the first RPDO on, every frame carries a computed target."""
     arm = virtual_arm()
     arm.servos.connect()
     arm.frames(0)
@@ -322,7 +322,7 @@ def test_targets_before_enabling_are_fresh_positions(virtual_arm):
 
 
 def test_connecting_twice_as_somebody_new_takes_over_a_node_that_is_up(virtual_arm):
-    """A second master after a first that vanished without closing."""
+    """A second master, after the first has ended without closing."""
     first = virtual_arm()
     enabled(first)
     second = CanopenServos(first.arm, first.bus, LockstepSync(first.clock))
@@ -335,7 +335,7 @@ def test_connecting_twice_as_somebody_new_takes_over_a_node_that_is_up(virtual_a
 
 
 class InterruptedSync(LockstepSync):
-    """Ctrl-C comes right after the SYNC that enables the drives."""
+    """Ctrl-C is pressed right after the SYNC that enables the drives."""
 
     def __init__(self, clock):
         super().__init__(clock)
@@ -355,7 +355,7 @@ def test_an_interrupt_while_enabling_leaves_no_torque_after_close(virtual_arm):
     servos.connect()
     with pytest.raises(KeyboardInterrupt):
         servos.enable()
-    # The drives have heard that SYNC before they hear anything else.
+    # The drives process that SYNC before any other frame.
     servos.close()
     assert not any(arm.plant.powered)
     assert [decode(frame[0] | frame[1] << 8) for frame in arm.frames(0x182)].count(State.OPERATION_ENABLED) >= 1

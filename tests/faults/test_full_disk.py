@@ -1,8 +1,8 @@
-"""A disk that is full, broken or gone at any step of any write: a clear error, the arm at rest, nothing half written.
+"""A disk that is full, broken or removed at any step of any write: a clear error, the arm at rest, no partial file.
 
-Every step fails once, in each way, by one injector (`tests/faulty_disk.py`). That nothing writes by other ways is
-tested in `test_replace_file.py`. On disks that are really full the whole program runs with `pytest -m soak` on this
-file (four minutes on an idle core).
+Every step fails once, in each way, through `tests/faulty_disk.py`; `test_replace_file.py` checks that there is no other
+way of writing. `pytest -m soak` on this file runs the complete program on disks that are really full (four minutes on
+an idle core).
 """
 
 import re
@@ -38,7 +38,7 @@ CYCLE_S = 0.01
 
 
 def every_failure(tmp_path, write):
-    """`write` into an empty folder, each of its steps failing in each way: folder, step, what is said, the error."""
+    """Run `write` in an empty folder, each step failing in each way: folder, step, expected text, the error."""
     folder = tmp_path / "disk"
     folder.mkdir()
     with FaultyDisk(folder).mounted() as healthy:
@@ -51,7 +51,7 @@ def every_failure(tmp_path, write):
             with FaultyDisk(place, fault, at).mounted():
                 try:
                     write(place)
-                except Exception as raised:  # noqa: BLE001 - what it is is judged by the test
+                except Exception as raised:  # noqa: BLE001 - the test checks its type
                     error = raised
             yield place, step, said, error
 
@@ -83,7 +83,7 @@ def drawn():
 def test_a_result_appears_whole_or_not_at_all(tmp_path, write, kind, name):
     failed = 0
     for place, step, said, error in every_failure(tmp_path, write):
-        if error is None:  # its name is there already, and not every file system can flush a folder
+        if error is None:  # the file has its final name already; not every file system can flush a folder
             assert step == "fsync disk"
             assert files(place) <= {name}
             continue
@@ -101,7 +101,7 @@ def opened(servos):
 
 
 def test_a_recording_that_cannot_be_written_ends_with_the_arm_at_rest(ideal_servos, tmp_path):
-    """Three flushes' time of standing with torque, from opening the file to its final name."""
+    """Stands with torque for the time of three flushes, from opening the file to its final name."""
     arms = []
 
     def stand(folder):
@@ -134,7 +134,7 @@ def test_a_recording_that_cannot_be_written_ends_with_the_arm_at_rest(ideal_serv
 
 
 def test_where_there_is_room_again_a_commissioning_goes_on(ideal_servos, tmp_path):
-    """The disk is full in the middle of the second run: the first stays, the second is made again."""
+    """The disk is full in the middle of the second run: the first is kept, the second is repeated."""
 
     def make_servos():
         servos = ideal_servos(6, CYCLE_S, position_rad=MIDDLE_RAD)
@@ -167,7 +167,7 @@ ls "$folder/run"
 
 @pytest.fixture(scope="module")
 def commissioning_kb(tmp_path_factory):
-    """What a commissioning occupies on a disk with pages of 4 kB."""
+    """Size of a commissioning's files on a disk with pages of 4 kB."""
     folder = tmp_path_factory.mktemp("measured")
     robot = write_short_robot(folder)
     command = [sys.executable, "-c", START, "commission", robot, "--output", folder / "run"]
@@ -179,7 +179,7 @@ def commissioning_kb(tmp_path_factory):
 @pytest.mark.timeout(800)
 @pytest.mark.parametrize("share", [0.0025, 0.01, 0.02, 0.1, 0.25, 0.3, 0.5, 0.6, 0.8, 0.9, 0.98, 0.995])
 def test_the_program_on_a_full_disk_says_so_and_goes_on_when_there_is_room(tmp_path, commissioning_kb, share):
-    """Disks in memory, of sizes from nothing to nearly all that a commissioning writes."""
+    """Disks in memory, from zero to nearly the size that a commissioning needs."""
     robot, disk, size_kb = write_short_robot(tmp_path), tmp_path / "disk", round(share * commissioning_kb / 4) * 4
     disk.mkdir()
     command = [sys.executable, "-c", START, "commission", robot, "--output", disk / "run"]

@@ -1,7 +1,7 @@
-"""kill -9 at any moment of a commissioning: at most a quarter of a second of rows is lost, and the next start goes on.
+"""kill -9 at any moment of a commissioning: at most a quarter of a second of rows is lost; the next start continues.
 
-The moments come from a seed. In the suite the motion of both halves is killed again and again, on servos without a bus.
-The whole program, with identification and report, is killed at twenty moments by `pytest -m soak -s` on this file (six
+The moments come from a seed. In the suite the motion of both halves is killed repeatedly, on servos without a bus.
+`pytest -m soak -s` on this file kills the complete program, with identification and report, at twenty moments (six
 minutes on an idle core).
 """
 
@@ -32,7 +32,7 @@ RESULTS = {"payload.toml", "report.html"}
 
 
 class Notes:
-    """What a process that is going to be killed leaves outside its recordings: the times of its rows.
+    """Row times that a process, to be killed later, stores outside its recordings.
 
     Args:
         path: File for the times of the first and the last row that the recorder of the run in progress was given.
@@ -44,7 +44,7 @@ class Notes:
         self._path = path
 
     def watch(self, act=lambda row: None):
-        """From now on note every row of this process, before it is recorded, then act on its number."""
+        """From now on store the time of every row before it is recorded, then call `act` with its number."""
         descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         write_row, seen = Recorder.write, [0]
 
@@ -60,34 +60,34 @@ class Notes:
         Recorder.write = write
 
     def lost_s(self, folder):
-        """Time of the rows that were measured and are not in the file; 0 where no run was in progress."""
+        """Duration of the rows measured but not in the file; 0 if no run was in progress."""
         if not self._path.exists() or self._path.stat().st_size == 0:
             return 0.0
         inode, first_s, last_s = self.FORMAT.unpack(self._path.read_bytes())
         (file,) = (path for path in folder.iterdir() if path.stat().st_ino == inode)
         if file.name in RECORDINGS:
             return 0.0
-        try:  # not as a recording: that has twenty rows or more
+        try:  # not read as a recording, which needs twenty rows
             *_, block = reader_of(file, ReadingOptions()).blocks(ReadingAccount())
-        except RecordingError:  # not a single row
+        except RecordingError:  # no row
             return last_s - first_s + CYCLE_S
         return last_s - block.time_s[-1]
 
 
 def finished(folder):
-    """The complete recordings and results of a folder, and when each was written."""
+    """The complete recordings and results of a folder, with their times of modification."""
     return {path.name: path.stat().st_mtime_ns for path in folder.iterdir() if path.name in RECORDINGS | RESULTS}
 
 
 def killed_in_row(robot, folder, make_servos, notes, row):
-    """A process of its own that dies by kill -9 when it has measured so many rows, before the last is recorded."""
+    """A separate process that is killed by kill -9 after measuring this row, before recording it."""
 
     def kill(seen):
         if seen == row:
             os.kill(os.getpid(), signal.SIGKILL)
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of threads that the test runner may have
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads of the test runner
         child = os.fork()
     if child == 0:
         try:
@@ -122,7 +122,7 @@ def test_the_motion_killed_again_and_again_loses_a_quarter_of_a_second_and_goes_
 
 
 def cpu_s(process):
-    """Time that a process has computed, which does not depend on what else the computer does."""
+    """CPU time of a process, which does not depend on the computer's other load."""
     fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
@@ -149,7 +149,7 @@ def has_ended(process):
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
-    """The robot's file, and how long a commissioning computes that nobody kills."""
+    """The robot's file, and the CPU time of a commissioning that is not killed."""
     folder = tmp_path_factory.mktemp("undisturbed")
     robot = write_short_robot(folder)
     before_s = os.times()

@@ -1,4 +1,4 @@
-"""Drives whose feedback cannot be true: each lie is found in the slow round, by its own row of the table."""
+"""Drives with false feedback: each falsification is found in the slow round, by its own row of the table."""
 
 from contextlib import contextmanager
 from dataclasses import replace
@@ -22,19 +22,19 @@ SWING = FourierTrajectory(
 PATH = check_path(Excitation(SWING, 1), ROBOT.motion_constraints, CYCLE_S, file=ROBOT.file, key="swing")
 LIAR = 2
 FROM = 250
-"""Exchange from which on the drive lies; the slow round takes 1600."""
+"""First exchange with false feedback; the slow round takes 1600."""
 MOTOR_TURN_RAD = 2.0 * np.pi / 120.0
 
 
 def one(values, value):
-    """The values of all joints with another one of the liar's."""
+    """The values of all joints, with the lying drive's replaced."""
     changed = np.array(values)
     changed[LIAR] = value
     return changed
 
 
 class Lies:
-    """What the drive of one joint makes of its feedback."""
+    """Falsifications of the feedback by the drive of one joint."""
 
     def __init__(self):
         self.first = None
@@ -46,7 +46,7 @@ class Lies:
         return replace(feedback, position_rad=one(feedback.position_rad, feedback.position_rad[LIAR] + MOTOR_TURN_RAD))
 
     def frozen(self, feedback):
-        """All of a TPDO."""
+        """All values of a TPDO."""
         self.first = self.first or feedback
         names = ("position_rad", "torque_nm", "statusword")
         return replace(
@@ -88,7 +88,7 @@ class Lies:
 
 @contextmanager
 def session_with(watched_servos, plant, lie, since=FROM):
-    """A session whose servos report what a lie makes of their feedback, from one exchange on."""
+    """A session whose servos report false feedback from one exchange on."""
     servos = watched_servos(ROBOT.drives.settings, plant(PATH.start_rad, np.full(6, 3.0)))
     exchange = servos.exchange
 

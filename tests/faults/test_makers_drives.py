@@ -1,9 +1,7 @@
-"""The arm against every description: the way to each property that safety rests on, the consents, or the refusal.
+"""The arm with every device description: how each safety property is achieved, the consents needed, or the refusal.
 
-In lockstep, and on vcan0.
-
-A row gives no consent beyond those that it names, and each of those is needed: without any one of them the drive is
-refused for that property and for no other.
+In lockstep, and on vcan0. Every consent that a row names is needed: without it the drive is refused for that property
+and no other.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,22 +27,22 @@ CONSENT = "torque_limit_in_drive"
 
 
 def ways(**others):
-    """Number of the way that gives each property, the first where it is not named; 0 where none does."""
+    """Number of the way that provides each property: 1 unless given, 0 for none."""
     assert set(others) <= set(SAFETY_KEYS)
     return dict.fromkeys(SAFETY_KEYS, 1) | others
 
 
 @dataclass(frozen=True)
 class Row:
-    """One description, and what becomes of it.
+    """One description and the expected result.
 
     Attributes:
-        maker: Name of a file beside the checkout, or a description that is written here.
-        settings: What the robot's file says of the drives.
-        expected: Number of the way to each property; None where the drive is refused.
-        consents: What must be accepted.
-        error: What the refusal is.
-        reason: Pattern of its text.
+        maker: Name of a file next to the checkout, or a description written here.
+        settings: The robot file's settings of the drives.
+        expected: Number of the way to each property; None if the drive is refused.
+        consents: Properties whose absence must be accepted.
+        error: Type of the refusal.
+        reason: Pattern of its message.
     """
 
     maker: object
@@ -56,17 +54,17 @@ class Row:
 
 
 def own(settings=None, *, without=(), changes=None, **row):
-    """A row of a description that is written here."""
+    """A row with a description written here."""
     return Row(eds(maker_drive(without, changes)), settings or {}, **row)
 
 
 def ro(value):
-    """An object that cannot be written."""
+    """A read-only object."""
     return {"AccessType": "ro", "DefaultValue": str(value)}
 
 
 def fixed_mapping(rpdo, tpdo):
-    """The first PDO of each direction, its mapping not to be written."""
+    """The first RPDO and TPDO with read-only mapping."""
     changes = {}
     for index, words in (("1600", rpdo), ("1A00", tpdo)):
         changes[f"{index}sub0"] = ro(len(words))
@@ -76,7 +74,7 @@ def fixed_mapping(rpdo, tpdo):
 
 
 def cob_ids(access, node):
-    """COB-IDs of the PDOs of one node, whichever node the drive has."""
+    """PDOs with the COB-IDs of one node, independent of the drive's node id."""
     bases = {"1400": 0x200, "1401": 0x300, "1800": 0x180, "1801": 0x280}
     return {f"{i}sub1": {"AccessType": access, "DefaultValue": node.format(base=base)} for i, base in bases.items()}
 
@@ -251,7 +249,7 @@ ROWS = {f"real: {name}": row for name, row in REAL.items()} | WRITTEN
 
 @pytest.fixture
 def drives_of(fault_arm, arm_settings, request):
-    """Makes an arm whose drives serve a row's description, as a robot's file with some consents describes them."""
+    """Makes an arm with drives of a row's description, configured by a robot file with some consents."""
 
     def make(row, consents):
         if row.maker.endswith((".eds", ".dcf")):
@@ -261,7 +259,7 @@ def drives_of(fault_arm, arm_settings, request):
         vcan = request.node.callspec.params["fault_arm"] == "vcan"
         settings = {"identity": Identity(None, None), "accept_missing": frozenset(consents) - {CONSENT}} | row.settings
         arm = arm_settings(cycle_s=0.02 if vcan else 0.01, torque_limit_in_drive=CONSENT in consents, **settings)
-        # A guest on a busy machine does not run for moments; what is tested here is another thing.
+        # A virtual machine on a busy host pauses at times; that is not tested here.
         patient = replace(arm, max_missing_cycles=25 if vcan else arm.max_missing_cycles)
         return fault_arm(patient, traits=dict.fromkeys(NODES, DriveTraits(description=described)))
 
@@ -269,13 +267,13 @@ def drives_of(fault_arm, arm_settings, request):
 
 
 def numbers(report):
-    """Number of the way that was found for each property; 0 where none was."""
+    """Number of the way found for each property; 0 for none."""
     return {f.of.key: 0 if f.way is None else 1 + f.of.value.ways.index(f.way) for f in report.safety}
 
 
 @pytest.mark.parametrize("name", [name for name, row in ROWS.items() if row.expected is not None])
 def test_a_drive_that_is_used(drives_of, name):
-    """From power-on to motion, and to rest without torque."""
+    """From power-on through motion to rest without torque."""
     row = ROWS[name]
     arm = drives_of(row, row.consents)
     arm.enable()
@@ -313,7 +311,7 @@ def test_a_drive_that_is_refused(drives_of, name):
 
 
 def test_a_rated_current_that_is_not_the_configured_one_limits_nothing(fault_arm, arm_settings):
-    """6073 is of 6075: where the two differ, so would the limit."""
+    """6073 is relative to 6075: with another rated current the limit would be wrong."""
     settings = arm_settings(feedback=Effort.TORQUE, rated_current_a=20.0)
     drives = parse_description(eds(maker_drive([0x6072])).encode(), "written.eds")
     traits = dict.fromkeys(NODES, DriveTraits(description=drives))
@@ -330,7 +328,7 @@ def test_the_watch_over_the_master_is_verified_and_begins_with_the_cycle(fault_a
 
 
 def test_reactions_that_a_drive_has_otherwise_after_a_reset_are_set(drives_of):
-    """The standard's defaults are what is wanted: a drive that has them hides that nobody set anything."""
+    """The standard's defaults equal the wanted values, so a drive with them would hide a missing setting."""
     others = {"1029sub1": "1", "605B": "0", "605C": "0", "605D": "2", "6066": "50"}
     changes = {section: {"DefaultValue": value} for section, value in others.items()}
     arm = drives_of(own(changes=changes, expected=ways()), ())
@@ -347,7 +345,7 @@ def test_a_device_type_is_reported_as_a_whole(drives_of):
 
 
 def test_a_device_type_that_is_no_drives_is_refused(fault_arm):
-    """Its low 16 bits decide. The number is one that a real servo reports; it is no standard profile's."""
+    """The low 16 bits decide. The number is one that a real servo reports; it belongs to no standard profile."""
     said = r"device type \(1000\) is 0x00220811: its low 16 bits, 0x0811, mean device profile 2065; a CiA 402 drive has"
     with pytest.raises(DescriptionError, match=said + ".*drives scan.*correct the file"):
         parse_description(eds(maker_drive(changes={"1000": {"DefaultValue": "0x00220811"}})).encode(), "written.eds")
@@ -378,7 +376,7 @@ def test_a_second_master_that_sends_torque_offsets_is_noticed(drives_of):
 
 
 def test_drives_of_two_makers_on_one_arm(fault_arm, arm_settings):
-    """A description per node, and settings per joint."""
+    """One description per node, and settings per joint."""
     plain, without = (ROWS[name].maker for name in ("complete", "no 6007"))
     traits = {
         node: DriveTraits(description=parse_description(text.encode(), "written.eds"))

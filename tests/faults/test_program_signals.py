@@ -1,7 +1,7 @@
-"""The program under signals, as shells start it: the arm comes to rest, and only then its torque is removed.
+"""The program, started as by a shell, under signals: the arm comes to rest before its torque is removed.
 
-Master and drives of a simulated `prbt` in real time in one process; its plant reports, when the program has ended,
-which axes still have torque and how fast any of them moved when its torque was removed.
+Master and drives of a simulated `prbt` run in real time in one process. At the end the plant reports which axes still
+have torque, and the speed of each axis when its torque was removed.
 """
 
 import json
@@ -55,14 +55,14 @@ with can.Bus(interface="bench", channel="signals") as bus:
             Path(sys.argv[0]).with_name("found.json").write_text(json.dumps(found))
 """
 PATIENCE = {"heartbeat_s": "2.0", "max_missing_cycles": "100"}
-"""For a machine that is busy with other things."""
+"""Tolerances for a busy machine."""
 LONGEST_S = 60.0
 STANDING_RAD_S = 1e-3
 
 
 @pytest.fixture
 def robot(tmp_path):
-    """prbt with patience, and with excitations that take longer than any of these tests."""
+    """prbt with longer timeouts, and with excitations that outlast these tests."""
     text = (resources.files("armload_configs") / "prbt.toml").read_text("utf-8")
     for key, value in PATIENCE.items():
         text, count = re.subn(rf"^{key} = \S+", f"{key} = {value}", text, flags=re.MULTILINE)
@@ -78,7 +78,7 @@ def robot(tmp_path):
 
 @pytest.fixture
 def started(robot, tmp_path):
-    """Start a commissioning with some signals ignored; it is in motion when this returns."""
+    """Start a commissioning with some signals ignored; returns when the arm is in motion."""
     program = tmp_path / "program.py"
     program.write_text(PROGRAM)
     plugin = tmp_path / "bench-1.dist-info"
@@ -108,7 +108,7 @@ def started(robot, tmp_path):
 
 
 def wait_for_rows(process, folder, size):
-    """Until so much has been recorded; the program is alive meanwhile."""
+    """Wait until this much has been recorded; fails if the program ends first."""
     until_s = time.monotonic() + LONGEST_S
     while sum(path.stat().st_size for path in Path(folder).glob("*.mcap")) < size:
         assert process.poll() is None, process.communicate()[0]
@@ -117,7 +117,7 @@ def wait_for_rows(process, folder, size):
 
 
 def ended(process, tmp_path, number=signal.SIGTERM):
-    """What it printed; its exit status and the arm are as they should be."""
+    """The program's output, after checks of its exit status and of the arm."""
     printed, _ = process.communicate(timeout=LONGEST_S)
     assert process.returncode == 128 + number, printed
     assert "Motion stopped (along the path): the system asked the program to end" in printed
@@ -140,7 +140,7 @@ def test_a_signal_brings_the_arm_to_rest_and_removes_its_torque(started, tmp_pat
 
 
 def test_a_background_job_goes_on_where_signals_are_ignored_and_is_stopped_by_sigterm(started, tmp_path):
-    """A shell script's background job ignores SIGINT, nohup SIGHUP: that is what was asked for."""
+    """A background job of a shell script ignores SIGINT, nohup ignores SIGHUP; the program keeps it so."""
     process = started(ignored=BACKGROUND)
     for name in BACKGROUND:
         process.send_signal(getattr(signal, name))

@@ -1,4 +1,4 @@
-"""Every row of the decision table on the simulated arm: it stays near its path and comes to stand."""
+"""Every row of the decision table on the simulated arm: it stays near its path and comes to rest."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from armload_controller.cycle.safety import DECISIONS, Cause, StopCategory
 from benchmarks.stops import measure, one_period
 
 BOUNDS = {
-    # Distance from the path in rad (the lag of the drives alone is 7e-3), time to stand still in s.
+    # Distance from the path in rad (7e-3 of it is the drives' lag), time to standstill in s.
     StopCategory.ALONG_PATH: (7e-3, 1.4),
     StopCategory.QUICK_STOP: (9e-3, 0.6),
     StopCategory.TORQUE_OFF: (9e-3, 0.6),
@@ -15,13 +15,13 @@ BOUNDS = {
 BRAKED = (50e-3, 0.6)
 """A drive in FAULT has no torque: its brake stops one joint while the others slow down."""
 WATCHED = (9e-3, 2.0)
-"""What is compared over a window of time takes that time to be found."""
+"""A monitor that compares over a window detects only after that time."""
 OTHERS = {Cause.DRIVE_FAULT: BRAKED, Cause.VELOCITY: WATCHED, Cause.POSITION_REVERSED: WATCHED}
 
 
 @pytest.fixture(scope="module", params=[125.0, pytest.param(250.0, marks=pytest.mark.long)], ids=["half rate", "rate"])
 def er50(request):
-    """At its rate and at half of it: the bounds hold for both."""
+    """At its nominal rate and at half of it: the bounds hold for both."""
     robot = load_robot("er50").with_bus(cycle_hz=request.param)
     return robot, one_period(robot)
 

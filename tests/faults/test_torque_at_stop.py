@@ -1,4 +1,4 @@
-"""A stop takes the added torque away without a jerk: er50 with its payload, in the simulated plant."""
+"""A stop removes the added torque without a jerk: er50 with its payload, in the simulated plant."""
 
 import math
 from contextlib import ExitStack
@@ -19,12 +19,12 @@ from armload_drivers.simulation.virtual_clock import VirtualClock
 
 JOINT = 1
 OFFSET_NM = 150.0
-"""About what the payload's weight asks of the shoulder."""
+"""About the torque of the payload's weight at the shoulder."""
 CYCLE_S = 0.004
 
 
 class Track(ArmPlant):
-    """Keeps the joints' speeds, 1 ms apart."""
+    """Records the joints' speeds every 1 ms."""
 
     def __init__(self, spec):
         super().__init__(spec)
@@ -41,7 +41,7 @@ def arm(request):
     robot = load_robot("er50")
     settings = replace(robot.drives.settings, cycle_s=CYCLE_S)
     spec = robot.simulation.plant_spec(robot.simulation.payload_name)
-    # Friction would hide at standstill what the torque does.
+    # At standstill, friction would hide the effect of the torque.
     plant = Track(replace(spec, friction_scale=0.0))
     with ExitStack() as stack:
         if request.param == "fake":
@@ -58,7 +58,7 @@ def arm(request):
 
 
 def with_offset(servos, hold, seconds=0.6):
-    """Hold with torque added, ramped in gently."""
+    """Hold the position with added torque, faded in smoothly."""
     cycles = round(seconds / CYCLE_S)
     offset = np.zeros(6)
     for cycle in range(cycles + 50):
@@ -76,7 +76,7 @@ def test_the_arm_does_not_jerk_when_a_stop_takes_its_added_torque(arm):
     faded = np.array(plant.speeds)[:, JOINT]
     assert plant.sample(CYCLE_S).joint_position_rad == pytest.approx(stands, abs=1e-3)
 
-    # The same arm, and the torque taken away at once.
+    # The same arm, with the torque removed at once.
     servos.disable()
     servos.enable()
     with_offset(servos, hold)

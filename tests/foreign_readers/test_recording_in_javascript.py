@@ -1,6 +1,6 @@
-"""A recording read by the MCAP library of Foxglove's own application, which shares nothing with the writer's.
+"""A recording read with the MCAP library of the Foxglove application, which is independent of the writer's.
 
-`.ci/run` installs that library beside a copy of this folder (`npm ci`) and names the copy.
+`.ci/run` installs that library in a copy of this folder (`npm ci`) and passes the copy's path.
 """
 
 import json
@@ -63,7 +63,7 @@ def test_arm_in_3d_rows_and_attachments_are_read(tmp_path):
 
 
 def _flange(message):
-    """The flange in the base, link by link."""
+    """Pose of the flange in the base frame, composed from the links' transforms."""
     pose, frame = np.eye(4), "base"
     for link in message["body"]["transforms"]:
         assert link["parent_frame_id"] == frame

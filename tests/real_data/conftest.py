@@ -1,4 +1,4 @@
-"""The measured recordings of a UR10e, read and identified once for all tests of them."""
+"""The measured recordings of a UR10e, read and identified once for all tests."""
 
 from __future__ import annotations
 

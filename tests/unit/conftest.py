@@ -1,4 +1,4 @@
-"""An arm whose torque is Pinocchio's, and recordings of it: the truth that the identification has to find."""
+"""An arm whose torque Pinocchio computes, and recordings of it: the true values for tests of the identification."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LINK_KG = (8.0, 12.0, 6.0, 2.0, 2.0, 0.5)
 
 
 class PinocchioArm:
-    """Six joints, friction, coupled wrist motors; everything that is random comes from the seed of a run."""
+    """Six joints with friction and coupled wrist motors; all random numbers come from the seed of a run."""
 
     n = 6
     chain = Chain.from_origins(XYZ_M, RPY_RAD, AXIS, pose_from_xyz_rpy(*FLANGE), GRAVITY_M_S2)
@@ -71,7 +71,7 @@ class PinocchioArm:
         with_phase: bool = True,
         rate: float = 1.0,
     ) -> Recording:
-        """Record whole periods; the arm follows exactly, and `rate` s pass per s of phase."""
+        """Record complete periods; the arm follows exactly, and `rate` seconds pass per second of phase."""
         rng = np.random.default_rng(seed)
         cycles = round(trajectory.period_s / cycle_s)
         phase = np.arange(1, periods * cycles + 1) * cycle_s
@@ -130,7 +130,7 @@ def pinocchio_model(
 
 
 def random_arm(rng: np.random.Generator, n: int) -> tuple[Chain, tuple[InertialParameters, ...]]:
-    """An arm that does not exist: axes, gravity and links in any direction."""
+    """A random arm: axes, gravity and links in arbitrary directions."""
     chain = Chain.from_origins(
         rng.uniform(-0.5, 0.5, (n, 3)),
         rng.uniform(-np.pi, np.pi, (n, 3)),
@@ -142,14 +142,14 @@ def random_arm(rng: np.random.Generator, n: int) -> tuple[Chain, tuple[InertialP
 
 
 def random_body(rng: np.random.Generator) -> InertialParameters:
-    """A body that some distribution of mass has: eight points of mass."""
+    """A physically possible body: eight point masses."""
     points = 0.2 * (rng.normal(size=(8, 3)) + rng.normal(size=3))
     homogeneous = np.column_stack([points, np.ones(8)]) * np.sqrt(rng.uniform(0.1, 2.0, (8, 1)))
     return InertialParameters.from_pseudo_inertia(homogeneous.T @ homogeneous)
 
 
 def source(data: np.ndarray, name: str) -> RecordingSource:
-    """A source as a file would have it."""
+    """The source that a recording file would have."""
     return RecordingSource(
         path=Path(f"{name}.mcap"),
         sha256=hashlib.sha256(data.tobytes()).hexdigest(),
@@ -177,8 +177,8 @@ def pair(pinocchio_arm):
 
 @pytest.fixture(scope="session")
 def calibration(pinocchio_arm):
-    """Pinocchio's arm, calibrated by an empty run and one with its payload weighed; a third file was left out."""
-    # here, so that the tests of other rooms do not load the calibration
+    """Pinocchio's arm, calibrated with an empty run and one with a payload of known mass; a third file was left out."""
+    # imported here, so that other tests do not load the calibration
     from armload_identification.calibration.calibrate_arm import MountedRun, WeighedPayload, calibrate_arm
 
     trajectory = pinocchio_arm.trajectory(3, period_s=10.0)
@@ -199,8 +199,8 @@ def calibration(pinocchio_arm):
 
 @pytest.fixture(scope="session")
 def make_subject():
-    """Subjects of an export: a shipped arm or a chain, with a payload whose inertia has all products."""
-    # here, so that the tests of the mathematics do not load the controller
+    """Subjects of an export: a shipped arm or a chain, with a payload whose products of inertia are all nonzero."""
+    # imported here, so that the tests of the identification do not load the controller
     from armload_controller.config.robot import load_robot
     from armload_controller.export.subject import ExportSubject
     from armload_controller.motion.joint_limits import MotionLimits

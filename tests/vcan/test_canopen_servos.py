@@ -1,4 +1,4 @@
-"""Master and simulated drives on a real SocketCAN interface, on the wall clock. No timing is asserted."""
+"""Master and simulated drives on a real SocketCAN interface, in real time. No timing is asserted."""
 
 import time
 
@@ -20,7 +20,7 @@ ZERO = np.zeros(3)
 
 @pytest.fixture
 def bench(arm_settings):
-    """Two sockets on vcan0, three drives at 50 Hz, and the plant behind them."""
+    """Two sockets on vcan0, three drives at 50 Hz, and their plant."""
     arm = arm_settings(cycle_s=0.02)
     plant = IdealPlant([0.1, -0.2, 0.3])
     with (

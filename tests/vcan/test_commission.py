@@ -1,9 +1,8 @@
 """A commissioning between processes on a real SocketCAN interface: `simulate` in one, `commission` in the other.
 
-Machines that run tests are busy with other things, and two processes share one CPU here. So the cycle is slow, both
-processes get a real-time priority where that is permitted, the configuration allows for a program that does not run for
-a while, and what such a stall spoils is recorded again, as an operator would do it: the program refuses a motion that
-was not even, and goes on with what is missing.
+Test machines are busy, and the two processes share one CPU here. Therefore the cycle is slow, both processes get a
+real-time priority if permitted, the configuration tolerates stalls, and runs spoilt by a stall are recorded again, as
+an operator would do: the program refuses an uneven motion and continues with the missing runs.
 """
 
 import re
@@ -31,7 +30,7 @@ PATIENT = {"heartbeat_s": "2.0", "max_missing_cycles": "100"}
 ATTEMPTS = 5
 BUS = ["--interface", "socketcan", "--channel", CHANNEL, "--cycle-hz", str(CYCLE_HZ)]
 FIRST = ["chrt", "--rr", "1"]
-"""Before other programs of this machine."""
+"""Run with priority over the other programs of this machine."""
 if shutil.which("chrt") is None or subprocess.run([*FIRST, "true"], capture_output=True, check=False).returncode:
     FIRST = []
 ARMLOAD = [*FIRST, sys.executable, "-c", "from armload_controller.cli.entry import main; main()"]
@@ -39,7 +38,7 @@ ARMLOAD = [*FIRST, sys.executable, "-c", "from armload_controller.cli.entry impo
 
 @pytest.fixture
 def short_robot(tmp_path):
-    """er50 with excitations of two periods of 2 s, and with patience."""
+    """er50 with excitations of two periods of 2 s, and with longer timeouts."""
     shipped = resources.files("armload_configs") / "er50.toml"
     text = shipped.read_text("utf-8")
     for key, value in PATIENT.items():
@@ -59,7 +58,7 @@ def short_robot(tmp_path):
 
 @contextmanager
 def simulated(robot, payload):
-    """Drives in a process of their own, ended by SIGTERM."""
+    """Drives in a separate process, ended by SIGTERM."""
     drives = subprocess.Popen(
         [*ARMLOAD, "simulate", str(robot), *BUS, "--payload", payload], stdout=subprocess.PIPE, text=True
     )
@@ -81,7 +80,7 @@ def commission(robot, *options):
 
 
 def record(robot, output):
-    """Both halves, each with its drives in a process of their own; what the last of them printed."""
+    """Record both halves, each with its drives in a separate process; returns the output of the last."""
     for half, payload in (("unloaded", "none"), ("loaded", "paper")):
         if len(list(output.glob(f"{half}_*.mcap"))) < 2 or half == "loaded":
             with simulated(robot, payload):
@@ -92,11 +91,11 @@ def record(robot, output):
 
 
 def forget_what_a_stall_spoilt(done, output):
-    """Delete the recordings that the program did not accept, or did not end; anything else is an error at once."""
+    """Delete the recordings that were refused or not completed; fail on any other error."""
     uneven = r"error: \S*_(\w+)\.mcap: (?:the phase is up to|the torque of joint)"
     slower = r"error: one period took .*_(\w+)\.mcap"
     spoilt = re.search(uneven, done.stderr) or re.search(slower, done.stderr)
-    # Held setpoints and a start from standstill at speed: a monitor stops what a stall does to the motion.
+    # After a stall, setpoints are held and motion resumes at full speed: a monitor then stops the motion.
     stopped = "Motion stopped" in done.stderr
     assert spoilt or stopped, done.stdout + done.stderr
     for path in output.glob(f"*_{spoilt[1]}.mcap" if spoilt else "*.partial.mcap"):

@@ -1,4 +1,4 @@
-"""`CanopenServos` and drives that none of this project wrote, two processes on vcan0."""
+"""`CanopenServos` and drives independent of this project, two processes on vcan0."""
 
 import json
 import subprocess

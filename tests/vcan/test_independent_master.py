@@ -29,7 +29,7 @@ with (
 
 
 def ask(drives):
-    """Degrees of the third axis, and how many axes have torque."""
+    """Position of the third axis in degrees, and the number of axes with torque."""
     drives.stdin.write("?\n")
     drives.stdin.flush()
     degrees, powered = drives.stdout.readline().split()

@@ -1,7 +1,7 @@
-"""The master dies or hangs in motion, between processes: SYNC ends in the kernel and the drives stop by themselves.
+"""The master process dies or hangs in motion: SYNC ends in the kernel and the drives stop by themselves.
 
-What the arm did is measured in the plant of the simulated drives. No timing is asserted more sharply than the
-guest's clock allows; the figures are printed (`-s`).
+The arm's motion is measured in the plant of the simulated drives. Bounds on times allow for the clock of a virtual
+machine; the measured values are printed (`-s`).
 """
 
 import math
@@ -67,7 +67,7 @@ def hold(servos, position_rad, cycles):
 
 
 class Bench:
-    """Simulated drives in this process, a master in another, and a watch on the bus."""
+    """Simulated drives in this process, a master in another, and a monitor on the bus."""
 
     def __init__(self, drives_bus, monitor, arm, plant, drives):
         self.monitor, self.arm, self.plant, self.drives = monitor, arm, plant, drives
@@ -83,7 +83,7 @@ class Bench:
         return process
 
     def watch(self, seconds):
-        """Everything on the bus for a while, and where the axes are."""
+        """All frames on the bus for some time, and the positions of the axes."""
         frames, track = [], []
         end_s = time.monotonic() + seconds
         while (now_s := time.monotonic()) < end_s:
@@ -121,7 +121,7 @@ def stop_of(track, begin_s):
 
 
 def lose(bench, number):
-    """Send a signal to a master in motion and report what followed."""
+    """Send a signal to a master in motion and report what follows."""
     master = bench.master()
     try:
         bench.drain()
@@ -188,7 +188,7 @@ def test_a_cycle_that_hangs_stops_sync_within_two_periods(bench):
 
 
 def test_the_kernels_period_is_measured_and_counted(arm_settings, bench):
-    """Time comes from the stamps of the SYNCs; drift of the kernel's timer is taken off what it is asked for."""
+    """Times are the stamps of the SYNCs; the drift of the kernel's timer is compensated in the requested period."""
     with can.Bus(interface="socketcan", channel="vcan0") as bus:
         servos = CanopenServos(bench.arm, bus, BcmSync(BroadcastManager("vcan0")))
         servos.connect()
@@ -245,7 +245,7 @@ def test_an_interface_that_is_not_there_is_named():
 
 @pytest.mark.parametrize("period_s", [0.013, 0.7], ids=["fast", "slow"])
 def test_a_second_sync_producer_is_noticed(bench, period_s):
-    """Another program on this computer: detected by the kernel's count, at three percent of our rate as well."""
+    """Another program on this computer: detected by the kernel's count, even at three percent of our rate."""
     with can.Bus(interface="socketcan", channel="vcan0") as bus:
         servos = CanopenServos(bench.arm, bus, BcmSync(BroadcastManager("vcan0")))
         servos.connect()
@@ -280,7 +280,7 @@ def test_the_kernels_count_is_what_was_sent_and_alone_nobody_is_accused(bench):
 
 @pytest.fixture
 def two_ends():
-    """A cable with two ends, made of vxcan: what one end sends comes in at the other."""
+    """Two vxcan interfaces, connected like the ends of a cable."""
     if shutil.which("ip") is None:
         pytest.skip("needs ip (iproute2)")
     names = "armload0", "armload1"

@@ -1,7 +1,7 @@
 """A transmit queue that is full: ENOBUFS from the kernel on a real SocketCAN socket.
 
-vcan has no queue of its own. A queue discipline of length zero gives it one that is always full, as that of a
-controller whose frames no node acknowledges; with its removal the queue has drained.
+vcan has no queue. A queue discipline of length zero gives it one that is always full, like that of a controller whose
+frames no node acknowledges; its removal drains the queue.
 """
 
 import shutil
@@ -32,7 +32,7 @@ ZERO = np.zeros(3)
 
 
 class Queue:
-    """The interface's queue, filled and drained within a millisecond or two by a `tc` that waits for orders."""
+    """The interface's queue, filled and drained within one or two milliseconds by a running `tc` process."""
 
     def __init__(self, process):
         self._process = process
@@ -51,7 +51,7 @@ def queue():
         pytest.skip("needs tc (iproute2)")
     process = subprocess.Popen(["tc", "-batch", "-"], stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     made = Queue(process)
-    # From its first answer on it is quick.
+    # It is fast after its first answer.
     with can.Bus(interface="socketcan", channel=CHANNEL) as bus:
         made.set_full(True)
         await_full(bus)
@@ -64,7 +64,7 @@ def queue():
 
 
 def refusal(bus):
-    """What the kernel says to a frame; None where it takes it."""
+    """The kernel's error for a frame; None if it is accepted."""
     try:
         bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
     except can.CanOperationError as error:
@@ -73,18 +73,18 @@ def refusal(bus):
 
 
 def await_full(bus):
-    """Until the kernel refuses a frame; with what."""
+    """Wait until the kernel refuses a frame; returns the error."""
     return await_that(lambda: refusal(bus), "the queue is full")
 
 
 def await_drained(bus):
-    """Until it takes one again."""
+    """Wait until the kernel accepts a frame again."""
     await_that(lambda: refusal(bus) is None, "the queue has drained")
 
 
 @contextmanager
 def drained_after(queue, seconds):
-    """The queue drains after a while, whatever the test does meanwhile."""
+    """The queue drains after a given time, in parallel with the test."""
     timer = threading.Timer(seconds, queue.set_full, [False])
     timer.start()
     yield

@@ -1,8 +1,7 @@
 """Ten minutes of streaming six joints at 50 Hz on vcan0: no frame and no recorder row is lost.
 
-Not in `make test`: `pytest -m soak tests/vcan/test_soak.py`, on a machine with vcan0 that is not busy otherwise:
-feedback that comes late counts as missing. Whether a frame was late or lost is counted beside it. ARMLOAD_SOAK_S
-shortens it.
+Not part of `make test`: `pytest -m soak tests/vcan/test_soak.py`, on an otherwise idle machine with vcan0, because late
+feedback counts as missing. Late and lost frames are counted separately. ARMLOAD_SOAK_S shortens the test.
 """
 
 import os
@@ -52,7 +51,7 @@ def drives():
 
 
 class Counted:
-    """How many frames of some COB-IDs have been handled."""
+    """Number of handled frames with some COB-IDs."""
 
     def __init__(self, link, cob_ids):
         self.frames = 0
@@ -71,7 +70,7 @@ class Counted:
 
 def test_ten_minutes_lose_nothing(drives, tmp_path):
     robot = load_robot("er50").with_bus("socketcan", "vcan0", None, float(CYCLE_HZ))
-    # A guest on a busy machine may not run for a while, which is not what is tested here.
+    # A virtual machine on a busy host pauses at times; that is not tested here.
     arm = replace(robot.drives.settings, heartbeat_s=0.5)
     cycles, zero, path = round(SECONDS * CYCLE_HZ), np.zeros(6), tmp_path / "soak.mcap"
     missing = skipped = 0
@@ -92,7 +91,7 @@ def test_ten_minutes_lose_nothing(drives, tmp_path):
             recorder.write(feedback, command, Segment.PERIODS, cycle / CYCLE_HZ)
         took_s = time.monotonic() - begun_s
         errors, load = servos.bus_errors, servos.bus_load
-        # The last SYNCs have been sent, and what answers them is on its way.
+        # The last SYNCs have been sent; their answers may still be on the way.
         link.pump_until(lambda: False, 0.1)
         heard, answers = syncs.frames, feedback_frames.frames
         servos.close()

@@ -1,4 +1,4 @@
-"""`armload watch` on a real SocketCAN interface: it records what it hears, and the bus carries nothing of its own."""
+"""`armload watch` on a real SocketCAN interface: it records the frames and sends none."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BUS = ("--interface", "socketcan", "--channel", "vcan0")
 
 @pytest.fixture(scope="module")
 def frames():
-    """A shift of some seconds under canopen's own objects, frame by frame."""
+    """The frames of a shift of some seconds under canopen as the master."""
     robot = load_robot("er50").with_bus(None, None, None, CYCLE_HZ)
     kept = []
     spec = robot.simulation.plant_spec(None)
@@ -33,7 +33,7 @@ def frames():
 
 
 def play(bus, frames, monitor):
-    """Send frames when they are due; everything that a third party hears meanwhile and a second later."""
+    """Send frames at their times; returns all frames that a third node receives until a second later."""
     begun_s, first_s, heard = time.monotonic(), frames[0][2], []
     for cob_id, data, time_s in frames:
         left_s = begun_s + time_s - first_s - time.monotonic()

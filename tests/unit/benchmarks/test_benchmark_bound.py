@@ -1,4 +1,4 @@
-"""The bound against brute force, and the paper's ten values against finite differences."""
+"""The bound compared with brute force, and the paper's ten values with finite differences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ BODY = InertialParameters.from_center_of_mass(
 
 
 def test_bound_equals_the_inverse_information_of_both_runs_with_a_free_body():
-    """The arm's own torque is unknown at every phase and joint; payload and body estimated together from all rows."""
+    """The arm's own torque is unknown at every phase and joint; payload and body are estimated jointly from all
+    rows."""
     random = np.random.default_rng(3)
     samples, joints, periods = 8, 2, 3
     phi = random.normal(size=(samples, joints, 11)) * random.uniform(0.1, 10.0, 11)

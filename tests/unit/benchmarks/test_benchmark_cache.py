@@ -1,4 +1,4 @@
-"""The benchmarks' cache: found again when nothing changed, never when something did."""
+"""The benchmarks' cache: reused if nothing has changed, never if something has."""
 
 from __future__ import annotations
 

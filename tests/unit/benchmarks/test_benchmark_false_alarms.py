@@ -1,4 +1,4 @@
-"""The benchmark of false alarms shows the monitors what they would see in a run of each seed."""
+"""In the benchmark of false alarms the monitors get the same data as in a run of each seed."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Seeded recordings against the same arm streamed through FakeServos."""
+"""Seeded recordings compared with the same arm streamed through FakeServos."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PERIODS = 2
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
-    """A cache of this module's own."""
+    """A cache for this module."""
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         yield
@@ -46,7 +46,7 @@ def setup(cache):
 
 
 def streamed(spec, periods):
-    """(N, n) position, and what the drives tell of their effort, over whole periods; through FakeServos."""
+    """(N, n) position and reported effort over complete periods, through FakeServos."""
     plan = plan_leg(plan_measured(Excitation(TRAJECTORY, periods), STREAMING.limits, ARM.cycle_s), ARM.cycle_s)
     servos = FakeServos(ARM, ArmPlant(replace(spec, start_position_rad=plan.position_rad[0])))
     servos.connect()
@@ -68,7 +68,7 @@ def test_without_noise_a_recording_is_what_fake_servos_tell(setup):
     made = record(setup.loaded, silent, 1, np.random.default_rng(0), np.zeros(6))
     second = slice(len(made.time_s), None)
     step_a = setup.scales.effort_per_unit
-    # The two arms differ by one cycle of waiting before the start, which rounding may show.
+    # The two arms differ by one cycle of waiting before the start, which may show in the rounding.
     assert np.abs(made.current_a - current[second]).max() <= step_a.max() * 1.01
     assert np.mean(np.abs(made.current_a - current[second]) > 0.5 * step_a) < 1e-3
     assert np.abs(made.position_rad - position[second]).max() < 1e-6

@@ -1,4 +1,4 @@
-"""Criteria are printed with what became of them, and counted."""
+"""Criteria are printed with their results and counted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings of er50 as a commissioning leaves them, without a commissioning: the torque is Pinocchio's."""
+"""Recordings of er50 as from a commissioning, but with torques computed by Pinocchio."""
 
 import json
 
@@ -17,7 +17,7 @@ from armload_identification.files.calibration_file import write_calibration
 from armload_identification.model.payload import InertialParameters
 
 PERIODS, RATE_HZ = 2, 50.0
-"""Fewer rows than a drive's bus gives, each with the noise of their mean, so that what reads them is quick."""
+"""Fewer rows than from a bus, each with the noise of a mean, so that tests are fast."""
 
 
 @pytest.fixture(scope="session")
@@ -56,7 +56,7 @@ def recorded_er50(tmp_path_factory, in_pinocchio):
 
 
 def _cycles(robot, model, trajectory, rng):
-    """What the recorder is given in each cycle of some periods."""
+    """Arguments of the recorder in each cycle of some periods."""
     data = model.createData()
     count = round(trajectory.period_s * RATE_HZ)
     state = trajectory.evaluate(np.arange(1, count + 1) / RATE_HZ)

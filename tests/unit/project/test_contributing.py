@@ -1,4 +1,4 @@
-"""CONTRIBUTING.md and the pre-commit hooks say what is there."""
+"""CONTRIBUTING.md and the pre-commit hooks agree with the project."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ ROOMS = (
     "drivers/armload_drivers",
     "identification/armload_identification",
 )
-"""What the page's paths are relative to."""
+"""Folders to which the page's paths are relative."""
 
 if not PAGE.is_file():
     pytest.skip("not a checkout: the page is not installed", allow_module_level=True)

@@ -1,4 +1,4 @@
-"""The READMEs that are maps of a folder name what is there."""
+"""The READMEs that describe a folder name all of its content."""
 
 from pathlib import Path
 

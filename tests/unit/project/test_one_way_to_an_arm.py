@@ -1,4 +1,4 @@
-"""Only the cycle commands servos, only a session makes a cycle, and only the checks make a checked path."""
+"""Only the cycle commands servos, only a session creates a cycle, and only the checks create a checked path."""
 
 import re
 from pathlib import Path

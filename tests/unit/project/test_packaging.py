@@ -1,4 +1,4 @@
-"""What is pinned and shipped."""
+"""Pinned requirements and contents of the packages."""
 
 import importlib.util
 import subprocess

@@ -1,4 +1,4 @@
-"""Without extras the loop and the exports work, and every other command names its extra before it begins."""
+"""Without extras the loop and the exports work, and every other command names its extra before doing anything."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ import plain_installation
 sys.modules.update(dict.fromkeys(plain_installation.EXTRAS))
 plain_installation.main()
 """
-"""The program of the trial, where the libraries of extras are hidden; `.ci/run` runs it where they are missing."""
+"""The trial program with the extras' libraries hidden; `.ci/run` runs it in an installation without them."""
 
 
 @pytest.mark.pure

@@ -1,4 +1,4 @@
-"""Works from a read-only installation and without a home: everything but its results is only read."""
+"""Works from a read-only installation and without a home directory: it writes nothing but its results."""
 
 import subprocess
 import sys

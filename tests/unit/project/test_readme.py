@@ -1,6 +1,6 @@
-"""The README and the pages that it sends its readers to: examples run, options exist, links and messages are true.
+"""The README and the pages it links to: examples run, options exist, links work, quoted messages exist.
 
-Commissioning, feed-forward, identification by a URDF and export have tests of their own (`controller`).
+Commissioning, feed-forward, identification by a URDF and export are tested in `controller`.
 """
 
 import contextlib
@@ -53,7 +53,7 @@ def test_the_four_uses_are_shown():
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
-    """A folder with the payload of er50."""
+    """A folder with er50's payload."""
     folder = tmp_path_factory.mktemp("desk")
     body = load_robot("er50").simulation.payload("paper")
     values = np.stack([body.values, body.values], axis=1)
@@ -74,7 +74,7 @@ def test_a_loop_of_ones_own_as_shown(desk):
 
 
 def anchors(page):
-    """What a link into a page may end in, as GitHub makes it of the headings."""
+    """Anchors of a page's headings, as GitHub makes them."""
     headings = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), flags=re.MULTILINE)
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 

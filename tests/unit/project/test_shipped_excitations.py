@@ -1,7 +1,7 @@
-"""The excitations that come with the robots: within every limit with room to spare, and worth driving.
+"""The shipped excitations: within every limit with margin, and informative.
 
-What the design proves is looked at a second time: 20,000 samples of a period, Pinocchio for frames and torques, the
-simulated arm's true body for the torque of both, distances written down anew.
+The properties proved by the design are checked independently: 20,000 samples of a period, frames and torques by
+Pinocchio with the simulated arm's true body, and distances by separate formulas.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def test_nothing_is_touched(driven, robot, role, in_pinocchio):
 
 @CASES
 def test_the_true_body_with_the_heaviest_payload_stays_below_the_torque_limits(driven, robot, role, in_pinocchio):
-    """At any speed, empty and loaded; the truth has friction that the design does not know, and still fits."""
+    """At any speed, empty and loaded, although the true arm has friction that the design does not know."""
     one = driven[robot, role]
     twin = one.arm.simulation.plant_spec(None)
     true = [j.link for j in twin.joints]
@@ -114,7 +114,7 @@ def test_the_file_says_what_it_is_worth_and_how_it_was_made(driven, robot, role)
     criterion = named_criterion("a-optimal", one.arm.chain, one.arm.limits.torque_noise_nm, payload)
     design = one.excitation.design
     assert design["cost"] == pytest.approx(criterion.cost(*motion, one.trajectory.period_s), rel=0.01)
-    assert design["cost"] < 0.0045  # a random start within the same limits costs about five times as much
+    assert design["cost"] < 0.0045  # of a random start within the same limits: about five times as much
     assert str(design["command"]).startswith(
         f"armload design {robot} --output {robot}_{role}.toml --seed {design['seed']} "
     )

@@ -1,4 +1,4 @@
-"""From estimates to events: what is grasped, dropped, exchanged, and when a calibration is no longer believed."""
+"""From estimates to events: grasping, dropping, exchange of a payload, and a calibration that no longer holds."""
 
 from __future__ import annotations
 

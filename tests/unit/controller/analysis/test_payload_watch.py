@@ -1,4 +1,4 @@
-"""Watching a recording: grasped and dropped as events, a file that grows, and what is refused."""
+"""Watching a recording: events of grasping and dropping, a growing file, and refusals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def calibration_file(calibration, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def robot(pinocchio_arm):
-    """What a watch asks of a robot."""
+    """The parts of a robot that a watch needs."""
     return SimpleNamespace(
         chain=pinocchio_arm.chain,
         transmission=pinocchio_arm.transmission,
@@ -37,7 +37,7 @@ def robot(pinocchio_arm):
 
 @pytest.fixture(scope="module")
 def table(pinocchio_arm):
-    """Lines of a table: the payload is grasped after a third and dropped after two."""
+    """Lines of a table: the payload is grasped after one third of the time and dropped after two."""
     trajectory = pinocchio_arm.trajectory(6, period_s=10.0)
     empty, loaded = (pinocchio_arm.run(trajectory, load, seed=8 + load, with_phase=False) for load in (False, True))
     rows = min(empty.size, loaded.size)

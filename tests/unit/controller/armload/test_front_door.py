@@ -1,4 +1,4 @@
-"""`import armload`: its names, what they load, their examples, and what an identification gives its user."""
+"""`import armload`: its names, what they import, their examples, and the result of an identification."""
 
 import contextlib
 import doctest
@@ -39,7 +39,7 @@ def test_every_public_name_is_there_and_listed():
     for name in armload.__all__:
         assert getattr(armload, name) is getattr(armload, name)
     with pytest.raises(AttributeError, match="no attribute 'identity'"):
-        armload.identity  # noqa: B018 - the access is what is tested
+        armload.identity  # noqa: B018 - tests the attribute access
 
 
 def test_names_are_loaded_when_they_are_used():

@@ -1,4 +1,4 @@
-"""`armload calibrate`: what it is given, and what it says where that makes no sense."""
+"""`armload calibrate`: its inputs, and its messages for invalid ones."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def today(recorded_er50):
 
 @pytest.fixture(scope="module")
 def calibrated(armload, today, tmp_path_factory):
-    """The arm from its own four recordings, which say what they carried; and what was printed."""
+    """The arm calibrated from its four recordings, which name their payloads; and the output."""
     path = tmp_path_factory.mktemp("calibrated") / "arm.calibration.toml"
     words = [*sorted(today.glob("*.mcap")), "-o", path, "--report", path.with_name("arm.html")]
     result = armload("calibrate", "er50", *words)
@@ -132,7 +132,7 @@ def test_the_report_shows_gains_runs_and_where_they_are_from(calibrated):
     assert page.count('role="img"') == 1 + arm.n
     assert arm.kinematics_sha256 in page
     assert all(run.name in page for run in arm.runs)
-    # Nothing is loaded and nothing runs.
+    # The page loads nothing and runs no script.
     assert "<script" not in page
     assert "http" not in page.replace("http-equiv", "")
 
@@ -143,7 +143,7 @@ def test_a_report_needs_a_name_per_joint(calibrated):
 
 
 def test_the_next_payload_of_an_arm_is_known_better(calibrated, today):
-    """The validation runs stand for a second commissioning, nominal gains for the first one."""
+    """The validation runs serve as a second commissioning, nominal gains as the first."""
     pair = today / "loaded_validation.mcap", today / "unloaded_validation.mcap"
     first, second = (
         armload_package.identify("er50", *pair),

@@ -1,4 +1,4 @@
-"""The command line as its user meets it: what it prints, and what it answers to wrong input."""
+"""The command line from its user's view: its output, and its answers to wrong input."""
 
 import json
 import re
@@ -37,7 +37,7 @@ def short_robot(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def first_half(armload, short_robot, tmp_path_factory):
-    """Folder and outcome of a commissioning's unloaded half, with a live view."""
+    """Folder and result of a commissioning's unloaded half, with a live view."""
     output = tmp_path_factory.mktemp("halves") / "run"
     half = ("commission", short_robot, "--runs", "unloaded", "--output", output, "--json")
     result = armload(*half, "--live-address", "127.0.0.1:0")
@@ -124,7 +124,7 @@ def test_the_first_half_is_left_to_the_second(first_half):
 
 @pytest.mark.long
 def test_the_second_half_takes_up_the_first_and_makes_a_stopped_run_again(commissioned, armload, short_robot, tmp_path):
-    """What a stop leaves: the first half, a whole loaded recording and a partial one."""
+    """After a stop there are the first half, a complete loaded recording and a partial one."""
     complete, _ = commissioned
     output = tmp_path / "halves"
     shutil.copytree(complete, output)
@@ -186,7 +186,7 @@ def test_the_verdict_is_about_the_validation_runs(commissioned, short_robot):
 
 
 def test_the_tolerance_decides_between_right_and_cannot_tell(commissioned, armload, short_robot):
-    """The same runs, and a tolerance that they can confirm, one that they cannot, and one that makes no sense."""
+    """The same runs, with a tolerance that they can confirm, one that they cannot, and an invalid one."""
     output, _ = commissioned
     pair = ["--loaded", output / "loaded_validation.mcap", "--unloaded", output / "unloaded_validation.mcap"]
     words = ["validate", short_robot, output / "payload.toml", *pair, "--tolerance"]

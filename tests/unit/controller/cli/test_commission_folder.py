@@ -1,4 +1,4 @@
-"""The folder of a commissioning: what was recorded is no dead end, and two do not work in it at once."""
+"""The folder of a commissioning: recordings can be taken up later, and only one commissioning works in it at a time."""
 
 import os
 import shutil
@@ -24,7 +24,7 @@ with claimed(Path(sys.argv[1])):
 
 @pytest.fixture
 def recorded(recorded_er50, tmp_path):
-    """Four finished recordings, and nothing that was made of them."""
+    """Four complete recordings without results."""
     folder = tmp_path / "run"
     folder.mkdir()
     for path in (recorded_er50 / "runs" / "today").glob("*.mcap"):
@@ -34,7 +34,7 @@ def recorded(recorded_er50, tmp_path):
 
 @pytest.mark.long
 def test_four_recordings_without_a_report_are_taken_to_one(armload, recorded, recorded_er50):
-    """Whatever else an earlier start left."""
+    """Other files of an earlier start do not matter."""
     shutil.copy(recorded_er50 / "runs" / "today" / "payload.toml", recorded)
     before = {path.name: path.stat().st_mtime_ns for path in recorded.iterdir()}
     result = armload("commission", "er50", "--output", recorded)

@@ -1,4 +1,4 @@
-"""What a narrow console, a file and a terminal without colours show: every word and every number."""
+"""Output on a narrow console, in a file and on a terminal without colours: every word and every number."""
 
 import io
 import os
@@ -45,7 +45,7 @@ def prose():
 
 
 def shown(table, width):
-    """What is printed in a width, and its parts."""
+    """The text printed in a width, and its parts."""
     stream = io.StringIO()
     console = Console(file=stream, width=width, highlight=False, color_system=None)
     parts = fitted(table, console)
@@ -55,7 +55,7 @@ def shown(table, width):
 
 
 def texts(table):
-    """What a table has to show, without markup."""
+    """The texts of a table, without markup."""
     found = [table.title or "", *(str(column.header) for column in table.columns)]
     found += [str(cell) for column in table.columns for cell in column.cells]
     return [re.sub(r"\[/?\w*\]", "", text) for text in found]
@@ -134,7 +134,7 @@ def test_a_line_of_progress_fits_the_terminal(width):
 
 
 def test_a_terminal_that_accepts_nothing_does_not_halt_what_reports_its_progress():
-    """Ctrl-S, or a remote connection that stalls, while the cycle draws the bar."""
+    """Ctrl-S or a stalled remote connection while the cycle draws the bar."""
     reader, terminal = os.openpty()
     screen = Screen()
     with os.fdopen(reader, "rb", 0) as shown_bytes, os.fdopen(terminal, "w") as stream:

@@ -1,4 +1,4 @@
-"""What `armload drives` shows of nodes, and of what safety rests on."""
+"""The tables of `armload drives`: nodes and safety properties."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""`armload export`: files, what is in their way, and what the operator is told."""
+"""`armload export`: its files, existing files in their place, and its messages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ONE = {"a.txt": "text\n"}
 
 @pytest.fixture
 def export(armload, tmp_path, make_subject):
-    """Run the command on a payload file of the prbt; errors keep their type."""
+    """Run the command on a payload file of the prbt; exceptions are passed on."""
 
     def export(*words, undetermined=(), robot="prbt"):
         path = tmp_path / "payload.toml"
@@ -36,7 +36,7 @@ def export(armload, tmp_path, make_subject):
 
 @pytest.mark.parametrize("export_format", ExportFormat)
 def test_every_format_writes_files_and_says_so(export, tmp_path, monkeypatch, export_format):
-    monkeypatch.setenv("CFLAGS", "-O0")  # for those that are compiled
+    monkeypatch.setenv("CFLAGS", "-O0")  # for compiled formats
     folder = tmp_path / "new" / "folder"
     result = export("--format", export_format, "--output", folder)
     assert result.exit_code == 0, result.output

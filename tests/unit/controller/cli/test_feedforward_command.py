@@ -1,4 +1,4 @@
-"""`armload feedforward` as its user meets it."""
+"""`armload feedforward` from its user's view."""
 
 import json
 import re
@@ -26,7 +26,7 @@ SWING_RAD = np.array([[0.2, 0.9, 0.0, 0.0, 0.3, 0.2], [0.0, 0.0, 0.9, 0.2, -0.7,
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A sweep of one harmonic in 4 s, and the simulated payload as a payload file."""
+    """An excitation of one harmonic in 4 s, and the simulated payload as a payload file."""
     folder = tmp_path_factory.mktemp("feedforward")
     offset = np.array([0.0, 0.5, 1.2, 0.0, 0.6, 0.0])
     sweep = FourierTrajectory(0.25, offset, *SWING_RAD)
@@ -72,7 +72,7 @@ def test_the_payloads_share_of_the_following_error_falls(compared, folder):
 
 @pytest.fixture(scope="module")
 def calibrated(armload, folder):
-    """The comparison with the arm as its own empty run calibrates it."""
+    """The comparison with the arm calibrated from its empty run."""
     robot = load_robot(str(folder / "prbt.toml"))
     with simulated_arm(robot, Load.UNLOADED) as servos, Recorder(folder / "empty.mcap", recorded_with(folder)) as kept:
         servos.connect()
@@ -157,7 +157,7 @@ def test_any_other_bus_is_refused(armload, folder):
 
 @pytest.fixture(scope="module")
 def adapted(armload, folder, calibrated):
-    """A run in which the arm finds out itself what it carries."""
+    """A run that adapts to the estimated payload."""
     words = ["feedforward", "prbt", "--adapt", "--expect", "0..4", "--mounted", "gripper", "--json"]
     words += ["--calibration", folder / "arm.toml", "--excitation", folder / "sweep.toml"]
     result = armload(*words, "--decisions", folder / "decisions.jsonl")

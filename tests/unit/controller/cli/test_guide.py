@@ -1,4 +1,4 @@
-"""`armload` without a command: what is asked, the command that is made of it, and a run at a terminal."""
+"""`armload` without a command: its questions, the resulting command, and a run at a terminal."""
 
 import os
 import pty
@@ -20,7 +20,7 @@ JOINTS = "".join(
 
 
 def answered(*answers):
-    """Words of the command, and what was said."""
+    """Words of the command, and the output."""
     given, said = iter(answers), []
     return guided_words(lambda question: next(given), said.append, SHIPPED), said
 
@@ -75,7 +75,7 @@ def test_a_second_try_gets_a_folder_of_its_own(desk):
 
 
 def at_terminal(desk, typed):
-    """What `armload` shows at a terminal until it ends, and its status."""
+    """Output of `armload` at a terminal until it ends, and its exit status."""
     leader, follower = pty.openpty()
     program = "from armload_controller.cli.entry import main; main()"
     shown = []
@@ -85,7 +85,7 @@ def at_terminal(desk, typed):
             return False
         try:
             shown.append(os.read(leader, 4096))
-        except OSError:  # the terminal's other side is closed
+        except OSError:  # the other end of the terminal is closed
             return True
         return False
 

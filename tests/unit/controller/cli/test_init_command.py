@@ -1,4 +1,4 @@
-"""`armload init`: from a URDF to a robot file and its excitations, and what it refuses."""
+"""`armload init`: from a URDF to a robot file and its excitations, and refusals."""
 
 import json
 
@@ -21,7 +21,7 @@ LINK = (
 
 @pytest.fixture
 def urdf(tmp_path):
-    """Four joints without a geometry."""
+    """Four joints without geometry."""
 
     def urdf(limit=LIMIT):
         links = "".join(LINK.format(i) for i in range(5))

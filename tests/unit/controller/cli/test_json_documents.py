@@ -1,4 +1,4 @@
-"""`--json`: every command that has a result prints one document, and controller/JSON.md describes exactly its keys."""
+"""`--json`: every command with a result prints one document, and controller/JSON.md describes exactly its keys."""
 
 import json
 import re
@@ -49,7 +49,7 @@ COMMON = {"schema", "armload_version"}
 
 
 def described():
-    """Keys by schema, as the page lists them."""
+    """Keys by schema, as listed on the page."""
     keys, schema = defaultdict(set), None
     for line in PAGE.read_text("utf-8").splitlines():
         if line.startswith("## "):
@@ -60,7 +60,7 @@ def described():
 
 
 def paths(value, at, known):
-    """Paths of the leaves; a value that is described as a whole is one, and of what is not there nothing is asked."""
+    """Paths of the leaves; a value described as one is a leaf, and null has no leaves."""
     if at in known:
         return {at}
     if value is None or value in ([], {}):
@@ -91,12 +91,12 @@ COMMANDS = {
     "drives check": "drives check er50",
     "drives show": "drives show er50 --once",
 }
-"""Every document that can be had without a bus of one's own and without moving an arm."""
+"""Commands with a document that need no bus and move no arm."""
 
 
 @pytest.fixture(scope="module")
 def document(armload, recorded_er50, tmp_path_factory):
-    """What a command prints; each runs once."""
+    """The document that a command prints; each command runs once."""
     today = recorded_er50 / "runs" / "today"
     names = {f"{load[0]}{i}": today / f"{load}_{role}.mcap" for load in LOADS for i, role in enumerate(ROLES, 1)}
     names |= {"payload": today / "payload.toml", "out": tmp_path_factory.mktemp("json")}
@@ -114,7 +114,7 @@ def document(armload, recorded_er50, tmp_path_factory):
 
 
 def designed_wiggle():
-    """A short motion, its limits and its path, without a search."""
+    """A short motion, its limits and its path, without a search for it."""
     path = FourierTrajectory(0.5, np.zeros(6), np.full((6, 1), 0.01), np.zeros((6, 1)))
     leg = SimpleNamespace(start_s=0.0, end_s=4.5)
     checked = SimpleNamespace(measured=SimpleNamespace(leg=leg), slow_round_s=8.0)
@@ -122,14 +122,14 @@ def designed_wiggle():
 
 
 def fleet_review():
-    """An arm that carries more since its last run, and gave nothing then."""
+    """An arm that carries more since its last run, which gave no result."""
     change = Suspicion(Cause.CHANGE, Quantity(Kind.MASS, "tool"), 9.0, "a sentence")
     silence = Suspicion(Cause.SILENCE, None, 3.0, "another")
     return FleetReview((ArmReview("one", "er50", 2, 1, datetime(2026, 3, 1, tzinfo=UTC), {}, (change, silence)),), ())
 
 
 def made():
-    """Documents of commands that take long or need a bus."""
+    """Documents of commands that take long or need a bus, made without these."""
     joints, ones = ("a", "b"), np.ones(2)
     offset = OffsetVerdict(joints, ones, np.array([1.0, 0.2]), np.array([0.01, 9.0]), 4)
     errors = np.full((5, 2), 0.01)

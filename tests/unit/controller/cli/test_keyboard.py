@@ -1,4 +1,4 @@
-"""Keys while an arm moves: what they mean, and that a terminal's reach a commissioning and leave it as it was."""
+"""Keys while an arm moves: their meaning, their effect on a commissioning, and the terminal restored afterwards."""
 
 import os
 import pty
@@ -70,7 +70,7 @@ def test_a_stop_is_what_the_line_tells():
 
 
 def test_a_terminal_that_went_away_is_nothing_to_stumble_over():
-    """Its keys read as the end of a file or an error, and its settings cannot be restored."""
+    """Reading keys gives end of file or an error, and the settings cannot be restored."""
     program = """
 import os, pty, sys
 from armload_controller.cli.keyboard import Keyboard
@@ -96,7 +96,7 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 
 def test_a_terminal_that_listens_to_somebody_else_is_left_alone():
-    """The pseudo-terminal is not this process's: nothing is read from it, and its settings stay."""
+    """The pseudo-terminal belongs to another process: nothing is read from it, and its settings stay."""
     keys, terminal = pty.openpty()
     try:
         control = MotionControl()
@@ -126,11 +126,11 @@ def short_robot(tmp_path):
 
 
 CONTROLLING = "import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
-"""What makes a pseudo-terminal this process's own."""
+"""Makes a pseudo-terminal the controlling terminal of this process."""
 
 
 class Terminal:
-    """A program at a terminal: what it shows, and keys for it."""
+    """A program at a terminal: its output and its keys."""
 
     def __init__(self, code, *words):
         self.keys, self.terminal = pty.openpty()
@@ -149,7 +149,7 @@ class Terminal:
         os.write(self.keys, typed)
 
     def until(self, text, seconds=60.0):
-        """Wait for a text, and forget all up to it."""
+        """Wait for a text and discard the output up to it."""
         end = time.monotonic() + seconds
         while text not in self.shown:
             assert time.monotonic() < end, self.shown.decode(errors="replace")

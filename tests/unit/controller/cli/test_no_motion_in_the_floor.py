@@ -1,6 +1,6 @@
 """A path in the floor is refused by every command that moves an arm, before anything is opened.
 
-`prbt` with a probe path 0.2 m inside its floor, which breaks no joint limit and takes no great torque.
+`prbt` with a test path 0.2 m below its floor that violates no joint limit and needs little torque.
 """
 
 import re
@@ -27,7 +27,7 @@ CONFIGS = Path(str(resources.files("armload_configs")))
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The probe as an excitation file, prbt files whose excitations it is, and a payload file."""
+    """The test path as an excitation file, prbt files that use it as their excitation, and a payload file."""
     folder = tmp_path_factory.mktemp("floor")
     write_excitation(folder / "probe.toml", Excitation(PROBE, 1))
     text = (CONFIGS / "prbt.toml").read_text("utf-8")
@@ -72,7 +72,7 @@ def test_feedforward_along_the_robots_own_path(armload, folder, options):
 
 
 def refuses(result, key):
-    """Refused for the floor, naming the path, with nothing opened."""
+    """Check that the path is refused because of the floor and named, and that nothing is opened."""
     assert result.exit_code == 1, result.output
     assert isinstance(result.exception, ConfigurationError)
     assert re.search(

@@ -1,4 +1,4 @@
-"""A payload belongs to the robot that it was identified on, and its file is not overwritten by another's."""
+"""A payload belongs to the robot on which it was identified; its file is not overwritten by another robot's."""
 
 import re
 import shutil
@@ -70,7 +70,7 @@ def test_another_robots_payload_is_refused_by_name(armload, today, sister, tmp_p
 
 
 def test_a_payload_whose_file_does_not_name_a_robot_is_taken(armload, today, sister, tmp_path):
-    """As files of earlier versions do not."""
+    """Files of earlier versions do not name it."""
     text = (today / "payload.toml").read_text("utf-8")
     old = tmp_path / "old.toml"
     old.write_text(re.sub(r"^(robot|kinematics_sha256) = .*\n", "", text, flags=re.MULTILINE))

@@ -1,4 +1,4 @@
-"""`armload recordings show`, and the options of `identify` that choose what is used of a recording."""
+"""`armload recordings show`, and the options of `identify` that select parts of a recording."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def test_joints_that_are_not_there_are_named(armload, tmp_path):
 
 
 def test_identify_and_validate_use_the_part_and_the_joints_that_they_are_told_to(armload, recorded_er50, tmp_path):
-    """The runs of er50 as tables with a gripper's column in between, and garbage before them; and as two episodes."""
+    """The runs of er50 as tables, with a gripper's column among them and garbage before; and as two episodes."""
     from armload_identification.recording.file_reading import read_recording
 
     today = recorded_er50 / "runs" / "today"

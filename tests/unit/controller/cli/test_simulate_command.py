@@ -1,4 +1,4 @@
-"""`armload simulate`: what is mounted, and when."""
+"""`armload simulate`: payloads and their times."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What starting the command line loads: help, version and completion wait for no library that they do not use."""
+"""Imports at the start of the command line: help, version and completion load no library that they do not use."""
 
 import json
 import subprocess
@@ -28,7 +28,7 @@ HEAVY = (
     "multiprocessing",
     "asyncio",
 )
-"""Roots of what no help may load; armload's own modules are light unless they import one of these."""
+"""Packages that no help may load; armload's own modules are light unless they import one of these."""
 SHOW_EVERYTHING = f"""
 import functools, json, sys
 from typer import testing
@@ -63,7 +63,7 @@ def test_no_help_loads_what_it_does_not_use():
 
 
 def test_the_list_of_heavy_modules_is_not_empty_talk(tmp_path):
-    """A command that runs does load them, by these names, and a recording of armload's own what reads it."""
+    """A command that runs does load them, under these names, and the reader for armload's own recordings."""
     recording = tmp_path / "x.mcap"
     recording.write_bytes(MAGIC + b"cut short")
     loaded = answer(
@@ -81,7 +81,7 @@ def test_the_list_of_heavy_modules_is_not_empty_talk(tmp_path):
 
 
 def test_linear_algebra_runs_in_one_thread():
-    """Set before the libraries are loaded, also where the environment asks for more."""
+    """Set before the libraries are loaded, even if the environment sets more threads."""
     threads = answer(
         "import json, os\n"
         "os.environ['OPENBLAS_NUM_THREADS'] = '2'\n"

@@ -1,4 +1,4 @@
-"""`--urdf`: ROS 2 bags of an arm that has a URDF and no file of armload's; the torque is Pinocchio's."""
+"""`--urdf`: ROS 2 bags of an arm that has a URDF but no robot file; the torque is Pinocchio's."""
 
 import re
 
@@ -43,7 +43,7 @@ URDF = (
 
 
 def record(path, run, names, columns, plugin):
-    """A bag of JointState with the joints in another order, and a finger."""
+    """A bag of JointState messages with the joints in another order, and a finger."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     state, head, stamp = (
         store.types[f"{package}/msg/{name}"]

@@ -1,4 +1,4 @@
-"""`[bus]` and `[joints.drive]` of a robot's file, as the driver layer gets them."""
+"""`[bus]` and `[joints.drive]` of a robot file, as passed to the drivers."""
 
 import math
 from importlib import resources
@@ -23,7 +23,7 @@ AccessType=rww
 
 @pytest.fixture
 def edited(tmp_path):
-    """A copy of er50 without its twin and excitations, with a text replaced once."""
+    """A copy of er50 without simulation and excitations, with a text replaced once."""
     text = (resources.files("armload_configs") / "er50.toml").read_text("utf-8")
 
     def make(old="", new="", twin=False):

@@ -1,4 +1,4 @@
-"""`[log]`: which columns of other programs' logs hold what."""
+"""`[log]`: meaning of the columns of other programs' logs."""
 
 from __future__ import annotations
 

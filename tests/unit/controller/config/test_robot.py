@@ -1,4 +1,4 @@
-"""Robots' files: what ships loads, what is wrong is refused with file, key, value and fix."""
+"""Robot files: the shipped ones load, errors are reported with file, key, value and remedy."""
 
 import re
 import tomllib
@@ -44,7 +44,7 @@ def test_er50_flange_hangs_where_the_paper_has_its_payload():
     robot = load_robot("er50")
     payload = robot.simulation.payload("paper").transformed(in_frame_3)
     np.testing.assert_allclose(payload.center_of_mass_m, [0.13, 0.94, -0.102], atol=1e-9)
-    # Table 2 of the paper, its products of inertia with the sign turned
+    # Table 2 of the paper, with the opposite sign of the products of inertia
     expected = [9.814, 9.814 * 0.13, 9.814 * 0.94, 9.814 * -0.102, 9.023, 0.353, 9.014, -1.222, 0.133, 0.967]
     np.testing.assert_allclose(payload.theta, expected, atol=2e-6)
 
@@ -61,7 +61,7 @@ def test_limits_hold_the_excitations(name):
 
 
 def test_every_assumed_number_is_marked():
-    """What ROBOTS calls assumed: all of er50 but the D-H rows of joints 1 to 3, the payload and their noise."""
+    """All of er50 is assumed but the D-H rows of joints 1 to 3, the payload and their noise."""
     published = ("mass_kg", "center_of_mass_m", "inertia_kg_m2", "torque_noise_nm", "rated_payload_kg", "gravity_m_s2")
     administrative = ("seed", "bitrate", "start_position_rad", "flange", "rows", "coupling")
     rows = 0
@@ -208,7 +208,7 @@ def test_two_runs_do_not_share_their_noise():
 
 
 def test_scaling_of_the_current_path_is_consistent():
-    """Rated torque of every er50 drive is its rated current through torque constant and gear."""
+    """The rated torque of every er50 drive is rated current times torque constant times gear ratio."""
     values = tomllib.loads((CONFIGS / "er50.toml").read_text())
     for joint in values["joints"]:
         drive = joint["drive"]

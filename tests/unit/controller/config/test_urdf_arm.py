@@ -1,4 +1,4 @@
-"""Arms from URDFs: the chain is Pinocchio's, and what cannot be one is refused by name."""
+"""Arms from URDFs: the chain agrees with Pinocchio's, and unsuitable URDFs are refused with the cause."""
 
 from __future__ import annotations
 

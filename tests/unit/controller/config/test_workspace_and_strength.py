@@ -1,4 +1,4 @@
-"""`[workspace]`, `[body]` and the torque shares of a robot's file: what ships, and how a wrong one is refused."""
+"""`[workspace]`, `[body]` and the torque shares of a robot file: the shipped ones, and refusal of wrong ones."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_what_drives_allow_the_axes_limits_a_motion_where_it_is_less_than_the_jo
     coupled = load_robot(edited("[robot]", f"[transmission]\ncoupling = {rows.tolist()}\n\n[robot]", "prbt"))
     axes, joints = coupled.motion_constraints.axis_torque, coupled.motion_constraints.torque
     most = coupled.limits.torque_max_nm
-    # Axis 5 turns joint 6 by a quarter, and its drive allows no more than joint 5 alone needs.
+    # Axis 5 also turns joint 6, by a quarter, and its drive allows no more than joint 5 needs by itself.
     taken = np.array([11.0, 10.0, 4.5, 3.8, 3.5 + 0.25 * 7.0, 7.0])
     np.testing.assert_allclose(axes.available_nm, most - taken, rtol=1e-3)
     np.testing.assert_array_equal(axes.coupling, rows)
@@ -177,7 +177,7 @@ def test_what_is_wrong_is_named(edited, robot, old, new, key, words):
 
 def test_a_missing_body_is_named_when_it_is_needed(edited):
     path = edited("arm_torque_share = 0.35", "#", "er50", count=2)
-    arm = load_robot(path)  # an arm that is not to be designed for may leave it out
+    arm = load_robot(path)  # optional for an arm without excitation design
     with pytest.raises(ConfigurationError, match=r"joints\[1\]\.arm_torque_share.*or a \[body\]"):
         arm.envelope(0.1, 0.7, 0.8)
 

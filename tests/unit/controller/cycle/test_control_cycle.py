@@ -1,4 +1,4 @@
-"""The cycle: what is sent, and how every cause brings the arm to rest."""
+"""The cycle: the commands sent, and how every cause brings the arm to rest."""
 
 from dataclasses import replace
 
@@ -58,7 +58,7 @@ CHAIN = Chain.from_origins(
 
 
 def constraints(workspace):
-    """The limits above in a workspace; nothing is known of torque and of the servos' lag."""
+    """The limits above in a workspace, without limits of torque or of the servos' lag."""
     points = ArmPoints(CHAIN, np.zeros(3))
     return MotionConstraints("none", LIMITS, np.full(N, np.inf), None, None, Obstacles(workspace), points, None)
 
@@ -67,14 +67,14 @@ PATH = check_path(EXCITATION, constraints(Workspace(CHAIN)), CYCLE_S, file="test
 
 
 def as_if_checked(leg):
-    """What a defect behind the checks would be: a leg that was never checked, past the constructor that refuses it."""
+    """A leg that was never checked, made by bypassing the constructor, as a defect after the checks would."""
     checked = object.__new__(CheckedLeg)
     object.__setattr__(checked, "leg", leg)
     return checked
 
 
 class Bumped:
-    """The excitation with a step in it, as a defect would make it."""
+    """The excitation with a step, as from a defect."""
 
     def __init__(self, at_s, step_rad=0.01):
         self.at_s, self.step_rad = at_s, step_rad
@@ -85,7 +85,7 @@ class Bumped:
 
 
 class Stranger:
-    """A user's plug-in that does what it is told at one cycle."""
+    """A user's plug-in that calls a function in one cycle."""
 
     name = "stranger"
 
@@ -99,7 +99,7 @@ class Stranger:
 
 @pytest.fixture
 def run(tmp_path):
-    """Approach and run the measured leg on some servos; the recording is closed whatever happens."""
+    """Approach and run the measured leg with some servos; the recording is always closed."""
 
     def run(servos, control=None, plugins=(), leg=None, stopwatch=lambda: 0.0, path=PATH):
         control = control or MotionControl()
@@ -180,12 +180,12 @@ def test_a_whole_leg_is_sent_and_recorded(connected_servos, run, tmp_path):
     assert summary.cycles == len(sent)
     assert summary.duration_s == pytest.approx(len(sent) * CYCLE_S)
     recording = read_recording(tmp_path / "run0.mcap")
-    # A command is reached one cycle after the SYNC that latched it, to half a count.
+    # A command is reached one cycle after the SYNC that latches it, to half a count.
     np.testing.assert_allclose(recording.position_rad[1:], sent[:-1], atol=1e-8, rtol=0.0)
     periods = ~np.isnan(recording.phase_s)
     phase = recording.phase_s[periods]
     np.testing.assert_allclose(phase, np.arange(1, 201) * CYCLE_S, atol=1e-12)
-    # What was measured one cycle later is the place that belongs to the recorded phase.
+    # The position measured one cycle later belongs to the recorded phase.
     reached = recording.position_rad[np.flatnonzero(periods) + 1]
     np.testing.assert_allclose(reached, TRAJECTORY.evaluate(phase).position_rad, atol=2e-8, rtol=0.0)
     assert servos.log == ["enable", "stop", "disable"]
@@ -202,7 +202,7 @@ def test_a_jump_in_the_plan_stops_before_it_is_sent(connected_servos, run):
 @pytest.mark.parametrize(("step_rad", "stops"), [(1e-5, False), (3e-5, True), (1e-4, True)])
 @pytest.mark.parametrize("joint", range(N))
 def test_nothing_leaves_that_is_a_tenth_of_a_milliradian_off_the_path(connected_servos, step_rad, stops, joint):
-    """One joint jumps by so little that a few hundred rad/s3 nearly do it; where they do not, Ruckig takes a detour."""
+    """One joint's jump is so small that the jerk limit nearly allows it; otherwise Ruckig deviates from the path."""
     servos = connected_servos(N, CYCLE_S)
     cycle = Cycle(servos, LIMITS, TorqueGate(TORQUE_MAX_NM, CYCLE_S), MotionControl(), [])
     leg = replace(PATH.measured.leg, path=Bumped(0.105, step_rad * (np.arange(N) == joint)))
@@ -261,7 +261,7 @@ def test_a_step_of_a_stop_that_fails_does_not_keep_the_next_one_back(connected_s
 
 
 def test_an_error_about_another_motion_stops_this_one(connected_servos, run):
-    """What a plug-in met elsewhere says nothing about this arm."""
+    """An error that a plug-in met elsewhere says nothing about this arm."""
 
     def fail(step):
         raise MotionError("another arm was stopped", ())
@@ -279,7 +279,7 @@ def follow_all(cycle, legs):
 
 
 def test_a_setpoint_beyond_a_limit_stops_before_it_is_sent(connected_servos):
-    """The plan was checked; this is about what is on its way to the drives all the same."""
+    """The plan has been checked, but every setpoint is checked again before it is sent."""
     highest = TRAJECTORY.evaluate(np.linspace(0.0, 1.0, 1001)).position_rad[:, 0].max()
     narrow = replace(LIMITS, position_max_rad=np.array([highest - 0.01, 2.0]))
     servos = connected_servos(N, CYCLE_S)
@@ -329,7 +329,7 @@ def test_every_failure_brings_the_arm_to_rest_first(connected_servos, run, event
     ("change", "text"),
     [
         (
-            # The elbow itself lags by a cycle, 0.0009 rad here.
+            # The elbow lags by one cycle, 0.0009 rad here.
             lambda f: replace(f, position_rad=f.position_rad + np.array([0.0, 0.06])),
             r"elbow: 0\.0591 rad behind its target",
         ),
@@ -409,7 +409,7 @@ def test_a_failed_plugin_is_not_called_again_while_a_polite_one_is(connected_ser
 
 
 class Stopwatch:
-    """Time that passes when somebody says so."""
+    """A clock that advances only on request."""
 
     def __init__(self):
         self.now_s = 0.0
@@ -549,7 +549,7 @@ def test_added_torque_leaves_with_the_operators_stop_and_not_after_it(connected_
     with pytest.raises(MotionError, match="Ctrl-C"):
         run(servos, control, plugins=[Adding()])
     torque = np.array([command.torque_offset_nm for command in servos.sent])
-    # The plug-in asks in the cycle whose command is the 201st; the gate takes 40 cycles.
+    # The plug-in requests the stop in the cycle of the 201st command; the gate closes within 40 cycles.
     np.testing.assert_allclose(torque[195:201], 10.0)
     np.testing.assert_allclose(torque[201:241], 10.0 * (1.0 - np.arange(1, 41)[:, None] / 40.0) * np.ones(N), atol=1e-9)
     np.testing.assert_array_equal(torque[241:], 0.0)

@@ -1,4 +1,4 @@
-"""What must not be taken for a lie, and the bits of statuswords drive by drive."""
+"""Feedback that must not be taken for false, and the statusword bits of each drive."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ COUPLING = ROBOT.drives.coupling
 
 
 def run(change=lambda cycle, feedback: feedback, cycles=300, first_word=WORD, speed=SPEED):
-    """Feed the monitor an arm that moves evenly; `change` makes each cycle's feedback another one."""
+    """Feed the monitor with an arm at constant speed; `change` modifies the feedback of each cycle."""
     truth = feedback_truth(ROBOT, CYCLE_S)
     ones, none = np.ones(N), np.zeros(N, dtype=bool)
     sent = None
@@ -63,7 +63,7 @@ def test_a_bit_that_is_wrong_is_a_lie_at_once(bits, kind):
 
 
 def test_a_bit_that_a_drive_never_sets_is_not_missed():
-    """Not every drive implements voltage and remote; what was never there cannot be lost."""
+    """Not every drive implements the bits voltage and remote; a bit that was never set cannot be lost."""
     bare = WORD & ~0x0210
     run(lambda cycle, feedback: replace(feedback, statusword=word(3, bare)), first_word=bare)
 
@@ -82,7 +82,7 @@ def test_an_internal_limit_may_be_touched_but_not_lasted_on():
 
 
 def test_after_missing_feedback_a_joint_may_have_gone_on():
-    """Its last values are repeated; what it then makes up for is no jump, unless the time does not suffice."""
+    """Its last values are repeated; the catch-up is no jump, unless it exceeds what the time allows."""
     fast = np.full(N, 1.0)
 
     def missing(cycle, feedback):
@@ -98,7 +98,7 @@ def test_after_missing_feedback_a_joint_may_have_gone_on():
 
 
 def test_one_frozen_motor_of_a_coupled_wrist_is_found():
-    """Joint 5 goes on moving a little with the motor of joint 4: on the motors' side its own number stands still."""
+    """Joint 5 still moves a little with the motor of joint 4, but its own motor's position is frozen."""
 
     def frozen(cycle, feedback):
         axes = np.linalg.solve(COUPLING, feedback.position_rad)
@@ -110,7 +110,7 @@ def test_one_frozen_motor_of_a_coupled_wrist_is_found():
 
 
 def swing(amplitude_rad, late_s):
-    """Feed the monitor joints that swing once in 2 s; joint 6 is where it should have been some time ago."""
+    """Feed the monitor with joints that oscillate with a period of 2 s; joint 6 is late."""
 
     def places(time_s):
         return amplitude_rad * np.sin(np.pi * (time_s - np.append(np.zeros(N - 1), late_s)).clip(0.0))
@@ -126,7 +126,7 @@ def swing(amplitude_rad, late_s):
 
 
 def test_a_small_swing_that_friction_holds_back_is_no_reversal():
-    """What the simulated PRBT's joint 6 does at 9 mrad; a large swing that runs against its setpoints is a lie."""
+    """The simulated PRBT's joint 6 does this at 9 mrad; a large motion against its setpoints is false."""
     swing(0.009, 0.6)
     with pytest.raises(PositionReversed, match="joint_6"):
         swing(0.1, 1.0)

@@ -1,4 +1,4 @@
-"""The process is tuned for a while, whatever is permitted, and set back."""
+"""The process is tuned as far as permitted, and restored afterwards."""
 
 import json
 import os
@@ -21,7 +21,7 @@ with tuned_for_cycles(told.append):
     states.append(state())
 print(json.dumps([*states, state(), told]))
 """
-"""A small process: in that of all tests, memory that is locked is seconds of page faults."""
+"""Run in a small process: locking the memory of the test process takes seconds of page faults."""
 
 
 def test_everything_is_set_and_set_back():
@@ -58,7 +58,7 @@ other.join()
 
 
 def test_threads_that_share_the_interpreter_come_next():
-    """Simulated drives in this process, for one: where they are kept from running, so is the cycle."""
+    """Such as simulated drives in this process: if they cannot run, neither can the cycle."""
     done = subprocess.run([sys.executable, "-c", THREADS], capture_output=True, text=True, check=True, timeout=60)
     within, after, told = json.loads(done.stdout)
     if any("SCHED_FIFO" in line for line in told):
@@ -69,7 +69,7 @@ def test_threads_that_share_the_interpreter_come_next():
 
 
 def test_what_is_not_permitted_is_said_with_what_to_do():
-    """A child without privileges: nothing may be left unsaid, and nothing may raise."""
+    """A child without privileges: every failed step is reported, and none raises."""
     code = (
         "import resource\n"
         "resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))\n"
@@ -80,7 +80,7 @@ def test_what_is_not_permitted_is_said_with_what_to_do():
         "with tuned_for_cycles(print):\n"
         "    pass\n"
     )
-    # The package is imported before privileges go: an unprivileged user may not read this checkout.
+    # The package is imported before privileges are dropped: an unprivileged user may not be able to read this checkout.
     code = "import armload_controller.cycle.realtime\n" + code
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 0, done.stderr

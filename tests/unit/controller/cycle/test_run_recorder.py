@@ -1,4 +1,4 @@
-"""The recorder: what a reader finds, also after the writer was killed."""
+"""The recorder: content of its files, also after the writer was killed."""
 
 import json
 import os
@@ -77,7 +77,7 @@ def test_independent_readers_find_channel_schema_and_index(tmp_path):
 
 
 def test_foxglove_gets_the_arm_in_3d_and_identification_does_not(tmp_path):
-    """Read by the library's own reader, put together link by link, and compared with Pinocchio's flange."""
+    """Read with the library's own reader, composed link by link, and compared with Pinocchio's flange."""
     robot = load_robot("er50")
     n, path = robot.n, tmp_path / "a.mcap"
     model = pin.Model()
@@ -205,12 +205,12 @@ def test_a_run_that_ends_with_an_error_stays_partial_and_whole(tmp_path):
 
 
 PROMISED_S = 0.25
-"""So much of a run may be lost with the process."""
+"""Longest part of a run that may be lost with the process."""
 
 
 @pytest.mark.parametrize("cycle_s", [0.002, 0.004, 0.02, 0.03])
 def test_the_file_is_never_more_than_a_quarter_of_a_second_behind(tmp_path, cycle_s):
-    """What is in the file at a moment is what a kill -9 at that moment leaves."""
+    """The content of the file at any moment is what a kill -9 at that moment leaves."""
     partial = tmp_path / "a.partial.mcap"
     behind_s, size, held_s = [], 0, np.nan
     with Recorder(tmp_path / "a.mcap", {}) as recorder:

@@ -1,4 +1,4 @@
-"""The decision table written a second time, so that nobody changes what stops an arm by the way."""
+"""The decision table written a second time, so that it is not changed by accident."""
 
 from pathlib import Path
 
@@ -44,7 +44,7 @@ ALONG, QUICK, OFF = StopCategory.ALONG_PATH, StopCategory.QUICK_STOP, StopCatego
 
 
 def bare(kind):
-    """An error of a kind, whatever it is made from."""
+    """An error of some type, made without its constructor."""
     return kind.__new__(kind)
 
 
@@ -108,7 +108,7 @@ def test_what_a_stop_consists_of():
 
 
 def test_the_page_is_the_table():
-    """Where this fails: python -m armload_controller.cycle.page_of_safety > controller/STOPS.md."""
+    """If this fails: python -m armload_controller.cycle.page_of_safety > controller/STOPS.md."""
     page = Path(__file__).parents[4] / "controller" / "STOPS.md"
     assert page.read_text("utf-8") == stop_table()
     assert all(cause.value in stop_table() and decision.advice in stop_table() for cause, decision in DECISIONS.items())

@@ -1,4 +1,4 @@
-"""What of a wanted torque reaches the drives, and how fast."""
+"""Limits of amount and rate of the torque added at the drives."""
 
 import numpy as np
 import pytest

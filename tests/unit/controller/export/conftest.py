@@ -1,4 +1,4 @@
-"""An export as a library, and an arm that is calibrated without a calibration."""
+"""An export as a library, and an arm with constructed calibration."""
 
 import ctypes
 from dataclasses import replace
@@ -19,7 +19,7 @@ from tests.unit.controller.export.compiled_c import FLAGS, GCC, run
 
 @pytest.fixture(scope="session")
 def library(tmp_path_factory):
-    """An export as a library with its self-test, each compiled once."""
+    """An export as a library with its self-test; each is compiled once."""
     made = {}
 
     def library(subject, *options, precision=Precision.DOUBLE):
@@ -41,7 +41,7 @@ def library(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def any_calibration():
-    """A calibration with random links and friction, of motors of which two turn two joints."""
+    """A calibration with random links and friction, and two motors that each turn two joints."""
 
     def any_calibration(chain):
         n = chain.n

@@ -1,4 +1,4 @@
-"""A calibrated arm as URDF: Pinocchio, which reads it, finds the calibrated torque, and every link can exist."""
+"""A calibrated arm as URDF: Pinocchio computes the calibrated torque from it, and every link is physically possible."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def arm():
 
 @pytest.fixture(scope="module")
 def calibration(arm, any_body):
-    """What an identification without any error would have found of the arm's own links, as base parameters."""
+    """The result of an error-free identification of the arm's links, as base parameters."""
     n, chain = arm.n, arm.chain
     rng = np.random.default_rng(3)
     truth = np.array([any_body(rng).theta for _ in range(n)])
@@ -75,7 +75,7 @@ def states(n, count):
 
 
 def torque_of(text, of_arm):
-    """(N, n) Pinocchio's torque of a URDF at the states, with the rotors, which URDF has no element for."""
+    """(N, n) Pinocchio's torque for a URDF at the states, plus the rotors', for which URDF has no element."""
     model = pin.buildModelFromXML(text)
     model.armature = of_arm.rotor_inertia_kg_m2
     data = model.createData()

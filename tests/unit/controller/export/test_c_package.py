@@ -1,4 +1,4 @@
-"""The exported C as a package of CMake: built, tested, installed and used by a C++17 program of two lines of CMake."""
+"""The exported C as a CMake package: built, tested, installed and used by a C++17 program with two lines of CMake."""
 
 import shutil
 import subprocess

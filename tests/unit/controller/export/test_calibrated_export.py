@@ -76,7 +76,7 @@ def read(estimator, n=6):
 
 @needs_gcc
 def test_the_estimator_is_the_cores_sample_by_sample(library, calibrated):
-    """A payload grasped and dropped; stamps irregular, samples lost, one of them no number, the clock set back."""
+    """A payload is grasped and dropped; irregular time stamps, lost samples, a NaN, and a clock that is set back."""
     subject = calibrated
     exported = Exported(*library(subject), 6)
     core = kernels.PayloadEstimator(subject.chain.packed, *subject.estimator)
@@ -113,7 +113,7 @@ def test_its_header_says_what_to_give_it_and_what_it_costs(calibrated):
     assert "Effort is in A of motor current." in header
     assert re.search(r"the regressor \(\d{3} multiplications and additions\) and the arm.s links \(\d{3}\)", header)
     assert "sha256 77ab" in header
-    # no name of it is another arm's in the same program
+    # no name may collide with another arm's in the same program
     given = re.findall(r"^(?:\} |void )(\w+)", header, re.MULTILINE)
     assert len(given) == 10
     assert all(name.startswith("armload_er50_") for name in given)

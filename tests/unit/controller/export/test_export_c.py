@@ -115,7 +115,7 @@ def test_the_self_test_passes_and_notices_another_result(library, make_subject, 
     if robot == "prbt":
         texts = export_c(make_subject(robot))
         (tmp_path / f"{name}.h").write_text(texts[f"{name}.h"])
-        for k, body in enumerate(("cos(", "EXPECTED[v]")):  # a wrong function; a wrong number
+        for k, body in enumerate(("cos(", "EXPECTED[v]")):  # a wrong function, a wrong number
             wrong = {"cos(": "sin(", "EXPECTED[v]": "EXPECTED[7 - v]"}[body]
             (tmp_path / f"{name}.c").write_text(texts[f"{name}.c"].replace(body, wrong, 1))
             run(GCC, "-DARMLOAD_SELFTEST", "-shared", "-fPIC", f"{name}.c", "-o", f"{k}.so", "-lm", cwd=tmp_path)
@@ -179,7 +179,7 @@ def counted_operations(header):
 
 @pytest.mark.parametrize(("robot", "products", "sums"), [("er50", 180, 127), ("prbt", 177, 120)])
 def test_arms_take_fewer_operations_than_casadis_code(make_subject, robot, products, sums):
-    """Products, sums, 10 sines and cosines were counted there; 860 operations in a prototype's regressor."""
+    """CasADi's counts of products and sums, with 10 sines and cosines; a prototype's regressor took 860 operations."""
     compute, _, torque, _, regressor = counted_operations(export_c(make_subject(robot))[f"armload_{robot}.h"])
     assert torque[0] <= products
     assert torque[1] <= sums
@@ -196,7 +196,7 @@ class State(ctypes.Structure):
 
 
 class Changing:
-    """The payload that changes, as a C program uses it."""
+    """The payload with changes, as used by a C program."""
 
     def __init__(self, library, name):
         vector = np.ctypeslib.ndpointer(np.float64, 1, flags="C_CONTIGUOUS")
@@ -236,7 +236,7 @@ def test_a_payload_that_changes_follows_pythons_feedforward(changing):
     subject, state = changing
     python = PayloadFeedforward(subject.chain, subject.payload.model)
     rng = np.random.default_rng(6)
-    changes = {20: (OTHER, 0.5), 270: (NOTHING, 0.3), 800: (OTHER, 0.4)}  # the second half way: taken up where it is
+    changes = {20: (OTHER, 0.5), 270: (NOTHING, 0.3), 800: (OTHER, 0.4)}  # the second begins half-way through the first
     for call in range(1300):
         if call in changes:
             payload, transition_s = changes[call]
@@ -264,7 +264,7 @@ def test_a_change_at_once_is_spread_until_no_joint_exceeds_its_rate(library, mak
                 torque = state.gravity(q)
                 fastest = max(fastest, float(np.max(np.abs(torque - before) / subject.torque_rate_nm_s)) / cycle_s)
                 before = torque
-    assert 0.15 < fastest <= 1.0  # a bound for all joints in all postures at once
+    assert 0.15 < fastest <= 1.0  # a common bound for all joints in all postures
 
 
 @needs_gcc
@@ -296,7 +296,7 @@ def test_an_impossible_payload_is_refused_and_changes_nothing(changing, change):
 def test_possible_payloads_are_taken_and_times_below_zero_are_not(changing):
     _, state = changing
     rng = np.random.default_rng(8)
-    for count in np.tile([1, 2, 3, 8], 50):  # points of mass: a needle and a plate are bodies too
+    for count in np.tile([1, 2, 3, 8], 50):  # point masses: a needle and a plate are bodies too
         points = np.column_stack([0.2 * rng.normal(size=(count, 3)), np.ones(count)])
         points *= np.sqrt(rng.uniform(0.1, 2.0, (count, 1)))
         assert state.set(InertialParameters.from_pseudo_inertia(points.T @ points).theta, 0.1) == 0
@@ -305,7 +305,7 @@ def test_possible_payloads_are_taken_and_times_below_zero_are_not(changing):
     assert state.set(theta, -0.1) == -1
     assert state.set(theta, 0.1, 0.0) == -1
     assert state.set(theta, 0.1, -0.001) == -1
-    assert state.set(theta, 1e4, 1e-6) == -1  # more cycles than are counted
+    assert state.set(theta, 1e4, 1e-6) == -1  # more cycles than the counter holds
     assert state.set(np.array([2e9, *np.zeros(9)]), 0.1, 100.0) == -1
     assert state.set(theta, np.nan) == -1
 

@@ -1,4 +1,4 @@
-"""Exported texts, read back by parsers of their own: the payload comes out as it went in."""
+"""Exported texts, read back by separate parsers: the payload is unchanged."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def only_text(texts):
 
 
 def unwrapped(text):
-    """The words of a text without what marks its comments."""
+    """The words of a text without comment marks."""
     return " ".join(re.sub(r"^\W+", "", line) for line in text.splitlines())
 
 
@@ -68,7 +68,7 @@ def read_abb(text):
 
 
 def read_ur(text):
-    """URScript's call is a call of Python, and its comments are Python's."""
+    """URScript's call and comments have Python's syntax."""
     call = ast.parse(text).body[0].value
     assert call.func.id == "set_target_payload"
     mass, center, *inertia = (ast.literal_eval(argument) for argument in call.args)
@@ -109,7 +109,7 @@ def read_urdf(text):
 
 
 def read_xacro(text):
-    """The macro, called with a parent and a prefix, on a joint without a body."""
+    """The macro, called with a parent and a prefix, attached to a joint without a body."""
     xacro = "{http://www.ros.org/wiki/xacro}"
     (macro,) = ElementTree.fromstring(text).findall(f"{xacro}macro")
     assert macro.get("name") == "er50_payload"
@@ -124,7 +124,7 @@ def read_xacro(text):
 
 
 def read_yaml(text):
-    """Nested mappings by indentation, values as Python reads them."""
+    """Nested mappings by indentation, values in Python's syntax."""
     root: dict = {}
     levels = [(-1, root)]
     for line in text.splitlines():

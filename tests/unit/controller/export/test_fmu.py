@@ -1,4 +1,4 @@
-"""The exported FMUs, of FMI 3.0 and 2.0: valid, and simulated by fmpy against Python."""
+"""The exported FMUs, FMI 3.0 and 2.0: valid, and equal to Python when simulated by fmpy."""
 
 import ctypes
 import io
@@ -35,7 +35,7 @@ HEADERS = Path(fmpy.__file__).parent / "c-code"
 
 @pytest.fixture(scope="module", autouse=True)
 def quickly_compiled():
-    """What a compiler optimises is not tested here."""
+    """Compile without optimisation, which is not tested here."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("CFLAGS", "-O0")
         yield
@@ -43,7 +43,7 @@ def quickly_compiled():
 
 @dataclass(frozen=True)
 class Version:
-    """What differs between the versions of the standard."""
+    """Differences between the versions of the standard."""
 
     number: int
     export: Callable
@@ -79,7 +79,7 @@ def version(request):
 
 @pytest.fixture(scope="module")
 def made(version, make_subject, tmp_path_factory):
-    """A subject, its FMU, and that unpacked."""
+    """A subject, its FMU, and the unpacked FMU."""
     subject = make_subject("er50")
     ((name, content),) = version.export(subject).items()
     folder = tmp_path_factory.mktemp("fmu")
@@ -89,7 +89,7 @@ def made(version, make_subject, tmp_path_factory):
 
 
 class Unit:
-    """An instance, by the names of its variables."""
+    """An instance, accessed by the names of its variables."""
 
     def __init__(self, version, folder, token=None):
         description = read_model_description(str(folder))
@@ -179,7 +179,7 @@ def test_every_variable_has_a_unit_and_a_description_and_the_payload_is_tunable(
 
 
 def test_simulated_it_gives_pythons_torque(made):
-    """By fmpy's own simulation: inputs by name, outputs at the communication points."""
+    """With fmpy's own simulation: inputs by name, outputs at the communication points."""
     subject, path, _ = made
     feedforward = PayloadFeedforward(subject.chain, subject.payload.model)
     times = STEP_S * np.arange(200)
@@ -194,7 +194,7 @@ def test_simulated_it_gives_pythons_torque(made):
         str(path), stop_time=times[-1], output_interval=STEP_S, input=inputs, output=[f"tau[{i}]" for i in range(1, 7)]
     )
     found = np.array([[row[f"tau[{i}]"] for i in range(1, 7)] for row in result])
-    # the torque at the end of a step is that of the inputs at its beginning
+    # the torque at the end of a step belongs to the inputs at its beginning
     expected = np.array([feedforward.torque_nm(*state).copy() for state in motion])
     assert len(found) == len(times)
     np.testing.assert_allclose(found[1:], expected[:-1], rtol=0, atol=1e-12)
@@ -318,7 +318,7 @@ def test_another_fmus_description_is_refused(version, made, capsys):
 
 @pytest.fixture(scope="module")
 def small(make_subject):
-    """An arm of two joints, which is compiled in no time."""
+    """An arm of two joints, which compiles fast."""
     xyz, axis = np.array([[0.0, 0.0, 0.2], [0.5, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
     return make_subject(chain=Chain.from_origins(xyz, np.zeros((2, 3)), axis, np.eye(4), np.array([0.0, 0.0, -9.81])))
 
@@ -381,7 +381,7 @@ def test_an_inertia_that_is_not_determined_is_marked(small):
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc on this machine")
 def test_the_interface_is_the_standards(version, made):
-    """The sources compile strictly against the standard's own headers: every type and argument is as they have it."""
+    """The sources compile strictly against the standard's own headers: all types and arguments agree."""
     sources = made[2] / "sources"
     command = ["gcc", "-std=gnu99", "-fsyntax-only", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
     for more in ([], ["-DARMLOAD_FMI_HEADERS", f"-isystem{HEADERS}"]):
@@ -392,7 +392,7 @@ def test_the_interface_is_the_standards(version, made):
 
 
 def test_all_functions_of_the_standard_are_there_and_nothing_else(version, made):
-    """Those of model exchange too in FMI 3.0, where importers look them all up at once."""
+    """In FMI 3.0 also those of model exchange, because importers look up all functions."""
     library = next(made[2].glob("binaries/*/*.so"))
     found = ctypes.CDLL(str(library))
     header = (HEADERS / f"fmi{version.number}Functions.h").read_text()

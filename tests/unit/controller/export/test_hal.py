@@ -11,7 +11,7 @@ from armload_controller.export.hal import LONGEST_NAME, export_hal
 from armload_controller.export.subject import ExportSubject
 
 LONGEST_IN_HAL = 47
-"""Characters of a pin's or parameter's name."""
+"""Longest name of a pin or parameter, in characters."""
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_an_inertia_that_is_not_determined_is_marked(make_subject):
 
 
 def test_a_drive_whose_gain_is_known_better_is_given_what_makes_the_torque_right(make_subject, any_calibration):
-    """Coupling and nominal rated torque of the file, and the gain that was found."""
+    """Coupling and nominal rated torque from the file, and the identified gain."""
     robot, plain = load_robot("er50"), make_subject("er50")
     calibration = any_calibration(plain.chain)
     calibration = replace(calibration, body=replace(calibration.body, coupling=robot.drives.coupling))

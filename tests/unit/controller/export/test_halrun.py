@@ -1,7 +1,7 @@
 """The exported component in LinuxCNC's own realtime layer: built by halcompile, loaded by halrun, in a thread of 1 ms.
 
-What a userspace program sees of a thread depends on the machine's load, so it waits, bounded, for what must come; no
-time is asserted, those that LinuxCNC measures are printed.
+The timing seen by a userspace program depends on the machine's load, so it waits, with a timeout, for expected values.
+No times are asserted; those measured by LinuxCNC are printed.
 """
 
 import fcntl
@@ -30,7 +30,7 @@ UNIT = "armload-er50.0"
 TOLERANCE_NM = 1e-12
 LOCK = Path(tempfile.gettempdir()) / "armload-hal.lock"
 NOBODY = 65534
-"""Realtime code is not run as root; LinuxCNC is told as whom instead."""
+"""User id under which LinuxCNC runs realtime code instead of root."""
 
 pytestmark = [
     pytest.mark.skipif(shutil.which("halcompile") is None, reason="no linuxcnc-uspace-dev on this machine"),
@@ -40,8 +40,8 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def installed(calibrated, tmp_path_factory):
-    """The folder with the export; the component is installed until the tests are over."""
-    # one HAL, and one folder of modules, are all that a machine has: other workers wait
+    """The folder with the export; the component stays installed until the tests end."""
+    # a machine has only one HAL and one folder of modules: other workers wait
     with LOCK.open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield from install(calibrated, tmp_path_factory.mktemp("hal"))
@@ -58,7 +58,7 @@ def install(subject, folder):
 
 @pytest.fixture(scope="module")
 def halrun(installed):
-    """Run a HAL file with steps of `hal_session`; what they found, and what was printed."""
+    """Run a HAL file with steps of `hal_session`; returns their results and the output."""
     socket = Path(tempfile.mkdtemp(prefix="hal"))
     socket.chmod(0o777)
     environment = os.environ | {"RTAPI_UID": str(NOBODY), "RTAPI_FIFO_PATH": str(socket / "fifo")}
@@ -119,13 +119,13 @@ IMPOSSIBLE = InertialParameters.from_center_of_mass(6.0, [0.0, 0.0, 0.0], np.dia
 
 
 def taken_over(pins):
-    """The step of taking a payload over, until that is begun."""
+    """The step that sets a new payload, until the component begins to use it."""
     return {"set": pins | {f"{UNIT}.set-payload": 1}, "until": {f"{UNIT}.set-payload": 0}}
 
 
 @pytest.mark.long
 def test_in_a_thread_of_1_ms_its_torque_is_pythons(calibrated, halrun):
-    """The payload's torque and its friction in the gears, which is nothing at rest."""
+    """The payload's torque and its friction in the gears, which is zero at rest."""
     bodies = calibrated.payload.model, OTHER
     feedforward, other = (PayloadFeedforward(calibrated.chain, body) for body in bodies)
     friction = LoadFriction(calibrated.chain, calibrated.calibration.body)
@@ -186,10 +186,10 @@ def test_in_a_thread_of_1_ms_its_torque_is_pythons(calibrated, halrun):
 
 
 def test_the_torque_is_that_of_a_lag_ago(calibrated, halrun):
-    """Half a period ago a sine had the other sign: another unit without lag, given that, has the same torque.
+    """The lag is half a period, when a sine has the opposite sign: a unit without lag and with negated input agrees.
 
-    A third one has, without lag, the torque of this cycle's square wave. LinuxCNC's sine is no better than 1e-6; one
-    cycle off would be 1 N m, and 2 in the square wave.
+    A third unit, without lag, gives the torque of this cycle's square wave. LinuxCNC's sine is accurate to 1e-6; an
+    error of one cycle would be 1 N m, and 2 N m with the square wave.
     """
     units = late, _, square = [f"armload-er50.{i}" for i in range(3)]
     before = ["loadrt threads name1=servo-thread period1=1000000", "loadrt armload_er50 count=3", "loadrt siggen"]
@@ -227,7 +227,7 @@ def test_the_torque_is_that_of_a_lag_ago(calibrated, halrun):
 
 @pytest.mark.long
 def test_the_wiring_reaches_the_drives_before_the_fieldbus_writes(calibrated, installed, halrun):
-    """LinuxCNC's own motion controller in front, a component with the pins of lcec behind."""
+    """LinuxCNC's own motion controller before it, and a component with lcec's pins after it."""
     file = (installed / "armload_er50.hal").read_text()
     pins = re.findall(r"lcec\.\S+", "\n".join(line for line in file.splitlines() if line.startswith("net")))
     assert pins == [f"lcec.0.{joint}.torque-offset" for joint in calibrated.joint_names]

@@ -54,7 +54,7 @@ def test_a_payload_is_set_and_an_impossible_one_refused(library, make_subject):
     call = getattr(found, f"{name}_set_payload")
     call.argtypes = [ctypes.c_void_p, VECTOR, ctypes.c_float, ctypes.c_float]
     rng = np.random.default_rng(41)
-    for count in np.tile([1, 2, 3, 8], 50):  # points of mass: a needle and a plate are bodies too
+    for count in np.tile([1, 2, 3, 8], 50):  # point masses: a needle and a plate are bodies too
         points = np.column_stack([0.2 * rng.normal(size=(count, 3)), np.ones(count)])
         points *= np.sqrt(rng.uniform(0.1, 2.0, (count, 1)))
         theta = InertialParameters.from_pseudo_inertia(points.T @ points).theta.astype(np.float32)
@@ -86,7 +86,7 @@ def test_a_cortex_m4_computes_it_in_its_own_unit(make_subject, tmp_path):
     run(CORTEX_GCC, *FLAGS, *CORTEX_M4, "-DARMLOAD_SELFTEST", "-c", "armload_er50.c", cwd=tmp_path)
     tool = CORTEX_GCC.removesuffix("gcc") + "nm"
     symbols = {line.split()[-1] for line in run(tool, "-u", "armload_er50.o", cwd=tmp_path).splitlines()}
-    assert symbols == {"cosf", "sinf", "floorf"}  # no __aeabi_dadd, which adds what is double
+    assert symbols == {"cosf", "sinf", "floorf"}  # no __aeabi_dadd, the addition of doubles
 
 
 @pytest.mark.long

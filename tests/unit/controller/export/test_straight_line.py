@@ -1,4 +1,4 @@
-"""Straight-line dynamics: the graph's rules, and chains whose axes are parallel, opposite, coincident or meet."""
+"""Straight-line dynamics: the graph's rules, and chains with parallel, opposite, coincident or intersecting axes."""
 
 import math
 
@@ -23,7 +23,7 @@ QUARTER = math.pi / 2.0
 
 
 def evaluated(graph, outputs, variables):
-    """Numbers of expressions."""
+    """Values of expressions."""
     values = {}
     for number in graph.needed(outputs):
         node = graph.nodes[number]
@@ -112,7 +112,7 @@ def test_any_arrangement_of_axes_gives_the_cores_torque_and_regressor(name, grav
 
 
 def placed(pose):
-    """(10, 10) parameters of a body in a frame at `pose`, as seen in the frame that it is placed in."""
+    """(10, 10) transform of a body's parameters from a frame at `pose` to the frame in which the pose is given."""
     elements = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
 
     def moved(theta):

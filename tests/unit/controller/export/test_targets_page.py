@@ -1,4 +1,4 @@
-"""The five lines for each target in controller/README.md are compiled, or run, as they stand."""
+"""The five lines for each target in controller/README.md are compiled or run unchanged."""
 
 import re
 import shutil

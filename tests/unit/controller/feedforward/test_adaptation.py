@@ -1,4 +1,4 @@
-"""Feed-forward that follows the estimate: what is fed, when, and every reason to drop it."""
+"""Feed-forward that follows the estimate: what is added, when, and every reason to remove it."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def far_friction(joint, change_nm):
 
 
 MOMENT_M = MOMENT_SHARE * RATED_KG * REFERENCE_LENGTH_M / 2.0
-"""Doubt of the centre of mass at which the moment of 2 kg is in doubt by what is allowed."""
+"""Uncertainty of the centre of mass at which the moment of 2 kg has the largest allowed uncertainty."""
 
 DOUBTS = {
     "a push": (found(contact=True), "external force on the arm"),
@@ -111,7 +111,7 @@ def test_the_body_that_is_fed_is_possible_and_no_coordinate_is_a_guess():
 
 
 def test_an_estimate_that_no_body_can_have_has_a_nearest_possible_one_and_is_not_fed_if_that_is_far():
-    """A mass on a lever without the inertia that it has there: the nearest body has its mass nearer to the flange."""
+    """A mass on a lever without the corresponding inertia: the nearest body has its mass closer to the flange."""
     estimate = found(center_m=(0.0, -0.15, 0.2))
     impossible = estimate.theta.copy()
     impossible[4:] = 0.0
@@ -158,7 +158,7 @@ MOVED = {
 
 @pytest.mark.parametrize(("estimate", "reason"), MOVED.values(), ids=MOVED)
 def test_the_body_that_is_fed_is_the_one_that_is_checked(estimate, reason):
-    """No rule speaks against these estimates, only against what would be fed of them."""
+    """These estimates violate no rule, but the body that would be used does."""
     assert AdaptationRules(DECLARED, CALIBRATION, ROBOT.joint_names).why_not(estimate) is None
     dropped_for(estimate, reason)
 
@@ -178,7 +178,7 @@ def test_a_body_is_fed_that_is_within_the_intervals_and_recorded():
 
 
 def test_bodies_are_compared_and_not_estimates():
-    """One estimate throughout: what is fed does not jump with its body, and follows one that stays."""
+    """One estimate throughout: the torque does not jump with its body, and follows a body that stays."""
     arm = Arm()
     for number in range(6):
         arm.estimator.says = moved(sphere(1.93 + 0.14 * (number % 2), CENTER_M))
@@ -207,7 +207,7 @@ def test_an_estimate_whose_equations_cannot_be_solved_is_a_doubt(fed):
 
 
 class Estimated:
-    """An estimator that says what the test wants; `changes` is what the cycle sees at once."""
+    """An estimator with results set by the test; the cycle sees `changes` immediately."""
 
     def __init__(self):
         self.says, self.changes, self.updates = found(), 0, []
@@ -220,7 +220,7 @@ class Estimated:
 
 
 class Arm:
-    """Cycles of an arm that stands in one pose, with the adaptation in them."""
+    """Cycles of a standing arm with the adaptation."""
 
     def __init__(self, beside=None, allow=True):
         self.estimator, self.cycles, self.said = Estimated(), 0, []
@@ -239,7 +239,7 @@ class Arm:
             self.adaptation.allow(np.ones(N, dtype=bool))
 
     def run(self, seconds, missing=False):
-        """Torque of the last cycle."""
+        """Run cycles; returns the torque of the last."""
         for _ in range(round(seconds / CYCLE_S)):
             self.cycles += 1
             feedback = JointFeedback(

@@ -1,4 +1,4 @@
-"""What the arm adds to a payload's torque: against the body's own sum, on a perfect arm and on the simulated one."""
+"""The arm's part of the feed-forward torque: compared with the body model, on a perfect and on the simulated arm."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ SWEEP = FourierTrajectory(
 
 
 def true_body():
-    """The simulated arm as a calibration has it: links as they are, in place of base parameters."""
+    """The simulated arm as a calibration, with the true links instead of base parameters."""
     spec = ROBOT.simulation.plant_spec(None)
     bodies = [joint.link for joint in spec.joints]
     links = [InertialParameters.from_center_of_mass(b.mass_kg, b.center_of_mass_m, b.inertia_kg_m2) for b in bodies]
@@ -88,7 +88,8 @@ def test_the_lag_is_taken_off_and_what_is_no_lag_is_left():
 
 @pytest.fixture(scope="module")
 def compared():
-    """The loaded simulated arm without feed-forward, with the payload's, with its friction, with all of the arm's."""
+    """The loaded simulated arm without feed-forward, with the payload's, with its friction, and with all of the arm's
+    torque."""
     payload = ROBOT.simulation.payload("block")
     values = np.stack([payload.values, payload.values], axis=1)
     ones = np.ones(6)

@@ -1,4 +1,4 @@
-"""The feed-forward plug-in: which torque, for which state, of which payload."""
+"""The feed-forward plug-in: the torque for the right state and the right payload."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def plugin(the_payload=None, joints=ALL):
 
 
 class Lagging:
-    """Distorts a perfect arm's feedback: it is where it was told to be some cycles ago."""
+    """Delays a perfect arm's feedback: it is where it was commanded some cycles ago."""
 
     def __init__(self, servos, cycles):
         self.servos, self.cycles = servos, cycles
@@ -54,7 +54,7 @@ class Lagging:
 
 
 def run(servos, added, cycles=0, at=None):
-    """Run the leg with the plug-in on an arm with a lag; references of all rows, and the torque sent with them."""
+    """Run the leg with the plug-in on an arm with lag; returns all references and the torques sent with them."""
     lagging = Lagging(servos, cycles)
     servos.events = dict.fromkeys(range(5000), lagging)
     references = []
@@ -83,7 +83,7 @@ def test_the_torque_is_the_payloads_where_the_arm_is(connected_servos, cycles):
     delay_s = max(cycles - 0.5, 0.0) * CYCLE_S
 
     def error_nm(delay_s):
-        """What was added beside the torque of a while ago."""
+        """Error of the added torque relative to the torque `delay_s` before."""
         found = []
         for row in rows[::20]:
             state = TRAJECTORY.evaluate(references[row].state.phase_s - delay_s)
@@ -130,7 +130,7 @@ def test_the_payload_is_changed_in_motion_without_a_step(connected_servos):
 
 
 def test_torque_that_is_allowed_again_is_the_present_payloads(connected_servos):
-    """An offset check repeated after a grasp or a release: what was at the flange before is not injected."""
+    """After a grasp or a release the offset check is repeated: the previous payload's torque is not added."""
     heavier = payload(InertialParameters(1.5 * BODY.theta))
     _, first = run(connected_servos(6, CYCLE_S), plugin())
     for change, share in ((lambda p: p.set_payload(heavier, 0.0), 1.5), (lambda p: p.drop_payload(0.0), 0.0)):

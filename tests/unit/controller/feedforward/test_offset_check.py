@@ -1,4 +1,4 @@
-"""The torque offset asked at standstill, on the simulated arm: right ones pass, wrong ones never reach motion."""
+"""The check of the torque offset at standstill, on the simulated arm: wrong offsets are refused before motion."""
 
 from dataclasses import fields, replace
 from types import SimpleNamespace
@@ -26,7 +26,7 @@ UNIT = Transmission(np.ones(2), np.eye(2))
 
 
 class WrongOffset:
-    """A plant whose drives make something else of their offset."""
+    """A plant whose drives scale their torque offset wrongly."""
 
     def __init__(self, plant, factor):
         self._plant, self._factor = plant, factor
@@ -39,7 +39,7 @@ class WrongOffset:
 
 
 def check(factor):
-    """Try the offset of a loaded arm at rest; the verdict, and how far the arm moved meanwhile."""
+    """Check the offset of a loaded arm at rest; returns the verdict and the arm's motion meanwhile."""
     spec = replace(ROBOT.simulation.plant_spec("gripper"), start_position_rad=POSITION)
     plant = ArmPlant(spec)
     servos = FakeServos(ROBOT.drives.settings, WrongOffset(plant, factor))
@@ -100,7 +100,7 @@ def test_an_arm_whose_answer_is_lost_in_noise_gets_no_torque(connected_servos):
 
 
 class Bench:
-    """Drives that answer an offset as they are told to, without an arm."""
+    """Drives with a given response to an offset, without an arm."""
 
     def __init__(self, answer, tried_nm=(10.0, 40.0), cycle_s=0.01):
         self.check = OffsetCheck(("a", "b"), UNIT, np.array(tried_nm), cycle_s)
@@ -112,7 +112,7 @@ class Bench:
             assert cycle < 100_000, "the check does not end"
             offset = self.check.on_cycle(SimpleNamespace(sent=sent, feedback=told, command=None))
             offset = zero if offset is None else offset
-            # As the cycle does it: the command that leaves now is the `sent` of the feedback that answers it.
+            # As in the cycle: the command sent now is the `sent` of the feedback that answers it.
             sent = JointCommand(zero, zero, offset)
             torque = answer(cycle * cycle_s, offset, before)
             told = JointFeedback(cycle, cycle * cycle_s, zero, None, None, torque, np.zeros(2), np.zeros(2, bool))
@@ -133,7 +133,7 @@ def test_the_gain_is_told_apart_from_drift_and_delay():
 
 
 def test_a_slip_spoils_one_fit_and_not_the_verdict():
-    """A servo that lets go once: the torque steps by more than what was tried, in the middle of a fade."""
+    """A joint slips once: the torque steps by more than the tested offset, in the middle of a fade."""
 
     def answer(time_s, offset, before):
         return offset + 60.0 * (3.1 < time_s < 3.5)
@@ -154,7 +154,7 @@ def test_the_standard_error_is_how_far_the_gain_is_off():
 
 
 def test_what_is_usable_and_what_is_wrong():
-    """Nothing is added on a doubt, and nobody is accused on half a one."""
+    """No torque is added in case of doubt, and no drive is blamed without sufficient evidence."""
     gain = np.array([1.0, 1.0, 1.34, 1.36, 0.64, 0.64, 0.64])
     sigma = np.array([0.11, 0.13, 0.01, 0.01, 0.05, 0.07, 0.5])
     verdict = OffsetVerdict(tuple("abcdefg"), np.ones(7), gain, sigma, 8)

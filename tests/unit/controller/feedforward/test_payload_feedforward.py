@@ -1,4 +1,4 @@
-"""The feed-forward: equal to Pinocchio, and light enough for somebody else's control process."""
+"""The feed-forward: equal to Pinocchio, and light enough for the user's own control process."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""What several tests of the fleet share."""
+"""Fixtures of the fleet's tests."""
 
 import json
 import subprocess
@@ -12,7 +12,7 @@ QUERIES = "import duckdb, json, sys; print(json.dumps([duckdb.sql(q).fetchall() 
 
 @pytest.fixture(scope="session")
 def queried():
-    """DuckDB's answers to queries, from a process of its own: it complains of itself when its process ends."""
+    """DuckDB's answers to queries, from a separate process, because DuckDB prints warnings when its process ends."""
 
     def queried(*queries):
         done = subprocess.run([sys.executable, "-c", QUERIES, *queries], capture_output=True, text=True, check=False)
@@ -23,11 +23,11 @@ def queried():
 
 
 class NoCredentials(Exception):
-    """As libraries of stores raise: no OSError."""
+    """An error as raised by libraries of stores: not an OSError."""
 
 
 class ClosedStore(fsspec.AbstractFileSystem):
-    """Wants what nobody has."""
+    """A store that refuses every access."""
 
     protocol = "closed"
 
@@ -37,6 +37,6 @@ class ClosedStore(fsspec.AbstractFileSystem):
 
 @pytest.fixture(scope="session")
 def closed_store():
-    """URL of a store that gives nobody anything."""
+    """URL of a store that refuses every access."""
     fsspec.register_implementation("closed", ClosedStore, clobber=True)
     return "closed://cell"

@@ -1,4 +1,4 @@
-"""What is done when: looks at a table that changes, the report of what was found."""
+"""Order of work: repeated looks at a changing table, and the report of the results."""
 
 import json
 import re
@@ -31,9 +31,9 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
     table, recording = tmp_path / "jobs.csv", tmp_path / "a.mcap"
     text = "arm,robot,loaded\none,er50,*.mcap\n"
     between = [
-        lambda: recording.write_bytes(b"beg"),  # at the first look there is no table
+        lambda: recording.write_bytes(b"beg"),  # no table at the first look
         lambda: table.write_text(text),
-        lambda: recording.write_bytes(b"begun"),  # seen once, and not for the second time
+        lambda: recording.write_bytes(b"begun"),  # changed, so not yet seen twice
         lambda: None,
         lambda: None,  # done here
         lambda: table.write_text("arm\n"),
@@ -90,7 +90,7 @@ def test_a_job_that_fails_is_tried_again_less_and_less_often(tmp_path):
 
 @pytest.fixture
 def nights(tmp_path):
-    """Rows of two arms; one of them carries 300 g more since the seventh night, and gave nothing in the last."""
+    """Rows of two arms; one carries 300 g more since the seventh night, and has no result in the last."""
     with RowStore(tmp_path) as store:
         for night in range(NIGHTS):
             for arm in ("one", "two"):

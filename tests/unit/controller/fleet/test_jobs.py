@@ -1,4 +1,4 @@
-"""From the table of jobs to jobs: columns, stars, files that are looked at, and what makes a job a new one."""
+"""From the table to jobs: columns, wildcards, files, and the changes that make a job new."""
 
 import os
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The same jobs on Dask: killed workers and coordinators, a scheduler behind TLS, and who can reach one on loopback."""
+"""The same jobs on Dask: killed workers and coordinators, a scheduler with TLS, and access on loopback."""
 
 import contextlib
 import functools
@@ -27,7 +27,7 @@ LISTENING = "0A"
 
 
 def wait_for(what, coordinator):
-    """Until it is true; a coordinator that ends before has failed."""
+    """Wait until it is true; fails if the coordinator ends first."""
     until_s = time.monotonic() + PATIENCE_S
     while not what():
         assert coordinator.poll() is None, coordinator.stderr.read()
@@ -36,14 +36,14 @@ def wait_for(what, coordinator):
 
 
 def children_of(process_id):
-    """Processes that any thread of a process has spawned to do jobs."""
+    """Worker processes spawned by any thread of a process."""
     threads = Path(f"/proc/{process_id}/task").glob("*/children")
     listed = [child for thread in threads for child in thread.read_text().split()]
     return [int(child) for child in listed if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()]
 
 
 def listening_addresses(process_ids):
-    """Hexadecimal addresses, as /proc has them, at which processes listen."""
+    """Addresses at which processes listen, hexadecimal as in /proc."""
     inodes, found = set(), set()
     for process_id in process_ids:
         for file in Path(f"/proc/{process_id}/fd").iterdir():
@@ -102,7 +102,7 @@ def test_a_killed_worker_and_a_killed_coordinator_cost_what_they_were_doing(reco
 
 
 def tls_of(folder):
-    """Dask's configuration for a key and a certificate of its own for 127.0.0.1."""
+    """Dask's configuration with a new key and certificate for 127.0.0.1."""
     openssl = shutil.which("openssl")
     if openssl is None:
         pytest.skip("needs openssl to make a certificate")
@@ -120,9 +120,9 @@ def tls_of(folder):
 
 @pytest.fixture(scope="module")
 def behind_tls(recorded_er50, tmp_path_factory):
-    """What a scheduler behind TLS with one worker, in this process, did for its owner and told strangers.
+    """Results of a scheduler with TLS and one worker in this process, for its owner and for strangers.
 
-    All of it while a fixture is made: threads of Dask last as long as the process.
+    Collected while the fixture is made, because Dask's threads last as long as the process.
     """
     import dask
     from distributed import LocalCluster

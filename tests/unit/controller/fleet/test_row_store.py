@@ -1,4 +1,4 @@
-"""Rows outlive whoever writes them, and are read as one table whatever happened in between."""
+"""Rows survive the death of their writer, and are always read as one table."""
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta

@@ -1,7 +1,7 @@
-"""Recordings on S3, which moto serves on loopback: `armload fleet identify`, as a user calls it.
+"""Recordings on S3, served by moto on loopback: `armload fleet identify` as called by a user.
 
-Runs where s3fs and moto are installed, which `.ci/run` does from `s3.lock`: botocore needs an older python-dateutil
-than the rest of the environment has.
+Needs s3fs and moto, which `.ci/run` installs from `s3.lock`: botocore requires an older python-dateutil than the rest
+of the environment.
 """
 
 import json
@@ -23,7 +23,7 @@ COMMAND = (sys.executable, "-c", "from armload_controller.cli.entry import main;
 
 @pytest.fixture(scope="module")
 def bucket(recorded_er50):
-    """A bucket with the recordings of two days, the environment of who may read it, and its file system."""
+    """A bucket with the recordings of two days, an environment with access to it, and its file system."""
     server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
@@ -47,7 +47,7 @@ def bucket(recorded_er50):
 
 
 def identify(table, rows, environment):
-    """The command, in a process of its own."""
+    """The command in a separate process."""
     return subprocess.run(
         [*COMMAND, str(table), "-o", str(rows), "--workers", "1", "--json"],
         env=os.environ | environment,
@@ -58,7 +58,7 @@ def identify(table, rows, environment):
 
 
 def identified(table, rows, environment):
-    """What `fleet identify --json` prints."""
+    """The document that `fleet identify --json` prints."""
     done = identify(table, rows, environment)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

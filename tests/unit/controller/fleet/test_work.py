@@ -1,4 +1,4 @@
-"""A job done in this process: what was found, what was refused, what failed, near and far."""
+"""A job in this process: results, refusals and failures, with local and remote files."""
 
 import functools
 import http.server
@@ -37,7 +37,7 @@ def server(recorded_er50):
 
 @pytest.fixture(scope="module")
 def done(recorded_er50, server, tmp_path_factory):
-    """A table with everything in it, done once; rows by arm, and where they are."""
+    """A table with all kinds of jobs, done once; rows by arm, and their folder."""
     desk = tmp_path_factory.mktemp("jobs")
     today = recorded_er50 / "runs" / "today"
     shutil.copy(today / "loaded_identification.mcap", desk / "near.mcap")

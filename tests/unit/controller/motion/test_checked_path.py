@@ -1,6 +1,6 @@
-"""What may be commanded to an arm: each check refuses what it alone is there for, on paths and on the ways onto them.
+"""Motions that may be commanded: each check has a case that only it refuses, on paths and on the ways onto them.
 
-Delete any one of the checks in `checked_path` or `path_checks`, and a test here fails.
+If any check in `checked_path` or `path_checks` is removed, a test here fails.
 """
 
 import copy
@@ -32,7 +32,7 @@ SWING = FourierTrajectory(
     0.5, np.array([0.0, 0.6, 1.2, 0.0, 0.5, 0.0]), np.full((N, 1), 0.1), np.array([[0.05], [0.1], [-0.1]] * 2)
 )
 STANDING = np.array([0.0, -1.2, 0.2, 0.0, 0.0, 0.0])
-"""Stretched out backwards, where the weight of arm and payload is greatest."""
+"""Stretched out backwards, where gravity of arm and payload takes the greatest torque."""
 JOINT = 2
 """The joint that a test makes the weak one."""
 
@@ -42,7 +42,7 @@ def checked(constraints=CONSTRAINTS, trajectory=SWING):
 
 
 def limited(**changes):
-    """The constraints with some of one joint's limits replaced."""
+    """The constraints with some limits of one joint replaced."""
     limits = {}
     for key, value in changes.items():
         limits[key] = getattr(LIMITS, key).copy()
@@ -51,7 +51,7 @@ def limited(**changes):
 
 
 def reaches(**changes):
-    """Range and rates of zero but for some of one joint's."""
+    """Range and rates, all zero but those given for one joint."""
     values = {
         key: np.zeros(N)
         for key in (
@@ -68,7 +68,7 @@ def reaches(**changes):
 
 
 class CloseMeshes:
-    """Collision meshes that come within a distance of each other, on a path or on a line, but not at its ends."""
+    """Collision meshes that come close to each other on a path or on a line, but not at its ends."""
 
     keep_m = least_m = 0.05
 
@@ -82,7 +82,8 @@ class CloseMeshes:
         return 1.0 if np.array_equal(start_rad, goal_rad) else self.on_line_m, "hand to table"
 
 
-# What cannot be made any other way ------------------------------------------------------------------------------
+# Checked paths are made by the checks only
+# ------------------------------------------------------------------------------
 
 
 def test_nobody_but_the_checks_makes_what_may_be_commanded():
@@ -170,7 +171,7 @@ def test_a_path_of_another_arm_is_refused():
 
 
 def with_torque(share):
-    """The constraints with a share of the torque that the path takes at any steady speed."""
+    """The constraints with a share of the torque that the path needs at constant speed."""
     steady = CONSTRAINTS.torque.greatest(SWING).reshape(CONSTRAINTS.torque.cases, N).max(axis=0)
     available = CONSTRAINTS.torque.available_nm.copy()
     available[JOINT] = share * steady[JOINT]
@@ -184,7 +185,7 @@ def test_a_path_that_a_joint_is_too_weak_for_is_refused():
 
 @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forwards", "backwards"])
 def test_the_torque_of_ramps_and_stops_counts_too(direction):
-    """At a steady speed the joint is strong enough, while its phase accelerates or brakes it is not."""
+    """At constant speed the joint is strong enough; while the phase accelerates or decelerates it is not."""
     path = replace(SWING, sin_rad=direction * SWING.sin_rad)
     enough = with_torque(1.0005)
     assert torque_objection(path, PhaseLimits(0.0, 0.0), enough) is None
@@ -194,7 +195,7 @@ def test_the_torque_of_ramps_and_stops_counts_too(direction):
 
 
 def test_arm_and_heaviest_payload_and_both_directions_of_a_ramp_count():
-    """Against the sum at dense phases, each with the phase accelerating and braking, loaded and empty."""
+    """Compared with the sum at dense phases, with the phase accelerating and decelerating, loaded and empty."""
     path = checked()
     alpha = path.measured.leg.bounds.acceleration_1_s
     torque = CONSTRAINTS.torque
@@ -213,7 +214,7 @@ def test_arm_and_heaviest_payload_and_both_directions_of_a_ramp_count():
 
 
 def coupled_axes(share):
-    """The constraints with a motor that turns two joints and has a share of the torque that the path takes of it."""
+    """The constraints with a motor that turns two joints and has a share of the torque that the path needs from it."""
     coupling = np.eye(N)
     coupling[JOINT, JOINT - 1] = 0.5
     loose = CONSTRAINTS.torque.of_axes(coupling, np.full(N, 1e4))
@@ -223,7 +224,7 @@ def coupled_axes(share):
 
 
 def test_a_path_that_a_coupled_motor_is_too_weak_for_is_refused():
-    """Every joint is strong enough, what two of them ask of one motor is not there."""
+    """Every joint is strong enough by itself, but two of them together need more than their common motor has."""
     checked()
     weak = LIMITS.joint_names[JOINT - 1]
     with pytest.raises(ConfigurationError, match=rf"excitation\.probe.*N m of the motor of {weak}, which has"):
@@ -282,7 +283,7 @@ def test_that_it_stands_beyond_its_limits_is_said_before_any_way_is_looked_for()
 
 
 def with_a_lagging_servo():
-    """A path that hardly moves, on an arm whose last servo's lag fills its window at 0.1 rad/s."""
+    """A path with little motion, on an arm whose last servo reaches its following-error window at 0.1 rad/s."""
     following = np.full(N, np.inf)
     following[5] = 0.1
     small = replace(SWING, sin_rad=0.01 * SWING.sin_rad, cos_rad=0.01 * SWING.cos_rad)
@@ -307,7 +308,7 @@ def test_a_way_back_on_which_a_servo_would_lag_too_far_is_not_gone():
 
 def test_a_way_that_a_joint_is_too_weak_for_is_not_gone():
     available = CONSTRAINTS.torque.available_nm.copy()
-    available[1] = 60.0  # the weight takes 10 N m where the path is and 87 N m where the arm stands
+    available[1] = 60.0  # gravity takes 10 N m on the path and 87 N m where the arm stands
     weak = replace(CONSTRAINTS, torque=replace(CONSTRAINTS.torque, available_nm=available))
     with pytest.raises(
         BlockedWay, match=rf"at its present position, requires .* N m of {LIMITS.joint_names[1]}, which has 60 N m"
@@ -325,7 +326,7 @@ def tool_at(configuration):
 
 
 def test_where_the_straight_way_is_not_free_the_arm_goes_round():
-    """The path is clear of the wall, and so is where the arm stands: only the straight way between is not."""
+    """The path and the arm's position are clear of the wall; only the straight way between them is not."""
     start = checked(trajectory=REACHING).start_rad
     standing = start + TURNED
     positions = [tool_at(start + share * TURNED) for share in (0.0, 0.5, 1.0)]
@@ -348,7 +349,7 @@ def test_where_the_straight_way_is_not_free_the_arm_goes_round():
 
 
 def test_where_no_way_is_free_the_refusal_says_what_is_in_it():
-    """A slab through the base that the tool would have to pass, however it goes."""
+    """A slab through the base that the tool must cross on any way."""
     start = checked(trajectory=REACHING).start_rad
     across = tool_at(start + 0.5 * TURNED) * [1.0, 1.0, 0.0]
     slab = Box(
@@ -398,7 +399,7 @@ def test_a_leg_faster_than_reduced_speed_is_not_passed():
 
 
 class Underestimated(ArmPoints):
-    """Points that whoever plans takes to stand still, as a defect of the planning would have it."""
+    """Points that the planning takes as standing still, as from a defect."""
 
     def greatest_between(self, motion, rates, duration_s, samples):
         return np.zeros((samples, len(self.names)))

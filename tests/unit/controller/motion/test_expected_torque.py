@@ -1,4 +1,4 @@
-"""The torque window from the model: its bounds, and an arm that is pushed where it should meet nothing."""
+"""The torque window from the model: its bounds, and an arm that is pushed unexpectedly."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ PATH = check_path(Excitation(SWING, 2), ROBOT.motion_constraints, CYCLE_S, file=
 
 
 class PushedPlant(ArmPlant):
-    """An arm whose forearm meets something: a force along the base's axes, from a time on."""
+    """An arm with an external force on its forearm from a time on, in base coordinates."""
 
     def __init__(self, spec, force_n, from_s):
         super().__init__(spec)
@@ -42,7 +42,7 @@ class PushedPlant(ArmPlant):
 
 
 def run(force_n, from_s=3.0, payload="block", load=Load.LOADED, robot=ROBOT):
-    """Run a leg on the arm that is pushed; cycles sent, and the error that stopped it."""
+    """Run a leg on the pushed arm; returns the cycles sent and the error that stopped it."""
     start = np.linalg.solve(robot.drives.coupling, PATH.start_rad)
     plant = PushedPlant(replace(robot.simulation.plant_spec(payload), start_position_rad=start), force_n, from_s)
     servos = FakeServos(robot.drives.settings, plant)

@@ -1,4 +1,4 @@
-"""The pure check of setpoints."""
+"""The check of setpoints."""
 
 from dataclasses import replace
 
@@ -63,7 +63,7 @@ def test_one_bad_row_of_a_plan_is_found():
 
 @pytest.mark.parametrize("range_rad", [1e-6, 1.0, 1e4])
 def test_rounding_beyond_a_position_limit_is_a_share_of_the_range(range_rad):
-    """One figure in radians would be a tenth of a small range, and less than one rounding of a large one."""
+    """A fixed tolerance in radians would be a tenth of a small range, and below the rounding error of a large one."""
     limits = replace(LIMITS, position_min_rad=np.full(2, 0.0), position_max_rad=np.full(2, range_rad))
     for bound, outwards in ((0.0, -1.0), (range_rad, 1.0)):
         check_setpoints(np.full(2, bound + outwards * 0.5e-9 * range_rad), REST, REST, limits)

@@ -1,4 +1,4 @@
-"""The pace of a slow round: the same path, never above a quarter of the rate nor reduced speed, and no slower."""
+"""The pace of a slow round: the same path, at most a quarter of the rate and reduced speed, and no slower than that."""
 
 from dataclasses import replace
 
@@ -57,12 +57,12 @@ def test_no_point_is_fast_and_the_rate_is_a_quarter_at_most():
     rate = PACED.pace.evaluate(phase_s)[1]
     assert speed.max() <= PLANNED_SPEED_M_S
     assert rate.max() <= 0.25
-    # It is at one of the two limits nearly all the time: no rounder than the joints' limits ask for.
+    # It is at one of the two limits nearly all the time, as far as the joints' limits permit.
     assert np.mean((speed > 0.95 * PLANNED_SPEED_M_S) | (rate > 0.95 * 0.25)) > 0.8
 
 
 def test_the_paths_phase_keeps_to_its_bounds_whatever_the_new_phase_does():
-    """At the worst of the new phase's own speed, acceleration and jerk, everywhere on the round."""
+    """At the worst-case speed, acceleration and jerk of the new phase, everywhere on the round."""
     _, g, second, third = PACED.pace.evaluate(np.linspace(0.0, PACED.pace.lasts_s, 20001))
     alpha, beta = PHASE.acceleration_1_s, PHASE.jerk_1_s2
     assert (np.abs(second) + g * alpha).max() <= BOUNDS.acceleration_1_s

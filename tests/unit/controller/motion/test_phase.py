@@ -1,4 +1,4 @@
-"""The phase: pause, resume, override and stop, each a change of the rate alone."""
+"""The phase: pause, resume, override and stop change only its rate."""
 
 import numpy as np
 import pytest
@@ -34,14 +34,14 @@ CHAIN = Chain.from_origins(
     np.array([0.0, 0.0, -9.81]),
 )
 POINTS = ArmPoints(CHAIN, np.zeros(3))
-"""Of an arm so long that the slow round is at less than a quarter of the rate."""
+"""Points of an arm so long that its slow round is at less than a quarter of the rate."""
 MEASURED = plan_measured(Excitation(PATH, 2), LIMITS, CYCLE_S)
 SLOW = plan_slow(Excitation(PATH, 2), MEASURED, POINTS)
 CYCLES_IN_PERIODS = 400
 
 
 def stream(leg, requests, most=20_000):
-    """All rows of a leg; `requests` are made of the control before the row of their number."""
+    """All rows of a leg; each request is made before the row with its number."""
     control = MotionControl()
     source = LegInterpolator(leg, CYCLE_S, control)
     rows = []
@@ -56,7 +56,7 @@ def stream(leg, requests, most=20_000):
 
 
 def assert_continuous(rows, leg=MEASURED):
-    """Within the limits, never backwards, on the path, without jumps in position, rate or acceleration."""
+    """Check that rows stay within the limits and on the path, never go back, and have no jumps."""
     position, velocity, acceleration = (
         np.array([getattr(row, name) for row in rows])
         for name in ("position_rad", "velocity_rad_s", "acceleration_rad_s2")
@@ -171,7 +171,7 @@ def test_stop_is_final():
     st.sampled_from([SLOW, MEASURED]),
 )
 def test_whatever_is_asked_in_whatever_order(requests, leg):
-    """After all requests the arm is resumed at full speed, and the leg comes to its end."""
+    """After all requests the arm is resumed at full speed, and the leg ends."""
     table = {}
     for at, request in requests:
         table.setdefault(at, []).append(request)

@@ -39,7 +39,7 @@ SMALL = Chain.from_origins(
     np.array([0.0, 0.0, -9.81]),
 )
 SMALL_POINTS = ArmPoints(SMALL, np.zeros(3))
-"""Of an arm so small that none of its points is ever fast."""
+"""Points of an arm so small that none is ever fast."""
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The search for a way round, without an arm: what it asks, what it finds, and when it gives up."""
+"""The search for a way round, without an arm: its queries, its result, and when it gives up."""
 
 import zlib
 
@@ -14,10 +14,10 @@ START, GOAL = 0.3 * LIMITS.position_min_rad, 0.3 * LIMITS.position_max_rad
 
 
 class Asked:
-    """Speaks against stretches, and keeps them.
+    """Refuses segments, and records them.
 
     Args:
-        blocked: Whether there is something in the way between two configurations.
+        blocked: Whether an obstacle lies between two configurations.
     """
 
     def __init__(self, blocked):
@@ -39,7 +39,7 @@ def test_the_way_round_ends_at_the_goal():
 
 
 def test_via_points_are_within_the_joints_ranges_and_away_from_their_ends():
-    """With nothing free but where it stands, every one of them is asked for."""
+    """Since nothing is free but the start, all of them are checked."""
     asked = Asked(lambda begin_rad, end_rad: not np.array_equal(begin_rad, end_rad))
     with pytest.raises(BlockedWay, match="no path round it"):
         find_way(START, GOAL, LIMITS, asked)
@@ -52,7 +52,7 @@ def test_via_points_are_within_the_joints_ranges_and_away_from_their_ends():
 
 
 def test_a_search_without_an_end_gives_up():
-    """One stretch of ten is free and none to the goal: thousands are left to try."""
+    """One segment in ten is free and none to the goal: thousands remain to be tried."""
 
     def labyrinth(begin_rad, end_rad):
         if np.array_equal(begin_rad, end_rad):
@@ -63,7 +63,7 @@ def test_a_search_without_an_end_gives_up():
     asked = Asked(labyrinth)
     with pytest.raises(BlockedWay, match="segments over"):
         find_way(START, GOAL, LIMITS, asked)
-    # The two ends by themselves, and the rest of the last way.
+    # The two ends, and the rest of the last way.
     assert MOST_STRETCHES <= len(asked.stretches) <= MOST_STRETCHES + 10
 
 

@@ -1,4 +1,4 @@
-"""Where the first excitations of an arm are looked for: no narrower than its meshes ask for."""
+"""Joint ranges for the first excitations of an arm: no narrower than its meshes require."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ LIMITS = ROBOT.limits.motion
 
 
 class Wall:
-    """In place of meshes: they touch where the sine of the second joint is below a height."""
+    """Replaces meshes: there is contact if the sine of the second joint is below a height."""
 
     keep_m = 0.02
 

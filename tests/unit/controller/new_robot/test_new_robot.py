@@ -1,4 +1,4 @@
-"""A first robot file: it has what a URDF, a bus, a description and answers say, and what is missing is listed."""
+"""A first robot file: it contains the data of a URDF, a bus, a description and answers, and lists what is missing."""
 
 import re
 

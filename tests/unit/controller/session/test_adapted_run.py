@@ -1,4 +1,4 @@
-"""A run that adapts: what the operator is asked, and what it needs."""
+"""A run with adaptation: its questions to the operator, and its requirements."""
 
 from __future__ import annotations
 

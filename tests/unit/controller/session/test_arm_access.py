@@ -1,4 +1,4 @@
-"""Opening an arm: what is asked before a bus is opened, and what is on it before anything is written to it."""
+"""Opening an arm: the questions before a bus is opened, and the checks before anything is written to drives."""
 
 import os
 import pty
@@ -58,18 +58,18 @@ with can.Bus(interface="bench", channel="floor") as bus, SimulatedDrives(arm, pl
     finally:
         print("powered" if powered else "never powered", flush=True)
 """
-"""The program with drives of another identity on a bus that only this process reaches."""
+"""The program with drives of another identity on a bus within this process."""
 
 
 @pytest.fixture
 def untuned(monkeypatch):
-    """The memory of this process, which has loaded what all tests load, takes seconds to lock; see `test_realtime`."""
+    """Skip real-time tuning: locking the memory of this large test process takes seconds; see `test_realtime`."""
     monkeypatch.setattr(arm_access, "tuned_for_cycles", lambda report: nullcontext())
 
 
 @pytest.fixture
 def bench(untuned):
-    """prbt's drives on a virtual bus, one of them somebody else's, and a listener."""
+    """prbt's drives on a virtual bus, one of them a foreign drive, and a listener."""
     robot = load_robot("prbt").with_bus(channel=uuid.uuid4().hex)
     arm = robot.drives.settings
     opened = [can.Bus(interface="virtual", channel=robot.bus.channel) for _ in range(2)]
@@ -83,7 +83,7 @@ def bench(untuned):
 
 @pytest.fixture
 def named(tmp_path):
-    """prbt's file with the identity of its drives, changed as a test wants it."""
+    """prbt's file with the identity of its drives, with changes by the test."""
     configs = resources.files("armload_configs")
     for role in ("identification", "validation"):
         name = f"prbt_{role}.toml"

@@ -1,4 +1,4 @@
-"""What a half of a commissioning does, in which order, and when the operator is asked."""
+"""A half of a commissioning: its steps, their order, and the questions to the operator."""
 
 import re
 from contextlib import contextmanager
@@ -29,7 +29,7 @@ def robot():
 
 
 class Person:
-    """Answers, and remembers what was asked and how often the arm had been enabled by then."""
+    """Answers, and records the questions and how often the arm had been enabled by then."""
 
     def __init__(self, servos, *answers):
         self.servos, self.answers, self.asked = servos, list(answers), []
@@ -41,7 +41,7 @@ class Person:
 
 @pytest.fixture
 def half(robot, ideal_servos, tmp_path):
-    """Record a half on a perfect arm; what the operator was asked, and the arm."""
+    """Record a half on a perfect arm; returns the questions and the arm."""
 
     def half(load, *answers, simulated=False, given=False, control=None):
         servos = ideal_servos(6, CYCLE_S)

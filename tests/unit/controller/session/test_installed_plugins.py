@@ -1,4 +1,4 @@
-"""Plug-ins that a robot's file names: the example package built, installed and run, and whatever can be wrong."""
+"""Plug-ins named in a robot file: the example package built, installed and run, and all errors."""
 
 import contextlib
 import itertools
@@ -24,7 +24,7 @@ NUMBERS = itertools.count()
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """The example package as its wheel's content, which is what pip puts into an environment."""
+    """The content of the example package's wheel, as pip installs it."""
     folder = tmp_path_factory.mktemp("wheel")
     with contextlib.chdir(EXAMPLE):
         wheel = hatchling.build.build_wheel(str(folder))
@@ -40,7 +40,7 @@ def installed(built, monkeypatch):
 
 @pytest.fixture
 def bring(tmp_path, monkeypatch):
-    """Install a package of one module that brings plug-ins; the answer is its settings table's name there."""
+    """Install a package of one module with plug-ins; returns the name of its settings table there."""
 
     def bring(source, **names):
         number = next(NUMBERS)

@@ -1,4 +1,4 @@
-"""The live view's relay: who does not keep up is disconnected, and nobody else sees anything of it."""
+"""The live view's relay: a client that does not keep up is disconnected, without effect on others."""
 
 import json
 import socket
@@ -32,7 +32,7 @@ LATER = 20
 
 
 class Lines(NoDisplay):
-    """Keeps what the operator reads."""
+    """Records the operator's messages."""
 
     def __init__(self):
         self.texts = []
@@ -42,7 +42,7 @@ class Lines(NoDisplay):
 
 
 def moving(cycle):
-    """What a plug-in sees of a cycle of an arm whose first joint turns by 1 mrad a cycle."""
+    """The plug-ins' view of a cycle of an arm whose first joint turns by 1 mrad per cycle."""
     position, nothing = np.array([cycle * 1e-3, 0.6, 1.2, 0.0, 0.5, 0.0]), np.zeros(6)
     word, missing = np.zeros(6, np.uint16), np.zeros(6, bool)
     command = JointCommand(position, nothing, nothing)
@@ -53,7 +53,7 @@ def moving(cycle):
 
 @contextmanager
 def served(host="127.0.0.1", limits=SMALL):
-    """What the cycle writes to, with the server in this process, and the server's first answer."""
+    """The cycle's end of the view, with the server in this process, and the server's first answer."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     thread = Thread(target=serve_clients, args=(theirs, host, 0, ARM, limits))
     thread.start()
@@ -77,7 +77,7 @@ def test_a_client_that_ends_reading_is_disconnected_and_the_others_see_every_fra
         coming = iter(stack.enter_context(Client(port)))
 
         def seen(cycle):
-            """Have a cycle shown, and wait until the one who watches has it; the turn of the first joint in rad."""
+            """Show a cycle and wait until the watching client has it; returns the first joint's angle in rad."""
             view.on_cycle(moving(cycle))
             view.show_warnings()
             return next(message for topic, message in coming if topic == "/joints")["position_rad"][0]
@@ -109,7 +109,7 @@ def test_a_client_that_ends_reading_is_disconnected_and_the_others_see_every_fra
 
 @contextmanager
 def relayed(limits=SMALL):
-    """A server of the test's own behind a relay: a client's connection, the server's end of it, and the reports."""
+    """A test server behind a relay: a client's connection, the server's end of it, and the reports."""
     reports = []
     with socket.create_server(("127.0.0.1", 0)) as server:
         listener = socket.create_server(("127.0.0.1", 0))
@@ -143,7 +143,7 @@ def test_the_server_s_connection_ends_with_the_client_s():
 
 
 def test_a_client_that_is_disconnected_never_keeps_the_server_waiting_and_frees_its_connection():
-    """Were the relay to wait for the client, sending would time out."""
+    """If the relay waited for the client, sending would time out."""
     with relayed(ClientLimits(waiting_bytes=300_000, stalled_s=1e9, kernel_bytes=4096)) as (_, server, reports):
         with pytest.raises(ConnectionError):
             server.sendall(bytes(100_000_000))
@@ -151,7 +151,7 @@ def test_a_client_that_is_disconnected_never_keeps_the_server_waiting_and_frees_
 
 
 def paced(*events):
-    """What a pace says of (bytes given, bytes waiting, time) one after the other."""
+    """Results of a pace for successive (bytes given, bytes waiting, time)."""
     pace = ClientPace(ClientLimits(waiting_bytes=1000, stalled_s=10.0), 0.0)
     return [pace.problem(*event) for event in events]
 

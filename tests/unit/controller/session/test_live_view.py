@@ -1,4 +1,4 @@
-"""The live view: a client sees the arm move, and nothing that a client or the server does reaches the cycle."""
+"""The live view: a client sees the arm move, and neither clients nor the server affect the cycle."""
 
 import re
 import socket
@@ -31,7 +31,7 @@ LOOPBACK = LiveAddress(port=0)
 
 
 class Steps(NoDisplay):
-    """Keeps what the operator reads."""
+    """Records the operator's messages."""
 
     def __init__(self):
         self.texts = []
@@ -49,7 +49,7 @@ def operator(display=None):
 
 
 class Watcher(Client):
-    """A client that keeps everything, in a thread of its own."""
+    """A client that stores all messages, in its own thread."""
 
     def __init__(self, port):
         super().__init__(port)
@@ -109,7 +109,7 @@ def test_a_client_sees_the_arm_move_and_one_that_never_reads_keeps_nobody_waitin
 
 
 def flange_pose(message):
-    """The flange in the base, put together from the transforms by name."""
+    """Pose of the flange in the base frame, composed from the named transforms."""
     pose, frame = np.eye(4), FLANGE_FRAME
     by_child = {transform["child_frame_id"]: transform for transform in message["transforms"]}
     while frame != BASE_FRAME:
@@ -122,7 +122,7 @@ def flange_pose(message):
 
 
 def steps(count):
-    """What a plug-in sees of cycles, far enough apart to be shown."""
+    """The plug-ins' view of cycles that are far enough apart to be shown."""
     still = np.zeros(6)
     command = JointCommand(still, still, still)
     reference = Reference(still, still, still, Segment.HOLD, PhaseState(0.0, 0.0, 0.0))
@@ -134,14 +134,14 @@ def steps(count):
 
 @pytest.fixture
 def link():
-    """Both ends of what a view writes to."""
+    """Both ends of a view's connection."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with ours, theirs:
         yield ours, theirs
 
 
 def test_a_server_that_hangs_loses_messages_and_the_cycle_loses_no_time(link):
-    """Were the view to wait, this test would never end: nobody reads."""
+    """If the view waited, this test would never end, because nobody reads."""
     view = LiveView(link[0], NoDisplay())
     for step in steps(2000):
         assert view.on_cycle(step) is None

@@ -1,4 +1,4 @@
-"""A session: every way of running a path has the slow round, the consent, the monitors and the checks."""
+"""A session: every run of a path includes the slow round, the consent, the monitors and the checks."""
 
 import json
 import re
@@ -52,7 +52,7 @@ def test_a_path_that_was_checked_for_another_arm_or_cycle_is_not_run(opened, cha
 
 
 class Segments:
-    """Plug-in that keeps which parts of a run were commanded."""
+    """Plug-in that records the commanded parts of a run."""
 
     name = "segments"
 
@@ -66,7 +66,7 @@ class Segments:
 
 
 class Adding:
-    """Plug-in that adds more torque than any gate passes."""
+    """Plug-in that adds more torque than a gate passes."""
 
     name = "adding"
 
@@ -126,7 +126,7 @@ def test_a_slow_round_that_was_stopped_is_made_again(opened):
 
 
 class Told(NoDisplay):
-    """Keeps what the operator reads."""
+    """Records the operator's messages."""
 
     def __init__(self):
         self.texts = []
@@ -136,7 +136,7 @@ class Told(NoDisplay):
 
 
 def test_a_way_round_is_announced_before_the_arm_gets_torque_and_stands_in_recording_and_report(opened, tmp_path):
-    """A wall between where the arm stands and where the path begins."""
+    """A wall between the arm's position and the beginning of the path."""
     reaching = Excitation(replace(SWING, offset_rad=np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])), 1)
     path = check_path(reaching, CONSTRAINTS, CYCLE_S, file=ROBOT.file, key="swing")
     turned = np.array([np.pi - 0.6, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -200,7 +200,7 @@ def test_added_torque_is_what_joint_and_drive_allow(opened):
 
 
 class Taking:
-    """Plug-in that takes some time of every cycle."""
+    """Plug-in that takes some time in every cycle."""
 
     name = "taking"
 
@@ -225,7 +225,7 @@ def test_in_virtual_time_a_plugin_answers_for_what_it_computes_and_not_for_a_bus
 
 
 def test_an_arm_in_the_way_of_something_is_not_moved(opened):
-    """The straight way is checked where the arm is found, not where the path begins."""
+    """The straight way is checked from the arm's actual position, not from the beginning of the path."""
     start_rad = np.array([0.0, 2.25, 0.0, 0.0, 0.0, 0.0])
     with opened(position_rad=start_rad) as (session, servos), pytest.raises(MotionError) as caught:
         session.run(checked(), "run")
@@ -246,7 +246,7 @@ def test_nothing_is_opened_after_a_stop_was_requested(ideal_servos):
 
 
 class Person:
-    """Answers questions, and keeps them."""
+    """Answers questions, and records them."""
 
     def __init__(self, *answers):
         self.answers, self.asked = list(answers), []

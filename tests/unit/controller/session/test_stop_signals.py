@@ -1,4 +1,4 @@
-"""Signals as stops: which are taken, which stay ignored, and that afterwards everything is as before."""
+"""Signals as stops: those handled, those that stay ignored, and the handlers restored afterwards."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ TAKEN = {
 
 @pytest.fixture(params=[signal.SIG_DFL, signal.SIG_IGN], ids=["default", "ignored"])
 def inherited(request):
-    """Every signal as a program may find it when it starts."""
+    """Every signal in a state that a program may inherit."""
     before = {number: signal.signal(number, request.param) for number in TAKEN}
     yield request.param
     now = {number: signal.getsignal(number) for number in TAKEN}

@@ -1,4 +1,4 @@
-"""What a drive's description says against its configuration."""
+"""A drive's description compared with its configuration."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ MAPPED = {0x6040: 16, 0x607A: 32, 0x60B2: 16, 0x6041: 16, 0x6064: 32, 0x6078: 16
 
 
 def description(changes=()):
-    """A drive with all that is needed, changed object by object; None takes one away."""
+    """A drive with all required objects, changed object by object; None removes one."""
     types = {16: DataType.I16, 32: DataType.I32}
     objects = {
         index << 8: DescribedObject(index, 0, "", types[bits], Access.RW, Mappable.BOTH)
@@ -73,7 +73,7 @@ def test_what_the_configuration_does_without_is_no_gap(drive):
 
 
 def test_real_descriptions(drive, shared_data):
-    """Pilz has IP without 607A in a PDO, maxon 6077 and a vendor's current but no 6078."""
+    """Pilz has IP without 607A in a PDO; maxon has 6077 and a vendor-specific current, but no 6078."""
     maxon = read_description(shared_data / "eds" / "maxon_epos4_50_15.dcf")
     assert any("6078:0" in gap for gap in description_gaps(drive(description=maxon)))
     vendor = VendorEffort(0x30D1, 2, DataType.I32, 1e-3)

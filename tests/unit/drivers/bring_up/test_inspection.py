@@ -1,4 +1,4 @@
-"""Looking at drives: who is there, what bring-up would say, how they fare, one fault reset."""
+"""Inspection of drives: scan, check as in bring-up, status, and the reset of one fault."""
 
 from contextlib import ExitStack
 from dataclasses import replace
@@ -57,7 +57,7 @@ REAL = Identity(0x02DC, 0x1234_5678)
 
 
 def real_arm(arm, identity):
-    """The arm's settings as a file has them that names its drives so."""
+    """The arm's settings with this identity of its drives."""
     return replace(arm, drives=tuple(replace(drive, identity=identity) for drive in arm.drives))
 
 
@@ -225,7 +225,7 @@ def test_without_a_fault_there_is_nothing_to_reset(bench):
 
 @pytest.fixture
 def real_fault(bench, arm_settings):
-    """A real arm with a fault, named by its file."""
+    """A real arm with a fault, whose file names its drives."""
     rig = bench(dict.fromkeys((2, 3, 5), DriveTraits(identity=REAL)), arm_settings(identity=REAL))
     rig.drives.fail(3, 0x4310)
     rig.frames()

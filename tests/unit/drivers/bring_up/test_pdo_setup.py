@@ -1,4 +1,4 @@
-"""PDO parameters as the master writes them, against the side of the drive."""
+"""PDO parameters as written by the master, with the drive's side."""
 
 import can
 import pytest
@@ -18,7 +18,7 @@ LAYOUT = PdoLayout(TRANSMIT, 0, 0x185, (od.STATUSWORD, od.POSITION_ACTUAL, od.TO
 
 
 class Drive:
-    """A bus with one drive's SDO server on it."""
+    """A bus with one drive's SDO server."""
 
     def __init__(self, pdos=4):
         self.dictionary = Dictionary()

@@ -1,4 +1,4 @@
-"""The master's end of the bus, against a bus that fails on purpose."""
+"""The master's end of the bus, with scripted bus failures."""
 
 import errno
 
@@ -11,7 +11,7 @@ from armload_drivers.driver_errors import BusError
 
 
 class FailingBus:
-    """Fails with the given errors on sending, one after the other, and delivers the given frames."""
+    """Raises the given errors on successive sends, and delivers the given frames."""
 
     def __init__(self, errors=(), frames=()):
         self.errors, self.frames, self.sent = list(errors), list(frames), []

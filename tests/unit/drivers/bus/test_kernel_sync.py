@@ -1,4 +1,4 @@
-"""SYNC by a kernel that the test plays: credit, phase and time come from what is received."""
+"""SYNC by a simulated kernel: credit, phase and time come from the received frames."""
 
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ PERIOD_S = 0.01
 
 
 class Kernel:
-    """Sends SYNC while it has credit; waiting on the bus lets time pass, a microsecond late each period."""
+    """Sends SYNC while it has credit, each period a microsecond late; waiting on the bus lets time pass."""
 
     def __init__(self, clock, latency_s=1e-6):
         self.clock, self.latency_s = clock, latency_s
@@ -151,7 +151,7 @@ def test_a_sync_that_nobody_used_is_skipped(sync, kernel):
 
 def test_credit_that_runs_out_between_the_look_and_its_renewal(sync, kernel):
     sync.next(kernel, nothing)
-    # The kernel sent its last frame, and the frame is not there yet.
+    # The kernel has sent its last frame, which has not been received yet.
     kernel.pass_time(1.2 * PERIOD_S)
     kernel.queue.clear()
     kernel.due_s = None
@@ -179,7 +179,7 @@ def test_another_producer_is_reported_once(sync, kernel):
 
 
 def test_a_process_that_is_not_run_again_and_again_is_no_other_producer(sync, kernel):
-    """It looks at several frames at once, late."""
+    """The process receives several frames at once, late."""
     for cycle in range(200):
         sync.next(kernel, nothing)
         kernel.pass_time((0.9 if cycle % 2 else 7.3) * PERIOD_S)
@@ -252,7 +252,7 @@ def for_ever(action, most=1000):
 
 
 def test_a_sync_that_the_kernel_still_owes_is_not_doubled(sync, kernel):
-    """The credit was renewed right after a SYNC had left that was not heard yet: there is one more than counted."""
+    """The credit was renewed right after a SYNC that was sent but not received: there is one more than counted."""
     kernel.latency_s = -1e-4
     sync.next(kernel, nothing)
     sync.next(kernel, nothing)

@@ -1,4 +1,4 @@
-"""SDO access of the master: what goes over the bus, and what is said when it goes wrong."""
+"""SDO access of the master: its frames, and its errors."""
 
 import struct
 
@@ -14,7 +14,7 @@ from armload_drivers.simulation.drives.sdo_server import Dictionary, SdoServer
 
 
 class Bus:
-    """A node behind an SDO server; `answers` replaces what it says."""
+    """A bus with an SDO server; `answers` replaces its answers."""
 
     def __init__(self, answers=None):
         dictionary = Dictionary()

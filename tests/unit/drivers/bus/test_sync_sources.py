@@ -1,4 +1,4 @@
-"""SYNC sources on a clock that the test moves."""
+"""SYNC sources on a clock controlled by the test."""
 
 import pytest
 
@@ -20,7 +20,7 @@ class Link:
         self.sent_s.append(self.clock())
 
     def pump(self, timeout_s):
-        # Half of the wait: a frame came in between.
+        # Half of the wait: a frame arrives before it ends.
         self.clock.advance(max(timeout_s / 2, 1e-6))
         return True
 

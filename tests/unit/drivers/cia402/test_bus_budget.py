@@ -1,4 +1,4 @@
-"""The bus load against the published table of worst cases."""
+"""The bus load compared with the published table of worst cases."""
 
 import math
 
@@ -52,7 +52,7 @@ def test_cycles_of_the_table(joints, worst_us, percent):
     for cycle_hz, share in percent.items():
         load = forecast(arm(joints, cycle_hz))
         assert load.cycle_us == pytest.approx(worst_us)
-        # 43.25, 24.3 and 97.25 % stand in the published table rounded up.
+        # The published table rounds up 43.25, 24.3 and 97.25 %.
         assert math.floor(load.cycle_share * 100 + 0.5) == share
 
 

@@ -1,4 +1,4 @@
-"""Device descriptions: oddities are reported with section and key, other files are refused, nothing else happens."""
+"""Device descriptions: irregularities are reported with section and key, other files are refused, no other error."""
 
 import os
 from pathlib import Path
@@ -157,7 +157,7 @@ def test_limits_are_read():
 
 
 def test_a_limit_of_1016_that_allows_no_node_id_is_ignored():
-    """A maker's file has the limit of a time of 16 bits there; the drive takes the node id all the same."""
+    """A manufacturer's file has the limit of a 16-bit time there; the drive accepts the node id nevertheless."""
     text = GOOD + "\n[1016sub1]\nParameterName=a\nDataType=7\nAccessType=rw\nHighLimit=65535\n"
     description = load(text)
     assert description.find(od.HEARTBEAT_CONSUMER).greatest is None
@@ -301,7 +301,7 @@ def test_every_vendors_file_is_read(vendors_files):
         assert od.PdoDirection.RECEIVE.carries(description.find(od.CONTROLWORD).mappable), name
         assert description.find(od.POSITION_ACTUAL).bits == 32, name
         assert all(text.startswith(f"{name}: [") for text in description.warnings)
-    # The EPOS4's COB-IDs are those of node 1 whatever the node id; Pilz's and Roboteq's follow it.
+    # The EPOS4's COB-IDs are those of node 1 for any node id; Pilz's and Roboteq's depend on it.
     cob_ids = {name: d.value(COB_ID, 3) & 0x7FF for name, d in descriptions.items()}
     assert cob_ids["maxon_epos4_50_15.dcf"] == 0x201
     assert cob_ids["pilz_prbt_0_1.dcf"] == 0x203

@@ -1,4 +1,4 @@
-"""The table of what safety rests on in a drive, without a bus."""
+"""The table of a drive's safety properties, without a bus."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from armload_drivers.cia402.page_of_drive_safety import safety_page
 
 
 def test_the_page_is_the_table():
-    """Where this fails: python -m armload_drivers.cia402.page_of_drive_safety > drivers/SAFETY.md."""
+    """If this fails: python -m armload_drivers.cia402.page_of_drive_safety > drivers/SAFETY.md."""
     page = Path(__file__).parents[4] / "drivers" / "SAFETY.md"
     assert page.read_text("utf-8") == safety_page()
     assert all(way.text in safety_page() and of.key in safety_page() for of in Safety for way in of.value.ways)

@@ -1,4 +1,4 @@
-"""Emergency messages in words, short frames included."""
+"""Texts of emergency messages, including short frames."""
 
 import pytest
 

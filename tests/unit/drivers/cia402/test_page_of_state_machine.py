@@ -1,4 +1,4 @@
-"""The state diagram of the drivers' page is the one that the code runs on."""
+"""The state diagram on the drivers' page agrees with the code."""
 
 import re
 from pathlib import Path

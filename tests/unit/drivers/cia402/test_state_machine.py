@@ -1,4 +1,4 @@
-"""The state machine on its own, and its two sides against each other."""
+"""The state machine itself, and its two sides connected."""
 
 from collections import Counter
 from itertools import pairwise
@@ -37,7 +37,7 @@ def ready_drive():
 
 
 def talk(master, drive, cycles, start_s=0.0, cycle_s=0.01):
-    """Cycles of controlword out and statusword in; returns the words sent."""
+    """Run cycles of controlword and statusword; returns the controlwords."""
     words = []
     for cycle in range(cycles):
         now_s = start_s + cycle * cycle_s
@@ -258,7 +258,7 @@ EVENTS = st.sampled_from(["cycle", "fault", "reaction", "enable", "disable", "st
 
 @given(st.lists(EVENTS, max_size=60))
 def test_power_comes_back_only_after_a_request(events):
-    """Whatever happens in whatever order, only a request for it brings a drive to OPERATION ENABLED."""
+    """In any sequence of events, only a request brings a drive to OPERATION ENABLED."""
     master, drive = MasterMachine(), ready_drive()
     goals = {
         "enable": State.OPERATION_ENABLED,

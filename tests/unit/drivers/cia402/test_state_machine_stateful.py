@@ -1,4 +1,4 @@
-"""Master and drive against each other: whatever happens in whatever order, the automaton's promises hold."""
+"""Master and drive connected: in any sequence of events, the properties of the state machine hold."""
 
 import pytest
 from hypothesis import settings
@@ -32,7 +32,7 @@ NOISE = st.integers(0, 0xFFFF).map(lambda word: word & ~0x6F)
 
 
 class Conversation(RuleBasedStateMachine):
-    """Cycles between requests of the operator and events of the drive."""
+    """Cycles with requests of the operator and events of the drive."""
 
     def __init__(self):
         super().__init__()
@@ -48,7 +48,7 @@ class Conversation(RuleBasedStateMachine):
         self.master.receive(self.drive.status_bits | noise, self.now_s)
 
     def forget_if_reached(self):
-        """A goal that was reached and left is over; one that was never reached is still asked for."""
+        """A goal that was reached is done, even if it was left again; one never reached is still requested."""
         if self.master.reached:
             self.asked_to_enable = False
 
@@ -144,7 +144,7 @@ class Conversation(RuleBasedStateMachine):
     @precondition(lambda self: self.master.goal is not None)
     @rule()
     def leave_them_alone(self):
-        """Undisturbed, a goal is reached in a few cycles or needs a request by name."""
+        """Without disturbance, a goal is reached in a few cycles or needs an explicit request."""
         for _ in range(LONGEST_ROUTE):
             if self.master.reached and self.drive.state is self.master.goal:
                 return

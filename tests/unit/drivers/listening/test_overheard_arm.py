@@ -1,4 +1,4 @@
-"""What is heard of an arm that another master drives, against what that master knows itself."""
+"""Data of an arm under another master, received by listening, compared with that master's own data."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OFFSET_NM = np.array([6.0, -4.0, 2.0])
 
 
 class Ear:
-    """A bus that ends the test when anything but receiving is asked of it."""
+    """A bus that fails the test on any call but receiving."""
 
     def __init__(self, messages):
         self._messages = iter(messages)
@@ -33,7 +33,7 @@ class Ear:
 
 
 def driven(virtual_arm, arm, steps=5, during=lambda rig, step: None):
-    """Drives an arm with this project's master: the frames, its own feedback, what it commanded."""
+    """Drive an arm with this project's master; returns the frames, its feedback and its commands."""
     rig = virtual_arm(arm)
     rig.servos.connect()
     rig.servos.enable()
@@ -49,7 +49,7 @@ def driven(virtual_arm, arm, steps=5, during=lambda rig, step: None):
 
 
 def heard_of(arm, frames):
-    """Cycles of frames that come a second apart."""
+    """Cycles from frames that arrive one second apart."""
     listener = OverheardArm(arm)
     taken = (listener.take(m.arbitration_id, bytes(m.data), float(k)) for k, m in enumerate(frames))
     return [cycle for cycle in taken if cycle is not None], listener
@@ -130,7 +130,7 @@ def test_a_drive_without_a_scale_is_refused(arm_settings):
 
 
 def stamped(frames):
-    """As an interface that stamps frames gives them, ten milliseconds apart; remote and error frames in between."""
+    """Frames with time stamps of an interface, ten milliseconds apart, with remote and error frames among them."""
     for k, frame in enumerate(frames):
         yield can.Message(arbitration_id=0x182, is_remote_frame=True, is_extended_id=False)
         yield can.Message(arbitration_id=0x40, is_error_frame=True)
@@ -140,7 +140,7 @@ def stamped(frames):
 
 
 def ticking(step_s):
-    """A clock that goes on by a step whenever it is read."""
+    """A clock that advances by a step on every reading."""
     return map(step_s.__mul__, count()).__next__
 
 

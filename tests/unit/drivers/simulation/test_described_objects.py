@@ -1,4 +1,4 @@
-"""A simulated drive that serves the objects of a maker's description, exactly those and as described."""
+"""A simulated drive with exactly the objects of a manufacturer's description, as described."""
 
 import struct
 from contextlib import suppress
@@ -20,7 +20,7 @@ VALUE_RANGE, NOT_MAPPABLE = 0x0609_0030, 0x0604_0041
 
 @pytest.fixture
 def ask(virtual_arm):
-    """Makes a drive of a description, and a function that reads or writes its objects by SDO."""
+    """Makes a drive from a description, and a function that reads or writes its objects by SDO."""
 
     def make(text):
         described = parse_description(text.encode(), "maker.eds")

@@ -1,4 +1,4 @@
-"""The EDS of the simulated drives, as other masters read it."""
+"""The EDS of the simulated drives, as read by other masters."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The servos without a bus: life, timing, units and scripted failures."""
+"""The servos without a bus: life cycle, timing, units and scripted failures."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def quiet(name: str) -> PlantSpec:
 
 
 def hold(feedback: JointFeedback) -> JointCommand:
-    """The command that stays at a feedback's position."""
+    """The command that holds a feedback's position."""
     return at(feedback.position_rad)
 
 
@@ -56,7 +56,7 @@ def enabled(name: str, failures: Sequence[ScriptedFailure] = ()) -> tuple[FakeSe
 
 
 def stay(servos: FakeServos, feedback: JointFeedback, cycles: int) -> JointFeedback:
-    """Command a feedback's position for some cycles; the last feedback."""
+    """Command a feedback's position for some cycles; returns the last feedback."""
     rows = [servos.exchange(hold(feedback)) for _ in range(cycles)]
     return rows[-1]
 

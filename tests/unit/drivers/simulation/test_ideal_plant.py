@@ -1,4 +1,4 @@
-"""The plant that follows exactly: one axis asked alone is where it is among all."""
+"""The plant that follows exactly: a single axis has the same position as in the vector of all."""
 
 import numpy as np
 import pytest

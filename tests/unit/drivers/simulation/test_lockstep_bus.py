@@ -1,4 +1,4 @@
-"""The bus of one process: who hears what, in which order, and when."""
+"""The bus within one process: recipients, order and time of frames."""
 
 import threading
 
@@ -62,7 +62,7 @@ def test_a_listener_has_acted_when_send_returns(ends):
 
 
 def test_all_hear_the_same_order_whoever_answers_first(ends):
-    """Answers of the first listener come after the frame that all others have yet to receive."""
+    """Answers of the first listener come after the frame that the others have not received yet."""
     a, b, c = ends
     order = []
 

@@ -1,4 +1,4 @@
-"""The simulated arm against Pinocchio, and against the sentences of its specification one by one."""
+"""The simulated arm compared with Pinocchio and with every statement of its specification."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ FRICTION = {"coulomb_nm": 20.0, "viscous_nm_s_rad": 30.0, "stribeck_nm": 6.0, "l
 
 
 def turned_x(angle: float) -> FloatArray:
-    """Pose (4, 4) turned about x."""
+    """Pose (4, 4) rotated about x."""
     pose = np.eye(4)
     pose[1:3, 1:3] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
     return pose
 
 
 def joint(**changes: object) -> PlantJoint:
-    """A joint about a vertical axis whose link reaches along x, without any friction, ripple or noise."""
+    """A joint with vertical axis and its link along x, without friction, ripple or noise."""
     plain = PlantJoint(
         name="joint",
         placement=np.eye(4),
@@ -57,7 +57,7 @@ def joint(**changes: object) -> PlantJoint:
 
 
 def lifting(**changes: object) -> PlantJoint:
-    """The same about a horizontal axis: at zero the link holds 10 kg at 0.3 m against gravity."""
+    """The same with horizontal axis: at zero, the joint carries 10 kg at 0.3 m."""
     return joint(placement=turned_x(math.pi / 2.0), **changes)
 
 
@@ -76,7 +76,7 @@ def arm(*joints: PlantJoint, **changes: object) -> PlantSpec:
 
 
 def random_arm(seed: int, n: int = 5) -> PlantSpec:
-    """Skew axes, full inertia tensors, tilted gravity, every motor coupled with every other."""
+    """Skew axes, full inertia tensors, tilted gravity, all motors coupled."""
     random = np.random.default_rng(seed)
 
     def pose() -> FloatArray:
@@ -140,7 +140,7 @@ def pin_inertia(body: RigidBody) -> pin.Inertia:
 
 
 def gravity_torque(spec: PlantSpec, position_rad: FloatArray) -> FloatArray:
-    """Torque (n,) that holds links and payload."""
+    """Torque (n,) that holds links and payload against gravity."""
     model = pinocchio_model(spec)
     return np.asarray(pin.computeGeneralizedGravity(model, model.createData(), position_rad))
 
@@ -172,13 +172,13 @@ def powered(spec: PlantSpec) -> ArmPlant:
 
 
 def after(plant: ArmPlant, duration_s: float) -> PlantSample:
-    """Sample taken when a time has passed."""
+    """Sample after a time."""
     plant.advance(plant.time_s + duration_s)
     return plant.sample(CYCLE_S)
 
 
 def sweep(spec: PlantSpec, speed_rad_s: float, settle_s: float, measure_s: float) -> list[PlantSample]:
-    """Samples, one a millisecond, at a constant speed of the first axis that begins at rest."""
+    """Samples every millisecond while the first axis, initially at rest, moves at constant speed."""
     plant = powered(spec)
     duration_s = settle_s + measure_s
     plant.set_target(0, plant.hold_position(0) + speed_rad_s * duration_s, duration_s)
@@ -333,7 +333,7 @@ class TestFriction:
     def test_joint_sticks_below_static_friction_and_slips_above(self) -> None:
         def moved(offset_nm: float) -> float:
             spec = arm(joint(coulomb_nm=20.0, stribeck_nm=6.0, torque_ripple_nm=offset_nm, has_brake=False))
-            # Unpowered, the ripple is the only torque: at this position its greatest.
+            # Without power, the ripple is the only torque; at this position it is greatest.
             crest = replace(spec, start_position_rad=np.array([math.pi / 2.0 / 200.0]))
             plant = ArmPlant(crest)
             return abs(after(plant, 0.05).joint_position_rad[0] - crest.start_position_rad[0])
@@ -439,7 +439,7 @@ class TestServo:
         assert now.axis_demand_rad[0] - now.axis_position_rad[0] == pytest.approx(0.5 / 25.0, rel=0.01)
 
     def test_velocity_gain_and_integral_time(self) -> None:
-        # A payload too heavy to move shows the controller alone: K_v K_p e (1 + t / T_i).
+        # A payload too heavy to move shows the controller only: K_v K_p e (1 + t / T_i).
         wall = RigidBody(1.0, np.zeros(3), np.eye(3) * 1e9)
         plant = powered(arm(joint(), payload=wall))
         plant.set_target(0, 1e-3, 0.0)
@@ -449,7 +449,7 @@ class TestServo:
         assert after(plant, 0.020).axis_torque_nm[0] == pytest.approx(2.0 * proportional, rel=1e-6)
 
     def test_velocity_gain_follows_the_nominal_inertia_not_the_upright_pose(self) -> None:
-        # Two links upright turn with next to nothing about the first axis, stretched with a lot.
+        # Two upright links have almost no inertia about the first axis; stretched out they have a lot.
         upright = RigidBody(10.0, np.array([0.0, 0.0, 0.5]), np.eye(3) * 0.01)
         spec = arm(joint(link=upright), joint(link=upright, placement=turned_x(0.0), axis=np.array([1.0, 0, 0])))
         inertia = build_model(spec).axis_inertia_kg_m2[0]
@@ -510,9 +510,9 @@ class TestServo:
         load = 10.0 * GRAVITY * 0.3
         without, helped = powered(spec), powered(spec)
         helped.set_torque_offset(0, load)
-        # In force from the next step on, on top of what the servo gives already ...
+        # Acts from the next step on, in addition to the servo's torque ...
         assert after(helped, 0.001).axis_torque_nm[0] == pytest.approx(2.0 * load, rel=1e-3)
-        # ... until the servo's own part has fallen by as much and the whole is what it was.
+        # ... until the servo's part has fallen by the same amount and the sum is as before.
         held, still = after(helped, 1.0), after(without, 1.0)
         assert held.axis_torque_nm[0] == pytest.approx(still.axis_torque_nm[0], rel=1e-4)
         assert held.axis_position_rad[0] == pytest.approx(0.0, abs=1e-5)
@@ -549,7 +549,7 @@ class TestMeasurement:
         samples = sweep(arm(joint(torque_ripple_nm=8.0)), 0.3, 0.5, 0.5)
         ripple = np.array([now.joint_torque_nm[0] - now.axis_torque_nm[0] for now in samples])
         position = np.array([now.axis_position_rad[0] for now in samples])
-        # The torque acts from one millisecond before the sample on: at most 0.3 * 200 * 1e-3 rad of phase.
+        # The torque is held from one millisecond before the sample: at most 0.3 * 200 * 1e-3 rad of phase.
         np.testing.assert_allclose(ripple, 8.0 * np.sin(200.0 * position), atol=8.0 * 0.09)
         assert np.ptp(ripple) == pytest.approx(16.0, rel=0.01)
 

@@ -1,4 +1,4 @@
-"""The SDO server frame by frame, and PDO parameters in the order the standard allows."""
+"""The SDO server frame by frame, and PDO parameters in the order prescribed by the standard."""
 
 import struct
 
@@ -95,7 +95,7 @@ def test_a_repeated_toggle_is_refused(server):
         (request(0x2F, od.MODE, b"\x07"), Abort.VALUE_RANGE),
         (request(0xA0, od.DEVICE_NAME), Abort.UNKNOWN_COMMAND),  # block upload
         (request(0xC0, od.TARGET_POSITION), Abort.UNKNOWN_COMMAND),  # block download
-        (bytes(8), Abort.UNKNOWN_COMMAND),  # a segment of nothing
+        (bytes(8), Abort.UNKNOWN_COMMAND),  # a segment without a transfer
         (b"\x40\x00", Abort.UNKNOWN_COMMAND),
     ],
 )

@@ -1,4 +1,4 @@
-"""When simulated drives on a wall clock measure: when SYNC came, however late their thread looks at it."""
+"""Simulated drives in real time measure at the arrival of SYNC, even if their thread handles it late."""
 
 import threading
 import time
@@ -14,7 +14,7 @@ NOW_S = 100.0
 
 
 class Plant(IdealPlant):
-    """Records when it is measured."""
+    """Records the times of measurement."""
 
     def __init__(self, position_rad):
         super().__init__(position_rad)
@@ -27,7 +27,7 @@ class Plant(IdealPlant):
 
 
 class Bus:
-    """Delivers one SYNC that came a while ago."""
+    """Delivers one SYNC that arrived some time ago."""
 
     def __init__(self, age_s):
         self.frames = [can.Message(arbitration_id=0x080, is_extended_id=False, timestamp=time.time() - age_s)]

@@ -1,4 +1,4 @@
-"""The scale that a drive reports, against the configuration."""
+"""The scale reported by a drive, compared with the configuration."""
 
 import math
 from dataclasses import replace
@@ -59,7 +59,7 @@ def test_what_neither_gives_is_refused_with_the_key(missing):
 
 
 def test_a_feed_constant_replaces_encoder_and_gear():
-    """Pilz: 1/1000 degree at the joint, whatever the encoder."""
+    """Pilz: 1/1000 degree at the joint, with any encoder."""
     drive = replace(OPEN, rated_torque_nm=200.0)
     assert resolve(drive, replace(REPORTED, feed_per_shaft_turn=360_000.0)).counts_per_rad == pytest.approx(
         360_000 / TURN

@@ -1,4 +1,4 @@
-"""Drive units to and from SI: coupling, signs, rounding, and what does not fit."""
+"""Drive units to and from SI: coupling, signs, rounding, and values out of range."""
 
 import math
 from dataclasses import replace
@@ -92,7 +92,7 @@ def test_torques_come_back_within_a_permille(torque, polarity):
 
 @given(angles, torques)
 def test_power_is_the_same_on_both_sides_of_the_coupling(velocity, torque):
-    """tau_joint . dq_joint = tau_axis . dq_axis fixes the transpose and the inverse."""
+    """tau_joint . dq_joint = tau_axis . dq_axis determines where transpose and inverse belong."""
     axis_velocity = np.linalg.solve(COUPLING, velocity)
     units = ArmUnits(torque_arm())
     permille = COUPLING.T @ np.array(torque) / (1e-3 * np.array([100.0, 200.0, 300.0]))

@@ -1,4 +1,4 @@
-"""Torque offsets on their way to zero."""
+"""Fading of torque offsets to zero."""
 
 from itertools import pairwise
 
