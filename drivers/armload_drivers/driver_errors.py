@@ -113,7 +113,7 @@ class ServoTimeout(ServoError, TimeoutError):
 
 
 class ServoFault(ServoError):
-    """A node reports a fault of its own."""
+    """A node reports a fault."""
 
 
 class SdoRefused(ServoError):

@@ -1,4 +1,4 @@
-// Prints a recording as JSON: what its index says, and all messages, as Foxglove's own application reads them.
+// Prints a recording as JSON, its index and all messages, as read by the library of the Foxglove application.
 import { readFileSync } from "node:fs";
 import { McapIndexedReader } from "@mcap/core";
 import { decompress } from "fzstd";

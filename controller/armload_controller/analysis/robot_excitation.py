@@ -39,7 +39,7 @@ _SHORTEST_PERIOD_S: Final = 2.0
 _LONGEST_PERIOD_S: Final = 20.0
 """Range in which an automatic period is chosen."""
 _PERIOD_STEP_S: Final = 0.1
-"""A chosen period is a multiple of at least this, in whole cycles of the bus."""
+"""Step of automatically chosen periods, rounded up to whole bus cycles."""
 _MEASURED_S: Final = 30.0
 """Measured time of a run if no number of periods is given."""
 _LEAST_PERIODS: Final = 3

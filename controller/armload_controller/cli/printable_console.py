@@ -56,7 +56,7 @@ class OutlivingStream:
 
 
 def accepts_output(stream: IO[str]) -> bool:
-    """Whether a line can be written to a stream at once; True for what is no file.
+    """Whether a line can be written to a stream without waiting; True if it is not a file.
 
     A terminal that is halted (Ctrl-S), or whose remote reader has stalled, lets a writer wait.
     """

@@ -28,7 +28,7 @@ def read_profile(name: str, folder: Path, file: str, key: str) -> ProfileFile:
     """Read a profile.
 
     Args:
-        name: Name of a shipped profile, or of a TOML file beside the robot's.
+        name: Name of a shipped profile, or of a TOML file in the robot file's folder.
         folder: Folder of the robot's file.
         file: The robot's file, for messages.
         key: Key that names the profile, for messages.

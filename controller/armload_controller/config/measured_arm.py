@@ -48,7 +48,7 @@ class MeasuredArm(Protocol):
 
     @property
     def calibration_file(self) -> Path | None:
-        """The calibration that the arm's file names; None where it names none."""
+        """The calibration named in the robot file; None if it names none."""
 
     def own(self, recording: Recording) -> Recording:
         """A recording with this arm's joints, base first.

@@ -31,7 +31,7 @@ _CONFIGURATION: Final = {
     # By default each process monitors itself 50 times a second: with two workers 8 % of a core, with this 3 %.
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
-    # With Dask's setting every array is mapped anew: 300,000 page faults per pair of recordings, twice the CPU time.
+    # With Dask's setting every array gets new pages: 300,000 page faults per pair of recordings, twice the CPU time.
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
     # A heap of huge pages, with glibc 2.35 or newer: 10 page faults per pair instead of 1,000 to 3,000.
     "distributed.nanny.pre-spawn-environ.GLIBC_TUNABLES": "glibc.malloc.hugetlb=1",

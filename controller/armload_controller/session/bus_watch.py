@@ -115,14 +115,14 @@ class BusWatch:
         """Watch until `goes_on` returns false.
 
         Args:
-            cycles: Cycles as they are overheard; None while nothing is heard.
+            cycles: Cycles as received; None while nothing is received.
             goes_on: Called before every cycle, and many times a second while there is none.
 
         Yields:
             Moments.
 
         Raises:
-            BusError: the bus failed, or nothing is heard.
+            BusError: the bus failed, or nothing is received.
             RecordingFailed: the recording could not be written.
         """
         count, shown, time_s, enabled = 0, 0, 0.0, False

@@ -4,7 +4,7 @@
 
 Rules. A path is run at full speed only after its slow round in the same session, that is, with the same load and
 without reconnecting. The first motion of a session requires consent, with a payload even if consent was given
-beforehand. Between two motions the drives are off. A simulated arm requires no consent, but also a slow round.
+beforehand. Between two motions the drives are off. A simulated arm needs no consent, but it needs a slow round, too.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The CANopen master before and beside the cycle: scan, boot, configure, check and inspect drives by SDO."""
+"""The CANopen master before and outside the cycle: scan, boot, configure, check and inspect drives by SDO."""

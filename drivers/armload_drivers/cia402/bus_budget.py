@@ -35,7 +35,7 @@ class BusLoad:
         cycle_share: `cycle_us` as a share of the cycle.
         heartbeat_share: Share of the heartbeats of master and drives.
         limit: Share that the configuration allows.
-        highest_cycle_hz: The highest whole rate within the limit; 0 if there is none.
+        highest_cycle_hz: The highest integer rate within the limit; 0 if there is none.
     """
 
     cycle_us: float

@@ -1,4 +1,4 @@
-"""The table of a payload beside CAD."""
+"""The table that compares a payload with CAD."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The tables of a robot's file: their keys, what is checked of them, and what other layers get made from them."""
+"""The tables of a robot file: their keys, their checks, and the objects that other layers get from them."""

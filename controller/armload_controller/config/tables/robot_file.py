@@ -43,7 +43,7 @@ class LimitsTable(Table):
 
 
 class ExcitationTable(Table):
-    """Excitation files beside this one."""
+    """Excitation files in the folder of this file."""
 
     identification: str
     validation: str

@@ -215,7 +215,7 @@ calls = []
             r"returned array.*expected None: a plug-in of a robot's file adds no torque",
         ),
         ("raise KeyError('x')", "raised KeyError: 'x'"),
-        # an error that the cycle takes for one of its own stops, after which it would do nothing
+        # an error that the cycle could take for its own stop and then ignore
         (
             "from armload_controller.control_errors import MotionError; raise MotionError('mine', ())",
             "raised MotionError: mine",
