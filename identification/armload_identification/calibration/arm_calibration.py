@@ -23,11 +23,10 @@ from armload_identification.model.payload import Provenance
 from armload_identification.model.regressor import body_regressor, rotor_columns
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.reversals import TURN_OVER
 
 DETERMINED_WITHIN: Final = 0.05
 """A gain is determined if the half width of its 95 % interval is at most this share of it."""
-TURN_OVER: Final = 0.01
-"""Speed that smooths the direction of motion, as a share of a joint's greatest speed."""
 COLD: Final = 0.2
 """Relative standard deviation of friction between days: a cold gear has more than a warm one. It is not visible in the
 runs of a calibration, often of one hour, which differ by 2 %."""

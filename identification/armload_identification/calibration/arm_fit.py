@@ -27,6 +27,7 @@ from armload_identification.calibration.arm_prior import ArmPrior, change_deviat
 from armload_identification.calibration.arm_rows import ArmRows
 from armload_identification.estimation.empty_arm.blows import struck_samples
 from armload_identification.identification_errors import EstimationError
+from armload_identification.signals.robust_scale import deviation_by_median
 
 HALVES: Final = 1.25
 """Factor on the standard deviations from the blocks, from comparing halves of the UR10e's data."""
@@ -40,7 +41,6 @@ _OFF: Final = 3.0
 MOVING: Final = 0.3
 """Weight from which a joint counts as moving in a row, mainly for the noise."""
 _OUTLYING: Final = 3.0
-_MAD: Final = 1.4826
 _STEPS: Final = 40
 _ROUGH: Final = 5
 """Iterations in which friction's scale is adapted and no row is excluded."""
@@ -278,7 +278,7 @@ class _Fitter:
             moving = values[speed > MOVING]
             if moving.size < _LAGS:
                 continue
-            spread = max(_MAD * float(np.median(np.abs(moving))), _ZERO)
+            spread = max(float(deviation_by_median(moving)), _ZERO)
             clipped = np.clip(moving, -_OUTLYING * spread, _OUTLYING * spread)
             noise = min(float(np.sqrt(np.mean(clipped**2))), float(self._prior.level_nm[axis]))
             self._noise[axis] = max(noise, _ZERO)

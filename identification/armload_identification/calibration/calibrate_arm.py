@@ -15,7 +15,6 @@ from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
 from armload_identification.calibration.arm_calibration import (
-    TURN_OVER,
     ArmCalibration,
     CalibratedPayload,
     CalibratedRun,
@@ -38,6 +37,7 @@ from armload_identification.model.regressor import PARAMETERS
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.verdict.sanity import check_run
 
 WEIGHED_WITHIN: Final = 1e-3

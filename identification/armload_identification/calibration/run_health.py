@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
-from armload_identification.calibration.arm_calibration import TURN_OVER, ArmCalibration
+from armload_identification.calibration.arm_calibration import ArmCalibration
 from armload_identification.calibration.arm_fit import MOVING
 from armload_identification.calibration.arm_model import PER_RUN, ArmModel, Unknowns
 from armload_identification.calibration.arm_rows import RunSignals, arm_rows, run_signals
@@ -28,6 +28,8 @@ from armload_identification.model.joint_states import JointStates
 from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.reversals import TURN_OVER
+from armload_identification.signals.robust_scale import deviation_by_median
 from armload_identification.verdict.sanity import check_run
 
 _GAIN: Final = 0.10
@@ -39,7 +41,6 @@ _STEPS: Final = 6
 _SETTLED: Final = 0.02
 _HUBER: Final = 2.0
 _OUTLYING: Final = 3.0
-_MAD: Final = 1.4826
 _LEAST_ROWS: Final = 20
 """Least number of rows in motion of a moving joint."""
 _WINDOW_S: Final = 60.0
@@ -231,7 +232,7 @@ class _RunFit:
         for axis in np.flatnonzero(self.moved):
             fast = self.rows.weight[:, axis] > MOVING
             values = (residual * self.rows.weight)[fast, axis]
-            bound = _OUTLYING * max(_MAD * float(np.median(np.abs(values))), _TINY)
+            bound = _OUTLYING * max(float(deviation_by_median(values)), _TINY)
             found[axis] = max(float(np.sqrt(np.mean(np.clip(values, -bound, bound) ** 2))), _TINY)
         return found
 

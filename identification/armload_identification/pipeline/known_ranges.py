@@ -13,13 +13,13 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.estimation.truncated_normal import contradicted, truncated_moments
+from armload_identification.estimation.uncertainty import NORMAL_HALF_WIDTH
 from armload_identification.identification_errors import EstimationError
 from armload_identification.pipeline.identification import Identification
 
 _NAMES: Final = ("mass", "centre of mass's x", "centre of mass's y", "centre of mass's z")
 _UNITS: Final = ("kg", "mm", "mm", "mm")
 _IN_UNIT: Final = (1.0, 1e3, 1e3, 1e3)
-_NORMAL_95: Final = 1.959964
 _BLIND_WIDTHS: Final = 10.0
 """Standard deviation of a quantity that the data do not determine, in widths of its range: nearly uniform there."""
 _REMEDY: Final = "Correct or omit the range, or check that the recordings are of this payload."
@@ -89,7 +89,7 @@ def _without_ranges(found: Identification, limits: FloatArray) -> tuple[FloatArr
     """(4,) mass and centre of mass and (4, 4) their covariance, scaled to the 95 % intervals."""
     mean = found.uncertainty.values[:4].copy()
     covariance = found.mass_center.measured + found.mass_center.from_gains
-    deviation = found.uncertainty.half_width_95[:4] / _NORMAL_95
+    deviation = found.uncertainty.half_width_95[:4] / NORMAL_HALF_WIDTH
     blind = np.isinf(deviation)
     wider = np.where(blind, 1.0, deviation / np.sqrt(np.diag(covariance)))
     covariance = covariance * np.outer(wider, wider)

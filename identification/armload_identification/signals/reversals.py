@@ -8,7 +8,7 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 
-_TURN_OVER: Final = 0.01
+TURN_OVER: Final = 0.01
 """Speed that smooths the direction of motion, as a share of a joint's greatest speed."""
 REVERSAL: Final = 0.10
 """Share of a joint's greatest speed at which a sample's weight is 0.7. A servo settles within 50 ms of a reversal; on
@@ -43,4 +43,4 @@ def reversal_speed(velocity_rad_s: FloatArray) -> FloatArray:
     Args:
         velocity_rad_s: (N, n).
     """
-    return np.asarray(np.maximum(_TURN_OVER * np.abs(velocity_rad_s).max(axis=0), _SLOWEST_RAD_S))
+    return np.asarray(np.maximum(TURN_OVER * np.abs(velocity_rad_s).max(axis=0), _SLOWEST_RAD_S))

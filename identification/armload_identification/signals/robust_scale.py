@@ -16,9 +16,9 @@ def deviation_by_median(values: FloatArray) -> FloatArray:
     """Standard deviation of zero-mean normal values, estimated as median |value| / 0.6745.
 
     Args:
-        values: (N, n) values about zero.
+        values: (N, n) or (N,) values about zero.
 
     Returns:
-        (n,) standard deviations.
+        (n,) standard deviations, or one.
     """
     return np.asarray(np.median(np.abs(values), axis=0) / _MEDIAN_OF_NORMAL)

@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.model.body_model import smooth_sign
+from armload_identification.signals.reversals import REVERSAL
 
 FAR: Final = 5.0
 """Threshold in standard deviations of drift between runs and fit together."""
 _INDEPENDENT_HZ: Final = 2.0
 """Residuals of moving joints are correlated over about half a second."""
-_REVERSAL: Final = 0.10
-"""Share of a joint's greatest speed below which no friction model is accurate."""
 
 
 def friction_change(
@@ -48,7 +47,7 @@ def friction_change(
         (2, n) changes of Coulomb friction (N m) and viscous friction (N m s/rad), and their (n, 2, 2) covariance.
     """
     direction = smooth_sign(velocity_rad_s, arm.fit.model.reversal_speed_rad_s)
-    moving = np.abs(velocity_rad_s) > _REVERSAL * np.abs(velocity_rad_s).max(axis=0)
+    moving = np.abs(velocity_rad_s) > REVERSAL * np.abs(velocity_rad_s).max(axis=0)
     weight = _INDEPENDENT_HZ * interval_s / np.maximum(arm.fit.residual_rms_nm, np.finfo(float).tiny) ** 2
     n = left_nm.shape[1]
     found, covariance = np.zeros((2, n)), np.zeros((n, 2, 2))

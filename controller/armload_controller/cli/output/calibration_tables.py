@@ -58,7 +58,11 @@ def runs_table(result: ArmCalibration) -> Table:
         carried = "nothing"
         if run.mounting:
             payload = found[run.mounting]
-            weighed = ", weighed" if np.isfinite(payload.weighed_kg) else f" +- {1.96 * payload.deviation[0]:.3f}"
+            weighed = (
+                ", weighed"
+                if np.isfinite(payload.weighed_kg)
+                else f" +- {NORMAL_HALF_WIDTH * payload.deviation[0]:.3f}"
+            )
             carried = f"{run.mounting}: {payload.theta[0]:.3f} kg{weighed}"
         table.add_row(
             run.name,
