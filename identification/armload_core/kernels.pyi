@@ -18,7 +18,7 @@ MOST_JOINTS_OF_A_MESSAGE: int
 BODY_PARAMETERS: int
 """Number of inertial parameters of a body."""
 BOX_NUMBERS: int
-"""Numbers of a box: rotation with the box's axes as columns, stored row by row (9), centre (3), half edges (3)."""
+"""Numbers of a box: rotation with its axes as columns, stored row by row (9), centre (3), half edge lengths (3)."""
 
 def regressor_into(
     joints: int, packed: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray, /

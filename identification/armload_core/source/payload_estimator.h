@@ -127,7 +127,7 @@ void estimator_read(const payload_estimator *e, double *theta, double *covarianc
 /* Covariance of each joint's changes of friction (n, 3, 3). */
 void estimator_read_friction(const payload_estimator *e, double *covariance);
 
-/* Given by whoever builds the estimator: the payload's regressor (n, 10) and the torque of the arm's own links (n). */
+/* Defined by the program that uses the estimator: the payload's regressor (n, 10) and the torque of the links (n). */
 void estimator_arm(const payload_estimator *e, const double *position, const double *velocity,
                    const double *acceleration, double *regressor, double *links);
 
