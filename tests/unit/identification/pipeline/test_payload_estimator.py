@@ -97,6 +97,25 @@ def test_jerky_motion_from_place_to_place_is_no_change_of_payload(estimator, jer
     assert found.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.015)
 
 
+def test_changes_are_looked_for_once_a_payload_is_known(calibration, pinocchio_arm, streams):
+    """Grasped after 3 s of motion: noticed from 5 s on. Dropped 1.2 s after it was noticed: from 2 s after that on."""
+    (time_s, position, empty), (_, _, loaded) = streams
+    begin_s = time_s[0]
+    for grasped_s, noticed_s in ((3.0, 5.0), (8.0, 8.0)):
+        estimator = PayloadEstimator(calibration, pinocchio_arm.chain, pinocchio_arm.transmission)
+        current, changed = empty.copy(), []
+        current[time_s >= begin_s + grasped_s] = loaded[time_s >= begin_s + grasped_s]
+        for k in range(np.searchsorted(time_s, begin_s + noticed_s + 6.0)):
+            if changed and time_s[k] > changed[0] + 1.2:
+                current[k] = empty[k]
+            estimator.update(time_s[k], position[k], current[k])
+            if estimator.changes > len(changed):
+                changed.append(time_s[k])
+        assert len(changed) == 2
+        assert noticed_s <= changed[0] - begin_s < noticed_s + 1.0
+        assert 2.0 <= changed[1] - changed[0] < 3.5
+
+
 def test_joints_that_ring_are_no_change_of_payload(calibration, estimator, jerky, pinocchio_arm):
     """Forty times the noise on three joints, at 3 Hz: measured by the noise alone, 25 changes in 24 s."""
     time_s, position, current = (values.copy() for values in jerky)
