@@ -208,7 +208,9 @@ def test_what_is_not_determined_has_no_number():
     assert json.loads(json.dumps(made(), allow_nan=False))
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name in {"design", "report"})) for name in COMMANDS]
+)
 def test_the_page_describes_every_key(document, name):
     found = document(name)
     assert set(found) >= COMMON
@@ -219,6 +221,7 @@ def test_the_page_describes_every_key(document, name):
     assert leaves
 
 
+@pytest.mark.long
 def test_the_page_describes_no_key_that_is_not_there(document):
     printed = [*(document(name) for name in COMMANDS), *made()]
     pages, found = described(), defaultdict(set)

@@ -185,6 +185,7 @@ def test_in_a_thread_of_1_ms_its_torque_is_pythons(calibrated, halrun):
     )
 
 
+@pytest.mark.long
 def test_the_torque_is_that_of_a_lag_ago(calibrated, halrun):
     """The lag is half a period, when a sine has the opposite sign: a unit without lag and with negated input agrees.
 

@@ -56,6 +56,7 @@ def check(factor):
     return offset.verdict(), moved
 
 
+@pytest.mark.long
 def test_a_right_offset_is_usable_wherever_the_payload_weighs():
     verdict, moved = check(np.ones(6))
     assert verdict.usable[[1, 2, 4]].all()
