@@ -3,7 +3,7 @@
 Efforts, and the torque that the model gives for the motion, are averaged over the same window of a third of a second,
 as for a payload from any motion (`row_window`). The motion itself is hardly filtered, because the torque at the mean
 position is not the mean torque: with positions and efforts low-passed at 4 Hz and the model evaluated behind that, the
-mass of a payload was 0.2 % too low on er50, whose joints reach 1.7 rad/s; with this window 0.1 %. Whole periods of a
+mass of a payload was 0.2 % too low on er50, whose joints reach 1.7 rad/s; with this window 0.01 %. Whole periods of a
 known excitation are averaged first.
 """
 
@@ -28,6 +28,7 @@ from armload_identification.recording.reduction.phases import phases_per_period,
 from armload_identification.signals.filters import low_pass
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.periods import fold
+from armload_identification.signals.reversals import TURN_OVER
 from armload_identification.signals.row_window import RowWindow
 
 _FINE_S: Final = 0.01
@@ -41,8 +42,6 @@ _ROW_S: Final = 0.1
 _MOST_ROWS: Final = 1500
 """Most rows of one run; in a longer one they are further apart."""
 _HOLE_S: Final = 0.1
-_TURN_OVER: Final = 0.01
-"""Speed that smooths the direction of motion, as a share of a joint's greatest speed."""
 _REVERSAL: Final = 0.10
 """Share of a joint's greatest speed at which a row's weight is 0.7: near a reversal no friction model is accurate. Rows
 in whose window a joint turns round have no weight: on prbt, their residuals made runs contradict each other."""
@@ -239,7 +238,7 @@ def arm_rows(
     """
     moves = peak_rad_s > _STANDS_RAD_S
     scale = np.where(moves, peak_rad_s, 1.0)
-    sign = np.where(moves, np.tanh(run.velocity_rad_s / (_TURN_OVER * scale)), 0.0)
+    sign = np.where(moves, np.tanh(run.velocity_rad_s / (TURN_OVER * scale)), 0.0)
     length_s = len(run.usable) * run.interval_s
     step = max(round(max(_ROW_S, length_s / _MOST_ROWS) / run.interval_s), 1) * spacing
     window = RowWindow.of(len(run.usable), run.interval_s, step, periodic=run.periodic)
