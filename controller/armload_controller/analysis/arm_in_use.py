@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from armload_controller.config.measured_arm import MeasuredArm
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.identification_errors import EstimationError
+from armload_identification.identification_errors import EstimationError, ModelError
 from armload_identification.model.chain import Chain
 from armload_identification.signals.joint_torque import Transmission
 
@@ -73,10 +73,7 @@ def arm_in_use(robot: MeasuredArm, calibration: FilePath | None = None) -> ArmIn
         return ArmInUse(robot.chain, robot.transmission)
     import hashlib
 
-    from armload_identification.files.calibration_file import read_calibration
-
-    arm = read_calibration(path)
-    arm.require_arm(robot.chain, robot.transmission.coupling)
+    arm = calibration_of(robot, path)
     return ArmInUse(
         chain=arm.level(robot.chain),
         transmission=arm.transmission(robot.transmission),
@@ -84,3 +81,24 @@ def arm_in_use(robot: MeasuredArm, calibration: FilePath | None = None) -> ArmIn
         calibration=arm,
         calibration_sha256={path.name: hashlib.sha256(path.read_bytes()).hexdigest()},
     )
+
+
+def calibration_of(robot: MeasuredArm, path: Path) -> ArmCalibration:
+    """The calibration of an arm, from its file.
+
+    Args:
+        robot: The arm.
+        path: The file.
+
+    Raises:
+        CalibrationFileError: the calibration cannot be used.
+        ModelError: the calibration belongs to another arm.
+    """
+    from armload_identification.files.calibration_file import read_calibration
+
+    arm = read_calibration(path)
+    try:
+        arm.require_arm(robot.chain, robot.transmission.coupling)
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from error
+    return arm

@@ -28,7 +28,7 @@ from armload_controller.cli.options import (
 )
 from armload_controller.cli.output.findings_output import require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption, print_document
-from armload_controller.cli.output.output_files import make_folder
+from armload_controller.cli.output.output_files import make_folder, require_writable
 from armload_controller.cli.output.verdict_output import TOLERANCE, ToleranceOption, tolerance_of
 from armload_controller.control_errors import CommissioningError
 from armload_controller.motion.motion_control import MotionControl
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from armload_controller.cycle.monitors import CycleSummary
     from armload_controller.session.live_view import LiveAddress
     from armload_controller.session.run_session import Consent, Load
+    from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.model.payload import InertialParameters
     from armload_identification.recording.recording import Recording
     from armload_identification.results.findings import Findings
@@ -86,6 +87,7 @@ def commission(
     Signals that the shell has set to be ignored (SIGINT in a script's background job, SIGHUP under nohup) stay ignored,
     except SIGTERM.
     """
+    from armload_controller.analysis.arm_in_use import arm_in_use
     from armload_controller.cli.keyboard import Keyboard
     from armload_controller.cli.screen import Screen
     from armload_controller.config.robot import load_robot
@@ -95,13 +97,16 @@ def commission(
     from armload_controller.session.folder_claim import claimed
     from armload_controller.session.live_view import live_at
     from armload_controller.session.run_session import Load
+    from armload_identification.estimation.prior_knowledge import KnownPayload
     from armload_identification.extras import Extra, require_extra
 
     for extra in Extra:
         require_extra(extra, "commissioning")
     allowed = tolerance_of(tolerance)
     shown = live_at(live, live_address)
+    known = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    arm_in_use(arm, calibration)
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"
     halves = {Runs.BOTH: (Load.UNLOADED, Load.LOADED), Runs.UNLOADED: (Load.UNLOADED,), Runs.LOADED: (Load.LOADED,)}
@@ -112,6 +117,7 @@ def commission(
             raise CommissioningError("--runs loaded requires --output: the folder used by --runs unloaded")
         require_recordings(directory, Load.UNLOADED)
     make_folder(directory)
+    require_writable(directory)
     control = MotionControl()
     screen = Screen(Keyboard.of_this_process(control), as_json=as_json)
     with claimed(directory):
@@ -126,7 +132,7 @@ def commission(
             _show_half(screen, directory, as_json=as_json)
             return
         truth = arm.simulation.payload(arm.simulation.payload_name) if arm.bus.interface == VIRTUAL else None
-        findings = _evaluate(arm, directory, screen, truth, now, allowed, calibration, mass_kg)
+        findings = _evaluate(arm, directory, screen, truth, now, allowed, calibration, known)
     if as_json:
         print_document(findings.to_dict() | {"files": _files(directory)})
     require_not_wrong(findings)
@@ -231,7 +237,7 @@ def _evaluate(
     now: datetime,
     tolerance: Tolerance,
     calibration: Path | None,
-    mass_kg: float | None,
+    known: KnownPayload | None,
 ) -> Findings:
     """Identify from the first pair, validate on the second, calibrate from all; write the results and show them.
 
@@ -240,11 +246,9 @@ def _evaluate(
     from armload_controller.analysis.robot_payload import identify
     from armload_controller.cli.output.findings_output import show_findings
     from armload_controller.session.commissioning import ROLES, read_pair
-    from armload_identification.estimation.prior_knowledge import KnownPayload
 
     first, second = (read_pair(arm, directory, role) for role in ROLES)
     pair = (second.loaded, second.unloaded)
-    known = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
     findings = identify(
         arm, first.loaded, first.unloaded, validation=pair, calibration=calibration, known=known, tolerance=tolerance
     )

@@ -24,6 +24,7 @@ from armload_controller.cli.options import (
     YesOption,
 )
 from armload_controller.cli.output.json_output import JsonOption, print_document
+from armload_controller.cli.output.output_files import require_folder
 from armload_controller.motion.motion_control import MotionControl
 
 if TYPE_CHECKING:
@@ -116,7 +117,9 @@ def feedforward(
     require_rules(arm, simulated_drives=simulated_drives, attended=attended())
     if mounted is not None:
         arm = arm.with_simulated_payload(mounted)
-    require_picture(picture)
+    if compare:
+        require_picture(picture)
+        require_folder(picture)
     control = MotionControl()
     screen = Screen(Keyboard.of_this_process(control), as_json=as_json)
     given = declared_mass(arm, expect) if payload is None else _usable(arm, payload)

@@ -93,14 +93,13 @@ def export(
 
 def _export_arm(arm: Robot, file: Path, output: Path, screen: Screen, *, as_json: bool) -> None:
     """Write a calibrated arm as URDF."""
+    from armload_controller.analysis.arm_in_use import calibration_of
     from armload_controller.cli.output.result_documents import export_document
     from armload_controller.export.arm_urdf import arm_urdf
     from armload_controller.export.export_files import write_files
     from armload_identification.calibration.possible_links import possible_links
-    from armload_identification.files.calibration_file import read_calibration
 
-    calibration = read_calibration(file)
-    calibration.require_arm(arm.chain, arm.transmission.coupling)
+    calibration = calibration_of(arm, file)
     possible = possible_links(calibration.level(arm.chain), calibration)
     sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
     made_from = f"armload {version('armload')} from {file.name}, sha256 {sha256}"

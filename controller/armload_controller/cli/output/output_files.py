@@ -15,18 +15,20 @@ def require_folder(file: Path) -> None:
     """Create the folder for a result before the work starts.
 
     Raises:
-        CommissioningError: the folder cannot be created, or the file is itself a folder.
+        CommissioningError: the folder cannot be created or written to, or the file is itself a folder.
     """
     if file.is_dir():
         raise CommissioningError(f"{file} is a folder: give the name of a file")
     make_folder(file.parent)
+    if file.is_file() or not file.exists():  # /dev/stdout and pipes are written to directly
+        require_writable(file.resolve().parent)
 
 
 def require_drawable(file: Path) -> None:
     """Create the folder for a report or picture, and check that the drawing library is installed.
 
     Raises:
-        CommissioningError: the folder cannot be created, or the file is itself a folder.
+        CommissioningError: the folder cannot be created or written to, or the file is itself a folder.
         ExtraMissing: the drawing library is not installed.
     """
     from armload_identification.extras import Extra, require_extra
@@ -62,6 +64,22 @@ def require_replaceable(file: Path, payload: PayloadResult) -> None:
             f"{file} holds another payload ({there.model.mass_kg:.3f} kg, from {made_from}): give another --output, or "
             "--force to replace it"
         )
+
+
+def require_writable(folder: Path) -> None:
+    """Refuse an existing folder in which no file can be created.
+
+    A nameless file is created, because permissions do not show this for /proc or a read-only mount.
+
+    Raises:
+        CommissioningError: no file can be created there.
+    """
+    import tempfile
+
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise CommissioningError(f"{folder} cannot be written to: {error.strerror}; choose another output") from error
 
 
 def make_folder(folder: Path) -> None:

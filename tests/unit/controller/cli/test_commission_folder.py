@@ -80,3 +80,22 @@ def test_a_claim_ends_with_its_process_even_by_kill_minus_nine(tmp_path):
     with claimed(tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (("--mass-kg", "0"), "known mass is 0.0 kg; expected a number above 0"),
+        (("--calibration", "arm.calibration.toml"), "arm.calibration.toml: the calibration belongs to an arm with"),
+        (("--calibration", "nofile.toml"), "nofile.toml"),
+        (("--output", "/proc"), "/proc cannot be written to"),
+    ],
+    ids=["mass", "another arm", "no file", "read-only folder"],
+)
+def test_arguments_are_checked_before_the_arm_is_opened(armload, recorded_er50, tmp_path, monkeypatch, words, problem):
+    monkeypatch.chdir(recorded_er50 / "runs" / "today")
+    monkeypatch.setattr("armload_controller.session.arm_access.open_arm", None)
+    result = armload("commission", "prbt", "--output", tmp_path / "new", *words)
+    assert result.exit_code == 1
+    assert problem in str(result.exception)
+    assert not (tmp_path / "new").exists()

@@ -117,7 +117,7 @@ def test_a_calibration_of_another_arm_is_refused_before_anything_moves(armload, 
     another = recorded_er50 / "runs" / "today" / "arm.calibration.toml"
     result = armload("feedforward", folder / "prbt.toml", folder / "payload.toml", "--calibration", another)
     assert result.exit_code == 1
-    assert "an arm with different kinematics" in str(result.exception)
+    assert f"{another}: the calibration belongs to an arm with different kinematics" in str(result.exception)
     assert "connecting" not in result.output
 
 
@@ -148,6 +148,14 @@ def test_a_picture_that_is_no_picture_is_refused_before_anything_moves(armload, 
     result = armload("feedforward", "prbt", folder / "payload.toml", "--compare", "--picture", folder / "ff.pdf")
     assert ".svg or .png" in str(result.exception)
     assert "slow round" not in result.output
+
+
+@pytest.mark.parametrize("place", ["/proc/x.svg", "/proc/none/x.svg"])
+def test_a_picture_that_cannot_be_written_is_refused_before_anything_moves(armload, folder, monkeypatch, place):
+    monkeypatch.setattr("armload_controller.session.arm_access.open_arm", None)
+    result = armload("feedforward", "prbt", folder / "payload.toml", "--compare", "--picture", place)
+    assert result.exit_code == 1
+    assert re.search("/proc.* cannot be (created|written)", str(result.exception))
 
 
 def test_any_other_bus_is_refused(armload, folder):
