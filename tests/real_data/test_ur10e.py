@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from armload_identification.files.payload_file import format_payload
-from armload_identification.pipeline.payload_identification import payload_result
+from armload_identification.identification_errors import RecordingError
+from armload_identification.pipeline.payload_identification import identify, payload_result
 
 WEIGHED_KG = 2.805
 
@@ -60,3 +63,12 @@ def test_the_gain_of_joint_5_is_found_to_be_off_and_no_interval_hides_it(ur10e_i
     width = result.uncertainty.half_width_95[1:4]
     assert abs(np.hypot(x, y) - 0.170) < np.hypot(width[0], width[1])
     assert abs(z - 0.0435) < width[2]
+
+
+@pytest.mark.parametrize("suffix", ["", "_b"])
+@pytest.mark.parametrize("joint", range(6))
+def test_a_flipped_sign_is_found_in_both_runs(ur10e, ur10e_pair, suffix, joint):
+    sign = np.where(np.arange(6) == joint, -1.0, 1.0)
+    runs = [replace(run, current_a=run.current_a * sign) for run in ur10e_pair(suffix)]
+    with pytest.raises(RecordingError, match=f"loaded.* and .*unloaded.*: joint {joint + 1} .* is flipped"):
+        identify(*runs, ur10e.chain, ur10e.drives.transmission)

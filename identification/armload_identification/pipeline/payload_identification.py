@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.arm_friction import ArmFriction
+from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.estimators import fit_payload
@@ -34,8 +35,9 @@ from armload_identification.recording.recording import Recording, check_joints, 
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal, load_signal
 from armload_identification.signals.motion import Motion
+from armload_identification.verdict.column_mistakes import looks_wrong, refuse_wrong_columns
 from armload_identification.verdict.friction_validity import friction_change, friction_notes, standard_deviations
-from armload_identification.verdict.sanity import check_pair, check_signs, explain_negative_mass
+from armload_identification.verdict.sanity import check_gains, check_pair, check_signs, explain_negative_mass
 
 FLANGE: Final = "flange"
 _CONTRADICTS: Final = 2.0
@@ -132,6 +134,29 @@ def _identified(
     check_pair(loaded, unloaded, transmission)
     signal = load_signal(loaded, unloaded, transmission)
     arm = unloaded_body(signal, chain, transmission.coupling) if known_arm is None else known_arm.fit
+    if looks_wrong(signal, arm if known_arm is None else None):
+        refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
+    try:
+        return _from_difference(signal, loaded, unloaded, chain, transmission, estimator, prior, known_arm, arm)
+    except EstimationError:
+        # The cause may be a mistake in the columns, of which that error would be only a consequence.
+        refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
+        raise
+
+
+def _from_difference(
+    signal: LoadSignal,
+    loaded: Recording,
+    unloaded: Recording,
+    chain: Chain,
+    transmission: Transmission,
+    estimator: Estimator,
+    prior: Prior | None,
+    known_arm: KnownArm | None,
+    arm: BodyFit,
+) -> Identification:
+    """The payload of a pair, from its torque difference and the body of the arm."""
+    runs = (loaded, unloaded)
     body = arm.model
     signal = on_one_motion(signal.with_delay(body.torque_delay_s), chain, body)
     regressor = payload_regressor(chain, *signal.states)
@@ -149,6 +174,7 @@ def _identified(
         nominal = None if gains is None or gains.calibrated.any() else gains
         found = fit_payload(signal, regressor, chain, body, estimator, prior, arm, nominal)
         signal, fit, friction, fitted_gains = found.signal, found.estimate, found.friction, found.gains
+        check_gains(fitted_gains)
         struck = np.zeros_like(signal.valid)
     else:
         signal, fit, friction, struck = without_blows(signal, fit_to)

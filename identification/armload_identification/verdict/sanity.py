@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
+from armload_identification.estimation.gain_columns import GainFit
 from armload_identification.estimation.least_squares import Estimate, estimate_reweighted
 from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.recording.recording import Recording
@@ -24,6 +25,8 @@ _FEEDS_ENERGY: Final = -0.03
 _EXPLAINED: Final = 0.9
 _OPPOSED: Final = -0.8
 _CLEAR: Final = 5.0
+_IMPLAUSIBLE: Final = float(np.log(3.0))
+"""Logarithm of the greatest error of a nominal gain, either way: beyond it, no payload can be trusted."""
 _STAYS: Final = 7
 """A signal with noise does not repeat its greatest value this often in succession by chance."""
 _RATHER_THAN_CHANCE: Final = 3
@@ -161,6 +164,28 @@ def check_signs(signal: LoadSignal, regressor: FloatArray, fit: Estimate) -> Non
                 f"joint {joint + 1} measures the opposite of the payload torque that the other joints imply. "
                 "The sign of its current or torque is flipped: correct it in the configuration or the log."
             )
+
+
+def check_gains(gains: GainFit | None) -> None:
+    """Raise if the other joints imply a gain that no nominal gain is wrong by.
+
+    Args:
+        gains: The gains as fitted; None if they were not.
+
+    Raises:
+        EstimationError: naming the joint and the possible causes.
+    """
+    if gains is None:
+        return
+    size = np.where(gains.contradicted, np.abs(gains.log_gain), 0.0)
+    joint = int(np.argmax(size))
+    if not size[joint] > _IMPLAUSIBLE:
+        return
+    raise EstimationError(
+        f"the torque of joint {joint + 1} contradicts the payload that the other joints imply by more than a factor "
+        f"of {np.exp(_IMPLAUSIBLE):.0f}: the sign of its current or torque is flipped, its torque constant, gear ratio "
+        "or unit is wrong, or its column is another joint's. Correct the configuration or the log."
+    )
 
 
 def explain_negative_mass(mass_kg: float, half_width_kg: float) -> EstimationError:
