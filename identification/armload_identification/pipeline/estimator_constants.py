@@ -15,9 +15,14 @@ from armload_identification.model.chain import Chain
 from armload_identification.model.dynamics import ArmDynamics
 from armload_identification.recording.reading_options import Effort
 from armload_identification.signals.joint_torque import Transmission
+from armload_identification.signals.row_window import HALF_S
 
 ROW_S: Final = 0.05
 """Time between rows of the estimator."""
+_WINDOW_S: Final = 0.24
+"""Window of a row, as in the kernel."""
+_WHITE_S: Final = 1.4 * HALF_S
+"""Integrated autocorrelation of white noise in the calibration's rows."""
 
 
 class EstimatorConstants(NamedTuple):
@@ -63,6 +68,9 @@ def estimator_constants(
     unit = np.eye(n)
     from_effort = used.reported_torque(unit) if calibration.effort is Effort.TORQUE else used.joint_torque(unit)
     colour = np.maximum(arm.correlation_s / ROW_S, 1.0)
+    # The part of the residual that is white noise is larger in a shorter window than in the calibration's rows.
+    white = _WHITE_S / np.maximum(arm.correlation_s, _WHITE_S)
+    larger = 1.0 + (2.0 * HALF_S / _WINDOW_S - 1.0) * white
     parameter = np.zeros((kernels.ESTIMATOR_PARAMETERS, n))
     rows = {
         kernels.ESTIMATOR_COULOMB: body.coulomb_nm,
@@ -72,7 +80,7 @@ def estimator_constants(
         kernels.ESTIMATOR_REVERSAL: body.reversal_speed_rad_s,
         kernels.ESTIMATOR_GATE: MOVING * body.reversal_speed_rad_s,
         kernels.ESTIMATOR_NOISE: arm.noise_nm * np.sqrt(colour),
-        kernels.ESTIMATOR_COLOUR: colour,
+        kernels.ESTIMATOR_COLOUR: np.maximum(colour / larger, 1.0),
         kernels.ESTIMATOR_COULOMB_SPREAD: arm.friction_spread[0],
         kernels.ESTIMATOR_VISCOUS_SPREAD: arm.friction_spread[1],
         kernels.ESTIMATOR_OFFSET_SPREAD: arm.friction_spread[2],

@@ -8,7 +8,8 @@ this kernel as 10.1 kg.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -28,33 +29,79 @@ class RowWindow:
     Attributes:
         middle: (R,) index of the sample in the middle of each row.
         offset: (w,) indices of a row's samples relative to its middle.
-        weight: (w,) their weights, with a sum of 1.
-        samples: K.
+        interval_s: Time between samples.
+        length: K.
+        periodic: The last sample is followed by the first.
     """
 
     middle: NDArray[np.intp]
     offset: NDArray[np.intp]
-    weight: FloatArray
-    samples: int
+    interval_s: float
+    length: int
+    periodic: bool
 
     @classmethod
-    def of(cls, samples: int, interval_s: float, step: int) -> RowWindow:
+    def of(cls, length: int, interval_s: float, step: int, *, periodic: bool = False) -> RowWindow:
         """Rows about every `step`-th sample.
 
         Args:
-            samples: K.
+            length: K.
             interval_s: Time between samples.
             step: Samples from row to row.
+            periodic: Whether the last sample is followed by the first.
         """
         reach = int(HALF_S / interval_s)
-        offset = np.arange(-reach, reach + 1)
-        weight = (1.0 - (offset * interval_s / HALF_S) ** 2) ** 2
-        return cls(np.arange(0, samples, step), offset, weight / weight.sum(), samples)
+        return cls(np.arange(0, length, step), np.arange(-reach, reach + 1), interval_s, length, periodic)
+
+    def only(self, rows: NDArray[np.bool_]) -> RowWindow:
+        """Some of the rows.
+
+        Args:
+            rows: (R,) True for these.
+        """
+        return replace(self, middle=self.middle[rows])
+
+    def every(self, step: int) -> RowWindow:
+        """The same rows of fewer samples.
+
+        Args:
+            step: Every step-th sample of a window is kept, counted from its middle.
+        """
+        reach = int(self.offset[-1]) // step
+        return replace(self, offset=step * np.arange(-reach, reach + 1))
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """(w,) weights of a row's samples, with a sum of 1."""
+        weight = (1.0 - self._share**2) ** 2
+        return np.asarray(weight / weight.sum())
+
+    @cached_property
+    def slope_weight(self) -> FloatArray:
+        """(w,) weights of a row's samples that give the derivative of its mean, per s; exact for a straight line.
+
+        They are 0 if a row has a single sample.
+        """
+        slope = self._share * (1.0 - self._share**2)
+        rise = np.full_like(slope, slope @ self._share * HALF_S)
+        return np.divide(slope, rise, out=np.zeros_like(slope), where=rise > 0.0)
+
+    @property
+    def _share(self) -> FloatArray:
+        """(w,) u: time from the row's middle as a share of half the window."""
+        return np.asarray(self.offset * self.interval_s / HALF_S)
+
+    @cached_property
+    def samples(self) -> NDArray[np.intp]:
+        """(R, w) indices of each row's samples; beyond either end of the run, of its last one."""
+        at = self.middle[:, None] + self.offset
+        return np.asarray(at % self.length if self.periodic else np.clip(at, 0, self.length - 1))
 
     @property
     def whole(self) -> NDArray[np.bool_]:
-        """(R,) False at both ends of the run, where the window is incomplete."""
-        return np.asarray((self.middle + self.offset[0] >= 0) & (self.middle + self.offset[-1] < self.samples))
+        """(R,) False at both ends of a run that is not periodic, where the window is incomplete."""
+        inside = (self.middle + self.offset[0] >= 0) & (self.middle + self.offset[-1] < self.length)
+        return np.asarray(inside | self.periodic)
 
     def mean(self, values: FloatArray) -> FloatArray:
         """(R, ...) weighted means.
@@ -62,9 +109,20 @@ class RowWindow:
         Args:
             values: (K, ...).
         """
+        return self._weighted(values, self.weight)
+
+    def slope(self, values: FloatArray) -> FloatArray:
+        """(R, ...) derivatives of the weighted means, per s.
+
+        Args:
+            values: (K, ...).
+        """
+        return self._weighted(values, self.slope_weight)
+
+    def _weighted(self, values: FloatArray, weights: FloatArray) -> FloatArray:
         found = np.zeros((self.middle.size, *values.shape[1:]))
-        for offset, weight in zip(self.offset, self.weight, strict=True):
-            found += weight * values[np.clip(self.middle + offset, 0, self.samples - 1)]
+        for samples, weight in zip(self.samples.T, weights, strict=True):
+            found += weight * values[samples]
         return found
 
     def usable(self, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -73,8 +73,6 @@ def fit_on_known_arm(
     own = np.concatenate([direction, velocity, np.ones_like(velocity)], axis=1)
     changes = own[:, None, :] * np.tile(np.eye(n), CHANGES)
     known = (prior or NOTHING_KNOWN).and_nuisance(np.zeros(CHANGES * n), arm.friction_spread.ravel())
-    # White noise is correlated for longer in the rows' window than in the calibration's, but its variance is smaller
-    # by the same factor than that of the calibration's noise, by which rows are weighted.
     independent = np.sqrt(np.minimum(signal.interval_s / arm.correlation_s, 1.0))
     weight = moving_weights(velocity, body) * seen.onward * independent
     theta = np.zeros(10)

@@ -58,8 +58,8 @@ def test_windows_hold_the_payload(pinocchio_arm, known, loaded):
 
 
 def test_jerky_motion_goes_through_one_window_with_the_torque(pinocchio_arm, known, jerky):
-    """With steps of acceleration the residual is twice the calibration's noise; without the window it would be 2.8
-    times (payload) or 3.3 times (arm)."""
+    """With steps of acceleration the residual is 2.5 times the calibration's noise; without the window it would be 3.6
+    times (payload) or 4.2 times (arm)."""
     chain, transmission, arm = known
     time_s, position, current = jerky
     run = Recording.from_arrays(time_s, position, current_a=current)
@@ -68,7 +68,7 @@ def test_jerky_motion_goes_through_one_window_with_the_torque(pinocchio_arm, kno
     rows = seen.signal.valid[:, None] & (seen.onward > 0.9)
     assert (np.count_nonzero(rows, axis=0) > 200).all()
     size = np.sqrt(np.mean(left**2, axis=0, where=rows)) / arm.noise_nm
-    assert size.mean() < 2.4
+    assert size.mean() < 3.0
     found = identify(run, None, chain, transmission, arm=arm)
     assert found.parameters.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.005)
 
@@ -182,7 +182,7 @@ def moved(arm, joints):
     of = arm.trajectory(6, period_s=10.0)
     moves = np.isin(np.arange(1, 7), joints)[:, None]
     path = FourierTrajectory(of.base_frequency_hz, of.offset_rad, of.sin_rad * moves, of.cos_rad * moves)
-    return arm.run(path, True, seed=8, noise=0.4, with_phase=False)
+    return arm.run(path, True, seed=8, noise=0.7, with_phase=False)
 
 
 def test_an_empty_arm_has_no_mass(pinocchio_arm, known):

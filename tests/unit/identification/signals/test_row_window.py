@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,4 +54,30 @@ def test_samples_further_apart_than_the_window_are_rows_themselves():
     values = np.arange(7.0)
     window = RowWindow.of(7, 0.2, 1)
     np.testing.assert_array_equal(window.mean(values), values)
+    np.testing.assert_array_equal(window.slope(values), 0.0)
     assert window.whole.all()
+
+
+def test_the_slope_is_that_of_the_mean(window):
+    time_s = np.arange(200) * INTERVAL_S
+    values = np.stack([np.ones(200), 3.0 * time_s, np.sin(6.0 * time_s)], axis=1)
+    for rows in (window, window.every(2)):
+        slope = rows.slope(values)[rows.whole]
+        later = replace(rows, middle=rows.middle + 1).mean(values)[rows.whole]
+        earlier = replace(rows, middle=rows.middle - 1).mean(values)[rows.whole]
+        np.testing.assert_allclose(slope[:, :2], [[0.0, 3.0]] * len(slope), atol=1e-9)
+        # The last row's neighbours lack a sample.
+        np.testing.assert_allclose(slope[1:-1], (later - earlier)[1:-1] / (2.0 * INTERVAL_S), atol=0.02)
+
+
+def test_a_period_is_continued_by_itself():
+    phase = np.arange(100) / 100.0
+    window = RowWindow.of(100, INTERVAL_S, 10, periodic=True)
+    rows = window.mean(np.stack([np.sin(2.0 * np.pi * phase), np.cos(2.0 * np.pi * phase)], axis=1))
+    assert window.usable(np.ones(100, dtype=bool)).all()
+    np.testing.assert_allclose(np.hypot(*rows.T), np.hypot(*rows[5]))
+
+
+def test_rows_that_are_kept_are_those(window):
+    values = np.arange(200.0) ** 2
+    np.testing.assert_array_equal(window.only(window.whole).mean(values), window.mean(values)[window.whole])

@@ -1,0 +1,75 @@
+"""Rows of a fast motion: what an arm's own parameters make of them, and Pinocchio's torque, through one window."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armload_identification.calibration.arm_rows import arm_rows, run_signals
+from armload_identification.model.payload import InertialParameters
+from tests.unit.conftest import LINK_KG
+
+pytestmark = pytest.mark.pure
+
+COULOMB_NM, VISCOUS_NM_S_RAD = 4.0, 5.0
+COUNTS = 0.3
+"""Weight of a row away from reversals."""
+
+
+@pytest.fixture(scope="module")
+def fast(pinocchio_arm):
+    """Three periods of 3 s without noise; joints reach 2 to 5 rad/s."""
+    return pinocchio_arm.run(pinocchio_arm.trajectory(5, period_s=3.0, harmonics=3), True, seed=1, noise=0.0)
+
+
+@pytest.fixture(scope="module")
+def links():
+    """(60,) all parameters of Pinocchio's links."""
+    bodies = [InertialParameters.from_center_of_mass(kg, [0.01, 0.02, 0.15], 0.02 * kg * np.eye(3)) for kg in LINK_KG]
+    return np.concatenate([body.theta for body in bodies])
+
+
+def without_phase(run):
+    return replace(run, phase_s=None, excitation=None)
+
+
+def rows_of(arm, run):
+    signals = run_signals(run, arm.transmission)
+    base = np.ones(60, dtype=bool)
+    return arm_rows(signals, arm.chain, arm.transmission.coupling, base, signals.peak_rad_s, loaded=True)
+
+
+def left_of(arm, rows, links, delay_s=0.0):
+    """(n,) RMS of what the arm's own parameters leave, as a share of each axis' effort."""
+    torque = rows.links @ links + rows.payload @ arm.payload.theta
+    torque += delay_s * (rows.links_rate @ links + rows.payload_rate @ arm.payload.theta)
+    torque += COULOMB_NM * rows.direction + VISCOUS_NM_S_RAD * rows.velocity_rad_s
+    left = np.where(rows.weight > COUNTS, rows.effort_nm - torque @ arm.transmission.coupling, 0.0)
+    return np.sqrt(np.mean(left**2, axis=0) / np.mean(rows.effort_nm**2, axis=0))
+
+
+@pytest.mark.parametrize("periodic", [True, False])
+def test_the_mean_torque_of_a_fast_motion_is_explained(pinocchio_arm, fast, links, periodic):
+    """The torque at the window's middle, in place of the mean torque, leaves 3 to 10 % of it."""
+    run = fast if periodic else without_phase(fast)
+    rows = rows_of(pinocchio_arm, run)
+    assert (np.count_nonzero(rows.weight > COUNTS, axis=0) >= 15).all()
+    assert (left_of(pinocchio_arm, rows, links) < 5e-4).all()
+
+
+def test_a_delay_of_the_torque_is_seen_through_the_window(pinocchio_arm, fast, links):
+    """On the joints whose friction, which is not delayed, is little of their torque."""
+    run, delay_s = without_phase(fast), 0.005
+    current = np.column_stack([np.interp(run.time_s - delay_s, run.time_s, column) for column in run.current_a.T])
+    rows = rows_of(pinocchio_arm, replace(run, current_a=current))
+    ignored, known = (left_of(pinocchio_arm, rows, links, by_s)[:3] for by_s in (0.0, delay_s))
+    assert (ignored > 0.01).all()
+    assert (known < 0.2 * ignored).all()
+
+
+def test_a_run_with_gaps_throughout_has_no_rows(pinocchio_arm, fast):
+    rows = rows_of(pinocchio_arm, without_phase(fast.rows(slice(None, None, 12))))
+    assert rows.links.shape == (0, 6, 60)
+    assert rows.payload_rate.shape == (0, 6, 10)
