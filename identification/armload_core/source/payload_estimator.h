@@ -72,7 +72,7 @@ typedef struct {
 
 typedef struct {
     double time, position[MOST_JOINTS], velocity[MOST_JOINTS], acceleration[MOST_JOINTS], torque[MOST_JOINTS];
-    double direction[MOST_JOINTS];
+    double jerk[MOST_JOINTS], direction[MOST_JOINTS];
 } estimator_row;
 
 /* Information from a joint's rows about the payload, its friction and both, without the prior; the resulting changes of
