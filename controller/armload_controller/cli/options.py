@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -41,6 +42,13 @@ CalibrationOption = Annotated[
         "--calibration", help="Calibration file from `armload calibrate`; by default the one named in the robot's file."
     ),
 ]
+MountedOption = Annotated[
+    str | None,
+    typer.Option(
+        "--mounted",
+        help="Payload on the flange of the simulated arm in this process, as named under simulation.payloads.",
+    ),
+]
 LiveOption = Annotated[
     bool, typer.Option("--live", help="Show the moving arm in Foxglove on this computer. Requires the extra live.")
 ]
@@ -48,3 +56,26 @@ LiveAddressOption = Annotated[
     str | None,
     typer.Option("--live-address", metavar="HOST:PORT", help="Address for --live; by default 127.0.0.1:8765."),
 ]
+
+_SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+_DURATION = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(ms|s|min|h|)")
+
+
+def seconds_of(text: str, option: str, *, above_zero: bool = True) -> float:
+    """The time that an option states, in s.
+
+    Args:
+        text: Value of the option, such as 10s, 1.5min, 500ms, 2h, or 10 for 10 s.
+        option: Name of the option.
+        above_zero: Whether a time of zero is refused.
+
+    Raises:
+        BadParameter: not a time, or not above zero.
+    """
+    match = _DURATION.fullmatch(text.strip())
+    if match is None:
+        raise typer.BadParameter(f"{text!r} is not a time; write 10s, 1.5min, 500ms or 2h", param_hint=option)
+    seconds = float(match[1]) * _SECONDS[match[2]]
+    if above_zero and seconds == 0.0:
+        raise typer.BadParameter(f"{text!r}: expected a time above zero, such as 10s", param_hint=option)
+    return seconds

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from armload_controller.cli.options import seconds_of
 from armload_identification.recording.reading_options import Effort
 
 if TYPE_CHECKING:
@@ -38,8 +39,6 @@ EpisodeOption = Annotated[
     ),
 ]
 
-_SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-_DURATION = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(ms|s|min|h|)")
 _RANGE = re.compile(r"(\d{1,4})(?:-(\d{1,4}))?")
 
 
@@ -78,15 +77,10 @@ def recording_choices(
 
 def _between(begin: str, end: str) -> tuple[float, float]:
     """Two times in seconds."""
-    times = []
-    for text in (begin, end):
-        match = _DURATION.fullmatch(text.strip())
-        if match is None:
-            raise typer.BadParameter(f"--between: {text!r} is not a time; write 10s, 1.5min, 500ms or 2h")
-        times.append(float(match[1]) * _SECONDS[match[2]])
-    if times[1] <= times[0]:
-        raise typer.BadParameter(f"--between: {begin} is not before {end}")
-    return times[0], times[1]
+    begin_s, end_s = (seconds_of(text, "--between", above_zero=False) for text in (begin, end))
+    if end_s <= begin_s:
+        raise typer.BadParameter(f"{begin} is not before {end}", param_hint="--between")
+    return begin_s, end_s
 
 
 def _joints(text: str) -> tuple[int, ...]:

@@ -21,7 +21,7 @@ from armload_controller.config.robot_payloads import RobotPayloads
 from armload_controller.config.robot_simulation import RobotSimulation
 from armload_controller.config.robot_source import RobotSource
 from armload_controller.config.robot_strength import RobotStrength
-from armload_controller.config.tables.drive_tables import BusTable
+from armload_controller.config.tables.drive_tables import VIRTUAL, BusTable
 from armload_controller.config.tables.robot_file import RobotFile
 from armload_controller.control_errors import CommissioningError, ConfigurationError
 from armload_controller.motion.motion_constraints import MotionConstraints
@@ -300,8 +300,17 @@ class Robot:
         """The same robot, with another of its payloads mounted in simulation.
 
         Raises:
-            ConfigurationError: the file has no simulation, or no payload of that name.
+            ConfigurationError: the arm is not simulated in this process, or the file has no simulation, or no payload
+                of that name.
         """
+        if not self.bus.in_virtual_time:
+            raise ConfigurationError(
+                "command line",
+                "--mounted",
+                name,
+                f"expected the bus {VIRTUAL!r}, on which the arm is simulated in this process, not "
+                f"{self.bus.interface!r}; for simulated drives on a bus see `armload simulate --payload`",
+            )
         self.simulation.payload(name)
         table = self.source.simulation.model_copy(update={"payload": name})
         return replace(self, source=self.source.with_tables(simulation=table))

@@ -13,6 +13,7 @@ With `--simulated-drives` the required identity is the simulation's, so that no 
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -197,9 +198,11 @@ def open_bus(interface: str, channel: str, bitrate: int) -> Iterator[can.BusABC]
     try:
         opened = can.Bus(interface=interface, channel=channel, bitrate=bitrate)
     except (can.CanError, OSError, ValueError) as error:
-        raise BusError(
-            f"bus {interface}:{channel} cannot be opened: {error}. Check the interface's name and that it is up"
-        ) from error
+        if isinstance(error, OSError) and error.errno == errno.EAFNOSUPPORT:
+            remedy = "This kernel has no CAN support loaded: try `modprobe can`; a container uses its host's kernel"
+        else:
+            remedy = "Check the interface's name and that it is up"
+        raise BusError(f"bus {interface}:{channel} cannot be opened: {error}. {remedy}") from error
     try:
         yield opened
     finally:

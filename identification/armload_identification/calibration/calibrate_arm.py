@@ -175,7 +175,7 @@ class _Calibration:
         self._refuse_other_effort()
         if not self._used:
             reasons = "; ".join(f"{name}: {reason}" for name, reason in self._left_out) or "no recording was given"
-            raise EstimationError(f"no recording can be used ({reasons}). Record the arm along an excitation.")
+            raise EstimationError(f"no recording can be used ({reasons.rstrip('.')}).")
         self._peak = np.max([run.peak_rad_s for run in self._signals], axis=0)
         self._rows: list[ArmRows] = []
         for run, signals in zip(self._used, self._signals, strict=True):

@@ -96,7 +96,8 @@ def _read(
     kept: list[RowBlock] = []
     size = 0
     reduction: Reduction | None = None
-    for rows in _part(_usable(reader, account, garbage, excitation), between_s):
+    part = _Part(between_s)
+    for rows in part.of(_usable(reader, account, garbage, excitation)):
         size += rows.size
         if reduction is not None:
             reduction.add(rows)
@@ -106,7 +107,8 @@ def _read(
             reduction = reduction_of()
             while kept:
                 reduction.add(kept.pop(0))
-    garbage.require_enough(size, account.rows_read, account.reasons)
+    part.require_any(garbage.path)
+    garbage.require_enough(size, account.rows_read, {**account.reasons, **part.reasons})
     reasons = {**account.reasons, **garbage.reasons}
     source = RecordingSource(
         path=garbage.path,
@@ -122,16 +124,50 @@ def _read(
     return recording_of(joined(kept), excitation, source) if reduction is None else reduction.recording(source)
 
 
-def _part(blocks: Iterator[RowBlock], between_s: tuple[float, float] | None) -> Iterator[RowBlock]:
-    """The rows between two times since the first row."""
-    start_s: float | None = None
-    for rows in blocks:
-        if between_s is None or not rows.size:
-            yield rows
-            continue
-        start_s = float(rows.time_s[0]) if start_s is None else start_s
-        elapsed = rows.time_s - start_s
-        yield rows.rows((elapsed >= between_s[0]) & (elapsed <= between_s[1]))
+class _Part:
+    """Selects the rows between two times since the first row.
+
+    Args:
+        between_s: The two times; None for all rows.
+    """
+
+    def __init__(self, between_s: tuple[float, float] | None) -> None:
+        self._between_s = between_s
+        self._start_s: float | None = None
+        self._last_s = 0.0
+        self._chosen = self._outside = 0
+
+    def of(self, blocks: Iterator[RowBlock]) -> Iterator[RowBlock]:
+        """The selected rows of each block."""
+        for rows in blocks:
+            if self._between_s is None or not rows.size:
+                yield rows
+                continue
+            self._start_s = float(rows.time_s[0]) if self._start_s is None else self._start_s
+            elapsed = rows.time_s - self._start_s
+            self._last_s = float(elapsed[-1])
+            chosen = (elapsed >= self._between_s[0]) & (elapsed <= self._between_s[1])
+            self._chosen += int(chosen.sum())
+            self._outside += int((~chosen).sum())
+            yield rows.rows(chosen)
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """Number of rows that were not selected, by reason."""
+        return {"outside --between": self._outside} if self._outside else {}
+
+    def require_any(self, path: Path) -> None:
+        """Raise if the file has rows, but none between the two times.
+
+        Raises:
+            RecordingError: naming the times and how long the recording is.
+        """
+        if self._between_s is not None and self._start_s is not None and not self._chosen:
+            begin_s, end_s = self._between_s
+            raise RecordingError(
+                f"{path}: no row between {begin_s:g} and {end_s:g} s (--between): the recording has rows from 0 to "
+                f"{self._last_s:.1f} s."
+            )
 
 
 def _usable(

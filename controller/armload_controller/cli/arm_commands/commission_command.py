@@ -22,6 +22,7 @@ from armload_controller.cli.options import (
     InterfaceOption,
     LiveAddressOption,
     LiveOption,
+    MountedOption,
     RobotArgument,
     SimulatedDrivesOption,
     YesOption,
@@ -75,6 +76,7 @@ def commission(
         float | None, typer.Option(help="Mass of the payload, if it was weighed; it sets the scale of the gains.")
     ] = None,
     calibration: CalibrationOption = None,
+    mounted: MountedOption = None,
     yes: YesOption = False,
     live: LiveOption = False,
     live_address: LiveAddressOption = None,
@@ -106,6 +108,8 @@ def commission(
     shown = live_at(live, live_address)
     known = None if mass_kg is None else KnownPayload(mass_kg=mass_kg)
     arm = load_robot(robot).with_bus(interface, channel, bitrate, cycle_hz)
+    if mounted is not None:
+        arm = arm.with_simulated_payload(mounted)
     arm_in_use(arm, calibration)
     now = datetime.now(UTC)
     directory = output or Path("runs") / f"{arm.name}-{now:%Y%m%d-%H%M%S}"

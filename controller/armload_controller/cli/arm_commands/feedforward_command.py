@@ -19,6 +19,7 @@ from armload_controller.cli.options import (
     InterfaceOption,
     LiveAddressOption,
     LiveOption,
+    MountedOption,
     RobotArgument,
     SimulatedDrivesOption,
     YesOption,
@@ -75,9 +76,7 @@ def feedforward(
         Path | None, typer.Option(help="Trajectory to run; by default the robot's validation excitation.")
     ] = None,
     calibration: CalibrationOption = None,
-    mounted: Annotated[
-        str | None, typer.Option("--mounted", help="Payload on the simulated flange, named as in the configuration.")
-    ] = None,
+    mounted: MountedOption = None,
     picture: Annotated[Path, typer.Option(help="Picture of the comparison, .svg or .png.")] = Path("feedforward.svg"),
     interface: InterfaceOption = None,
     channel: ChannelOption = None,

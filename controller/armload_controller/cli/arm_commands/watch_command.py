@@ -13,6 +13,7 @@ from armload_controller.cli.options import (
     ChannelOption,
     InterfaceOption,
     RobotArgument,
+    seconds_of,
 )
 from armload_controller.cli.output.findings_output import ReportOption
 from armload_controller.cli.output.json_output import JsonOption
@@ -87,7 +88,8 @@ def watch(
     else:
         arm = arm.with_bus(interface, channel, bitrate, None)
         watched = f"{arm.bus.interface}:{arm.bus.channel}"
-        moments = _on_bus(screen, arm, payload, every_s, record, _load(load), _seconds(for_s))
+        duration_s = float("inf") if for_s is None else seconds_of(for_s, "--for")
+        moments = _on_bus(screen, arm, payload, every_s, record, _load(load), duration_s)
     diary = None if report is None else _diary(arm, payload, watched)
     try:
         with shown_moments(screen, arm.name, arm.joint_names, as_json=as_json) as show:
@@ -170,16 +172,3 @@ def _load(text: str | None) -> Load | None:
         return None if text is None else Load(text)
     except ValueError:
         raise typer.BadParameter(f"{text!r}: expected unloaded or loaded", param_hint="--load") from None
-
-
-def _seconds(text: str | None) -> float:
-    """Seconds from '60s' or '60'; inf if not given."""
-    if text is None:
-        return float("inf")
-    try:
-        seconds = float(text.removesuffix("s"))
-    except ValueError:
-        seconds = float("nan")
-    if not seconds > 0.0:
-        raise typer.BadParameter(f"{text!r}: expected a time such as 60s", param_hint="--for")
-    return seconds

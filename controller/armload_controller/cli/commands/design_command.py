@@ -198,5 +198,7 @@ def _period(text: str) -> float | Literal["auto"]:
     except ValueError:
         seconds = 0.0
     if not 0.0 < seconds < float("inf"):
-        raise typer.BadParameter(f"{text!r} is not a period: give a number of seconds above 0, or auto")
+        raise typer.BadParameter(
+            f"{text!r} is not a period: give a number of seconds above 0, or auto", param_hint="--period-s"
+        )
     return seconds

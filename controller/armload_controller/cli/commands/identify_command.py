@@ -16,6 +16,7 @@ from armload_controller.cli.options import (
     LoadedOption,
     MaybeRobotArgument,
     UrdfOption,
+    seconds_of,
 )
 from armload_controller.cli.output.findings_output import ReportOption, ValidationOption, finish, require_not_wrong
 from armload_controller.cli.output.json_output import JsonOption
@@ -114,13 +115,23 @@ def identify(
         if file is not None:
             require_drawable(file)
     known = _known(mass_kg, center_of_mass_m, cad, cad_share, symmetric=symmetric)
-    if every is not None and (
-        symmetric
-        or any(given is not None for given in (unloaded, output, report, validation, mass_kg, center_of_mass_m, cad))
-    ):
+    of_one_result = {
+        "--unloaded": unloaded,
+        "--output": output,
+        "--report": report,
+        "--validation": validation,
+        "--mass-kg": mass_kg,
+        "--center-of-mass-m": center_of_mass_m,
+        "--symmetric": symmetric or None,
+        "--cad": cad,
+    }
+    refused = ", ".join(name for name, value in of_one_result.items() if value is not None)
+    if every is not None and refused:
         raise typer.BadParameter(
-            "can only be combined with --loaded, --calibration, --picture and --json", param_hint="--every"
+            "cannot be combined with --every, which gives a mass for each window instead of one payload",
+            param_hint=refused,
         )
+    every_s = None if every is None else seconds_of(every, "--every")
     if picture is not None and every is None:
         raise typer.BadParameter("needs --every", param_hint="--picture")
     arm = given_arm(robot, urdf, base, flange)
@@ -129,8 +140,8 @@ def identify(
     if validation is not None:
         choices[-2:] = [replace(choice, between_s=None) for choice in choices[-2:]]
     runs = [read_of(arm, file, choice) for file, choice in zip(files, choices, strict=True)]
-    if every is not None:
-        history = robot_payload.identify_over_time(arm, runs[0], _seconds(every), calibration=calibration)
+    if every_s is not None:
+        history = robot_payload.identify_over_time(arm, runs[0], every_s, calibration=calibration)
         show_windows(Screen(as_json=as_json), history, picture=picture, as_json=as_json)
         return
     findings = robot_payload.identify(
@@ -147,14 +158,6 @@ def identify(
         require_replaceable(output, findings.payload)
     finish(Screen(as_json=as_json), findings, payload=output, report=report, as_json=as_json)
     require_not_wrong(findings)
-
-
-def _seconds(text: str) -> float:
-    """Seconds from '10s' or '10'."""
-    try:
-        return float(text.removesuffix("s"))
-    except ValueError:
-        raise typer.BadParameter(f"{text!r}: expected a time such as 10s", param_hint="--every") from None
 
 
 def _number_or_range(text: str, option: str) -> float | tuple[float, float]:

@@ -22,10 +22,15 @@ def write_figure(path: Path, figure: Figure, dpi: float) -> None:
         dpi: Resolution in pixels per inch.
 
     Raises:
-        ReportError: the file cannot be written.
+        ReportError: the file cannot be written, or the suffix is that of no format.
     """
+    kind, kinds = path.suffix.removeprefix(".").lower(), figure.canvas.get_supported_filetypes()
+    if kind not in kinds:
+        raise ReportError(
+            f"{path}: {path.suffix!r} is not the suffix of a picture; expected one of {', '.join(sorted(kinds))}."
+        )
     drawn = io.BytesIO()
-    figure.savefig(drawn, format=path.suffix.removeprefix(".").lower(), dpi=dpi)
+    figure.savefig(drawn, format=kind, dpi=dpi)
     try:
         replace_file(path, drawn.getvalue())
     except OSError as problem:

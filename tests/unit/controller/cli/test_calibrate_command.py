@@ -61,8 +61,10 @@ def test_nothing_usable_is_an_error_that_names_everything(armload, tmp_path):
     result = armload("calibrate", "ur10e", table, "-o", tmp_path / "arm.toml")
     assert result.exit_code == 1
     assert "no recording can be used" in str(result.exception)
-    assert "a.csv" in str(result.exception)
-    assert "b.csv" in str(result.exception)
+    text = str(result.exception)
+    assert "a.csv" in text
+    assert "b.csv" in text
+    assert text.endswith("Check the path).")
     assert not (tmp_path / "arm.toml").exists()
 
 

@@ -345,7 +345,7 @@ def test_design_chooses_the_period_on_request(armload, tmp_path):
     [
         (["--period-s", "10.005"], "10.005 s is 1000.500 cycles at 100 Hz.*give 10 or 10.01"),
         (["--period-s", "0.4"], "harmonic 5 of 0.4 s has 8.0 setpoints per period.*--period-s 0.5 or more"),
-        (["--period-s", "-1"], "'-1' is not a period"),
+        (["--period-s", "-1"], "--period-s: '-1' is not a period"),
         (["--period-s", "nan"], "'nan' is not a period"),
         (["--seed", "-1"], "--seed.*greater than or equal to 0"),
         (["--harmonics", "0"], "--harmonics.*greater than or equal to 1"),

@@ -144,6 +144,17 @@ def test_an_unknown_payload_to_mount_is_refused(armload, folder):
     assert "block, gripper" in str(armload("feedforward", "prbt", folder / "payload.toml", "--mounted", "x").exception)
 
 
+@pytest.mark.parametrize("words", [("feedforward", "prbt", "payload.toml"), ("commission", "er50")])
+def test_a_payload_is_mounted_only_on_the_simulated_arm_of_this_process(armload, tmp_path, monkeypatch, words):
+    monkeypatch.setattr("armload_controller.session.arm_access.open_arm", None)
+    monkeypatch.chdir(tmp_path)
+    bus = ("--interface", "socketcan", "--channel", "vcan0", "--simulated-drives")
+    result = armload(*words, *bus, "--mounted", "gripper")
+    assert "--mounted is 'gripper'" in str(result.exception)
+    assert "armload simulate --payload" in str(result.exception)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_picture_that_is_no_picture_is_refused_before_anything_moves(armload, folder):
     result = armload("feedforward", "prbt", folder / "payload.toml", "--compare", "--picture", folder / "ff.pdf")
     assert ".svg or .png" in str(result.exception)

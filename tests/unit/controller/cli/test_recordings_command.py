@@ -104,6 +104,32 @@ def test_options_that_make_no_sense_are_wrong_usage(armload, tmp_path, words, sa
     assert said in " ".join(re.sub("[│\n]", " ", result.output).split())
 
 
+def test_times_outside_the_recording_are_named_with_its_length(armload, tmp_path):
+    path = str(write_log(tmp_path / "log.csv"))
+    beyond = armload("recordings", "show", path, "--between", "400s", "500s")
+    assert "no row between 400 and 500 s (--between): the recording has rows from 0 to 11.0 s." in str(beyond.exception)
+    few = armload("recordings", "show", path, "--between", "0s", "50ms")
+    assert re.search(r"6 usable rows of 1100 \(1094 outside --between\)", str(few.exception))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--every", "-5s"], "--every: '-5s' is not a time; write 10s"),
+        (["--every", "0s"], "--every: '0s': expected a time above zero"),
+        (
+            ["--every", "10s", "--report", "x.html", "--symmetric"],
+            "--report, --symmetric: cannot be combined with --every",
+        ),
+    ],
+)
+def test_options_of_windows_that_make_no_sense_are_named(armload, tmp_path, monkeypatch, words, said):
+    monkeypatch.chdir(tmp_path)
+    result = armload("identify", "ur10e", "--loaded", "none.csv", *words)
+    assert result.exit_code == 2
+    assert said in " ".join(re.sub("[│\n]", " ", result.output).split())
+
+
 def test_joints_that_are_not_there_are_named(armload, tmp_path):
     result = armload("recordings", "show", str(write_log(tmp_path / "log.csv")), "--joints", "2-4")
     assert "no joint 4, the recording has 3" in str(result.exception)

@@ -1,5 +1,6 @@
 """Opening an arm: the questions before a bus is opened, and the checks before anything is written to drives."""
 
+import errno
 import os
 import pty
 import re
@@ -17,9 +18,9 @@ import pytest
 from armload_controller.config.robot import load_robot
 from armload_controller.control_errors import ConfigurationError, UnsafeBus
 from armload_controller.session import arm_access
-from armload_controller.session.arm_access import arm_on_bus, clock_from_now, require_rules
+from armload_controller.session.arm_access import arm_on_bus, clock_from_now, open_bus, require_rules
 from armload_drivers.cia402.arm_settings import Identity
-from armload_drivers.driver_errors import WrongDevice
+from armload_drivers.driver_errors import BusError, WrongDevice
 from armload_drivers.simulation.drives.drive_dictionary import DriveTraits
 from armload_drivers.simulation.drives.drives_on_bus import SimulatedDrives
 from armload_drivers.simulation.plant_interface import IdealPlant
@@ -221,3 +222,19 @@ def test_consent_beforehand_does_not_cover_a_payload(named, at_a_terminal, tmp_p
     assert status == 1, errors
     assert "The arm will hold its position with torque on" in printed
     assert "never powered" in printed
+
+
+@pytest.mark.parametrize(
+    ("number", "remedy"),
+    [(errno.EAFNOSUPPORT, "no CAN support loaded: try `modprobe can`"), (errno.ENODEV, "it is up")],
+)
+def test_why_a_bus_does_not_open_is_said_with_its_remedy(monkeypatch, number, remedy):
+    def refuse(**_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    with (
+        pytest.raises(BusError, match=f"socketcan:can0 cannot be opened: .*{remedy}"),
+        open_bus("socketcan", "can0", 500_000),
+    ):
+        pass

@@ -10,7 +10,8 @@ from matplotlib.patches import Polygon
 
 from armload_controller.config.robot import Robot, load_robot
 from armload_identification.excitation.fourier import Excitation
-from armload_identification.identification_errors import ExcitationError
+from armload_identification.identification_errors import ExcitationError, ReportError
+from armload_identification.report.figures.figure_file import write_figure
 from armload_identification.report.figures.path_figure import path_figure
 
 
@@ -84,3 +85,10 @@ def test_the_history_is_drawn_where_there_is_one(figure, arm, excitation):
 def test_another_arm_is_refused(arm, excitation):
     with pytest.raises(ExcitationError, match="a trajectory of 6 joints, limits of 6, 2 names"):
         path_figure(excitation, arm.envelope(0.1, 0.7, 0.8), arm.joint_names[:2])
+
+
+@pytest.mark.parametrize("name", ["x.toml", "x"])
+def test_a_picture_of_no_format_is_refused_with_the_formats_there_are(tmp_path, name):
+    with pytest.raises(ReportError, match=rf"{name}: .* expected one of .*pdf, .*png, .*svg"):
+        write_figure(tmp_path / name, Figure(), 20)
+    assert list(tmp_path.iterdir()) == []
