@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.files.payload_file import format_payload
-from armload_identification.identification_errors import RecordingError
+from armload_identification.identification_errors import EstimationError, RecordingError
 from armload_identification.pipeline.payload_identification import identify, payload_result
 
 WEIGHED_KG = 2.805
@@ -72,3 +73,8 @@ def test_a_flipped_sign_is_found_in_both_runs(ur10e, ur10e_pair, suffix, joint):
     runs = [replace(run, current_a=run.current_a * sign) for run in ur10e_pair(suffix)]
     with pytest.raises(RecordingError, match=f"loaded.* and .*unloaded.*: joint {joint + 1} .* is flipped"):
         identify(*runs, ur10e.chain, ur10e.drives.transmission)
+
+
+def test_a_wrong_weighed_mass_is_refused_with_both_numbers(ur10e, ur10e_pair):
+    with pytest.raises(EstimationError, match=r"weighed mass 5 kg contradicts the data: without it, the mass is 2\.78"):
+        identify(*ur10e_pair(""), ur10e.chain, ur10e.drives.transmission, known=KnownPayload(mass_kg=5.0))

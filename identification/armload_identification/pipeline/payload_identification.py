@@ -5,7 +5,7 @@ recordings -> torque difference -> weighted least squares -> intervals -> physic
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -30,6 +30,7 @@ from armload_identification.model.payload import InertialParameters, PayloadResu
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.any_motion import identify_alone
 from armload_identification.pipeline.identification import Fit, Identification, completed, without_blows
+from armload_identification.pipeline.known_mass import note_on_mass
 from armload_identification.pipeline.known_ranges import within_ranges
 from armload_identification.recording.recording import Recording, check_joints, hashes_by_name
 from armload_identification.signals.joint_torque import Transmission
@@ -72,8 +73,8 @@ def identify(
     Raises:
         ModelError: the number of gains differs from the number of joints.
         RecordingError: recordings that do not fit the arm or each other, or are invalid.
-        EstimationError: neither an unloaded run nor a known arm, data that no payload explains, or that contradict the
-            prior knowledge.
+        EstimationError: neither an unloaded run nor a known arm, data that no payload explains, or that contradict
+            the prior knowledge, a weighed mass included.
 
     References:
         Chen 2016, eqs. (8) to (12); with the difference of runs instead of a body model if there is an unloaded run.
@@ -82,15 +83,14 @@ def identify(
         raise ModelError(f"{transmission.gain_nm_a.size} gains for {chain.n} joints; expected one per joint")
     # One thread: with matrices of a few dozen columns threads only wait for each other, for minutes on a busy machine.
     with threadpool_limits(1):
-
-        def identified(prior: Prior | None) -> Identification:
-            return _identified(loaded, unloaded, chain, transmission, estimator, prior, arm)
-
+        identified = _by_prior(loaded, unloaded, chain, transmission, estimator, arm)
         if known is None:
             return identified(None)
         if known.symmetric:
             _require_symmetric(identified(replace(known, symmetric=False).prior()))
-        return within_ranges(identified(known.prior()), known, identified)
+        note = note_on_mass(known, identified)
+        found = within_ranges(identified(known.prior()), known, identified)
+        return replace(found, notes=(note, *found.notes)) if note else found
 
 
 def _require_symmetric(found: Identification) -> None:
@@ -105,16 +105,15 @@ def _require_symmetric(found: Identification) -> None:
         )
 
 
-def _identified(
+def _by_prior(
     loaded: Recording,
     unloaded: Recording | None,
     chain: Chain,
     transmission: Transmission,
     estimator: Estimator,
-    prior: Prior | None,
     known_arm: KnownArm | None,
-) -> Identification:
-    """`identify` with a given prior."""
+) -> Callable[[Prior | None], Identification]:
+    """`identify` as a function of the prior; what does not depend on it is computed once."""
     runs = (loaded,) if unloaded is None else (loaded, unloaded)
     for run in runs:
         check_joints(run, chain.n)
@@ -130,18 +129,22 @@ def _identified(
                 f"the estimator '{estimator}' requires the difference of two runs, but there is only one run, with a "
                 "calibration. Omit --estimator, or give an unloaded recording."
             )
-        return identify_alone(loaded, chain, transmission, known_arm, prior)
+        return lambda prior: identify_alone(loaded, chain, transmission, known_arm, prior)
     check_pair(loaded, unloaded, transmission)
     signal = load_signal(loaded, unloaded, transmission)
     arm = unloaded_body(signal, chain, transmission.coupling) if known_arm is None else known_arm.fit
     if looks_wrong(signal, arm if known_arm is None else None):
         refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
-    try:
-        return _from_difference(signal, loaded, unloaded, chain, transmission, estimator, prior, known_arm, arm)
-    except EstimationError:
-        # The cause may be a mistake in the columns, of which that error would be only a consequence.
-        refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
-        raise
+
+    def identified(prior: Prior | None) -> Identification:
+        try:
+            return _from_difference(signal, loaded, unloaded, chain, transmission, estimator, prior, known_arm, arm)
+        except EstimationError:
+            # The cause may be a mistake in the columns, of which that error would be only a consequence.
+            refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
+            raise
+
+    return identified
 
 
 def _from_difference(

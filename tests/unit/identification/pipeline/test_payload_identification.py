@@ -10,6 +10,7 @@ import pytest
 
 from armload_identification.estimation.estimator_names import Estimator
 from armload_identification.estimation.friction_columns import SIGNIFICANT_LOAD
+from armload_identification.estimation.prior_knowledge import KnownPayload
 from armload_identification.excitation.fourier import FourierTrajectory
 from armload_identification.files.payload_file import format_payload, parse_payload
 from armload_identification.identification_errors import EstimationError, ModelError, RecordingError
@@ -270,6 +271,22 @@ def test_two_empty_runs_have_no_payload(pinocchio_arm):
 def test_gains_must_fit_the_arm(pair, pinocchio_arm):
     with pytest.raises(ModelError, match="5 gains for 6 joints"):
         identify(*pair, pinocchio_arm.chain, Transmission(np.ones(5), np.eye(5)))
+
+
+def test_a_weighed_mass_is_compared_with_the_data(pair, pinocchio_arm, nominal):
+    def with_mass(mass_kg):
+        return identify(
+            *pair, pinocchio_arm.chain, pinocchio_arm.transmission, known=KnownPayload(mass_kg=float(mass_kg))
+        )
+
+    free_kg, half_width_kg = nominal.uncertainty.values[0], nominal.uncertainty.half_width_95[0]
+    close = with_mass(free_kg + 0.9 * half_width_kg)
+    assert not any("weighed mass" in note for note in close.notes)
+    off = with_mass(free_kg - 1.5 * half_width_kg)
+    assert "weighed mass" in off.notes[0]
+    for mass_kg in (free_kg + 2.1 * half_width_kg, 1000.0 * free_kg):
+        with pytest.raises(EstimationError, match=rf"weighed mass .* contradicts the data: .* {free_kg:.4g} \+- .*kg"):
+            with_mass(mass_kg)
 
 
 def test_the_result_is_the_same_twice(pair, pinocchio_arm, nominal):
