@@ -241,7 +241,7 @@ class RunSession:
             f"{name}: the slow round is complete, the drives are off. {warning}Run it at full speed{added}?",
             always=bool(warning),
         )
-        with display.track(f"{name} run", BAR) as progress:
+        with display.track(f"{name}, run", BAR) as progress:
             run_leg(cycle, path, path.measured, progress, before, go_round)
         return monitor.summary()
 

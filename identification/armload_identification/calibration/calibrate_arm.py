@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from armload_core.arrays import FloatArray
@@ -38,6 +37,7 @@ from armload_identification.recording.reading_options import Effort
 from armload_identification.recording.recording import Recording, check_joints
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.reversals import TURN_OVER
+from armload_identification.verdict.joint_words import named_joints, numbered_joints
 from armload_identification.verdict.sanity import check_run
 
 WEIGHED_WITHIN: Final = 1e-3
@@ -403,9 +403,9 @@ class _Calibration:
         doubtful = np.flatnonzero((share > _DOUBTFUL) & (self._peak > _UNMOVED_RAD_S))
         if not doubtful.size:
             return []
-        joints = ", ".join(f"{joint + 1} ({share[joint]:.0%})" for joint in doubtful)
+        joints = named_joints([f"{joint + 1} ({share[joint]:.0%})" for joint in doubtful])
         return [
-            f"for other motions, the error of the predicted torque of joint {joints} may be this large (95 %): add "
+            f"for other motions, the error of the predicted torque of {joints} may be this large (95 %): add "
             "runs with other motions, especially if payloads will be identified without an unloaded run."
         ]
 
@@ -480,10 +480,9 @@ class _Calibration:
     def _undetermined(self, fit: ArmFit) -> list[str]:
         """Quantities that no run determines."""
         warnings = []
-        still: NDArray[np.intp] = np.flatnonzero(self._peak <= _UNMOVED_RAD_S)
-        if still.size:
-            joints = ", ".join(str(joint + 1) for joint in still)
-            warnings.append(f"joint {joints} never moves: gain and friction are as assumed.")
+        still = self._peak <= _UNMOVED_RAD_S
+        if still.any():
+            warnings.append(f"no run moves {numbered_joints(still)}: gain and friction are as assumed.")
         if not any(name in fit.unknowns.mountings for name in self._weighed):
             warnings.append(
                 "no payload was weighed: only the ratios of the gains are identified, their common scale is that of "

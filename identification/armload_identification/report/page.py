@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import jinja2
+from markupsafe import Markup, escape
 
 from armload_identification.identification_errors import ReportError
 from armload_identification.storage.replace_file import replace_file
 
+_IN_BACKTICKS = re.compile(r"`([^`\n]+)`")
+
 
 def rendered(template: str, **values: object) -> str:
-    """A page from its template; undefined values are errors, and text is escaped.
+    """A page from its template; undefined values are errors, text is escaped, and `words` in backticks are set as code.
 
     Args:
         template: The template's file, in this package.
@@ -21,10 +25,18 @@ def rendered(template: str, **values: object) -> str:
         loader=jinja2.PackageLoader("armload_identification.report", "."),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
+        finalize=_with_code,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     return environment.get_template(template).render(values)
+
+
+def _with_code(value: object) -> object:
+    """Text with `words` in backticks as code; anything else unchanged."""
+    if not isinstance(value, str) or isinstance(value, Markup) or "`" not in value:
+        return value
+    return Markup(_IN_BACKTICKS.sub(r"<code>\1</code>", str(escape(value))))
 
 
 def write_page(path: Path, page: str) -> None:

@@ -24,6 +24,7 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.signals.reversals import REVERSAL
+from armload_identification.verdict.joint_words import named_joints
 
 FAR: Final = 5.0
 """Threshold in standard deviations of drift between runs and fit together."""
@@ -87,8 +88,8 @@ def friction_notes(change: FloatArray) -> tuple[str, ...]:
     far = np.flatnonzero(change > FAR)
     if not far.size:
         return ()
-    joints = ", ".join(f"{joint + 1} ({change[joint]:.0f} standard deviations)" for joint in far)
+    joints = named_joints([f"{joint + 1} ({change[joint]:.0f} standard deviations)" for joint in far])
     return (
-        f"The friction of joint {joints} is far outside its variation in the calibration: a cold arm, a different "
+        f"The friction of {joints} is far outside its variation in the calibration: a cold arm, a different "
         "lubricant, or a changed gain. Warm the arm up, or calibrate it again with a run recorded today.",
     )

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm_fit import MOVING
 from armload_identification.identification_errors import EstimationError
 from armload_identification.model.body_model import BodyModel
 from armload_identification.signals.motion import Motion
+from armload_identification.verdict.joint_words import numbered_joints
 
 _COUNTS_S: Final = 1.0
 """Shortest time of motion for which a joint counts as moving."""
@@ -59,7 +59,7 @@ class MotionQuality:
         lazy = self.moving_s < _ENOUGH_S
         if not lazy.any():
             return ""
-        return f"move {_joints(lazy)} at {self.brisk_rad_s[lazy].min():.2g} rad/s for {_LONG_S:g} s"
+        return f"move {numbered_joints(lazy)} at {self.brisk_rad_s[lazy].min():.2g} rad/s for {_LONG_S:g} s"
 
     def require_enough(self, name: str) -> None:
         """Raise for standstill, and for motion of a single joint of several.
@@ -73,7 +73,7 @@ class MotionQuality:
         moves = self.moving_s >= _COUNTS_S
         if np.count_nonzero(moves) >= min(_LEAST_JOINTS, moves.size):
             return
-        seen = f"only {_joints(moves)} moves" if moves.any() else "the arm is at rest, or nearly so"
+        seen = f"only {numbered_joints(moves)} moves" if moves.any() else "the arm is at rest, or nearly so"
         raise EstimationError(
             f"{name}: {seen}, and friction at rest hides the payload. To determine the payload, {self.missing}."
         )
@@ -91,13 +91,3 @@ class MotionQuality:
             f"{name}: the mass is not determined: the estimate is {mass_kg:.3g} kg +- {half_width_kg:.2g} kg. Either "
             f"nothing is mounted, or the motion is insufficient: {remedy}."
         )
-
-
-def _joints(chosen: NDArray[np.bool_]) -> str:
-    """'joint 2', 'joints 4 to 6', 'joints 1, 3 and 5'."""
-    numbers = [int(joint) + 1 for joint in np.flatnonzero(chosen)]
-    if len(numbers) == 1:
-        return f"joint {numbers[0]}"
-    if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
-        return f"joints {numbers[0]} to {numbers[-1]}"
-    return f"joints {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"

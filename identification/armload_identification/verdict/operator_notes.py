@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armload_identification.estimation.empty_arm.body_fit import BodyFit
 from armload_identification.estimation.friction_columns import FrictionDifference
@@ -18,6 +17,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.signals.filters import SMOOTHING_LOSS_LIMIT
 from armload_identification.signals.joint_torque import Transmission
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.verdict.joint_words import named_joints, numbered_joints
 
 _AT_REST: Final = 0.1
 """Upper bound of the weights of a joint at rest."""
@@ -72,12 +72,6 @@ def notes_on(
     ]
 
 
-def joint_list(joints: NDArray[np.bool_]) -> str:
-    """'1, 2 and 5' for the joints that are True."""
-    names = [str(joint + 1) for joint in np.flatnonzero(joints)]
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
-
-
 def _on_recordings(runs: Sequence[Recording]) -> list[str]:
     notes = []
     for name, run in zip(("loaded", "unloaded"), runs, strict=False):
@@ -105,7 +99,7 @@ def _on_gains(loaded: Recording, transmission: Transmission) -> list[str]:
             "`armload calibrate`."
         ]
     return [
-        f"The drive gains of joint {joint_list(~transmission.calibrated)} are nominal: the calibration could not "
+        f"Nominal drive gains are used for {numbered_joints(~transmission.calibrated)}: the calibration could not "
         "determine them."
     ]
 
@@ -117,25 +111,26 @@ def _on_contradictions(gains: GainFit | None) -> list[str]:
     notes = []
     for joint in np.flatnonzero(gains.contradicted):
         size, half_width = gains.log_gain[joint], gains.half_width_95[joint]
-        off, low, high = (f"{np.expm1(value):+.1%}" for value in (size, size - half_width, size + half_width))
+        low, high = (f"{np.expm1(value):+.1%}" for value in (size - half_width, size + half_width))
+        off = f"{abs(np.expm1(size)):.1%} {'higher' if size > 0.0 else 'lower'}"
         allowed = _DEVIATIONS_95 * gains.assumed_deviation[joint]
         notes.append(
-            f"The data contradict the drive gain of joint {joint + 1}: according to the other joints it is {off} off "
-            f"(95 %: {low} to {high}), more than the assumed {allowed:.1%}. It was estimated with the payload. "
-            "Check its torque constant and gear ratio, or calibrate the arm: `armload calibrate`."
+            f"The data contradict the drive gain of joint {joint + 1}: according to the other joints it is {off} "
+            f"than assumed (95 %: {low} to {high}), and the intervals allow for {allowed:.1%}. It was estimated with "
+            "the payload. Check its torque constant and gear ratio, or calibrate the arm: `armload calibrate`."
         )
     if gains.beyond.any():
-        listed = joint_list(gains.contradicted | gains.beyond)
+        listed = numbered_joints(gains.contradicted | gains.beyond)
         notes.append(
-            f"The data contradict the drive gains of joint {listed}. These are more than a third of the gains, so it "
+            f"The data contradict the drive gains of {listed}. These are more than a third of the gains, so it "
             "is not clear which of them are right: mass and centre of mass may lie outside their intervals. Check "
             "torque constants and gear ratios, or calibrate the arm: `armload calibrate`."
         )
     hidden = np.flatnonzero(~gains.contradicted & ~gains.beyond & (gains.noticeable > _UNJUDGED))
     if hidden.size:
-        listed = ", ".join(f"{joint + 1} ({_unnoticed(gains.noticeable[joint])})" for joint in hidden)
+        listed = named_joints([f"{joint + 1} ({_unnoticed(gains.noticeable[joint])})" for joint in hidden])
         notes.append(
-            f"This pair cannot check the drive gain of joint {listed}: only a larger error is reported with a "
+            f"This pair cannot check the drive gain of {listed}: only a larger error is reported with a "
             "probability of at least 90%. Several runs with a weighed payload can: `armload calibrate`."
         )
     return notes
@@ -151,9 +146,9 @@ def _on_signal(signal: LoadSignal) -> list[str]:
     notes = []
     lossy = np.flatnonzero(signal.smoothing_loss > SMOOTHING_LOSS_LIMIT)
     if lossy.size:
-        listed = ", ".join(f"{joint + 1} ({signal.smoothing_loss[joint]:.0%})" for joint in lossy)
+        listed = named_joints([f"{joint + 1} ({signal.smoothing_loss[joint]:.0%})" for joint in lossy])
         notes.append(
-            f"Smoothing removed more than {SMOOTHING_LOSS_LIMIT:.0%} of the signal of joint {listed}: it is mostly "
+            f"Smoothing removed more than {SMOOTHING_LOSS_LIMIT:.0%} of the signal of {listed}: it is mostly "
             "noise, or sampled too slowly."
         )
     if (~signal.valid).any():
@@ -171,13 +166,12 @@ def _on_result(
 ) -> list[str]:
     notes = []
     if friction is not None and friction.load_joints.any():
-        listed = ", ".join(f"{j + 1} ({friction.load[j]:.3f})" for j in np.flatnonzero(friction.load_joints))
-        notes.append(f"Load-dependent friction was found, and compensated, on joint {listed}.")
+        listed = named_joints([f"{j + 1} ({friction.load[j]:.3f})" for j in np.flatnonzero(friction.load_joints)])
+        notes.append(f"Load-dependent friction was found, and compensated, on {listed}.")
     if friction is not None and friction.viscous_joints.any():
-        listed = ", ".join(
-            f"{j + 1} ({friction.viscous_nm_s_rad[j]:+.2g} N m s/rad)" for j in np.flatnonzero(friction.viscous_joints)
-        )
-        notes.append(f"Viscous friction changed between the runs, and this was compensated, on joint {listed}.")
+        changed = np.flatnonzero(friction.viscous_joints)
+        listed = named_joints([f"{j + 1} ({friction.viscous_nm_s_rad[j]:+.2g} N m s/rad)" for j in changed])
+        notes.append(f"Viscous friction changed between the runs, and this was compensated, on {listed}.")
     if fit.rank < fit.theta.size:
         notes.append(
             f"The motion determines {fit.rank} of {fit.theta.size} parameter directions; the rest was chosen as for a "
@@ -207,7 +201,7 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
     if not strange.any():
         return []
     return [
-        f"The unloaded run's torque of joint {joint_list(strange)} is not that of this arm's links and friction: check "
+        f"The unloaded run's torque of {numbered_joints(strange)} is not that of this arm's links and friction: check "
         "the joint order of positions and currents, and that the configuration belongs to this arm."
     ]
 
@@ -229,6 +223,6 @@ def _on_misfit(signal: LoadSignal, fit: Estimate) -> list[str]:
     if not strange.any():
         return []
     return [
-        f"A payload does not explain the torque difference of joint {joint_list(strange)}: check the joint order of "
+        f"A payload does not explain the torque difference of {numbered_joints(strange)}: check the joint order of "
         "positions and currents, and that the configuration belongs to this arm."
     ]

@@ -16,6 +16,7 @@ from armload_identification.recording.reduction.phases import whole_periods
 from armload_identification.recording.reduction.repeated_values import repeated_values
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.load_signal import LoadSignal
+from armload_identification.verdict.joint_words import numbered_joints
 
 _MOVES_RAD: Final = 0.05
 _LOST_TO_MEANS: Final = 0.01
@@ -89,9 +90,9 @@ def check_run(run: Recording, transmission: Transmission) -> None:
     turned_over = np.sum(np.abs(work), axis=0)
     # Only their sum: a single joint can receive any amount of energy from the others over a cycle.
     if moves.any() and work.sum() < _FEEDS_ENERGY * turned_over.sum():
-        joints = ", ".join(str(joint + 1) for joint in np.flatnonzero(moves & (work.sum(axis=0) < 0.0)))
+        joints = numbered_joints(moves & (work.sum(axis=0) < 0.0))
         raise RecordingError(
-            f"{run.source.path}: the motors of joint {joints} absorb energy overall, although friction should "
+            f"{run.source.path}: the motors of {joints} absorb energy overall, although friction should "
             "dissipate it. The sign of the current or torque is flipped: correct it in the configuration or the log."
         )
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from armload_identification.model.payload import InertialParameters, PayloadResult
 
 IDENTIFIED, IDEAL = "identified payload", "true payload"
-FRICTION, ARM = "and its friction in the gears", "payload and arm"
+FRICTION, ARM = "payload and its friction in the gears", "payload and arm"
 PERIODS = 1
 
 
@@ -337,7 +337,7 @@ def _compare(
         if in_this_process:
             truth = arm.simulation.payload(arm.simulation.payload_name)
             true = _as_result(payload, truth)
-            results[IDEAL], _ = runs.with_feedforward(session, true, "loaded, with the true one", verdict)
+            results[IDEAL], _ = runs.with_feedforward(session, true, f"loaded, {IDEAL}", verdict)
 
     def chosen(*left_out: str) -> dict[str, FollowingRun]:
         return {label: run for label, run in results.items() if label not in left_out}
@@ -382,7 +382,7 @@ def comparison_table(comparison: Comparison) -> Table:
     for column in ("weight N m", "without mrad", *comparison.with_rad):
         table.add_column(column, justify="right")
     for i, name in enumerate(comparison.joint_names):
-        shares = [f"{100 * comparison.reduction(label)[i]:.1f} % less" for label in comparison.with_rad]
+        shares = [f"{round(100 * comparison.reduction(label)[i], 1) + 0.0:.1f} % less" for label in comparison.with_rad]
         mark = " *" if i in comparison.gravity_loaded else ""
         weight, before = comparison.weight_nm[i], 1e3 * comparison.without_rms_rad[i]
         table.add_row(name + mark, f"{weight:.1f}", f"{before:.3f}", *shares)

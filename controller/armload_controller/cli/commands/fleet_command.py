@@ -48,6 +48,7 @@ def identify_command(
 
     A refused recording gets a row with the reason. A second run processes only what is new, has changed or has failed.
     """
+    from armload_controller.cli.output.fleet_output import counted
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
     from armload_controller.fleet.row_store import RowStore
@@ -63,7 +64,8 @@ def identify_command(
         listing, jobs = new_jobs(table, store)
         for remark in listing.remarks:
             screen.step(f"warning: {remark}")
-        screen.step(f"{len(listing.jobs)} recordings, {len(listing.jobs) - len(jobs)} of them processed before")
+        before = len(listing.jobs) - len(jobs)
+        screen.step(f"{counted(len(listing.jobs), 'recording')}, {before or 'none'} processed before")
         if not jobs:
             tally = FleetTally.before(listing, jobs)
         else:

@@ -46,7 +46,7 @@ def gains_table(result: ArmCalibration, joint_names: Sequence[str]) -> Table:
 
 def runs_table(result: ArmCalibration) -> Table:
     """Fit of every run."""
-    table = Table(title="Runs used; off 1 is like the others", title_justify="left")
+    table = Table(title="Runs used; off: residual relative to that of all runs, 1 is usual", title_justify="left")
     for column in ("run", "carried"):
         table.add_column(column)
     for column in ("off", "worst joint", "greatest influence", "impacts left out"):

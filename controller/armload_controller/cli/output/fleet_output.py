@@ -20,10 +20,10 @@ def tally_text(tally: FleetTally) -> str:
         tally: Its counts.
     """
     if not tally.done:
-        return f"nothing new: {_counted(tally.skipped, 'recording')} processed before"
+        return f"nothing new: {counted(tally.skipped, 'recording')} processed before"
     counts = ", ".join(f"{tally.outcomes[outcome.value]} {outcome.value}" for outcome in RowOutcome)
     return (
-        f"{_counted(tally.done, 'recording')} in {tally.wall_s:.1f} s, {tally.per_second:.2f}/s, "
+        f"{counted(tally.done, 'recording')} in {tally.wall_s:.1f} s, {tally.per_second:.2f}/s, "
         f"{tally.cpu_s / tally.done:.2f} s of CPU each: {counts}; {tally.skipped} processed before"
     )
 
@@ -51,12 +51,12 @@ def suspicion_lines(review: FleetReview) -> list[str]:
     """
     suspicious = [arm for arm in review.arms if arm.suspicions]
     if not suspicious:
-        return [f"no suspicion about {_counted(len(review.arms), 'arm')}"]
+        return [f"to be inspected: none of {counted(len(review.arms), 'arm')}"]
     shown = [
         f"{number:3}. {arm.arm}: {arm.suspicions[0].text} ({arm.deviations:.0f} standard deviations)"
         for number, arm in enumerate(suspicious[:_MOST_LINES], 1)
     ]
-    return [f"to be inspected: {len(suspicious)} of {_counted(len(review.arms), 'arm')}", *shown]
+    return [f"to be inspected: {len(suspicious)} of {counted(len(review.arms), 'arm')}", *shown]
 
 
 def fleet_report_document(review: FleetReview, page: Path) -> dict[str, Any]:
@@ -93,5 +93,6 @@ def fleet_report_document(review: FleetReview, page: Path) -> dict[str, Any]:
     }
 
 
-def _counted(count: int, what: str) -> str:
+def counted(count: int, what: str) -> str:
+    """'1 arm' or '3 arms'."""
     return f"{count} {what}{'' if count == 1 else 's'}"

@@ -92,7 +92,7 @@ def moment_text(moment: WatchedMoment) -> str:
     if found is None:
         return f"{at}{0 if bus is None else bus.cycles} cycles{lost}"
     if found.moving_s.max() < SHOWN_S:
-        return f"{at}no estimate yet: the joints have moved for {found.moving_s.max():.1f} s at most{lost}"
+        return f"{at}no estimate yet: no joint has moved for more than {found.moving_s.max():.1f} s{lost}"
     mass = f"{found.mass_kg:7.3f} +- {found.half_width_95[0]:.3f} kg"
     if not found.determined[1:].any():
         return at + mass + lost

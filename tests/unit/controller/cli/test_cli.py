@@ -133,8 +133,8 @@ def test_the_second_half_takes_up_the_first_and_makes_a_stopped_run_again(commis
         (output / made).unlink()
     second = armload("commission", short_robot, "--runs", "loaded", "--output", output, "--mass-kg", "3.0", "--json")
     assert second.exit_code == 0, second.output
-    assert "identification run" not in second.stderr
-    assert "validation run" in second.stderr
+    assert "identification, run" not in second.stderr
+    assert "validation, run" in second.stderr
     assert (output / "loaded_validation.partial.mcap").exists()
     document = json.loads(second.stdout)
     assert (document["schema"], document["armload_version"]) == ("armload/payload/1", version("armload"))

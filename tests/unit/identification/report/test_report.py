@@ -22,6 +22,7 @@ from armload_identification.report.figures.center_figure import center_views
 from armload_identification.report.figures.joint_figures import thin_out, torque_figure
 from armload_identification.report.next_steps import next_steps
 from armload_identification.report.numerals import align, decimals_for, numeral, scientific
+from armload_identification.report.page import _with_code
 from armload_identification.report.parameters import headline, parameter_rows
 from armload_identification.report.provenance import file_rows
 from armload_identification.report.report import render_report, write_report
@@ -255,11 +256,11 @@ def test_plain_and_reported_are_both_shown_where_they_differ(bare, full, noisy):
 
 def test_every_note_is_told_and_the_gravest_comes_first(bare, noisy, without_curves):
     for note in noisy.notes:
-        assert note[1:] in bare.text
+        assert note[1:].replace("`", "") in bare.text
     blind = subject(noisy)
     blind = replace(blind, payload=replace(blind.payload, determined=np.zeros(10, bool)))
     text = Page(render_report(blind, ReportContent.of_identification(noisy))).text
-    assert 0 < text.index("Do not use this payload for feed-forward") < text.index(noisy.notes[0][1:])
+    assert 0 < text.index("Do not use this payload for feed-forward") < text.index(noisy.notes[0][1:].replace("`", ""))
 
 
 def test_the_joint_table_has_noise_and_residual_of_both_runs(full, clear, validation):
@@ -404,6 +405,12 @@ def test_dropped_rows_and_further_recordings_are_listed(clear):
     assert rows[0].details.endswith("ends early")
     assert (rows[2].name, rows[2].sha256) == ("loaded_validation.mcap", "d" * 64)
     assert len(rows) == 3
+
+
+def test_commands_are_set_as_code_and_foreign_text_in_them_stays_text(full_text, bare_text):
+    assert "<code>armload calibrate</code>" in full_text + bare_text
+    assert "`" not in re.sub(r"<svg.*?</svg>", "", full_text + bare_text, flags=re.DOTALL)
+    assert _with_code("a `<b>` c") == "a <code>&lt;b&gt;</code> c"
 
 
 def test_foreign_text_stays_text(full, full_text):

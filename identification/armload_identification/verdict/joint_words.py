@@ -1,0 +1,29 @@
+"""Joints as messages name them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def named_joints(names: Sequence[str]) -> str:
+    """'joint 2' or 'joints 1, 2 and 5'.
+
+    Args:
+        names: One or more joints, each as its number from 1, with a remark or not: '3 (12%)'.
+    """
+    return f"joint {names[0]}" if len(names) == 1 else f"joints {', '.join(names[:-1])} and {names[-1]}"
+
+
+def numbered_joints(joints: NDArray[np.bool_]) -> str:
+    """'joint 2', 'joints 1, 2 and 5' or 'joints 4 to 6': the joints that are True, by number.
+
+    Args:
+        joints: (n,) at least one of them True.
+    """
+    numbers = [int(joint) + 1 for joint in np.flatnonzero(joints)]
+    if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
+        return f"joints {numbers[0]} to {numbers[-1]}"
+    return named_joints([str(number) for number in numbers])
