@@ -33,7 +33,7 @@ static const double HELD_S = 0.3;        /* at the bound; at twice the significa
 static const double AT_REST = 0.05;      /* as a share of the gate's speed */
 static const double CONTACT_RATIO = 3.0; /* over modelled friction: at most 1.4 on a free arm, 6 and more in a push */
 
-enum { LEAST_MEANS = 8, POWERS = 4, STATIC = 4 };
+enum { LEAST_MEANS = 5, POWERS = 4, STATIC = 4 };
 
 static void clear_payload(payload_estimator *e)
 {

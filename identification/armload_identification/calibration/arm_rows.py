@@ -42,6 +42,7 @@ _ROW_S: Final = 0.1
 _MOST_ROWS: Final = 1500
 """Most rows of one run; in a longer one they are further apart."""
 _HOLE_S: Final = 0.1
+_ROUNDING_S: Final = 1e-9
 _REVERSAL: Final = 0.10
 """Share of a joint's greatest speed at which a row's weight is 0.7: near a reversal no friction model is accurate. Rows
 in whose window a joint turns round have no weight: on prbt, their residuals made runs contradict each other."""
@@ -79,10 +80,21 @@ class RunSignals:
     from_torque: bool
 
     @property
+    def has_rows(self) -> bool:
+        """Whether any row's window is complete and without a hole."""
+        return bool(self._window.middle.size)
+
+    @property
     def peak_rad_s(self) -> FloatArray:
         """(n,) greatest speeds, of means over the rows' windows: single samples are greater by their noise."""
-        window = RowWindow.of(len(self.usable), self.interval_s, max(round(_ROW_S / self.interval_s), 1))
-        return np.asarray(np.abs(window.mean(self.velocity_rad_s)).max(axis=0))
+        return np.asarray(np.abs(self._window.mean(self.velocity_rad_s)).max(axis=0, initial=0.0))
+
+    @property
+    def _window(self) -> RowWindow:
+        """The run's usable rows, ten a second."""
+        step = max(round(_ROW_S / self.interval_s), 1)
+        window = RowWindow.of(len(self.usable), self.interval_s, step, periodic=self.periodic)
+        return window.only(window.usable(self.usable))
 
     def turned(self, axis: int, coupling: FloatArray, *, position: bool, effort: bool) -> RunSignals:
         """The same run with one axis inverted.
@@ -206,10 +218,19 @@ def _folded(recording: Recording, effort: FloatArray, name: str, from_torque: bo
         velocity_rad_s=motion.velocity_rad_s,
         acceleration_rad_s2=motion.acceleration_rad_s2,
         effort_nm=run.torque_nm,
-        usable=run.valid,
+        usable=_without_holes(run.valid, interval_s),
         periodic=True,
         from_torque=from_torque,
     )
+
+
+def _without_holes(valid: NDArray[np.bool_], interval_s: float) -> NDArray[np.bool_]:
+    """(K,) False in holes of a period; single phases without a sample, whose values are interpolated, are none."""
+    known = np.flatnonzero(valid)
+    phase = np.arange(valid.size)
+    before = np.concatenate([known[-1:] - valid.size, known])[np.searchsorted(known, phase, side="right")]
+    after = np.concatenate([known, known[:1] + valid.size])[np.searchsorted(known, phase)]
+    return np.asarray((after - before) * interval_s <= _HOLE_S + _ROUNDING_S)
 
 
 def arm_rows(

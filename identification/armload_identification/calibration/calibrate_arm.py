@@ -27,7 +27,7 @@ from armload_identification.calibration.other_motions import doubtful_share
 from armload_identification.calibration.run_contradictions import CONTRADICTS, ArmKnowledge, directions, explain
 from armload_identification.estimation.least_squares import Prior
 from armload_identification.estimation.prior_knowledge import KnownPayload
-from armload_identification.identification_errors import EstimationError, IdentificationError
+from armload_identification.identification_errors import EstimationError, IdentificationError, RecordingError
 from armload_identification.model.base_parameters import base_columns
 from armload_identification.model.body_model import BodyModel
 from armload_identification.model.chain import Chain
@@ -219,7 +219,13 @@ class _Calibration:
         try:
             check_joints(run.recording, self._chain.n)
             check_run(run.recording, self._transmission)
-            self._signals.append(run_signals(run.recording, self._transmission))
+            signals = run_signals(run.recording, self._transmission)
+            if not signals.has_rows:
+                raise RecordingError(
+                    f"{run.recording.source.path}: no third of a second is without a gap of more than 0.1 s: record it "
+                    "at 20 Hz or more"
+                )
+            self._signals.append(signals)
         except IdentificationError as problem:
             self._left_out.append((name, str(problem).removeprefix(f"{run.recording.source.path}: ")))
             return

@@ -20,6 +20,10 @@ from armload_identification.recording.reduction.phases import periodic_phase, re
 
 _FITTED: Final = 0.25
 """Greatest ratio of the fitted motion's coefficients to samples."""
+_FITTED_HZ: Final = 6.25
+_FITTED_SLOWLY: Final = 0.45
+"""The same ratio where few samples per second would end the series below that frequency: what an arm does up to there
+belongs to its motion."""
 _FILLINGS: Final = 20
 _NOTHING: Final = 1e-18
 """Square of 1 nrad: no encoder resolves less."""
@@ -154,7 +158,7 @@ def _fit_motion(
     filled = _filled(position, valid)
     for _ in range(1 if valid.all() else _FILLINGS):
         spectrum = np.fft.rfft(filled, axis=0) / phases
-        harmonics = _supported_harmonics(spectrum, excitation.harmonics, phases)
+        harmonics = _supported_harmonics(spectrum, excitation.harmonics, phases, rate * excitation.period_s)
         spectrum[harmonics + 1 :] = 0.0
         fitted = np.fft.irfft(spectrum * phases, phases, axis=0)
         # Empty phases are filled from the series, iterated until they no longer affect it.
@@ -168,14 +172,15 @@ def _fit_motion(
     return motion, np.asarray(np.sqrt(np.mean((position - fitted)[valid] ** 2, axis=0)))
 
 
-def _supported_harmonics(spectrum: NDArray[np.complex128], least: int, phases: int) -> int:
+def _supported_harmonics(spectrum: NDArray[np.complex128], least: int, phases: int, period_s: float) -> int:
     """Number of harmonics, at least `least`, by generalised cross-validation."""
     twice = np.full(len(spectrum), 2.0)
     twice[0] = 1.0
     if phases % 2 == 0:
         twice[-1] = 1.0
     power = np.abs(spectrum) ** 2 * twice[:, None]
-    harmonics = np.arange(least, max(int(0.5 * _FITTED * phases), least + 1))
+    slowly = min(_FITTED_HZ * period_s, 0.5 * _FITTED_SLOWLY * phases)
+    harmonics = np.arange(least, max(int(max(0.5 * _FITTED * phases, slowly)), least + 1))
     left = power.sum(axis=0) - np.cumsum(power, axis=0)[harmonics]
     freedom = 1.0 - (2 * harmonics + 1) / phases
     # The sum of logarithms prevents joints with a large stroke from dominating.

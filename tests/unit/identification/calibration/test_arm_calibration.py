@@ -437,11 +437,12 @@ def test_runs_that_cannot_be_used_are_named_and_left_out(runs, weighed, pinocchi
     )
     torque = runs[0].recording
     torque = MountedRun(named(replace(torque, torque_nm=torque.current_a, current_a=None), "torque"), "")
-    found = calibrated(
-        [*runs, short, five, torque], weighed, pinocchio_arm, nominal, left_out=[("lost.csv", "no such file")]
-    )
+    slow = MountedRun(named(runs[0].recording.rows(slice(None, None, 12)), "slow"), "")
+    lost = [("lost.csv", "no such file")]
+    found = calibrated([*runs, short, five, torque, slow], weighed, pinocchio_arm, nominal, left_out=lost)
     reasons = dict(found.left_out)
-    assert set(reasons) == {"lost.csv", "short.mcap", "five.mcap", "torque.mcap"}
+    assert set(reasons) == {"lost.csv", "short.mcap", "five.mcap", "torque.mcap", "slow.mcap"}
+    assert "record it at 20 Hz or more" in reasons["slow.mcap"]
     assert "expected 3 s or more" in reasons["short.mcap"]
     assert "5 joints" in reasons["five.mcap"]
     assert "it contains torque, most runs contain current" in reasons["torque.mcap"]

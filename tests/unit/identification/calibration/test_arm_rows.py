@@ -59,6 +59,23 @@ def test_the_mean_torque_of_a_fast_motion_is_explained(pinocchio_arm, fast, link
     assert (left_of(pinocchio_arm, rows, links) < 5e-4).all()
 
 
+def test_phases_without_a_sample_are_no_holes(pinocchio_arm, fast):
+    """A third of the samples lost: a few phases of the period have none, and the rows about them remain."""
+    kept = np.random.default_rng(3).uniform(size=fast.size) < 0.65
+    whole, thinned = (run_signals(run, pinocchio_arm.transmission) for run in (fast, fast.rows(kept)))
+    assert thinned.usable.mean() > 0.99
+    hole = run_signals(fast.rows(fast.phase_s % 3.0 > 0.3), pinocchio_arm.transmission)
+    assert 0.85 < hole.usable.mean() < 0.95
+    np.testing.assert_allclose(thinned.peak_rad_s, whole.peak_rad_s, rtol=0.01)
+
+
+def test_the_ends_of_a_run_do_not_make_a_joint_move(pinocchio_arm, fast):
+    """Joint 6 is held; at either end the row's window would be filled up with one and the same sample."""
+    noise = 2e-5 * np.random.default_rng(3).normal(size=fast.size)
+    held = without_phase(replace(fast, position_rad=np.column_stack([fast.position_rad[:, :5], noise])))
+    assert run_signals(held, pinocchio_arm.transmission).peak_rad_s[5] < 5e-4
+
+
 def test_a_delay_of_the_torque_is_seen_through_the_window(pinocchio_arm, fast, links):
     """On the joints whose friction, which is not delayed, is little of their torque."""
     run, delay_s = without_phase(fast), 0.005
@@ -70,6 +87,8 @@ def test_a_delay_of_the_torque_is_seen_through_the_window(pinocchio_arm, fast, l
 
 
 def test_a_run_with_gaps_throughout_has_no_rows(pinocchio_arm, fast):
-    rows = rows_of(pinocchio_arm, without_phase(fast.rows(slice(None, None, 12))))
+    gaps = without_phase(fast.rows(slice(None, None, 12)))
+    assert not run_signals(gaps, pinocchio_arm.transmission).has_rows
+    rows = rows_of(pinocchio_arm, gaps)
     assert rows.links.shape == (0, 6, 60)
     assert rows.payload_rate.shape == (0, 6, 10)

@@ -50,6 +50,15 @@ def test_the_payload_is_found_sample_by_sample(estimator, streams, pinocchio_arm
     np.testing.assert_allclose(body.theta[:4], found.theta[:4], atol=0.02)
 
 
+def test_twenty_samples_per_second_are_enough(estimator, streams, pinocchio_arm):
+    """The slowest recording that can be used; fewer samples in a window would give no rows at all."""
+    estimator.update_all(*(np.ascontiguousarray(values[::5]) for values in streams[1]))
+    found = estimator.estimate()
+    assert found.mass_kg == pytest.approx(pinocchio_arm.payload.mass_kg, rel=0.02)
+    assert within(found, pinocchio_arm.payload)
+    assert found.determined[0]
+
+
 def test_an_empty_arm_carries_nothing(estimator, streams):
     estimator.update_all(*streams[0])
     found = estimator.estimate()

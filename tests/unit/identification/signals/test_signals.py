@@ -151,6 +151,15 @@ def test_folding_measures_the_period_and_the_scatter(pinocchio_arm):
     assert 0.9 < np.sqrt(np.mean(error**2)) < 1.1
 
 
+def test_a_motion_of_4_hz_is_seen_at_20_samples_per_second(pinocchio_arm):
+    """The arm does not follow the excitation exactly; its series is not cut off where few samples per second do it."""
+    run = pinocchio_arm.run(pinocchio_arm.trajectory(), True, seed=4, cycle_s=0.05)
+    shaken = run.position_rad + 1e-3 * np.sin(8.0 * np.pi * run.phase_s)[:, None]
+    folded = fold(replace(run, position_rad=shaken), joint_torque(run, pinocchio_arm.transmission), 100)
+    assert (folded.position_fit_rad < 5e-5).all()
+    assert len(folded.motion.sin_rad[0]) <= 0.5 * 0.45 * 100
+
+
 def test_missing_cycles_are_averaged_around(pinocchio_arm):
     run = pinocchio_arm.run(pinocchio_arm.trajectory(), True, seed=5, noise=0.0)
     torque = joint_torque(run, pinocchio_arm.transmission)
