@@ -78,3 +78,22 @@ def test_a_flipped_sign_is_found_in_both_runs(ur10e, ur10e_pair, suffix, joint):
 def test_a_wrong_weighed_mass_is_refused_with_both_numbers(ur10e, ur10e_pair):
     with pytest.raises(EstimationError, match=r"weighed mass 5 kg contradicts the data: without it, the mass is 2\.78"):
         identify(*ur10e_pair(""), ur10e.chain, ur10e.drives.transmission, known=KnownPayload(mass_kg=5.0))
+
+
+@pytest.mark.parametrize("joints", [(0, 1), (4, 5)])
+def test_exchanged_joints_are_named(ur10e, ur10e_pair, joints):
+    order = np.arange(6)
+    order[list(joints)] = joints[::-1]
+    runs = [
+        replace(
+            run,
+            position_rad=run.position_rad[:, order],
+            velocity_rad_s=run.velocity_rad_s[:, order],
+            current_a=run.current_a[:, order],
+        )
+        for run in ur10e_pair("")
+    ]
+    with pytest.raises(
+        RecordingError, match=f"all columns of joints {joints[0] + 1} and {joints[1] + 1} are exchanged"
+    ):
+        identify(*runs, ur10e.chain, ur10e.drives.transmission)

@@ -149,8 +149,9 @@ def project(rows: FloatArray, target: FloatArray, start: FloatArray) -> FloatArr
             if 4.0 / sharpness <= _SUFFICIENT_GAP * size:
                 return np.asarray(x * scale)
             raise EstimationError(
-                "no physically possible payload was found near the estimate: the data are too ill-conditioned "
-                f"(gap {4.0 / sharpness:.2g} of {size:.2g}). Record a run that moves more joints."
+                "no physically possible payload was found near the estimate "
+                f"(gap {4.0 / sharpness:.2g} of {size:.2g}): columns, joint order or signs do not belong "
+                "to this arm, or the motion moves too few joints: check them, or record a longer motion of all joints."
             ) from error
         if 4.0 / sharpness <= _RELATIVE_GAP * size:
             return np.asarray(x * scale)

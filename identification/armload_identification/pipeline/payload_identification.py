@@ -38,6 +38,7 @@ from armload_identification.signals.load_signal import LoadSignal, load_signal
 from armload_identification.signals.motion import Motion
 from armload_identification.verdict.column_mistakes import looks_wrong, refuse_wrong_columns
 from armload_identification.verdict.friction_validity import friction_change, friction_notes, standard_deviations
+from armload_identification.verdict.operator_notes import misfit_notes
 from armload_identification.verdict.sanity import check_gains, check_pair, check_signs, explain_negative_mass
 
 FLANGE: Final = "flange"
@@ -182,6 +183,8 @@ def _from_difference(
     else:
         signal, fit, friction, struck = without_blows(signal, fit_to)
     check_signs(signal, regressor, fit)
+    if misfit_notes(signal, fit):
+        refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf

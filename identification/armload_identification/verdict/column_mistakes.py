@@ -4,10 +4,13 @@ A run follows, with or without a payload, from links and friction that are linea
 
     tau = Y(q, dq, ddq) pi + friction
 
-With columns that are swapped or of the wrong sign, no parameters fit, or friction drives the arm. As the torque is
-linear in the motors' columns, one QR decomposition gives the residual with every combination of signs:
+With columns that are exchanged or of the wrong sign, no parameters fit, or friction drives the arm. As the torque is
+linear in the motors' columns, one QR decomposition gives the residual with any choice of columns and signs. With y_ac
+the torque of motor a if column c of the recording were its own:
 
-    r(s) = sum_a s_a (I - Q Q^T) y_a,        s_a = 1 or -1
+    r(s) = sum_ac s_ac (I - Q Q^T) y_ac,        s_ac = 1, -1 or 0
+
+Exchanged positions need a decomposition each. They are tried only if no signs explain the run.
 
 A mistake is reported only if the corrected run fits well, its friction is positive on all joints, and the run as it is
 either fits much worse or has friction that drives the arm. On the UR10e's four runs the residual is 2 to 5 % of each
@@ -17,12 +20,12 @@ load, where friction decides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.body_fit import BodyFit
@@ -35,6 +38,7 @@ from armload_identification.recording.recording import Recording
 from armload_identification.signals.load_signal import LoadSignal
 from armload_identification.signals.motion import Motion
 from armload_identification.signals.reversals import reversal_speed, reversal_weights
+from armload_identification.verdict.joint_words import named_joints
 
 _ROWS: Final = 400
 _WIDE: Final = 1e-4
@@ -52,22 +56,21 @@ _STRANGE: Final = 0.3
 """Share of a joint's torque that the residual of the arm's own model does not reach; at most 0.24 on the UR10e."""
 _ALIKE: Final = 0.2
 """Least slope of a joint's loaded on its unloaded torque, of which the arm itself causes the greater part."""
+_TORQUES: Final = "the currents or torques"
 _ALL_SIGNS: Final = 8
 """Up to this many joints every combination of signs is tried, otherwise one and two."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A correction of a run: what it is, and how the arm fits the run after it.
+    """How the arm fits a run after a correction.
 
     Attributes:
-        flipped: Motors whose sign is changed.
         cost: Sum of the logarithms of the joints' residuals, as shares of their torque.
         share: (n,) residual of each joint, as a share of its torque.
         friction: (n,) mean friction while moving, as a share of the torque; negative where it drives the arm.
     """
 
-    flipped: tuple[int, ...]
     cost: float
     share: FloatArray
     friction: FloatArray
@@ -81,6 +84,19 @@ class _Trial:
     def possible(self) -> bool:
         """Whether the run could be like this."""
         return bool((self.share < _FITS).all()) and not self.driven
+
+
+@dataclass(frozen=True)
+class _Exchange:
+    """Two joints whose columns are exchanged.
+
+    Attributes:
+        joints: Their indices.
+        what: Which of their columns: positions, currents or torques, or all.
+    """
+
+    joints: tuple[int, int]
+    what: str
 
 
 def looks_wrong(signal: LoadSignal, arm: BodyFit | None) -> bool:
@@ -116,30 +132,38 @@ def refuse_wrong_columns(
     Raises:
         RecordingError: naming file, joint and remedy.
     """
+    both_files = f"{loaded.source.path} and {unloaded.source.path}"
     found = [set(flipped_signs(run, chain, coupling)) for run in (signal.loaded, signal.unloaded)]
     both = found[0] & found[1]
     # The sign of one run only, against the other run's evidence, shows in their comparison.
     opposed = set(map(int, np.flatnonzero(_slope(signal) < 0.0)))
     for joints, files in (
-        (both, f"{loaded.source.path} and {unloaded.source.path}"),
+        (both, both_files),
         ((found[0] - both) & opposed, str(loaded.source.path)),
         ((found[1] - both) & opposed, str(unloaded.source.path)),
     ):
         if joints:
             raise RecordingError(f"{files}: {_flipped_text(sorted(joints))}")
+    one, other = (exchanged_columns(run, chain, coupling) for run in (signal.loaded, signal.unloaded))
+    exchange = one or other
+    # Both runs are of the same motion, so that positions are exchanged in both or in none.
+    only_one = one != other and exchange is not None and exchange.what == _TORQUES
+    files = str((loaded if one else unloaded).source.path) if only_one else both_files
+    if exchange is not None:
+        names = named_joints([str(joint + 1) for joint in exchange.joints])
+        raise RecordingError(
+            f"{files}: {exchange.what} of {names} are exchanged: links and friction of the arm explain the "
+            "torque only in the other order. Correct the joint order in the configuration or the log."
+        )
 
 
 def _flipped_text(joints: list[int]) -> str:
     """What is wrong with the signs of joints, and the remedy."""
-    if len(joints) == 1:
-        return (
-            f"joint {joints[0] + 1} measures the opposite of the torque that the arm's links and friction require. "
-            "The sign of its current or torque is flipped: correct it in the configuration or the log."
-        )
-    listed = ", ".join(str(joint + 1) for joint in joints[:-1]) + f" and {joints[-1] + 1}"
+    names = named_joints([str(joint + 1) for joint in joints])
+    verb, whose = ("measures", "its") if len(joints) == 1 else ("measure", "their")
     return (
-        f"joints {listed} measure the opposite of the torque that the arm's links and friction require. "
-        "The sign of the current or torque is flipped on each of them: correct it in the configuration or the log."
+        f"{names} {verb} the opposite of the torque that the arm's links and friction require. "
+        f"The sign of {whose} current or torque is flipped: correct it in the configuration or the log."
     )
 
 
@@ -162,9 +186,49 @@ def flipped_signs(run: Motion, chain: Chain, coupling: FloatArray) -> tuple[int,
     Returns:
         Their indices; none if the run is right as it is, or if no signs explain it.
     """
-    as_it_is, *others = _System(run, chain, coupling).trials()
-    better = [trial for trial in others if _explains(trial, as_it_is)]
-    return min(better, key=lambda trial: trial.cost).flipped if better else ()
+    n = chain.n
+    system = _System(run, chain, coupling, base_columns(chain, coupling))
+    as_it_is = system.trial(np.eye(n))
+    best = as_it_is.cost + _NO_WORSE
+    flipped: tuple[int, ...] = ()
+    for count in range(1, (n if n <= _ALL_SIGNS else 2) + 1):
+        for joints in combinations(range(n), count):
+            sign = np.ones(n)
+            sign[list(joints)] = -1.0
+            trial = system.trial(np.diag(sign))
+            if trial.cost < best and _explains(trial, as_it_is):
+                best, flipped = trial.cost, joints
+    return flipped
+
+
+def exchanged_columns(run: Motion, chain: Chain, coupling: FloatArray) -> _Exchange | None:
+    """Two joints whose columns are exchanged.
+
+    Args:
+        run: A run, with or without a payload.
+        chain: The arm.
+        coupling: (n, n) C of its motors.
+
+    Returns:
+        The exchange; None if the run is right as it is, or if none explains it.
+    """
+    n = chain.n
+    base = base_columns(chain, coupling)
+    system = _System(run, chain, coupling, base)
+    as_it_is = system.trial(np.eye(n))
+    best, found = as_it_is.cost - _MUCH, None
+    for joints in combinations(range(n), 2):
+        order = np.arange(n)
+        order[list(joints)] = joints[::-1]
+        moved = _System(run, chain, coupling, base, order)
+        for what, trial in (
+            (_TORQUES, system.trial(np.eye(n)[order])),
+            ("the positions", moved.trial(np.eye(n))),
+            ("all columns", moved.trial(np.eye(n)[order])),
+        ):
+            if trial.cost < best and trial.possible:
+                best, found = trial.cost, _Exchange(joints, what)
+    return found
 
 
 def _explains(trial: _Trial, as_it_is: _Trial) -> bool:
@@ -176,19 +240,32 @@ def _explains(trial: _Trial, as_it_is: _Trial) -> bool:
 
 
 class _System:
-    """Links and friction, linear in their parameters, and the residuals of every motor's column."""
+    """Links and friction, linear in their parameters, and the residuals of every motor's column.
 
-    def __init__(self, run: Motion, chain: Chain, coupling: FloatArray) -> None:
+    Args:
+        run: The run.
+        chain: The arm.
+        coupling: (n, n) C of its motors.
+        base: (11 n,) base parameters of links and rotors.
+        order: (n,) the joint whose position is taken for each joint; as recorded if not given.
+    """
+
+    def __init__(
+        self,
+        run: Motion,
+        chain: Chain,
+        coupling: FloatArray,
+        base: NDArray[np.bool_],
+        order: NDArray[np.intp] | None = None,
+    ) -> None:
         n = chain.n
         usable = np.flatnonzero(run.valid)
         rows = usable[:: max(1, usable.size // _ROWS)]
-        q, dq, ddq = (state[rows] for state in run.states)
-        base = base_columns(chain, coupling)
-        weight = reversal_weights(run.states.velocity_rad_s)[rows]
+        states = run.states if order is None else tuple(state[:, order] for state in run.states)
+        q, dq, ddq = (state[rows] for state in states)
+        speed = states[1]
+        weight, direction = reversal_weights(speed)[rows], smooth_sign(dq, reversal_speed(speed))
         torque = run.torque_nm[rows]
-        level = np.sqrt(np.mean((torque * weight) ** 2, axis=0))
-        self._weight = weight / np.where(level > 0.0, level, np.inf)
-        direction = smooth_sign(dq, reversal_speed(run.states.velocity_rad_s))
         own = np.zeros((len(q), n, 3, n))
         for joint in range(n):
             own[:, joint, :, joint] = np.column_stack([direction[:, joint], dq[:, joint], np.ones(len(q))])
@@ -200,33 +277,41 @@ class _System:
             ],
             axis=2,
         )
-        whole = (columns * self._weight[:, :, None]).reshape(-1, columns.shape[2])
-        length = np.linalg.norm(whole, axis=0)
+        level = np.sqrt(np.mean((torque * weight) ** 2, axis=0))
+        weight = weight / np.where(level > 0.0, level, np.inf)
+        whole = (columns * weight[:, :, None]).reshape(-1, columns.shape[2])
+        length = np.sqrt(np.sum(whole**2, axis=0))
         length[length == 0.0] = 1.0
         orthogonal, triangle = np.linalg.qr(np.vstack([whole / length, _WIDE * np.eye(length.size)]))
         orthogonal = orthogonal[: len(whole)]
-        # Torque of each motor's column on all joints, tau = C^-T tau_axis.
-        of_motor = (torque @ coupling).T[:, :, None] * np.linalg.inv(coupling)[:, None, :]
-        wanted = (of_motor * self._weight).reshape(n, -1)
+        # Torque of each of the recording's columns at each motor, tau = C^-T tau_axis.
+        at_motor = (torque @ coupling).T[None, :, :, None] * np.linalg.inv(coupling)[:, None, None, :]
+        wanted = (at_motor * weight).reshape(n * n, -1)
         along = wanted @ orthogonal
-        left = (wanted - along @ orthogonal.T).reshape(n, -1, n)
+        self._left = wanted - along @ orthogonal.T
+        self._wanted = wanted
         self._n = n
-        self._gram = np.einsum("akj,bkj->jab", left, left) / len(q)
         coefficient = np.linalg.solve(triangle, along.T) / length[:, None]
         # Mean friction while moving: its work, divided by the distance.
         distance = np.maximum(np.mean(np.abs(dq), axis=0), np.finfo(float).tiny)
         coulomb = np.mean(direction * dq, axis=0) / distance
         viscous = np.mean(dq**2, axis=0) / distance
-        self._friction = coulomb[:, None] * coefficient[-3 * n : -2 * n] + viscous[:, None] * coefficient[-2 * n : -n]
-        self._friction *= np.where(level > 0.0, 1.0 / np.where(level > 0.0, level, 1.0), 0.0)[:, None]
+        friction = coulomb[:, None] * coefficient[-3 * n : -2 * n] + viscous[:, None] * coefficient[-2 * n : -n]
+        self._friction = friction / np.where(level > 0.0, level, np.inf)[:, None]
 
-    def trials(self) -> Iterator[_Trial]:
-        """The run as it is, then every correction of signs."""
-        most = self._n if self._n <= _ALL_SIGNS else 2
-        for count in range(most + 1):
-            for flipped in combinations(range(self._n), count):
-                sign = np.ones(self._n)
-                sign[list(flipped)] = -1.0
-                share = np.sqrt(np.maximum(np.einsum("jab,a,b->j", self._gram, sign, sign), 0.0))
-                cost = float(np.sum(np.log(np.hypot(share, _LEAST_SHARE))))
-                yield _Trial(flipped, cost, share, self._friction @ sign)
+    def trial(self, columns: FloatArray) -> _Trial:
+        """The fit of a correction.
+
+        Args:
+            columns: (n, n) sign with which each column of the recording is taken as each motor's; 0 where it is not.
+        """
+        chosen = columns.ravel()
+        taken = np.flatnonzero(chosen)
+        left, size = (
+            np.sqrt(np.mean((chosen[taken] @ part[taken]).reshape(-1, self._n) ** 2, axis=0))
+            for part in (self._left, self._wanted)
+        )
+        relative = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
+        share = left * relative
+        cost = float(np.sum(np.log(np.hypot(share, _LEAST_SHARE))))
+        return _Trial(cost, share, (self._friction @ chosen) * relative)

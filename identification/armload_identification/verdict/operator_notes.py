@@ -62,13 +62,13 @@ def notes_on(
         uncertainty: Intervals.
     """
     return [
+        *_on_arm(signal, arm),
+        *misfit_notes(signal, fit),
         *_on_recordings(runs),
         *_on_gains(runs[0], transmission),
         *_on_contradictions(gains),
         *_on_signal(signal),
         *_on_result(fit, friction, physical, uncertainty),
-        *_on_arm(signal, arm),
-        *_on_misfit(signal, fit),
     ]
 
 
@@ -206,8 +206,13 @@ def _on_arm(signal: LoadSignal, arm: BodyFit | None) -> list[str]:
     ]
 
 
-def _on_misfit(signal: LoadSignal, fit: Estimate) -> list[str]:
-    """Joints whose torque difference is not explained by a payload, or all of them together."""
+def misfit_notes(signal: LoadSignal, fit: Estimate) -> list[str]:
+    """Joints whose torque difference is not explained by a payload, or all of them together.
+
+    Args:
+        signal: The torque difference.
+        fit: The plain estimate.
+    """
     # A joint at rest was not fitted: its static friction can take any value.
     moves = fit.sample_weight[signal.valid].max(axis=0) > _AT_REST
     torque, left = (np.where(moves, values[signal.valid], 0.0) for values in (signal.torque_nm, fit.residual_nm))

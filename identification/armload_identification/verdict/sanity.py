@@ -28,6 +28,11 @@ _OPPOSED: Final = -0.8
 _CLEAR: Final = 5.0
 _IMPLAUSIBLE: Final = float(np.log(3.0))
 """Logarithm of the greatest error of a nominal gain, either way: beyond it, no payload can be trusted."""
+_PARTS: Final = 200
+_GAP: Final = 5.0
+"""Multiple of the usual interval from which the velocity between two samples is unknown."""
+_DERIVATIVE: Final = 0.5
+"""Least correlation of a change of position with the integral of its velocity; 0.9999 on the UR10e."""
 _STAYS: Final = 7
 """A signal with noise does not repeat its greatest value this often in succession by chance."""
 _RATHER_THAN_CHANCE: Final = 3
@@ -74,6 +79,7 @@ def check_run(run: Recording, transmission: Transmission) -> None:
         RecordingError: naming the joint and the remedy.
     """
     _refuse_long_means(run)
+    _refuse_velocity(run)
     torque = joint_torque(run, transmission)
     measured = torque if run.effort is None else run.effort
     moves = np.ptp(run.position_rad, axis=0) > _MOVES_RAD
@@ -111,6 +117,31 @@ def _refuse_long_means(run: Recording) -> None:
             f"{run.source.path}: {hours:.1f} h without a known excitation were reduced to means over "
             f"{1e3 * mean_s:.0f} ms, which reduces the motion's amplitude by about {100.0 * lost:.0f} %. Select a part "
             "of it, such as --between 0s 600s."
+        )
+
+
+def _refuse_velocity(run: Recording) -> None:
+    """Raise for a velocity that is not the derivative of the position.
+
+    It is integrated over parts of the run and compared with the change of position, which noise hardly affects.
+    """
+    if run.velocity_rad_s is None or run.average is not None:
+        return
+    velocity = np.nan_to_num(run.velocity_rad_s)
+    step_s = np.diff(run.time_s)[:, None]
+    whole = step_s < _GAP * np.median(step_s)
+    steps = np.diff(run.position_rad, axis=0), 0.5 * (velocity[1:] + velocity[:-1]) * step_s
+    starts = np.arange(0, len(step_s), max(len(step_s) // _PARTS, 1))
+    change, expected = (np.add.reduceat(whole * step, starts, axis=0) for step in steps)
+    change, expected = change - change.mean(axis=0), expected - expected.mean(axis=0)
+    size = np.sqrt(np.sum(change**2, axis=0) * np.sum(expected**2, axis=0))
+    moves = (np.ptp(run.position_rad, axis=0) > _MOVES_RAD) & (size > 0.0)
+    strange = moves & (np.sum(change * expected, axis=0) < _DERIVATIVE * size)
+    if strange.any():
+        raise RecordingError(
+            f"{run.source.path}: the velocity of {numbered_joints(strange)} is not the derivative "
+            "of its position. Columns of position and velocity are exchanged, in another joint order, or of "
+            "another sign: correct the column map."
         )
 
 

@@ -9,11 +9,12 @@ import pytest
 
 from armload_identification.estimation.least_squares import estimate
 from armload_identification.identification_errors import EstimationError, RecordingError
+from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import payload_regressor
 from armload_identification.pipeline.payload_identification import identify
 from armload_identification.signals.load_signal import load_signal
-from armload_identification.verdict.column_mistakes import flipped_signs, looks_wrong
-from armload_identification.verdict.sanity import check_signs
+from armload_identification.verdict.column_mistakes import exchanged_columns, flipped_signs, looks_wrong
+from armload_identification.verdict.sanity import check_run, check_signs
 
 pytestmark = pytest.mark.pure
 
@@ -39,6 +40,22 @@ def test_flipped_signs_are_found_in_either_run(signal, pinocchio_arm, joints):
     for run in (signal.loaded, signal.unloaded):
         spoiled = replace(run, torque_nm=run.torque_nm @ flips)
         assert flipped_signs(spoiled, pinocchio_arm.chain, coupling) == joints
+
+
+@pytest.mark.parametrize("joints", [(0, 1), (2, 5), (4, 5)], ids=str)
+def test_exchanged_joints_are_found_from_the_loaded_run(signal, pinocchio_arm, joints):
+    order = np.arange(6)
+    order[list(joints)] = joints[::-1]
+    run, coupling = signal.loaded, pinocchio_arm.transmission.coupling
+    torque = (run.torque_nm @ coupling)[:, order] @ np.linalg.inv(coupling)  # of the motors' columns
+    states = JointStates(*(state[:, order] for state in run.states))
+    found = exchanged_columns(replace(run, states=states, torque_nm=torque), pinocchio_arm.chain, coupling)
+    assert (found.joints, found.what) == (joints, "all columns")
+
+
+def test_no_exchange_is_found_in_good_runs(signal, pinocchio_arm):
+    for run in (signal.loaded, signal.unloaded):
+        assert exchanged_columns(run, pinocchio_arm.chain, pinocchio_arm.transmission.coupling) is None
 
 
 def test_good_runs_are_not_searched(signal):
@@ -75,3 +92,20 @@ def test_a_gain_beyond_all_plausible_ones_is_an_error_and_no_percentage(pair, pi
     runs = [scaled(run, [joint], factor) for run in pair]
     with pytest.raises(EstimationError, match=rf"joint {joint + 1} contradicts .*factor of 3: the sign .* gear ratio"):
         identify(*runs, pinocchio_arm.chain, pinocchio_arm.transmission)
+
+
+def test_a_velocity_that_is_not_the_derivative_of_the_position_is_refused(pair, pinocchio_arm):
+    run = pair[0]
+    velocity = pinocchio_arm.trajectory().evaluate(run.phase_s).velocity_rad_s
+    measured = velocity + 0.3 * np.random.default_rng(5).normal(size=velocity.shape)
+    gap = np.r_[0:400, 600 : run.size]
+    noisy = replace(run, velocity_rad_s=measured)
+    parts = {
+        name: getattr(noisy, name)[gap] for name in ("time_s", "position_rad", "velocity_rad_s", "current_a", "phase_s")
+    }
+    for good in (noisy, replace(noisy, **parts), replace(run, velocity_rad_s=np.zeros_like(velocity))):
+        check_run(good, pinocchio_arm.transmission)
+    with pytest.raises(RecordingError, match=r"velocity of joints 1 to 6 is not the derivative"):
+        check_run(replace(run, position_rad=velocity, velocity_rad_s=run.position_rad), pinocchio_arm.transmission)
+    with pytest.raises(RecordingError, match=r"velocity of joints 1 and 2 is not the derivative"):
+        check_run(replace(run, velocity_rad_s=velocity[:, [1, 0, 2, 3, 4, 5]]), pinocchio_arm.transmission)

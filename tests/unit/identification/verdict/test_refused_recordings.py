@@ -128,14 +128,18 @@ def test_what_cannot_be_right_is_refused(tables, outcome, loaded, unloaded, said
         outcome(loaded(tables[0]), unloaded(tables[1]))
 
 
-@pytest.mark.parametrize("groups", [(POSITION,), (CURRENT,), (POSITION, CURRENT)], ids=["q", "i", "both"])
-def test_joints_swapped_in_both_files_do_not_pass_unnoticed(tables, outcome, groups):
+@pytest.mark.parametrize(
+    ("groups", "said"),
+    [((POSITION,), "the positions"), ((CURRENT,), "the currents or torques"), ((POSITION, CURRENT), "all columns")],
+    ids=["q", "i", "both"],
+)
+def test_joints_swapped_in_both_files_are_named(tables, outcome, groups, said):
     """Both trajectories agree; only the dynamics contradict."""
     spoiled = list(tables)
     for group in groups:
         spoiled = [swapped(group)(table) for table in spoiled]
-    notes = outcome(*spoiled).notes
-    assert any("joint order" in note for note in notes), notes
+    with pytest.raises(RecordingError, match=rf"loaded\.csv and .*: {said} of joints 2 and 3 are exchanged"):
+        outcome(*spoiled)
 
 
 def test_exchanged_runs_are_named(tables, outcome):
