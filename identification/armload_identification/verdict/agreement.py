@@ -106,6 +106,7 @@ class Agreement:
         critical: The value that it exceeds by chance in one of a hundred comparisons.
         half_width_95: (4,) half widths of the 95 % intervals of the difference.
         judged_kg: Mass of the payload in question.
+        judged_m: (3,) its centre of mass.
         tolerance_kg: Tolerance of the mass.
         tolerance_m: Tolerance of the centre of mass.
         noticeable_kg: Error of only the mass that would be detected with a probability of 95 %.
@@ -121,6 +122,7 @@ class Agreement:
     critical: float
     half_width_95: FloatArray
     judged_kg: float
+    judged_m: FloatArray
     tolerance_kg: float
     tolerance_m: float
     noticeable_kg: float
@@ -187,6 +189,7 @@ def compare_known(judged: Known, measured: Known, tolerance: Tolerance) -> Agree
         critical=critical,
         half_width_95=width,
         judged_kg=judged.parameters.mass_kg,
+        judged_m=judged.values[1:],
         tolerance_kg=tolerance_kg,
         tolerance_m=tolerance.center_m,
         noticeable_kg=noticeable_kg,

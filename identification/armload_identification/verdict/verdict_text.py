@@ -36,7 +36,7 @@ def sentences(verdict: PayloadVerdict, joint_names: Sequence[str]) -> list[str]:
         case Outcome.RIGHT:
             return text
         case Outcome.WRONG:
-            return [*text, *_joints(verdict, joint_names)]
+            return [*text, *_remounted(verdict.agreement), *_joints(verdict, joint_names)]
         case Outcome.CANNOT_TELL:
             return [*text, *_remedy(verdict.remedy, verdict.agreement, joint_names)]
 
@@ -85,6 +85,23 @@ def _what_is_off(agreement: Agreement) -> str:
         off.append(f"{whose} centre of mass is off by {moved}")
     text = " and ".join(off) or "mass and centre of mass together do not match, though either alone might"
     return f"{text[0].upper()}{text[1:]}."
+
+
+def _remounted(agreement: Agreement) -> list[str]:
+    """A payload of the same mass with another centre of mass: the same one, mounted differently."""
+    if abs(agreement.difference[0]) > max(agreement.half_width_95[0], agreement.tolerance_kg):
+        return []
+    before, after = agreement.judged_m, agreement.judged_m + agreement.difference[1:]
+    radii = np.hypot(before[0], before[1]), np.hypot(after[0], after[1])
+    allowed = np.maximum(agreement.half_width_95[1:], agreement.tolerance_m)
+    how = "moved or turned"
+    if abs(radii[1] - radii[0]) < allowed[:2].max() < min(radii) and abs(agreement.difference[3]) < allowed[2]:
+        angle = np.degrees(np.arctan2(after[1], after[0]) - np.arctan2(before[1], before[0])) % 360.0
+        how = f"turned by {min(angle, 360.0 - angle):.0f} degrees about the flange's z axis"
+    return [
+        f"The mass agrees: the same payload may have been remounted, {how}, since it was identified. Identify it again "
+        "as it is mounted now."
+    ]
 
 
 def _off(agreement: Agreement) -> str:

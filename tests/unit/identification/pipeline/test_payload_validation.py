@@ -96,6 +96,19 @@ def test_a_shifted_centre_is_named_with_its_direction(measured, pinocchio_arm, p
     result = judge(measured, pinocchio_arm.chain, known_payload(changed(payload, 1.0, (0, 0.03, 0))), Tolerance())
     assert sentences(result.verdict, NAMES)[0].startswith("The payload's centre of mass is off by +")
     assert result.verdict.agreement.difference[2] == pytest.approx(-0.03, abs=0.005)
+    assert "The mass agrees: the same payload may have been remounted, moved or turned" in " ".join(
+        sentences(result.verdict, NAMES)
+    )
+
+
+def test_a_payload_turned_on_the_flange_is_suggested_with_its_angle(measured, pinocchio_arm, payload):
+    x, y, _ = payload.model.center_of_mass_m
+    turned = changed(payload, 1.0, (-2.0 * x, -2.0 * y, 0.0))
+    result = judge(measured, pinocchio_arm.chain, known_payload(turned), Tolerance())
+    text = " ".join(sentences(result.verdict, NAMES))
+    assert "remounted, turned by 180 degrees about the flange's z axis" in text
+    heavier = judge(measured, pinocchio_arm.chain, known_payload(changed(turned, 0.9)), Tolerance())
+    assert "remounted" not in " ".join(sentences(heavier.verdict, NAMES))
 
 
 def test_a_joint_whose_gain_is_off_is_named(pinocchio_arm, payload):
