@@ -102,6 +102,11 @@ def listed(parts: Sequence[str]) -> str:
     return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
+def counted(count: int, what: str) -> str:
+    """'1 arm' or '3 arms'."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
 def _decimals(size: float, digits: int) -> int:
     """Number of decimals that shows `digits` significant digits; 0 for zero and for numbers that are not finite."""
     if not np.isfinite(size) or size == 0.0:

@@ -48,13 +48,13 @@ def identify_command(
 
     A refused recording gets a row with the reason. A second run processes only what is new, has changed or has failed.
     """
-    from armload_controller.cli.output.fleet_output import counted
     from armload_controller.cli.screen import Screen
     from armload_controller.fleet.fleet_run import FleetTally, do_jobs, new_jobs
     from armload_controller.fleet.row_store import RowStore
     from armload_controller.fleet.workforce import Workforce
     from armload_controller.session.folder_claim import claimed
     from armload_identification.extras import Extra, require_extra
+    from armload_identification.report.numerals import counted
 
     require_extra(Extra.FLEET, "armload fleet")
     _require_one(scheduler, workers)

@@ -9,6 +9,7 @@ from typing import Any
 from armload_controller.fleet.fleet_run import FleetTally
 from armload_controller.fleet.recording_row import RowOutcome
 from armload_identification.many_arms.fleet_review import FleetReview
+from armload_identification.report.numerals import counted
 
 _MOST_LINES = 10
 
@@ -91,8 +92,3 @@ def fleet_report_document(review: FleetReview, page: Path) -> dict[str, Any]:
         ],
         "files": {"report": str(page)},
     }
-
-
-def counted(count: int, what: str) -> str:
-    """'1 arm' or '3 arms'."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
