@@ -25,6 +25,7 @@ def robot():
     return replace(load_robot("prbt"), excitations=dict.fromkeys(("identification", "validation"), Excitation(path, 1)))
 
 
+@pytest.mark.long
 def test_a_half_is_recorded_on_the_makers_drives(robot, shared_data, tmp_path):
     described = read_description(shared_data / "eds" / "pilz_prbt_0_1.dcf")
     opened = []

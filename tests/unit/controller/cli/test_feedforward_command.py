@@ -56,6 +56,7 @@ def compared(armload, folder):
     return result.output
 
 
+@pytest.mark.long
 def test_the_payloads_share_of_the_following_error_falls(compared, folder):
     lines = [line for line in compared.splitlines() if "% less" in line]
     rows = {re.search(r"prbt_joint_\d", line)[0]: re.findall(r"(-?[\d.]+) % less", line) for line in lines}
@@ -121,6 +122,7 @@ def test_a_calibration_of_another_arm_is_refused_before_anything_moves(armload, 
     assert "connecting" not in result.output
 
 
+@pytest.mark.long
 def test_the_offset_is_tried_and_what_is_left_out_is_said(compared):
     assert re.search(r"torque offset trial at standstill, response: prbt_joint_2 \d+ %", compared)
     assert "no torque is added on prbt_joint_1" in compared
