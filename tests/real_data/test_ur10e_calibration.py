@@ -12,6 +12,8 @@ from armload_identification.files.calibration_file import read_calibration
 from armload_identification.files.payload_file import read_payload
 from armload_identification.pipeline.payload_identification import identify
 
+pytestmark = pytest.mark.long
+
 WEIGHED_KG = 2.805
 PAIRS = {"a": "", "b": "_b"}
 
@@ -103,7 +105,6 @@ def test_the_two_mountings_have_one_centre_of_mass(left_out):
     assert first[2] == pytest.approx(second[2], abs=0.0025)
 
 
-@pytest.mark.long
 def test_a_wrong_gear_ratio_is_named(ur10e, runs, all_of_them):
     """In one run of five; all twelve runs would take four times as long."""
     wrong = "feb05_20s_8h.csv"
@@ -117,7 +118,6 @@ def test_a_wrong_gear_ratio_is_named(ur10e, runs, all_of_them):
     assert (np.abs(np.log(found.gain_nm_a / all_of_them.gain_nm_a)) < 2.0 * found.gain_deviation).all()
 
 
-@pytest.mark.long
 def test_the_commands(armload, shared_data, tmp_path):
     folder = shared_data / "ur10e"
     table = tmp_path / "runs.csv"

@@ -306,6 +306,7 @@ def test_identify_without_unloaded_is_refused_with_the_reason(commissioned, arml
     assert "--unloaded" in str(result.exception)
 
 
+@pytest.mark.long
 def test_design_writes_an_excitation_and_how_it_was_made(armload, tmp_path):
     for robot in ("prbt.toml", "prbt_identification.toml", "prbt_validation.toml"):
         shutil.copy(CONFIGS / robot, tmp_path)

@@ -209,7 +209,8 @@ def test_what_is_not_determined_has_no_number():
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name in {"design", "report"})) for name in COMMANDS]
+    "name",
+    [pytest.param(name, marks=[pytest.mark.long] * (name in {"design", "identify", "report"})) for name in COMMANDS],
 )
 def test_the_page_describes_every_key(document, name):
     found = document(name)

@@ -67,6 +67,7 @@ def test_a_file_is_taken_when_it_is_no_longer_written_and_a_broken_table_is_wait
     assert (found[2].listed, found[2].done) == (1, 1)
 
 
+@pytest.mark.long
 def test_a_job_that_fails_is_tried_again_less_and_less_often(tmp_path):
     (tmp_path / "jobs.csv").write_text("arm,robot,loaded\none,er50,gone.mcap\n")
     slept, done = [], []

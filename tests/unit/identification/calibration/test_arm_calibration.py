@@ -26,6 +26,7 @@ WRONG = np.array([1.03, 0.96, 1.05, 0.97, 1.02, 0.98])
 LOAD_FRICTION = 0.06
 
 
+@pytest.mark.long
 def test_a_joint_that_counts_the_other_way_is_named(pinocchio_arm, weighed):
     """The polarity (607E) cannot be read from a drive of another master's."""
     run = pinocchio_arm.run(pinocchio_arm.trajectory(3, period_s=10.0), True, seed=6, with_phase=False)
