@@ -5,6 +5,10 @@ runs of the same motion: empty, loaded without feed-forward, with adaptation, wi
 is grasped. The payload's contribution to the following error is the loaded run's error minus the empty one's. Its
 reduction is evaluated from the first feed-forward to the release, and over the entire time of carrying. The arm's
 calibration is from runs of other motions, empty and with another, weighed payload.
+
+The reduction by the true payload's torque is the mean of three runs, with its torque as it is, 1 % more and 1 % less. A
+joint on which these differ by more than what is asked for cannot be judged: it sticks and slips. On joint 5 of prbt
+with 3 kg they are 22, 17 and 14 %.
 """
 
 from __future__ import annotations
@@ -45,6 +49,8 @@ WEIGHED_KG = {"er50": 13.0, "prbt": 5.0}
 REACHED = 0.9
 SHOWN = 0.2
 """Joints on which the true payload's torque reduces the error by less are not judged: the rest is friction."""
+ABOUT_TRUE = (1.0, 1.01, 0.99)
+"""Shares of the true payload's torque."""
 RUN_S, EMPTY_MOVES, MOVES, SPEED, PAUSE_S = 90.0, 10, 12, (0.3, 0.6), 0.3
 RANGE_RAD = 1.2
 
@@ -239,7 +245,9 @@ def judge(tally: Tally, robot: Robot, calibration: ArmCalibration, payload: Cubo
     adapted, adaptation = with_adaptation(robot, rows, payload, calibration)
     empty = follow(robot, rows, None, None, seed=21)
     none = follow(robot, rows, payload, None, seed=22)
-    true = with_truth(robot, rows, payload, truth, calibration)
+    true = [
+        with_truth(robot, rows, payload, InertialParameters(share * truth.theta), calibration) for share in ABOUT_TRUE
+    ]
     fed = [d for d in adaptation.decisions if d.kind is DecisionKind.FED]
     loaded = loaded_joints(robot, rows, truth)
     print(f"\n  {robot.name}, {payload.what}, {payload.mass_kg:g} kg")
@@ -250,21 +258,21 @@ def judge(tally: Tally, robot: Robot, calibration: ArmCalibration, payload: Cubo
         tally.judge(what, "never fed forward", False)
         return
     after = adapted.carrying & (adapted.time_s >= fed[0].time_s + FEED_S)
-    runs = (none, adapted, true)
     for label, chosen in (("since it was fed", after), ("the whole carry", adapted.carrying)):
-        before, by_estimate, by_truth = (rms(each.error_rad - empty.error_rad, chosen)[loaded] for each in runs)
-        taken, ideal = 1.0 - by_estimate / before, 1.0 - by_truth / before
+        before, *left = (rms(run.error_rad - empty.error_rad, chosen)[loaded] for run in (none, adapted, *true))
+        taken, *ideals = (1.0 - error / before for error in left)
+        ideal, apart = np.mean(ideals, axis=0), np.ptp(ideals, axis=0)
         text = ", ".join(
             f"{robot.joint_names[joint]} {1e6 * error:.1f} urad, {share:.0%} of {best:.0%}"
             for joint, error, share, best in zip(loaded, before, taken, ideal, strict=True)
         )
-        judged = ideal >= SHOWN
+        judged = (ideal >= SHOWN) & (apart <= (1.0 - REACHED) * ideal)
         if label == "the whole carry":
             print(f"    {label}: {text}")
         elif not judged.any():
             print(
                 f"  - {what}: cannot be judged: {text}. The true payload's torque itself takes away less than "
-                f"{SHOWN:.0%} on every joint"
+                f"{SHOWN:.0%} on every joint, or differently with 1 % more or less"
             )
         else:
             reached = float((taken / ideal)[judged].min())
