@@ -102,6 +102,7 @@ def test_a_payload_is_mounted_and_dropped_and_the_watch_notices(robot, calibrati
     assert json.loads(json.dumps(document)) == document
 
 
+@pytest.mark.long
 def test_a_payload_is_identified_from_what_was_heard(robot, recorded, calibration_file):
     body = robot.simulation.payload(robot.simulation.payload_name)
     found = identify(robot, recorded[Load.LOADED], calibration=calibration_file).payload
@@ -110,6 +111,7 @@ def test_a_payload_is_identified_from_what_was_heard(robot, recorded, calibratio
     assert found.model.mass_kg == pytest.approx(body.mass_kg, rel=0.05)
 
 
+@pytest.mark.long
 def test_recordings_of_another_master_say_what_they_are(robot, recorded):
     recording = read_recording(recorded[Load.UNLOADED])
     assert recording.joint_names == robot.joint_names

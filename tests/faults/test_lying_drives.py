@@ -133,6 +133,7 @@ def test_a_lie_is_found_in_the_slow_round(watched_servos, rubbing_plant, lie, ca
     assert servos.log.count("enable") == 1, "the run at full speed was not begun"
 
 
+@pytest.mark.long
 def test_a_following_error_that_the_drive_reports_counts_in_the_modes_that_have_the_bit(watched_servos, rubbing_plant):
     """Bit 13 is reserved in interpolated position mode, which prbt's drives run in."""
     with session_with(watched_servos, rubbing_plant, Lies().lagging) as (session, servos):

@@ -74,6 +74,7 @@ EXAMPLES = [
     )
     if test.examples
 ]
+SLOW = ("armload.identify", "armload.design")
 
 
 def test_every_public_name_is_in_an_example():
@@ -82,7 +83,10 @@ def test_every_public_name_is_in_an_example():
     assert len(EXAMPLES) >= 9
 
 
-@pytest.mark.parametrize("test", EXAMPLES, ids=lambda test: test.name)
+@pytest.mark.parametrize(
+    "test",
+    [pytest.param(test, marks=[pytest.mark.long] * (test.name in SLOW), id=test.name) for test in EXAMPLES],
+)
 def test_examples_run_as_they_stand(test, recorded_er50, tmp_path):
     (tmp_path / "runs").symlink_to(recorded_er50 / "runs")
     runner = doctest.DocTestRunner()

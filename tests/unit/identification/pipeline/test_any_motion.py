@@ -124,6 +124,7 @@ def test_friction_that_changed_since_is_found_beside_the_payload(pinocchio_arm, 
 
 
 @pytest.mark.long
+@pytest.mark.long
 def test_another_coulomb_friction_of_a_joint_is_noted_by_one_run_and_by_a_pair(pinocchio_arm, known, loaded):
     """Even if viscous friction compensates it at the speed at which friction is reported."""
     chain, transmission, arm = known
