@@ -69,7 +69,7 @@ def pytest_report_header(config):
         return None
     seconds = config.cache.get(DURATION, None) if hasattr(config, "cache") else None
     if seconds is None:
-        return "a whole run takes about two and a half minutes on one idle core, one and a half with WORKERS=2"
+        return "a whole run takes about three minutes on one idle core, one and a half with WORKERS=2"
     return f"the last whole run here took {seconds:.0f} s"
 
 

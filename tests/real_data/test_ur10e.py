@@ -34,6 +34,7 @@ def test_pair_a_is_weighed_and_its_inertia_is_not_printed(ur10e_identified):
     assert any("gains are nominal" in note for note in result.notes)
 
 
+@pytest.mark.long
 def test_pair_b_is_weighed_and_its_garbage_is_counted(ur10e_identified):
     result = ur10e_identified("_b")
     assert result.parameters.mass_kg == pytest.approx(WEIGHED_KG, rel=0.04)

@@ -131,6 +131,7 @@ def test_the_dictionary_is_plain_and_has_no_number_for_what_is_not_determined(fo
     assert [value is not None for value in flat] == found.payload.determined.tolist()
 
 
+@pytest.mark.long
 def test_validating_the_file_says_what_the_identification_said(found, recorded_er50, tmp_path):
     found.save(tmp_path / "payload.toml")
     pair = [recorded_er50 / f"runs/today/{load}_validation.mcap" for load in ("loaded", "unloaded")]

@@ -87,6 +87,7 @@ def pair(desk):
     return "--loaded", desk / "loaded", "--unloaded", desk / "unloaded"
 
 
+@pytest.mark.long
 def test_a_payload_is_found_with_joints_by_name(armload, desk):
     out = desk / "payload.toml"
     result = armload("identify", "--urdf", desk / "six.urdf", *pair(desk), "--output", out)

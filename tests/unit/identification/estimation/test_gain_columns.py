@@ -108,6 +108,7 @@ def test_gains_that_a_pair_cannot_judge_are_named():
     assert re.search(r"joint 1 \(up to \d+%\):", note)
 
 
+@pytest.mark.long
 def test_a_limit_holds_whatever_the_error():
     """With three times the noise joint 1 is measured poorly: only errors beyond the limit are reported."""
     panda = SaggingPanda(Effects(noise=3.0))
