@@ -480,7 +480,7 @@ static void learn_scatter(payload_estimator *e, const surprise *seen, int count,
 }
 
 /* Test for a change of payload: the change from the innovations of the last second, and its significance. */
-static void watch_change(payload_estimator *e, double now, double elapsed, const surprise *seen, int count)
+static void watch_change(payload_estimator *e, double now, double counted, const surprise *seen, int count)
 {
     enum { INERTIA = BODY_PARAMETERS - STATIC };
     double factor[BODY_PARAMETERS][BODY_PARAMETERS], change[BODY_PARAMETERS], found[BODY_PARAMETERS] = {0.0};
@@ -510,7 +510,6 @@ static void watch_change(payload_estimator *e, double now, double elapsed, const
             found[(k + STATIC) % BODY_PARAMETERS] = change[k];
         }
     }
-    const double counted = fmin(elapsed, 2.0 * ROW_S);
     learn_scatter(e, seen, count, found, counted);
     e->watched_s += count ? counted : 0.0;
     e->change_test = e->watched_s < KNOWN_S || of_static <= STATIC_TEST ? 0.0 : of_all;
@@ -637,7 +636,7 @@ static void take_row(payload_estimator *e)
         const double law = hypot(FRICTION_LAW * friction, SIMULTANEOUS_S * rate[j]);
         add_row(e, j, h, f, law, row->torque[j] - arm, 1.0 / (noise * noise), counted, seen + count++);
     }
-    watch_change(e, row->time, elapsed, seen, count);
+    watch_change(e, row->time, counted, seen, count);
     solve(e);
 }
 

@@ -28,7 +28,7 @@ from armload_identification.recording.reduction.phases import phases_per_period,
 from armload_identification.signals.filters import low_pass
 from armload_identification.signals.joint_torque import Transmission, joint_torque
 from armload_identification.signals.periods import fold
-from armload_identification.signals.reversals import TURN_OVER
+from armload_identification.signals.reversals import REVERSAL, TURN_OVER, moving_weights
 from armload_identification.signals.row_window import RowWindow
 
 _FINE_S: Final = 0.01
@@ -43,9 +43,6 @@ _MOST_ROWS: Final = 1500
 """Most rows of one run; in a longer one they are further apart."""
 _HOLE_S: Final = 0.1
 _ROUNDING_S: Final = 1e-9
-_REVERSAL: Final = 0.10
-"""Share of a joint's greatest speed at which a row's weight is 0.7: near a reversal no friction model is accurate. Rows
-in whose window a joint turns round have no weight: on prbt, their residuals made runs contradict each other."""
 _STANDS_RAD_S: Final = 1e-3
 _SHORTEST_S: Final = 3.0
 _ROWS_AT_ONCE: Final = 64
@@ -82,17 +79,21 @@ class RunSignals:
     @property
     def has_rows(self) -> bool:
         """Whether any row's window is complete and without a hole."""
-        return bool(self._window.middle.size)
+        return bool(self.row_window().middle.size)
 
     @property
     def peak_rad_s(self) -> FloatArray:
         """(n,) greatest speeds, of means over the rows' windows: single samples are greater by their noise."""
-        return np.asarray(np.abs(self._window.mean(self.velocity_rad_s)).max(axis=0, initial=0.0))
+        return np.asarray(np.abs(self.row_window().mean(self.velocity_rad_s)).max(axis=0, initial=0.0))
 
-    @property
-    def _window(self) -> RowWindow:
-        """The run's usable rows, ten a second."""
-        step = max(round(_ROW_S / self.interval_s), 1)
+    def row_window(self, row_s: float = _ROW_S, spacing: int = 1) -> RowWindow:
+        """The run's usable rows.
+
+        Args:
+            row_s: Time between rows.
+            spacing: Keep every `spacing`-th row.
+        """
+        step = max(round(row_s / self.interval_s), 1) * spacing
         window = RowWindow.of(len(self.usable), self.interval_s, step, periodic=self.periodic)
         return window.only(window.usable(self.usable))
 
@@ -130,7 +131,8 @@ class ArmRows:
         direction: (N, n) direction of motion, -1 to 1.
         root: (N, n) direction times sqrt|dq|.
         effort_nm: (N, n) axis torque with nominal gains.
-        weight: (N, n) 0 where the joint turns or stands within the window, 1 far from that.
+        weight: (N, n) 0 where the joint turns or stands within the window, 1 far from that. Near a reversal no friction
+            model is accurate: on prbt, residuals of such rows made runs contradict each other.
         links: (N, n, b) joint torque per base parameter of the links.
         links_rate: (N, n, b) its change per second of delay.
         links_tilt: (2, N, n, b) its change per rad of tilt of the base.
@@ -261,12 +263,9 @@ def arm_rows(
     scale = np.where(moves, peak_rad_s, 1.0)
     sign = np.where(moves, np.tanh(run.velocity_rad_s / (TURN_OVER * scale)), 0.0)
     length_s = len(run.usable) * run.interval_s
-    step = max(round(max(_ROW_S, length_s / _MOST_ROWS) / run.interval_s), 1) * spacing
-    window = RowWindow.of(len(run.usable), run.interval_s, step, periodic=run.periodic)
-    window = window.only(window.usable(run.usable))
+    window = run.row_window(max(_ROW_S, length_s / _MOST_ROWS), spacing)
     states = JointStates(run.position_rad, run.velocity_rad_s, run.acceleration_rad_s2)
     velocity = window.mean(run.velocity_rad_s)
-    ratio = (velocity / (_REVERSAL * scale)) ** 2
     acceleration = run.acceleration_rad_s2 @ np.linalg.inv(coupling).T
     middle = states.position_rad[window.middle]
     still = np.zeros_like(middle)
@@ -286,7 +285,7 @@ def arm_rows(
         direction=window.mean(sign),
         root=window.mean(sign * np.sqrt(np.abs(run.velocity_rad_s))),
         effort_nm=window.mean(run.effort_nm),
-        weight=np.where(moves, window.onward(sign) * ratio / np.sqrt(1.0 + ratio**2), 0.0),
+        weight=np.where(moves, window.onward(sign) * moving_weights(velocity, REVERSAL * scale), 0.0),
         links=links,
         links_rate=-links_slope,
         links_tilt=np.stack([body_regressor(side, middle, still, still)[:, :, base] for side in sides]),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -134,16 +135,24 @@ def _by_prior(
     check_pair(loaded, unloaded, transmission)
     signal = load_signal(loaded, unloaded, transmission)
     arm = unloaded_body(signal, chain, transmission.coupling) if known_arm is None else known_arm.fit
-    if looks_wrong(signal, arm if known_arm is None else None):
+
+    @cache
+    def require_right_columns() -> None:
         refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
+
+    if looks_wrong(signal, arm if known_arm is None else None):
+        require_right_columns()
 
     def identified(prior: Prior | None) -> Identification:
         try:
-            return _from_difference(signal, loaded, unloaded, chain, transmission, estimator, prior, known_arm, arm)
+            found = _from_difference(signal, loaded, unloaded, chain, transmission, estimator, prior, known_arm, arm)
         except EstimationError:
             # The cause may be a mistake in the columns, of which that error would be only a consequence.
-            refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
+            require_right_columns()
             raise
+        if misfit_notes(found.signal, found.plain):
+            require_right_columns()
+        return found
 
     return identified
 
@@ -183,8 +192,6 @@ def _from_difference(
     else:
         signal, fit, friction, struck = without_blows(signal, fit_to)
     check_signs(signal, regressor, fit)
-    if misfit_notes(signal, fit):
-        refuse_wrong_columns(signal, loaded, unloaded, chain, transmission.coupling)
     plain = InertialParameters(fit.theta[:10])
     if plain.mass_kg <= 0.0:
         width = quantify(fit, plain).half_width_95[0] if plain.mass_kg < 0.0 else np.inf

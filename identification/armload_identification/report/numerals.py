@@ -97,11 +97,6 @@ def scientific(value: float) -> tuple[str, str]:
     return mantissa.replace("-", MINUS), str(int(exponent)).replace("-", MINUS)
 
 
-def listed(parts: Sequence[str]) -> str:
-    """a, b and c."""
-    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
-
-
 def counted(count: int, what: str) -> str:
     """'1 arm' or '3 arms'."""
     return f"{count} {what}{'' if count == 1 else 's'}"

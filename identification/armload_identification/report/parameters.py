@@ -14,7 +14,8 @@ from armload_core.arrays import FloatArray
 from armload_identification.estimation.uncertainty import DETERMINED_SHARE, REFERENCE_LENGTH_M, derived
 from armload_identification.model.payload import InertialParameters, PayloadResult
 from armload_identification.pipeline.identification import Identification
-from armload_identification.report.numerals import NO_BREAK, Numeral, align, decimals_for, listed, numeral
+from armload_identification.report.numerals import NO_BREAK, Numeral, align, decimals_for, numeral
+from armload_identification.verdict.joint_words import listed
 
 _KG_M2: Final = f"kg{NO_BREAK}m²"
 _AXES: Final = ("x", "y", "z")

@@ -17,7 +17,7 @@ _SLOWEST_RAD_S: Final = 1e-4
 
 
 def reversal_weights(velocity_rad_s: FloatArray, share: float = REVERSAL) -> FloatArray:
-    """Weights that exclude reversals: x / sqrt(1 + x^2), x = (dq / v)^2, v a small share of the greatest speed.
+    """Weights that exclude reversals, as `moving_weights`, v a small share of the greatest speed.
 
     Near a reversal no friction model is accurate, because of presliding, backlash and ripple. A joint at rest keeps its
     weight.
@@ -30,11 +30,23 @@ def reversal_weights(velocity_rad_s: FloatArray, share: float = REVERSAL) -> Flo
         (N, n) factors on the rows of the whitened system, 0 to 1.
     """
     peak = np.abs(velocity_rad_s).max(axis=0)
-    slow = share * peak
     moving = peak > _SLOWEST_RAD_S
-    ratio = (velocity_rad_s / np.where(moving, slow, 1.0)) ** 2
-    weight = ratio / np.sqrt(1.0 + ratio**2)
-    return np.asarray(np.where(moving, weight, 1.0), dtype=np.float64)
+    weight = moving_weights(velocity_rad_s, np.where(moving, share * peak, 1.0))
+    return np.asarray(np.where(moving, weight, 1.0))
+
+
+def moving_weights(velocity_rad_s: FloatArray, slow_rad_s: FloatArray) -> FloatArray:
+    """Weights that exclude reversals and standstill: x / sqrt(1 + x^2), x = (dq / v)^2.
+
+    Args:
+        velocity_rad_s: (N, n).
+        slow_rad_s: (n,) v, the speed at which the weight is 0.7.
+
+    Returns:
+        (N, n) 0 to 1.
+    """
+    ratio = (velocity_rad_s / slow_rad_s) ** 2
+    return np.asarray(ratio / np.sqrt(1.0 + ratio**2), dtype=np.float64)
 
 
 def reversal_speed(velocity_rad_s: FloatArray) -> FloatArray:

@@ -14,7 +14,12 @@ def named_joints(names: Sequence[str]) -> str:
     Args:
         names: One or more joints, each as its number from 1, with a remark or not: '3 (12%)'.
     """
-    return f"joint {names[0]}" if len(names) == 1 else f"joints {', '.join(names[:-1])} and {names[-1]}"
+    return f"joint{'' if len(names) == 1 else 's'} {listed(names)}"
+
+
+def listed(parts: Sequence[str]) -> str:
+    """a, b and c."""
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
 def numbered_joints(joints: NDArray[np.bool_]) -> str:

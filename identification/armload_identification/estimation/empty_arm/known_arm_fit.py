@@ -21,8 +21,9 @@ from armload_identification.estimation.empty_arm.known_arm_signal import KnownAr
 from armload_identification.estimation.friction_columns import FrictionDifference, load_column
 from armload_identification.estimation.least_squares import NOTHING_KNOWN, Estimate, Prior, estimate_reweighted
 from armload_identification.estimation.uncertainty import nuisance_deviation
-from armload_identification.model.body_model import BodyModel, smooth_sign
+from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
+from armload_identification.signals.reversals import moving_weights
 
 CHANGES: Final = 3
 """Changes of a run's friction per joint: Coulomb, viscous, offset."""
@@ -31,20 +32,6 @@ MOVING: Final = 10.0
 there."""
 _ITERATIONS: Final = 8
 _SETTLED: Final = 1e-5
-
-
-def moving_weights(velocity_rad_s: FloatArray, body: BodyModel) -> FloatArray:
-    """Weights that exclude standstill and reversals, where no model describes friction.
-
-    Args:
-        velocity_rad_s: (K, n).
-        body: The calibrated arm.
-
-    Returns:
-        (K, n) x / sqrt(1 + x^2), x = (dq / v)^2, v = `MOVING` times the reversal speed.
-    """
-    ratio = (velocity_rad_s / (MOVING * body.reversal_speed_rad_s)) ** 2
-    return np.asarray(ratio / np.sqrt(1.0 + ratio**2))
 
 
 def fit_on_known_arm(
@@ -74,7 +61,7 @@ def fit_on_known_arm(
     changes = own[:, None, :] * np.tile(np.eye(n), CHANGES)
     known = (prior or NOTHING_KNOWN).and_nuisance(np.zeros(CHANGES * n), arm.friction_spread.ravel())
     independent = np.sqrt(np.minimum(signal.interval_s / arm.correlation_s, 1.0))
-    weight = moving_weights(velocity, body) * seen.onward * independent
+    weight = moving_weights(velocity, MOVING * body.reversal_speed_rad_s) * seen.onward * independent
     theta = np.zeros(10)
     for _ in range(_ITERATIONS):
         turned = np.sign(empty + regressor @ theta)

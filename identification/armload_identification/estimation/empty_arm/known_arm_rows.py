@@ -15,11 +15,12 @@ import numpy as np
 
 from armload_core.arrays import FloatArray
 from armload_identification.estimation.empty_arm.known_arm import KnownArm
-from armload_identification.estimation.empty_arm.known_arm_fit import CHANGES, moving_weights
+from armload_identification.estimation.empty_arm.known_arm_fit import CHANGES, MOVING
 from armload_identification.model.body_model import smooth_sign
 from armload_identification.model.chain import Chain
 from armload_identification.model.joint_states import JointStates
 from armload_identification.model.regressor import payload_regressor
+from armload_identification.signals.reversals import moving_weights
 
 _TOOL_M: Final = 0.3
 _OF_GRAVITY: Final = 9.81
@@ -72,7 +73,7 @@ class KnownArmRows:
         own = np.concatenate([direction, dq, np.ones_like(dq)], axis=1) * arm.friction_spread.ravel()
         changes = own[:, None, :] * np.tile(np.eye(chain.n), CHANGES)
         columns = np.concatenate([through[:, :, None] * regressor * scale, changes], axis=2)
-        weight = moving_weights(dq, body) / noise_nm
+        weight = moving_weights(dq, MOVING * body.reversal_speed_rad_s) / noise_nm
         return cls((columns * weight[:, :, None]).reshape(-1, columns.shape[2]), weight, scale)
 
     def covariance(self, repeats: float = 1.0) -> FloatArray:
@@ -91,9 +92,9 @@ class KnownArmRows:
             doubts_nm: (k, K, n) these errors.
             repeats: How many times the rows are measured.
         """
-        pull = repeats * self.tall.T @ (doubts_nm * self.weight).reshape(len(doubts_nm), -1).T
-        moved = np.linalg.solve(self._information(repeats), pull)
-        return np.asarray(moved[:10].T * self.scale)
+        payload = np.eye(self.tall.shape[1], 10)
+        pull = repeats * self.tall @ np.linalg.solve(self._information(repeats), payload)
+        return np.asarray((doubts_nm * self.weight).reshape(len(doubts_nm), -1) @ pull * self.scale)
 
     def _information(self, repeats: float) -> FloatArray:
         return np.asarray(np.eye(self.tall.shape[1]) + repeats * self.tall.T @ self.tall)
