@@ -320,6 +320,20 @@ class ArmCalibration:
         Returns:
             (k, K, n) in N m, for one standard deviation each.
         """
+        changes = self.torque_changes(chain, states, interval_s, measured_nm)
+        return np.asarray(np.tensordot(self.independent_errors, changes, axes=1))
+
+    def torque_changes(
+        self, chain: Chain, states: JointStates, interval_s: float, measured_nm: FloatArray
+    ) -> FloatArray:
+        """(p, K, n) change of a run's measured minus predicted torque per unit of each unknown of the calibration.
+
+        Args:
+            chain: The arm with the tilt of its base.
+            states: (K, n) each: the run's motion.
+            interval_s: Time between samples.
+            measured_nm: (K, n) joint torque.
+        """
         body, (q, dq, ddq) = self.body, states
         base = self.body.base.ravel()
         regressor = body_regressor(chain, q, dq, ddq)
@@ -341,10 +355,10 @@ class ArmCalibration:
             rate[None],
             -np.stack(tilt),
         ]
-        return np.asarray(np.tensordot(self._independent_errors, np.concatenate(changes), axes=1))
+        return np.concatenate(changes)
 
     @cached_property
-    def _independent_errors(self) -> FloatArray:
+    def independent_errors(self) -> FloatArray:
         """(k, p) change of the unknowns for one standard deviation of each independent error."""
         values, vectors = np.linalg.eigh(self.covariance)
         kept = values > 0.0

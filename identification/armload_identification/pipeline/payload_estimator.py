@@ -213,4 +213,6 @@ class PayloadEstimator:
         faded = np.exp((rows[:, :1] - rows[-1, 0]) / (2.0 * self._memory_s))
         states = JointStates(q, dq, ddq)
         seen = KnownArmRows.of(self._chain, self._arm, states, theta, self._parameter[kernels.ESTIMATOR_NOISE] / faded)
-        return seen.shifts(self._arm.doubts(states, _EVERY * ROW_S, tau), _EVERY)
+        # The errors are independent combinations of the unknowns, whose few effects on the payload are combined.
+        changes = self.calibration.torque_changes(self._chain, states, _EVERY * ROW_S, tau)
+        return self.calibration.independent_errors @ seen.shifts(changes, _EVERY)
